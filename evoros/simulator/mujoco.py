@@ -20,7 +20,7 @@ from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.world.model import World
 
 MAX_STEP_S = 0.025
-"""The maximum step [s] at which the rover drives within 1 % of geometry (docs/fidelity.md)."""
+"""Maximum step [s] at which the rover's motion is within 1 % of geometry (docs/fidelity.md)."""
 
 MOST_MOVABLE = 5000
 """Maximum number of movable bodies: MuJoCo compiles 5,000 in 5 s per design, 20,000 in 112 s."""
@@ -31,14 +31,15 @@ MOST_MOVABLE = 5000
 class Mujoco(Simulator):
     """The MuJoCo simulator.
 
-    With the default step, open-loop manoeuvres differ by at most 0.2 % from a step of 2.5 ms.
+    With the default step, open-loop manoeuvres differ by at most 0.2 % from those with a step of
+    2.5 ms.
 
     Raises:
         InputError: a value is out of range.
     """
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.01  # [s]
-    wheel_friction: Annotated[float, POSITIVE] = 1.0  # multiplied by the ground's
+    wheel_friction: Annotated[float, POSITIVE] = 1.0  # factor of the ground's friction
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     packages = ("mujoco-core",)
     measures = (RANGE, *SIGNAL_SIZES)
@@ -60,13 +61,13 @@ class Mujoco(Simulator):
         if count > MOST_MOVABLE:
             raise InputError(
                 f"must have at most {MOST_MOVABLE} movable bodies for simulator=mujoco, not "
-                f"{count}, which would take minutes to compile for every design; make bodies "
-                f"that nothing moves static, or use simulator=pybullet"
+                f"{count}, which would take minutes to compile for each design; make bodies "
+                f"that nothing can move static, or use simulator=pybullet"
             )
 
     @contextmanager
     def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[MujocoSimulation]:
-        """Place each robot at its home.
+        """Place each robot at its home pose.
 
         Raises:
             InputError: MuJoCo is not installed.
@@ -82,12 +83,12 @@ class Mujoco(Simulator):
 
 @cache
 def _models() -> Models:
-    """Return the models that this process keeps; no result depends on them."""
+    """Return this process's cache of compiled models; no result depends on it."""
     return Models(import_mujoco())
 
 
 def forget_models() -> None:
-    """Make the next missions compile their models, as every new design does."""
+    """Clear the model cache, so that the next missions compile their models as new designs do."""
     _models().forget()
 
 
@@ -98,7 +99,7 @@ def _warnings() -> list[str]:
 
 @cache
 def import_mujoco() -> Any:
-    """Import the mujoco module; its warnings go to the mission instead of a file.
+    """Import the mujoco module, and redirect its warnings from a file to the mission.
 
     Raises:
         InputError: MuJoCo is not installed.

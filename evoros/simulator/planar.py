@@ -1,8 +1,8 @@
-"""Wheeled robots on flat ground, tens of thousands of times faster than real time.
+"""Wheeled robots on flat ground, simulated tens of thousands of times faster than real time.
 
-The centre of the rear axle moves along arcs without slip (the bicycle model). The outline of a
-robot stops at obstacles and other robots. In missions that go on after contact, it pushes movable
-bodies. Sensors cast the same rays at the same shapes as in a rigid-body engine.
+The centre of the rear axle moves along arcs without slip (the bicycle model). A robot's outline
+stops at obstacles and at other robots. In missions that continue after contact, the robot pushes
+movable bodies. Sensors cast the same rays at the same shapes as in a rigid-body engine.
 ``docs/fidelity.md`` compares the simulators.
 """
 
@@ -36,7 +36,7 @@ MAX_STEP_S = 0.1
 @dataclass(frozen=True)
 @checked
 class Planar(RuleSimulator):
-    """The planar simulator: no wheel slip, servos that lag, obstacles that stop the robot.
+    """The planar simulator: no wheel slip, lagging servos, and obstacles that stop the robot.
 
     Raises:
         InputError: a value is out of range.
@@ -44,7 +44,7 @@ class Planar(RuleSimulator):
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.02  # [s]
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
-    drive_lag_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time constant of the speed
+    drive_lag_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time constant of the drive speed
     packages = ("numba",)
     measures = (RANGE, *SIGNAL_SIZES)
     max_robots = MAX_ROBOTS
@@ -52,7 +52,7 @@ class Planar(RuleSimulator):
     weakens_wheels = True
 
     def choose_rules(self, world: World, robots: Sequence[Robot]) -> SimulationRules:
-        """Return the rules; those for pushing, walkers and other signals take longer to compile."""
+        """Return the rules; those for pushing, walkers or other sensors take longer to compile."""
         measured = {sensor.measures for robot in robots for sensor in robot.mounted_sensors()}
         pushes = advance_pushing if can_push(world) or CONTACT in measured else advance
         return SimulationRules(
@@ -69,13 +69,13 @@ class Planar(RuleSimulator):
         """
         if not _is_level(world):
             raise InputError(
-                "must have level ground for simulator=planar, in which robots stay level, not a "
-                "height field or a tilted plane; use simulator=physics"
+                "the ground is a height field or a tilted plane, but simulator=planar needs level "
+                "ground; use simulator=physics"
             )
 
     @contextmanager
     def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[RuleSimulation]:
-        """Place each robot at its home, at rest.
+        """Place each robot at rest at its home pose.
 
         Raises:
             InputError: the ground is not level.

@@ -27,55 +27,58 @@ class PlacedRobot(NamedTuple):
 
 
 class Simulation(Protocol):
-    """Robots in a world, the only mutable object of a mission.
+    """Robots in a world, and the only mutable object of a mission.
 
-    Its arrays contain the parts of all robots in order.
+    State, signal and command arrays hold the values of one robot after another.
     """
 
     def observe(self, state: Array) -> None:
-        """Fill ``state`` (STATE_SIZE,) with the true state; contact is since the last call."""
+        """Fill ``state`` (STATE_SIZE,) with the true state, and any contact since the last call."""
 
     def sense(self, signals: Array) -> None:
         """Fill ``signals`` (n,) of all robots, each laid out by ``Robot.signal_layout``.
 
         First comes the true range [m] of each beam, within the sensor's limits.
         ``engines.rays.sensor_beams`` lists the beams, one per channel of a range sensor. A beam
-        reads its ``clear_range`` if no obstacle is nearer, and ``rays.SteeredParts`` adds
-        steered wheels. Then come the signals of all other sensors, each followed by a memory that
-        the simulator must not change.
+        reads its ``clear_range`` if no obstacle is nearer, and ``rays.SteeredParts`` adds steered
+        wheels. The signals of all other sensors follow, each with a memory after it that the
+        simulator must not change.
         """
 
     def advance(self, command: Array, duration: float) -> None:
-        """Drive with ``command`` (COMMAND_SIZE,) for ``duration`` [s], a multiple of the step.
+        """Drive with ``command`` (COMMAND_SIZE,) for ``duration`` [s], a multiple of the time step.
 
-        STRENGTH_SIZE values for each robot follow if wheels can fail (``weakens_wheels``).
+        If wheels can fail (``weakens_wheels``), STRENGTH_SIZE values for each robot follow.
         """
 
 
 class Simulator(ABC):
-    """Opens simulations; the engine's library is imported only when the first one is opened."""
+    """A factory of simulations, which imports the engine's library only when it opens the first."""
 
     time_step: float
     """Physics step [s]; all sensor and controller periods are multiples of it."""
     packages: Sequence[str]
-    """pip names of the packages whose versions can change missions, such as its engine's.
+    """pip names of the packages whose versions can change results, such as the engine's.
 
-    The manifest of a run records their versions."""
+    A run's manifest records their versions.
+    """
     versions: Mapping[str, str] = MappingProxyType({})
-    """The versions of libraries that pip does not know, by name, for the manifest."""
+    """Versions of libraries that pip does not know, by name, for the manifest."""
     measures: Collection[str] = (RANGE,)
-    """All signals that the simulator offers, see ``evoros.sensor.protocol``."""
+    """All signals that the simulator provides; see ``evoros.sensor.protocol``."""
     max_robots: int = 1
-    """Maximum number of robots in a world, which sense and touch each other."""
+    """Maximum number of robots in one world, which can sense and touch each other."""
     has_walkers: bool = False
     """True if the simulator moves walkers (``evoros.walkers``), which robots sense and touch.
 
-    They are the ``crowd`` of a world. ``observe`` writes REPORT_SIZE values for each of them after
-    the states of the robots."""
+    The walkers are the ``crowd`` of a world. ``observe`` writes REPORT_SIZE values for each walker
+    after the states of the robots.
+    """
     weakens_wheels: bool = False
-    """True if the simulator has weak wheels; otherwise missions reject failures of wheels.
+    """True if the simulator models weakened wheels; otherwise missions reject wheel failures.
 
-    ``evoros.drive.protocol.find_targets`` computes the wheel rates."""
+    ``evoros.drive.protocol.find_targets`` computes the wheel rates.
+    """
 
     @abstractmethod
     def open(
@@ -87,15 +90,16 @@ class Simulator(ABC):
             SimulationError: the engine cannot simulate these robots or this world.
         """
 
-    def check_world(self, world: "World") -> None:  # noqa: B027 - any world will do
+    def check_world(self, world: "World") -> None:  # noqa: B027 - accepts any world
         """Reject a world before any mission starts.
 
         Raises:
-            InputError: the simulator cannot simulate the world; the message does not name it.
+            InputError: the simulator cannot simulate the world; the message omits the world's
+                name.
         """
 
     def doubt_drive(self, drive: "Drive") -> str:
-        """Return why no step makes the engine accurate for a drive; empty if one may."""
+        """Return why the engine is inaccurate for a drive at any step, or "" if it is not."""
         return ""
 
 
@@ -104,12 +108,12 @@ def open_alone(
     robot: "Robot",
     world: "World",
 ) -> AbstractContextManager[Opened]:
-    """Open a simulation of one robot at its home; ``opener`` is the method of a simulator."""
+    """Open a simulation of one robot at its home pose; ``opener`` is a simulator's ``open``."""
     return opener([PlacedRobot(robot, world.course.home)], world)
 
 
 A_SIMULATOR = Rule(
-    "a Simulator of evoros.parts (with time_step, packages and open)",
+    "an evoros.parts.Simulator (with time_step, packages and open)",
     lambda v: isinstance(v, Simulator) and hasattr(v, "time_step") and hasattr(v, "packages"),
 )
 
@@ -125,7 +129,7 @@ AdvanceRule: TypeAlias = Callable[[Array, Array, Array, float], None]
 
 
 class SimulationRules(NamedTuple):
-    """The three methods of a simulation as rules, which can be compiled."""
+    """The three methods of a simulation as rules that can be compiled."""
 
     observe: ObserveRule
     sense: SenseRule
@@ -134,7 +138,7 @@ class SimulationRules(NamedTuple):
 
 @dataclass(frozen=True)
 class RuleSimulation:
-    """A simulation made of rules, whose missions can be compiled."""
+    """A simulation made of rules, so its missions can be compiled."""
 
     rules: SimulationRules
     parameters: Array
@@ -154,11 +158,11 @@ class RuleSimulation:
 
 
 class RuleSimulator(Simulator):
-    """A simulator that opens ``RuleSimulation``s."""
+    """A simulator whose simulations are ``RuleSimulation``s."""
 
     @abstractmethod
     def choose_rules(self, world: "World", robots: Sequence["Robot"]) -> SimulationRules:
-        """Return the rules for robots in a world; robots matter only by what their sensors measure.
+        """Return the rules for robots in a world, which depend only on what the sensors measure.
 
         Raises:
             InputError: the simulator cannot simulate this number of robots.

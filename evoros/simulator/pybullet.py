@@ -1,12 +1,13 @@
 """Deterministic rigid-body physics in PyBullet, in this process and without a display.
 
-The set-up is the cheapest accurate one (``benchmarks/fidelity/engine.py`` measures each choice):
+The set-up is the cheapest that is accurate (``benchmarks/fidelity/engine.py`` measures each
+choice):
 
 - Wheels collide only with the ground; the chassis, which covers them, collides with obstacles.
-- Movable bodies sleep until something comes near. In missions that go on after contact, steps are
-  finer while they move.
+- Movable bodies sleep until something comes near. In missions that continue after contact, steps
+  are finer while such bodies move.
 - Links on fixed joints are merged.
-- Pairs of bodies that cannot move against each other are skipped.
+- Collisions are skipped between bodies that cannot move relative to each other.
 - Rays are computed once, in the chassis frame, and the engine moves them with the chassis.
 """
 
@@ -27,7 +28,7 @@ from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.world.model import World
 
 MAX_STEP_S = 0.025
-"""The maximum step [s] with motion within 1 % of the finest step's (docs/simulation.md)."""
+"""Maximum step [s] with motion within 1 % of that with the finest step (docs/simulation.md)."""
 
 IDLE: IdleEngines[pybullet_model.Engine] = IdleEngines()
 
@@ -37,8 +38,8 @@ IDLE: IdleEngines[pybullet_model.Engine] = IdleEngines()
 class PyBullet(Simulator):
     """The PyBullet simulator.
 
-    With default settings, open-loop manoeuvres and pushed bodies differ by at most 2 % from a step
-    of 2.5 ms and 50 iterations.
+    With default settings, open-loop manoeuvres and pushed bodies differ by at most 2 % from those
+    with a step of 2.5 ms and 50 iterations.
 
     Raises:
         InputError: a value is out of range.
@@ -46,7 +47,7 @@ class PyBullet(Simulator):
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.025  # [s]
     solver_iterations: Annotated[int, replace(COUNT, limit=10_000)] = 20
-    wheel_friction: Annotated[float, POSITIVE] = 1.0  # multiplied by the ground's
+    wheel_friction: Annotated[float, POSITIVE] = 1.0  # factor of the ground's friction
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     packages = ("pybullet",)
     measures = (RANGE, *SIGNAL_SIZES)
@@ -59,17 +60,17 @@ class PyBullet(Simulator):
             raise pybullet_model.not_installed()
 
     def doubt_drive(self, drive: Drive) -> str:
-        """Return why no step is accurate for skid-steer (``docs/fidelity.md``)."""
+        """Return why the engine is inaccurate for skid-steer at any step (``docs/fidelity.md``)."""
         if not skids(drive):
             return ""
         return (
-            "PyBullet limits friction along the two axes of the world, so that the turn rate of a "
+            "PyBullet limits friction along the world's x and y axes, so the turn rate of a "
             "skid-steer robot depends on its heading"
         )
 
     @contextmanager
     def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[PyBulletSimulation]:
-        """Place each robot at its home.
+        """Place each robot at its home pose.
 
         Raises:
             InputError: PyBullet is not installed.
@@ -80,8 +81,8 @@ class PyBullet(Simulator):
             self.time_step, self.solver_iterations, self.wheel_friction, self.steering_lag_s
         )
         with IDLE.take(lambda: pybullet_model.Engine(pybullet_model.import_pybullet())) as engine:
-            # If the robots and the world are unchanged, and only the robots have moved, the model
-            # is reset instead of rebuilt, with the same bits.
+            # If nothing but the robots has moved since the last mission, the model is reset instead
+            # of rebuilt, which gives bitwise equal results.
             model = engine.prepare(robots, world, settings)
             alone = [robot for robot, _ in robots]
             yield PyBulletSimulation(engine, model, alone, settings, world.crowd)

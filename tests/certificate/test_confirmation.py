@@ -295,7 +295,7 @@ def test_the_confirming_simulators_module_is_part_of_the_run(whole: Path) -> Non
         (["confirmation.best=true"], "confirmation.best: must be a whole number of at least 1"),
         (
             ["confirmation.simulator=null"],
-            "confirmation.simulator: must be a Simulator of evoros.parts",
+            "confirmation.simulator: must be an evoros.parts.Simulator",
         ),
         (
             ["confirmation.simulator.time_step=0.03"],

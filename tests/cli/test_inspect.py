@@ -386,7 +386,7 @@ def test_uneven_ground_is_inspected_in_an_engine_that_takes_it(
     use(output)
     assert "simulator=physics" in (folder / "mine/world/site.yaml").read_text().splitlines()[0]
     assert inspect(["world", site, "--name", "flat", "simulator=planar"]) == INPUT
-    assert "must have level ground" in capsys.readouterr().err
+    assert "simulator=planar needs level ground" in capsys.readouterr().err
     assert inspect(["world", site, "--name", "bullet", "simulator=pybullet"]) == DONE
     assert "simulator=pybullet" in capsys.readouterr().out.splitlines()[-1]
 

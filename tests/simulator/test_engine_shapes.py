@@ -258,7 +258,7 @@ def level_plane() -> tuple[Shape, ...]:
 )
 def test_the_plane_refuses_ground_that_is_not_level(ground: Body) -> None:
     worlds = {"hills": uneven(ground)}
-    with pytest.raises(InputError, match=r"^world\.hills: must have level ground.*=physics$"):
+    with pytest.raises(InputError, match=r"^world\.hills: the ground is a height field.*=physics$"):
         replace(experiment(), simulator=Planar(), world=worlds)
     physical = replace(experiment(), simulator=PyBullet(), world=worlds)
     with pytest.raises(InputError, match=r"^confirmation\.simulator: world\.hills: "):

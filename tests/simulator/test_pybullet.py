@@ -178,7 +178,7 @@ def test_a_robot_that_the_engine_cannot_load_is_told_with_another_engine(
 
     monkeypatch.setattr("evoros.simulator.engines.pybullet_robot.load_urdf", load_nothing)
     told = (
-        r"cannot load the description of erle_rover \(Cannot load URDF file.\); use simulator=muj"
+        r"cannot load the robot erle_rover \(Cannot load URDF file.\); use simulator=muj"
     )
     with (
         pytest.raises(SimulationError, match=told),

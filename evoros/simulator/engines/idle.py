@@ -1,4 +1,4 @@
-"""Idle engines of a process, kept for later simulations."""
+"""A process's idle engines, kept for later simulations."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -17,7 +17,8 @@ E = TypeVar("E", bound=_Engine)
 class IdleEngines(Generic[E]):
     """Engines that wait for the next mission; at most one unless missions were nested.
 
-    No result depends on them: missing ones are recreated. A fork leaves its parent's engines alone.
+    No result depends on idle engines, because missing ones are recreated. A forked process does
+    not use its parent's engines.
     """
 
     def __init__(self) -> None:
@@ -31,7 +32,7 @@ class IdleEngines(Generic[E]):
 
     @contextmanager
     def take(self, make: Callable[[], E]) -> Iterator[E]:
-        """Take an idle engine or make one; if the simulation fails, the engine is closed."""
+        """Yield an idle or a new engine; close the engine if the simulation fails."""
         idle = self._list()
         engine = idle.pop() if idle else make()
         try:
@@ -42,11 +43,11 @@ class IdleEngines(Generic[E]):
         idle.append(engine)
 
     def forget(self) -> None:
-        """Make the next mission build its model, as every new design does."""
+        """Make the next mission rebuild its model, as for a new design."""
         for engine in self._list():
             engine.forget()
 
     def close(self) -> None:
-        """Close all engines; the next mission makes a new one."""
+        """Close all engines; the next mission creates one."""
         while self._list():
             self._list().pop().close()

@@ -1,4 +1,4 @@
-"""The bodies of a world in MuJoCo, and the pairs of bodies that can touch."""
+"""The bodies of a world in MuJoCo, and which pairs of bodies can touch."""
 
 from collections.abc import Iterable
 from itertools import product
@@ -11,49 +11,55 @@ from evoros.geometry.polyhedron import convex_polyhedron, joint_moments
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.model import World
 
-# The engine's groups of shapes, which determine if rays see them.
+# The engine's groups of shapes, which determine what rays see.
 GROUND, FIXED, MOVABLE, ROBOT, HIDDEN = range(5)
 VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
 
-# Two shapes can collide if the type bits of one (contype) overlap the bits with which the other
-# collides (conaffinity). All contacts with the ground are explicit pairs, because only a pair can
-# have a separate friction. The ground collides with a type that no shape has, because rays can miss
-# a fixed shape that collides with nothing.
+# Two shapes can collide if the type bits (contype) of one overlap the collision bits (conaffinity)
+# of the other. All contacts with the ground are explicit pairs, because only a pair can have its
+# separate friction. The ground still has collision bits, for a type that no shape has, because rays
+# can miss a fixed shape that collides with nothing.
 MEETS: dict[int, tuple[int, int]] = {GROUND: (0, 4), FIXED: (0, 3), MOVABLE: (2, 3), ROBOT: (1, 0)}
 """(contype, conaffinity) of each group."""
 MEETS_ROBOTS = (0, 1)  # contype and conaffinity of walkers
 ROBOT_BIT = 8
-"""The type of the first of several robots; the others have the next bits."""
+"""Type bit of the first of several robots; each further robot has the next bit."""
 
 MAX_FRICTION = 1.0
-"""Gazebo uses the smaller of two coefficients, so a coefficient of 100, which many worlds have,
-must not outweigh the wheels'."""
+"""Maximum friction coefficient of a body.
 
-BELOW_M = 1.0  # depth that the engine adds below the lowest point of a height field
+Many worlds have coefficients of 100, which have no effect in Gazebo, because it uses the smaller
+of two coefficients. Here they must not outweigh the wheels' coefficient.
+"""
+
+BELOW_M = 1.0  # depth [m] of solid below the lowest point of a height field
 
 
 CENTRED: dict[str, Any] = {"ipos": [0, 0, 0], "iquat": [1, 0, 0, 0], "explicitinertial": True}
-"""An inertia in the frame of its body; the engine would otherwise add the body's position again."""
+"""An inertia in the frame of its body. Without it, the engine would add the body's position twice.
+"""
 
 
 SLIDING = (0.1, 1.0)
 """Time constant [s] and damping ratio with which friction stops sliding bodies.
 
-The engine lifts sliding bodies in proportion to their speed and inversely to this time. With the
-two steps of other contacts, a box pushed at 0.3 m/s would hover 12 mm above the ground, or hop.
-Wheels roll and need the two steps: with 0.1 s a rover would fall 1 cm behind at every start."""
+The engine lifts sliding bodies in proportion to their speed and inversely to this time constant.
+If it were two steps, as for other contacts, a box pushed at 0.3 m/s would hover 12 mm above the
+ground, or hop. Wheels roll and need the two steps: with 0.1 s, a rover would lose 1 cm at every
+start.
+"""
 
 
 class Sole(NamedTuple):
     """A shape that touches the ground."""
 
     shape: str
-    friction: float  # factor of the friction coefficient; 0: it slides
+    friction: float  # factor of the ground's friction coefficient; 0: frictionless
     rolls: bool = False
 
 
 def add_bodies(spec: Any, library: Any, world: World) -> list[Sole]:
-    """Add the bodies of a world; return the shapes that can touch its ground."""
+    """Add the bodies of a world; return the movable bodies' shapes, which can touch the ground."""
     soles = []
     for index, body in enumerate(world.bodies):
         friction = min(body.friction, MAX_FRICTION)
@@ -72,7 +78,7 @@ def add_bodies(spec: Any, library: Any, world: World) -> list[Sole]:
 
 
 def add_walkers(spec: Any, library: Any, sizes: Iterable[tuple[float, float]]) -> None:
-    """Add a walker for each (radius, height) [m]; only the caller moves them."""
+    """Add a walker for each (radius, height) [m], to be moved only by the caller."""
     for index, (radius, height) in enumerate(sizes):
         walker = spec.worldbody.add_body(name=name_walker(index), mocap=True)
         cylinder = Shape("cylinder", (radius, height))
@@ -162,7 +168,7 @@ def _add_polyhedron(spec: Any, library: Any, name: str, shape: Shape) -> str:
 
 
 def _add_field(spec: Any, name: str, shape: Shape) -> str:
-    """Add a height field, normalized to heights from 0 to 1, which the engine scales to metres."""
+    """Add a height field. Heights are normalized to 0..1; the engine scales them back to metres."""
     heights = np.array(shape.heights)
     rows, columns = heights.shape
     extent = max(float(np.ptp(heights)), 1e-9)
@@ -182,9 +188,9 @@ def add_ground_pairs(
 ) -> None:
     """Let shapes collide with the ground.
 
-    The friction is the product of both coefficients, as in PyBullet. By default the engine uses the
-    larger one, so that wheels would grip on ice. ``slides`` and ``rolls`` are the contact
-    parameters of sliding and rolling shapes.
+    Friction is the product of the coefficients of shape and ground, as in PyBullet. By default the
+    engine uses the larger coefficient, so wheels would grip on ice. ``slides`` and ``rolls`` are
+    the contact parameters of sliding and rolling shapes.
     """
     grounds = [geom for geom in spec.geoms if geom.group == GROUND]
     for sole, ground in product(soles, grounds):

@@ -1,4 +1,4 @@
-"""Compiles the model of robots in a world for MuJoCo, and keeps the most recent ones."""
+"""Compile models of robots in a world for MuJoCo, and cache the most recent ones."""
 
 from collections import OrderedDict
 from collections.abc import Sequence
@@ -20,34 +20,39 @@ from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
 KEPT = 4
-"""Number of models that are kept, because each trial runs a design in every world in turn."""
+"""Number of cached models; each trial runs a design in every world in turn."""
 
 IMPEDANCE = (0.999, 0.9999, 1e-4, 0.5, 2.0)
-"""Impedance (0 to 1) of contacts and motors: at depth 0, from 0.1 mm on, that depth [m], and the
-curve's midpoint and power. With the engine's default (0.9, 0.95) a rover would sink by 1 mm and
-roll 0.2 % too slowly."""
+"""Impedance of contacts and motors (``solimp``): value at zero depth, value at full depth, full
+depth [m], midpoint and power of the curve. With the engine's default (0.9, 0.95), a rover
+would sink by 1 mm and roll 0.2 % too slowly."""
 
 SKIDDING = {"solimp": (0.8, 0.8, 1e-3, 0.5, 2.0), "solreffriction": (0.2, 1.0)}
-"""Impedance of the ground under skid-steer wheels, and time [s] in which friction stops slip.
+"""Impedance of the ground under skid-steer wheels, and the time [s] in which friction stops slip.
 
-Firm friction stops a slipping wheel within a step and lifts it. The robot then hops between pairs
-of wheels, and turns by up to a half too little or a third too much. This friction grows with the
-slip up to 0.2 m/s, which keeps the wheels on the ground. On a slope of 0.1 rad the robot therefore
-creeps at 1 cm/s."""
+Firm friction stops a slipping wheel within one step and lifts it. The robot then hops between
+pairs of wheels, and turns by up to a half too little or a third too much. The friction set here
+grows with slip speed up to 0.2 m/s, which keeps the wheels on the ground. As a side effect, the
+robot creeps at 1 cm/s on a slope of 0.1 rad.
+"""
 
 TOLERANCE = 1e-12
-"""Solver tolerance. The engine scales it by the mean inertia, which the rotors dominate."""
+"""Solver tolerance, which the engine scales by the mean inertia; the rotors dominate that mean."""
 
 FEW_MOVABLE = 1000
-"""Maximum number of movable bodies for the engine's default memory reserve, 1.8 GB. It grows with
-the square of their number (6.4 GB for 2,000), so evoros sets it for more of them."""
+"""Maximum number of movable bodies for which the engine's default memory reserve, 1.8 GB, is used.
+
+The default reserve grows with the square of the number of bodies (6.4 GB for 2,000), so evoros
+sets a smaller reserve for more bodies.
+"""
 
 MEMORY, MEMORY_PER_BODY, MEMORY_PER_PAIR = 1 << 26, 1 << 16, 8
-"""The reserve [bytes]; boxes at rest use 8,000 bytes each, and 4 bytes for each pair."""
+"""Terms of that reserve [bytes]: constant, per movable body, and per pair. Boxes at rest use
+8,000 bytes per body and 4 per pair."""
 
 
 class Settings(NamedTuple):
-    """The settings of the engine, apart from robots and world."""
+    """Settings of the engine that do not depend on robots and world."""
 
     time_step: float  # [s]
     wheel_friction: float
@@ -57,12 +62,12 @@ class Settings(NamedTuple):
 class Parts(NamedTuple):
     """Indices of a robot's parts in a model and its state."""
 
-    root: tuple[int, int]  # first index of the root link in ``qpos`` and ``qvel``
+    root: tuple[int, int]  # first index of the root link in ``qpos``, and in ``qvel``
     servos: NDArray[np.intp]  # steering servos in ``ctrl``
     rotors: NDArray[np.intp]  # wheel rotors in ``qvel``
     wheels: NDArray[np.intp]  # wheel angles in ``qpos``
     steering: NDArray[np.intp]  # steering angles in ``qpos``
-    visible: NDArray[np.intp]  # shapes that other robots see
+    visible: NDArray[np.intp]  # shapes that other robots' sensors see
 
 
 @dataclass(frozen=True)
@@ -73,26 +78,26 @@ class Model:
     model: Any
     data: Any
     robots: tuple[Parts, ...]
-    walkers: NDArray[np.intp]  # indices of their shapes
+    walkers: NDArray[np.intp]  # indices of the walkers' shapes
 
     def place_walkers(self, places: Array) -> None:
-        """Move the walkers to places (2 n,) [m], in the order of the crowd."""
+        """Move the walkers to positions (2 n,) [m], in the order of the crowd."""
         self.data.mocap_pos[:, :2] = places.reshape(-1, 2)
 
 
 class Models:
-    """The most recently used models."""
+    """A cache of the most recently used models."""
 
     def __init__(self, library: Any) -> None:
         self._library = library
         self._kept: OrderedDict[tuple[Any, ...], Model] = OrderedDict()
 
     def forget(self) -> None:
-        """Make the next missions compile their models."""
+        """Clear the cache, so that the next missions compile their models."""
         self._kept.clear()
 
     def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Model:
-        """Return the model at the start of a mission.
+        """Return the model in the state at the start of a mission.
 
         Raises:
             SimulationError: MuJoCo rejects a robot or the world.
@@ -108,7 +113,7 @@ class Models:
                 reason = " ".join(str(error).split())
                 raise SimulationError(
                     f"MuJoCo cannot compile {name_robots(robots)} in the world {world.name!r} "
-                    f"({reason}); use simulator=pybullet or simulator=planar"
+                    f"({reason}); try simulator=pybullet or simulator=planar"
                 ) from error
         self._kept[source] = model
         while len(self._kept) > KEPT:
@@ -155,7 +160,7 @@ def _prefix(robots: Sequence[PlacedRobot], index: int) -> str:
 
 
 def _masks(robots: Sequence[PlacedRobot], index: int) -> tuple[int, int]:
-    """Return a robot's type and the types that it collides with; several robots have a bit each."""
+    """Return a robot's type bits and collision bits; with several robots, each has a bit."""
     types, meets = mujoco_bodies.MEETS[mujoco_bodies.ROBOT]
     if len(robots) == 1:
         return types, meets
@@ -182,7 +187,7 @@ def _find_parts(model: Any, robot: Robot, prefix: str) -> Parts:
 
 
 def count_movable(world: World) -> int:
-    """Return the number of bodies that can be moved."""
+    """Return the number of movable bodies."""
     return sum(body.mass is not None for body in world.bodies)
 
 
@@ -195,7 +200,7 @@ def _set_options(spec: Any, library: Any, world: World, settings: Settings) -> N
     option.timestep = settings.time_step
     option.gravity = [0.0, 0.0, -world.gravity_mps2]
     option.tolerance = TOLERANCE
-    # The elliptic cone makes friction equal in all directions, so nothing depends on the heading.
+    # The elliptic cone makes friction isotropic, so nothing depends on the heading.
     option.cone = library.mjtCone.mjCONE_ELLIPTIC
     option.integrator = library.mjtIntegrator.mjINT_EULER
     # Bodies at rest cost nothing until the robot comes near.

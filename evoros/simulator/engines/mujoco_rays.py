@@ -14,14 +14,14 @@ from evoros.simulator.engines.rays import Beam, SteeredParts, sensor_beams
 
 
 class Sensor(NamedTuple):
-    """A sensor's rays, with the arguments of the ray-casting call, prepared to save time."""
+    """A range sensor's rays, and the prepared arguments of the call that casts them."""
 
     rays: slice
     arguments: tuple[Any, ...]
 
 
 class MujocoRays:
-    """The rays of all range sensors of a robot in ``model``."""
+    """The rays of all range sensors of a robot in a MuJoCo model."""
 
     def __init__(self, model: Model, robot: Robot) -> None:
         self._engine = model.model
@@ -67,7 +67,7 @@ class MujocoRays:
     def cast(self, pose: Array, ranges: Array) -> None:
         """Fill ``ranges`` (n,) with the nearest hit [m] of each beam, within the sensor's range.
 
-        ``pose`` is the root link's pose. A ray that starts inside a shape does not see it.
+        ``pose`` is the root link's pose. A ray that starts inside a shape ignores that shape.
         """
         if not self._sensors:
             return
@@ -81,7 +81,7 @@ class MujocoRays:
         self._read(self._hits, self._ends, self.low, self._high, ranges)
 
     def _cast_from_inside(self, sensor: Sensor) -> None:
-        """Cast the rays of a sensor again without the shapes that contain it."""
+        """Cast the rays of a sensor again, without the shapes that contain the sensor."""
         rays, groups = sensor.rays, self._engine.geom_group
         before = groups.copy()
         turned, normals = self._turned[rays], self._normals[rays]
@@ -94,7 +94,7 @@ class MujocoRays:
 def place_rays(
     pose: Array, origins: Array, directions: Array, starts: Array, turned: Array
 ) -> None:
-    """Write the starts and directions (n, 3) of rays in the world, for the root link's ``pose``."""
+    """Write the world frame's ray origins and directions (n, 3) for the root link's ``pose``."""
     rotation = rotation_entries(pose[3], pose[4], pose[5], pose[6])
     for row in range(len(origins)):
         _turn(rotation, origins[row], starts[row])
@@ -114,7 +114,7 @@ def _turn(rotation: tuple[float, ...], vector: Array, turned: Array) -> None:
 
 
 def leaves_shape(turned: Array, normals: Array) -> bool:
-    """Return True if any ray leaves a shape at its hit; ``normals`` (n, 3) are outward, or 0."""
+    """Return True if a ray hits a shape from inside; ``normals`` (n, 3) are outward (0: no hit)."""
     for row in range(len(turned)):
         along = 0.0
         for axis in range(3):
@@ -125,7 +125,7 @@ def leaves_shape(turned: Array, normals: Array) -> bool:
 
 
 def read_hits(hits: Array, ends: Array, low: Array, high: Array, ranges: Array) -> None:
-    """Write the nearest hit [m] of each beam's rays, from ``ends[i]`` on; below 0 is no hit."""
+    """Write each beam's nearest hit [m]; beam i starts at ray ``ends[i]``, hits < 0 are misses."""
     for beam in range(len(ranges)):
         nearest = high[beam]
         for ray in range(int(ends[beam]), int(ends[beam + 1])):
@@ -151,13 +151,13 @@ def rotation_entries(w: float, i: float, j: float, k: float) -> tuple[float, ...
 
 
 def root_frame(pose: Array) -> tuple[Array, Array]:
-    """Return rotation (3, 3) and position (3,) [m] of the root link."""
+    """Return the rotation (3, 3) and position (3,) [m] of the root link."""
     x, y, z, *quaternion = pose.tolist()
     return np.array(rotation_entries(*quaternion)).reshape(3, 3), np.array([x, y, z])
 
 
 class MujocoSight:
-    """The range sensors of a robot, which sees the others but not itself."""
+    """The range sensors of a robot, which sees the other robots but not itself."""
 
     def __init__(self, model: Model, robot: Robot, index: int) -> None:
         self._groups, self._data = model.model.geom_group, model.data
@@ -169,7 +169,7 @@ class MujocoSight:
         self._others = np.concatenate([np.zeros(0, dtype=int), *rest])  # shapes of the other robots
 
     def cast(self, ranges: Array) -> None:
-        """Fill ``ranges`` (n,) [m]; all shapes must be where their links are."""
+        """Fill ``ranges`` (n,) [m], given that the engine has updated the shapes' poses."""
         self._groups[self._others] = MOVABLE
         self._rays.cast(self._pose, ranges)
         if self._rays.parts.exist:

@@ -1,4 +1,4 @@
-"""A robot in MuJoCo: its links, its joints, and the motors of its joints."""
+"""A robot in MuJoCo: its links, joints and motors."""
 
 import math
 from collections.abc import Collection, Sequence
@@ -27,19 +27,19 @@ from evoros.simulator.engines.mujoco_bodies import (
 CHASSIS_FRICTION = 1.0  # the chassis touches the ground only if the robot tips over
 
 MOTOR_INERTIA = 1e6
-"""Inertia [kg m2] of a motor's rotor, so large that no load changes its rate."""
+"""Inertia [kg m2] of a motor's rotor, so large that loads do not change the rotor's rate."""
 
 
 ROOT_JOINT = "evoros root"
-"""The joint by which the robot moves freely."""
+"""Name of the root link's free joint."""
 
 
 class Making(NamedTuple):
-    """The settings with which a robot is built."""
+    """Settings for building a robot."""
 
     wheel_friction: float
     gain: float  # fraction of the steering error corrected per step
-    bond: dict[str, Any]  # contact parameters with which motors hold their joints
+    bond: dict[str, Any]  # contact parameters of the coupling between motors and joints
     prefix: str = ""  # prefix of the robot's names
     masks: tuple[int, int] = MEETS[
         ROBOT
@@ -47,10 +47,10 @@ class Making(NamedTuple):
 
 
 def add_robot(spec: Any, library: Any, robot: Robot, making: Making) -> list[Sole]:
-    """Add the robot, its root link at the origin; return its shapes that can touch the ground.
+    """Add a robot with its root link at the origin; return its shapes that can touch the ground.
 
     Raises:
-        SimulationError: the engine does not have a joint's type.
+        SimulationError: the engine does not support a joint's type.
     """
     drive = robot.drive
     root = etree.fromstring(merge_fixed_links(robot.urdf_elements(), drive.caster_links).encode())
@@ -101,7 +101,7 @@ def _add_tree(
 
 def _set_inertia(body: Any, inertial: Element | None) -> None:
     body.explicitinertial = True
-    if inertial is None:  # only a frame, which moves with the link that carries it
+    if inertial is None:  # a massless frame, rigidly attached to its parent link
         body.mass, body.inertia, body.ipos = 0.0, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
         return
     frame = read_origin(inertial)
@@ -118,14 +118,14 @@ def _add_joint(body: Any, library: Any, joint: Joint, driven: bool, prefix: str)
         "prismatic": library.mjtJoint.mjJNT_SLIDE,
     }
     if joint.type not in kinds:
-        raise SimulationError(f"MuJoCo has no {joint.type} joints, as {joint.name!r} is one")
+        raise SimulationError(f"MuJoCo does not support {joint.type} joints such as {joint.name!r}")
     added = body.add_joint(name=prefix + joint.name, type=kinds[joint.type], axis=joint.axis)
     if not driven and math.isfinite(joint.lower) and math.isfinite(joint.upper):
         added.limited, added.range = True, [joint.lower, joint.upper]
 
 
 def _add_rotor(spec: Any, library: Any, joint: str) -> str:
-    """Add the rotor of a joint's motor, which nothing touches; return the rotor's joint."""
+    """Add a free-spinning rotor for a joint's motor; return the rotor's joint."""
     name = rotor_of(joint)
     moments = [MOTOR_INERTIA] * 3
     rotor = spec.worldbody.add_body(
@@ -136,7 +136,7 @@ def _add_rotor(spec: Any, library: Any, joint: str) -> str:
 
 
 def rotor_of(joint: str) -> str:
-    """Return the joint of the rotor that a driven joint follows."""
+    """Return the name of the rotor's joint that a driven joint follows."""
     return f"{joint} rotor"
 
 
@@ -145,8 +145,8 @@ def _add_wheel_motor(
 ) -> None:
     """Make a joint follow its rotor, with a torque of at most ``effort`` [N m].
 
-    Friction between both, which the engine solves together with the contacts, transmits the torque.
-    An actuator would need a gain, and oscillate at the limit of its torque.
+    Friction between joint and rotor, which the engine solves together with the contacts, transmits
+    the torque. An actuator would need a gain, and would oscillate at its torque limit.
     """
     tendon = spec.add_tendon(
         name=joint,
@@ -190,9 +190,9 @@ def _add_link(
 ) -> list[str]:
     """Add the collision shapes of a link; return the names of those that touch the ground.
 
-    ``masks`` is None if obstacles cannot touch the link. An exposed wheel or caster has each shape
-    twice, for the ground and for obstacles, so that an engine sensor can tell these contacts apart
-    at no cost.
+    ``masks`` is None if obstacles cannot touch the link. Each shape of an exposed wheel or caster
+    is added twice, for the ground and for obstacles, so that the engine's contact sensors tell
+    these contacts apart at no cost.
     """
     posed = [(shape.pose, shape) for shape in shapes]
     if not posed:
@@ -207,7 +207,7 @@ def _add_link(
                 type=library.mjtSensor.mjSENS_CONTACT,
                 objtype=library.mjtObj.mjOBJ_GEOM,
                 objname=name,
-                intprm=[1, 0, 1],  # report if found, in any order, at most one
+                intprm=[1, 0, 1],  # report whether there is any contact
             )
     if rolls:
         names = add_shapes(spec, library, body, f"{body.name} rolling", ROBOT, posed)

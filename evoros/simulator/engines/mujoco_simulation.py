@@ -1,4 +1,4 @@
-"""One mission in MuJoCo: observe, sense, advance."""
+"""One mission in MuJoCo: observe, sense and advance."""
 
 import re
 from collections.abc import Sequence
@@ -20,13 +20,13 @@ from evoros.walkers.crowd import Crowd
 
 
 class MujocoSignals(RigidSignals):
-    """The signals of one of the robots of ``model``."""
+    """The signals of one robot of a MuJoCo model."""
 
     def __init__(self, model: Model, robot: Robot, index: int) -> None:
         engine, data, parts = model.model, model.data, model.robots[index]
         super().__init__(robot, -float(engine.opt.gravity[2]))
         self._data = data
-        # Contacts with the ground and of the robot with itself do not count.
+        # Contacts with the ground and between the robot's own parts do not count.
         self._ours = np.isin(np.arange(engine.ngeom), parts.visible)
         self._theirs = (engine.geom_group != mujoco_bodies.GROUND) & ~self._ours
         position, rate = parts.root
@@ -34,15 +34,15 @@ class MujocoSignals(RigidSignals):
         self._angles = parts.wheels
 
     def read(self, signals: Array) -> None:
-        """Write all signals into their parts."""
+        """Write all signals into their slices of ``signals``."""
         if self.exist:
             rotation, position = root_frame(self._pose)
-            # Angular velocity is about the link's axes.
+            # angular velocity is in link axes
             motion = Motion(position, rotation, self._rates[:3], product(rotation, self._rates[3:]))
             self.fill(signals, motion, self._data.qpos[self._angles])
 
     def feel(self) -> None:
-        """Count a step with contacts for the zones in which the robot touches something."""
+        """Count, for each contact zone, a step in which the robot touches something there."""
         contact = self._data.contact
         ours, theirs = self._ours[contact.geom], self._theirs[contact.geom]
         felt = (ours & theirs[:, ::-1]).any(axis=1)
@@ -55,16 +55,16 @@ class MujocoSignals(RigidSignals):
 
 
 HARMLESS = "Linesearch"
-"""First word of a warning about a truncated solver step, for which the next step compensates."""
+"""First word of warnings about a truncated solver step, for which the next step compensates."""
 _PLACE = re.compile(r" at DOF (\d+)")
-"""Index of the state that a warning names."""
+"""Matches the index of the degree of freedom that a warning names."""
 
 GROUND, OBSTACLE, WALKER = -1, -2, -3
-"""Owners of shapes that belong to no robot; walkers have -3, -4, -5 ..."""
+"""Owners of shapes that belong to no robot; the walkers' numbers are -3, -4, -5 ..."""
 
 
 class MujocoSimulation:
-    """The robots of ``model`` in their world.
+    """The robots of a MuJoCo model in their world.
 
     Functions of the engine and views of its state are bound once, because lookups cost time.
     """
@@ -79,7 +79,7 @@ class MujocoSimulation:
     ) -> None:
         library, engine = model.library, model.model
         self._model, self._robots, self._time_step = model, robots, settings.time_step
-        self._warnings = warnings  # the engine appends its warnings
+        self._warnings = warnings  # the engine appends to this list
         self._step, self._place = library.mj_step, library.mj_kinematics
         self._list_touches = model.data.sensordata.tolist
         self._vehicles = [_Vehicle(model, robot, i) for i, robot in enumerate(robots)]
@@ -95,7 +95,7 @@ class MujocoSimulation:
             model.place_walkers(self._walkers.places)
 
     def observe(self, state: Array) -> None:
-        """Fill ``state`` with the true states of the base links; contact is since the last call.
+        """Fill ``state`` with the base links' true states, and any contact since the last call.
 
         Raises:
             SimulationError: the engine has warned of something that it cannot simulate.
@@ -109,7 +109,7 @@ class MujocoSimulation:
             self._walkers.observe(state)
 
     def _name_place(self, warning: str) -> str:
-        """Return a warning preceded by the name of the robot that it is about, if known."""
+        """Return a warning, preceded by the name of the robot concerned if it is known."""
         place = _PLACE.search(warning)
         if place is None or len(self._robots) == 1:
             return warning
@@ -167,7 +167,7 @@ class _Vehicle:
 
     def observe(self, state: Array) -> None:
         x, y, _, qw, qx, qy, qz = self._pose.tolist()
-        vx, vy, _, wx, wy, wz = self._rates.tolist()  # angular velocity is about the link's axes
+        vx, vy, _, wx, wy, wz = self._rates.tolist()  # angular velocity is in link axes
         yaw_rate = (
             2.0 * (qx * qz - qw * qy) * wx
             + 2.0 * (qy * qz + qw * qx) * wy
@@ -178,19 +178,19 @@ class _Vehicle:
         self.touched = False
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals``; all shapes must be where their links are."""
+        """Fill ``signals``, given that the engine has updated the shapes' poses."""
         self._sight.cast(signals[: self._ranges])
         self._signals.read(signals)
 
     def feel(self) -> None:
-        """Let contact sensors feel what touches the robot after a step."""
+        """Update the contact sensors after a step."""
         if self._signals.feels:
             self._signals.feel()
 
     def set_motors(self, command: tuple[float, ...]) -> None:
-        """Set the motors for a command, before each control period."""
+        """Set the motor targets for a command, before each control period."""
         if self._command != command:
             self._command = command
             angles, self._wheel_rates = find_targets(self._drive, *command)
             self._data.ctrl[self._parts.servos] = angles
-        self._all_rates[self._parts.rotors] = self._wheel_rates  # loads slow rotors slightly
+        self._all_rates[self._parts.rotors] = self._wheel_rates  # the load slows rotors slightly

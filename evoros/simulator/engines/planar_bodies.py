@@ -1,4 +1,4 @@
-"""Movable bodies and walkers in the plane: their parameters, and their places in a mission."""
+"""Movable bodies and walkers in the plane: their parameters, and their poses during a mission."""
 
 import math
 from collections.abc import Sequence
@@ -27,22 +27,22 @@ from evoros.world.model import KEPT_WORLDS, World
 from evoros.world.standing import GAP_M, Part, place_parts, sight_rows, standing_obstacles
 
 OVERLAP_M = 1e-3
-"""Overlap [m], seen from above, beyond which one body carries the other."""
+"""Overlap [m] in top view beyond which one body carries the other."""
 
 
 class Pushable(NamedTuple):
-    """A movable body that stands alone on the ground."""
+    """A movable body that stands on the ground and touches no other body."""
 
     body: Body
     parts: tuple[Part, ...]
-    radius: float  # [m] about its centre of mass
-    arm: float  # [m], maximum moment of friction about the vertical over maximum force
+    radius: float  # [m], about the centre of mass
+    arm: float  # [m], maximum moment of friction, divided by its maximum force
 
 
 def split_obstacles(world: World, height_m: float) -> tuple[tuple[Body, ...], tuple[Pushable, ...]]:
     """Return the immovable obstacles, and those that a robot of this height [m] can push.
 
-    A movable body counts as immovable if it overlaps another one, carries it or is carried by it.
+    A movable body counts as immovable if it overlaps, carries or rests on another obstacle.
     """
     bodies = standing_obstacles(world)
     parts = [place_parts(body, height_m) for body in bodies]
@@ -58,7 +58,7 @@ def split_obstacles(world: World, height_m: float) -> tuple[tuple[Body, ...], tu
 
 
 def _penetration(first: Part, second: Part) -> float:
-    """Return the overlap [m] of two shapes from above; 0 if one is high above the other."""
+    """Return the overlap [m] of two shapes in top view, or 0 if their height ranges do not meet."""
     if first.bottom > second.top + GAP_M or second.bottom > first.top + GAP_M:
         return 0.0
     (ax, ay, reach), (bx, by, other) = bounding_circle(first.area), bounding_circle(second.area)
@@ -80,8 +80,9 @@ def _describe(body: Body, parts: tuple[Part, ...]) -> Pushable:
 def _friction_arm(areas: Sequence[Footprint], centre: Array) -> float:
     """Return the mean distance [m] of a body's supports from its centre of mass.
 
-    It is the ratio of the maximum moment to the maximum force of friction. Corners or rims of the
-    footprints carry equally, as in engines; uniform pressure would give about half.
+    This is the ratio of the maximum friction moment to the maximum friction force if the corners
+    or rims of the footprints carry equal loads, as in engines. Uniform pressure would give about
+    half.
     """
     arms = [np.linalg.norm(area.vertices - centre, axis=1) for area in areas]
     rims = [area.radius for area in areas]
@@ -90,26 +91,28 @@ def _friction_arm(areas: Sequence[Footprint], centre: Array) -> float:
 
 
 START_X, START_Y, BODY_RADIUS, ARM_SQUARED, FRICTION, LOAD, FIRST_PART, END_PART = range(8)
-"""Columns of a body: initial centre of mass [m]; radius [m] about it; square of the arm [m2] of its
-friction about the vertical; friction coefficient; that times its mass [kg]; first part and end of
-its parts."""
+"""Columns of a body: initial centre of mass [m]; radius [m] about it; square of the friction arm
+[m2]; friction coefficient; friction coefficient times mass [kg]; index of the first part; end
+index of the parts."""
 BODY_SIZE = 8
 RADIUS, START, END, BOTTOM, TOP = range(5)
-"""Columns of a part: radius around its corners [m], first corner, end of its corners, lowest and
-highest point [m]."""
+"""Columns of a part: radius around its corners [m], index of its first corner, end index of its
+corners, lowest and highest point [m]."""
 PART_SIZE = 5
 FIXED_BOTTOM, FIXED_TOP = FOOTPRINT_SIZE, FOOTPRINT_SIZE + 1
-"""A fixed shape after its footprint (``evoros.geometry.footprint``): height range [m]."""
+"""Columns of a fixed shape after its footprint (``evoros.geometry.footprint``): height range [m].
+"""
 FIXED_SIZE = FOOTPRINT_SIZE + 2
 
 BODY_X, BODY_Y, BODY_COS, BODY_SIN = range(4)
-"""Columns of a body's pose: centre of mass [m], cosine and sine of its turn since the start."""
+"""Columns of a body's pose: centre of mass [m], and the cosine and sine of its rotation since
+the start."""
 POSE_SIZE = 4
 
 PlanarPose: TypeAlias = tuple[float, float, float, float]
 """x, y [m], and the cosine and sine of the heading."""
 
-MAX_FRICTION = 1.0  # PyBullet's chassis has friction 1, too
+MAX_FRICTION = 1.0  # as for PyBullet's chassis
 
 
 class Movables(NamedTuple):
@@ -117,32 +120,32 @@ class Movables(NamedTuple):
 
     bodies: Matrix  # (b, BODY_SIZE)
     parts: Matrix  # (s, PART_SIZE), the shapes of the bodies
-    corners: Matrix  # (c, 2) [m] of the parts, from the centre of mass of their body
-    sights: Matrix  # (s, OBSTACLE_SIZE) of the parts, from the centre of mass of their body
+    corners: Matrix  # (c, 2) [m] of the parts, relative to their body's centre of mass
+    sights: Matrix  # (s, OBSTACLE_SIZE) of the parts, relative to their body's centre of mass
     faces: Matrix  # faces of polyhedra, see evoros.geometry.ray
     grid: Array  # see evoros.geometry.grid
-    starts: Array  # first of the entries, by cell of the grid
-    entries: Array  # rows of ``fixed`` within reach of the bodies
+    starts: Array  # index of the first entry of each grid cell
+    entries: Array  # rows of ``fixed`` that bodies in a cell can reach
     fixed: Matrix  # (f, FIXED_SIZE), the immovable obstacles
     fixed_corners: Matrix  # (c, 2) [m] of ``fixed``
     walk: Array = NO_VALUES  # a packed Walk
 
 
 class Placed(NamedTuple):
-    """The places of the bodies and the walkers in a mission."""
+    """The poses of the bodies and the walkers during a mission."""
 
     poses: Matrix  # (b, POSE_SIZE)
-    saved: Matrix  # (b, POSE_SIZE) before the step
-    levels: Array  # (b,) distance from the robot in the chain of pushed bodies, or 0
-    corners: Matrix  # (c, 2) [m] of the parts
-    sights: Matrix  # (s, OBSTACLE_SIZE) of the parts, then of the walkers
-    robots: Matrix  # (r, 4), poses of the robots for the walkers
+    saved: Matrix  # (b, POSE_SIZE), before the step
+    levels: Array  # (b,) rank in the chain of pushed bodies, 1 next to the robot; 0: not pushed
+    corners: Matrix  # (c, 2) [m] of the parts, in the world
+    sights: Matrix  # (s, OBSTACLE_SIZE) of the parts, then of the walkers, in the world
+    robots: Matrix  # (r, 4), robot poses to which the walkers react
     walking: Array = NO_VALUES  # a packed Walking
 
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def can_push(world: World) -> bool:
-    """Return True if missions in a world go on after contact, and it has movable bodies."""
+    """Return True if a world has movable bodies, and its missions continue after contact."""
     movable = any(body.mass is not None for body in world.obstacles)
     return movable and not world.course.end_on_collision
 
@@ -151,7 +154,7 @@ def can_push(world: World) -> bool:
 def find_movables(world: World, tallest: float) -> tuple[tuple[Body, ...], Movables]:
     """Return the immovable obstacles, and the bodies that a robot of this height [m] can push.
 
-    Nothing moves in a world whose missions end at the first contact.
+    No body is pushable in a world whose missions end at the first contact.
     """
     fixed, pushable = split_obstacles(world, tallest) if can_push(world) else ((), ())
     if not pushable:
@@ -193,7 +196,7 @@ def _lay_out_fixed(fixed: Sequence[Body], reach: float) -> tuple[Array, ...]:
 
 
 def place_bodies(movables: Movables) -> Placed:
-    """Return the bodies at their initial places."""
+    """Return the bodies at their initial poses."""
     bodies = movables.bodies
     poses = np.zeros((len(bodies), POSE_SIZE))
     poses[:, [BODY_X, BODY_Y]] = bodies[:, [START_X, START_Y]]
@@ -207,7 +210,7 @@ def place_bodies(movables: Movables) -> Placed:
 
 @compilable
 def place_body(movables: Movables, placed: Placed, index: int) -> None:
-    """Move the corners and the ray shapes of a body to its pose."""
+    """Move the corners and the ray shapes of a body to its current pose."""
     x, y, cos, sin = pose_of(placed, index)
     body = movables.bodies[index]
     for i in range(int(body[FIRST_PART]), int(body[END_PART])):

@@ -17,18 +17,18 @@ from evoros.simulator.engines.planar_pushing import TOLERANCE_M, is_near
 from evoros.simulator.engines.rays import Zone, crosses_zone
 
 SKIN_M = 1e-3
-"""Maximum distance [m] of a pushed body from the robot that touches it."""
+"""Maximum distance [m] at which a robot still touches the body that it has pushed away."""
 
 
 class Outline(NamedTuple):
-    """The outline of a robot, in a tuple because compiled code must not return bare views."""
+    """The outline of a robot, wrapped because compiled code must not return bare views."""
 
     corners: Matrix  # (k, 2) [m]
 
 
 @compilable
 def outline_of(parameters: Array, memory: Array, index: int) -> Outline:
-    """Return the outline of a robot at its last place."""
+    """Return the outline of a robot where it was last placed."""
     places = unpack(Plane, parameters).places
     first, end = int(places[index, layout.CORNERS]), int(places[index + 1, layout.CORNERS])
     return Outline(unpack(Memory, memory).outlines[first:end])
@@ -36,7 +36,7 @@ def outline_of(parameters: Array, memory: Array, index: int) -> Outline:
 
 @compilable
 def place_outline(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> Outline:
-    """Move the outline of a robot, in the memory, to a pose and return it."""
+    """Move the stored outline of a robot to a pose, and return it."""
     x, y, cos, sin = pose
     outline = outline_of(parameters, memory, index)
     transform_polygon(hull_of(parameters, index).outline, x, y, cos, sin, outline.corners)
@@ -45,7 +45,10 @@ def place_outline(parameters: Array, memory: Array, index: int, pose: PlanarPose
 
 @compilable
 def touches(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> bool:
-    """Return True if a robot at a pose overlaps a fixed obstacle or robots, which record it."""
+    """Return True if a robot at a pose overlaps a fixed obstacle or another robot.
+
+    The contact is recorded for the other robot.
+    """
     motions = unpack(Memory, memory).motions
     touched = False
     for other in range(len(motions)):
@@ -74,7 +77,7 @@ def touches(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> b
 
 @compilable
 def is_far(footprint: Array, radius: float, x: float, y: float) -> bool:
-    """Return True if a footprint is too far from a robot at a place [m] for a contact."""
+    """Return True if a footprint is too far from a robot at (x, y) [m] for a contact."""
     dx = footprint[CENTRE_X] - x
     dy = footprint[CENTRE_Y] - y
     near = radius + footprint[CIRCLE]
@@ -85,7 +88,7 @@ def is_far(footprint: Array, radius: float, x: float, y: float) -> bool:
 def overlaps_robot(
     parameters: Array, memory: Array, index: int, pose: PlanarPose, other: int
 ) -> bool:
-    """Return True if a robot at a pose overlaps another; both outlines are then placed."""
+    """Return True if a robot at a pose overlaps another; then both outlines have been placed."""
     there = pose_of(memory, other)
     dx = there[0] - pose[0]
     dy = there[1] - pose[1]
@@ -99,7 +102,7 @@ def overlaps_robot(
 
 @compilable
 def feel_robots(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> None:
-    """Count the touches of contact sensors if a robot at a pose overlaps other robots."""
+    """Count touches for the contact sensors of a robot and of the robots that overlap it."""
     for other in range(len(unpack(Memory, memory).motions)):
         if other != index and overlaps_robot(parameters, memory, index, pose, other):
             outline = outline_of(parameters, memory, index).corners
@@ -110,7 +113,7 @@ def feel_robots(parameters: Array, memory: Array, index: int, pose: PlanarPose) 
 
 @compilable
 def feel_pressed(parameters: Array, memory: Array, index: int) -> bool:
-    """Return True if bodies pushed by a robot overlap other robots, which record a contact."""
+    """Return True if bodies pushed by a robot overlap others, and record the others' contacts."""
     movables = unpack(Movables, unpack(Plane, parameters).movables)
     placed = unpack(Placed, unpack(Memory, memory).movables)
     pressed = False
@@ -140,7 +143,7 @@ def feel_pressed(parameters: Array, memory: Array, index: int) -> bool:
 
 @compilable
 def feel(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> None:
-    """Count a touch for each zone that an obstacle or a pushed body touches."""
+    """Count a touch for each contact zone that touches an obstacle or a pushable body."""
     probes = probes_of(parameters, index).contact
     place_outline(parameters, memory, index, pose)
     touched = int(unpack(Plane, parameters).places[index, layout.TOUCHES])
@@ -156,7 +159,7 @@ def feel(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> None
 def feel_polygon(
     parameters: Array, memory: Array, index: int, pose: PlanarPose, polygon: Array, radius: float
 ) -> None:
-    """Count a touch for each zone in which a rounded polygon overlaps a robot at a pose."""
+    """Count a touch for each contact zone in which a rounded polygon overlaps a robot at a pose."""
     probes = probes_of(parameters, index).contact
     touched = int(unpack(Plane, parameters).places[index, layout.TOUCHES])
     outline = outline_of(parameters, memory, index).corners
@@ -168,14 +171,14 @@ def feel_polygon(
 
 @compilable
 def zone_of(probe: Array) -> Zone:
-    """Return the zone of a contact probe."""
+    """Return the contact zone of a probe."""
     zone = probe[ZONE:]
     return Zone(zone[0], zone[1], zone[2], zone[3], zone[4], zone[5])
 
 
 @compilable
 def feels_fixed(parameters: Array, memory: Array, index: int, pose: PlanarPose, zone: Zone) -> bool:
-    """Return True if the outline overlaps a fixed obstacle within a zone."""
+    """Return True if the outline overlaps a fixed obstacle within a contact zone."""
     robot = hull_of(parameters, index)
     cell = cell_at(robot.grid, pose[0], pose[1])
     if cell < 0:
@@ -195,7 +198,7 @@ def feels_fixed(parameters: Array, memory: Array, index: int, pose: PlanarPose, 
 def feels_bodies(
     parameters: Array, memory: Array, index: int, pose: PlanarPose, zone: Zone
 ) -> bool:
-    """Return True if a pushable body touches the outline within a zone."""
+    """Return True if a pushable body touches the outline within a contact zone."""
     parts = unpack(Movables, unpack(Plane, parameters).movables).parts
     corners = unpack(Placed, unpack(Memory, memory).movables).corners
     height = hull_of(parameters, index).height
@@ -215,12 +218,12 @@ def feels_bodies(
 def lies_in_zone(
     contact: tuple[float, float, float, float, float, float], zone: Zone, pose: PlanarPose
 ) -> bool:
-    """Return True if a contact of a robot at a pose lies in a zone."""
+    """Return True if a contact of a robot at a pose lies in a contact zone."""
     depth, nx, ny, along, low, high = contact
     if depth <= 0.0:
         return False
     x, y, cos, sin = pose
-    # Ends of the contact, relative to the robot's origin, along the world's axes.
+    # End points of the contact, relative to the robot's origin, along the world's axes.
     ax = along * nx - low * ny - x
     ay = along * ny + low * nx - y
     bx = along * nx - high * ny - x

@@ -1,4 +1,4 @@
-"""The parameters of robots in the plane, and the memory of a mission."""
+"""Array layouts of the planar simulator's parameters, and of the memory of a mission."""
 
 from typing import NamedTuple
 
@@ -14,25 +14,25 @@ from evoros.simulator.engines.planar_bodies import PlanarPose
 from evoros.simulator.engines.rays import ZONE_SIZE, find_zones
 
 PLACE = 0
-"""Every probe begins with the index of its signal."""
+"""First column of every probe: the index of its signal."""
 FRAME, GRAVITY = 1, 8
-"""Columns of a motion probe: position (3,) [m] and quaternion (4,) of its frame; gravity [m/s2]."""
+"""Columns of a motion probe: the frame's position (3,) [m] and quaternion (4,); gravity [m/s2]."""
 MOTION_PROBE_SIZE = 9
 ZONE = 1
-"""Columns of a contact probe: its zone."""
+"""First column of a contact probe's zone."""
 CONTACT_PROBE_SIZE = ZONE + ZONE_SIZE
 
 
 class Probes(NamedTuple):
-    """The sensors of a robot that cast no rays."""
+    """The sensors of a robot that do not cast rays."""
 
     motion: Matrix  # (p, MOTION_PROBE_SIZE)
-    wheels: Array  # indices of the signals
+    wheels: Array  # indices of the wheel signals
     contact: Matrix  # (p, CONTACT_PROBE_SIZE)
 
 
 def list_probes(robot: Robot, gravity: float) -> Probes:
-    """Return the probes of a robot in a world with a gravity [m/s2]."""
+    """Return the probes of a robot in a world with this gravity [m/s2]."""
     motion, wheels, contact, zones = [], [], [], find_zones(robot)
     for index, sensor in enumerate(robot.mounted_sensors()):
         place = float(robot.signal_layout[index].start)
@@ -51,20 +51,20 @@ def list_probes(robot: Robot, gravity: float) -> Probes:
 
 
 def _face(yaw: float, pitch: float) -> tuple[float, float, float, float]:
-    """Return the quaternion of a yaw to the left and then a pitch, nose up [rad]."""
+    """Return the quaternion (w, x, y, z) of a yaw to the left, then a pitch, nose up [rad]."""
     sy, cy = elementary.sin_cos(yaw / 2)
     sp, cp = elementary.sin_cos(pitch / 2)
     return cy * cp, sy * sp, -cy * sp, sy * cp
 
 
 STEERING_ANGLE, CURVATURE, ROLLED, TURNED, COS, SIN = range(STATE_SIZE, STATE_SIZE + 6)
-"""The motion of a robot is its state, then its steering angle [rad], its curvature [1/m], the
-distance [m] and turn [rad] of its rear axle since the start, and cosine and sine of its yaw."""
+"""Columns of a robot's motion after its state: steering angle [rad], curvature [1/m], distance
+[m] and rotation [rad] of its rear axle since the start, and cosine and sine of its yaw."""
 MOTION_SIZE = STATE_SIZE + 6
 
 HULL, SIGHT, PROBES, SIGNALS, CORNERS, TOUCHES, SHAPES = range(7)
-"""Start indices of a robot's parts in ``hulls``, ``sights`` and ``probes``, and of its signals,
-outline corners, touches and shapes."""
+"""Columns of ``places``: start indices of a robot's values in ``hulls``, ``sights`` and
+``probes``, and of its signals, outline corners, touches and shapes."""
 PLACES = 7
 
 
@@ -73,7 +73,7 @@ class Drive(NamedTuple):
 
     steering_gain: float  # fraction of the steering error corrected per step
     speed_gain: float  # fraction of the speed error corrected per step
-    steering_mean: float  # mean curvature over a step: 0, as at its start, to 1, as at its end
+    steering_mean: float  # mean curvature over a step, from 0 (initial value) to 1 (final value)
     speed_mean: float  # mean speed over a step, on the same scale
     max_speed: float  # [m/s]
     speed_limit_offset: (
@@ -85,15 +85,15 @@ class Drive(NamedTuple):
 
 
 class Hull(NamedTuple):
-    """A robot's body, and the obstacles that it may touch, laid out like ``obstacle_arrays``."""
+    """A robot's body, and the obstacles that it may touch, in the order of ``obstacle_arrays``."""
 
     radius: float  # [m] from the origin to the farthest outline corner
     height: float  # [m]
     mass: float  # [kg], including sensors
     outline: Matrix  # (k, 2) corners [m]
     grid: Array
-    starts: Array  # first of the entries, by cell
-    entries: Array  # rows of the footprints within reach of the outline
+    starts: Array  # index of the first entry of each grid cell
+    entries: Array  # rows of the footprints that an outline in a cell can reach
     footprints: Matrix
     corners: Matrix  # (c, 2) [m] of the footprints
 
@@ -106,53 +106,53 @@ class Sight(NamedTuple):
     rays: Matrix  # (m, 3) unit vectors, in the robot's frame
     steered: Array  # see ``rays``; empty if no sensor can see a steered wheel
     grid: Array
-    starts: Array  # first of the entries, by cell
-    entries: Array  # rows of the obstacles within reach of the sensors
+    starts: Array  # index of the first entry of each grid cell
+    entries: Array  # rows of the obstacles that sensors in a cell can reach
     obstacles: Matrix
     faces: Matrix  # faces of polyhedra
 
 
 class Plane(NamedTuple):
-    """Robots in a world: the parameters of the planar simulator's rules."""
+    """Parameters of the planar simulator's rules: robots in a world."""
 
     time_step: float  # [s]
     drives: Matrix  # a Drive for each robot
-    places: Matrix  # (robots + 1, PLACES); the last row has the ends
+    places: Matrix  # (robots + 1, PLACES); the last row has the end indices
     hulls: Array  # a packed Hull for each robot
     sights: Array  # a packed Sight for each robot
     probes: Array  # packed Probes for each robot
-    shapes: Matrix  # (s, OBSTACLE_SIZE) of each robot in its frame, seen by the others
+    shapes: Matrix  # (s, OBSTACLE_SIZE) of each robot in its frame, seen by other robots
     faces: Matrix  # faces of polyhedra among the shapes
     movables: Array  # packed Movables
 
 
 class Memory(NamedTuple):
-    """The memory of a mission; arrays contain the parts of all robots in order."""
+    """The memory of a mission; arrays hold the values of one robot after another."""
 
     motions: Matrix  # (robots, MOTION_SIZE)
-    outlines: Matrix  # (k, 2) corners [m] after the next step
+    outlines: Matrix  # (k, 2) corners [m], where they were last placed
     touches: Array  # number of touches of each contact probe
-    shapes: Matrix  # (s, OBSTACLE_SIZE) at the robots' places
+    shapes: Matrix  # (s, OBSTACLE_SIZE) at the robots' poses
     movables: Array  # packed Placed
 
 
 @inlined
 def hull_of(parameters: Array, index: int) -> Hull:
-    """Return the hull of one of the robots."""
+    """Return the hull of a robot."""
     plane = unpack(Plane, parameters)
     return unpack(Hull, plane.hulls[int(plane.places[index, HULL]) :])
 
 
 @inlined
 def sight_of(parameters: Array, index: int) -> Sight:
-    """Return the sight of one of the robots."""
+    """Return the sight of a robot."""
     plane = unpack(Plane, parameters)
     return unpack(Sight, plane.sights[int(plane.places[index, SIGHT]) :])
 
 
 @inlined
 def probes_of(parameters: Array, index: int) -> Probes:
-    """Return the probes of one of the robots."""
+    """Return the probes of a robot."""
     plane = unpack(Plane, parameters)
     return unpack(Probes, plane.probes[int(plane.places[index, PROBES]) :])
 
@@ -165,6 +165,6 @@ def pose_of(memory: Array, index: int) -> PlanarPose:
 
 
 def place_robot(memory: Memory, index: int, x: float, y: float, yaw: float) -> None:
-    """Put a robot at a place [m] and a yaw [rad]."""
+    """Set the position [m] and yaw [rad] of a robot."""
     sin, cos = elementary.sin_cos(yaw)
     memory.motions[index, [X, Y, YAW, COS, SIN]] = x, y, yaw, cos, sin

@@ -5,9 +5,10 @@ contacts push overlapping bodies apart, one after another, until no overlap is l
 
 Ground friction follows its limit surface (Goyal, Ruina and Papadopoulos, Wear 143, 1991),
 approximated by an ellipsoid (Howe and Cutkosky, International Journal of Robotics Research 15,
-1996). A force f at r from the centre of friction thus moves the body in proportion to f, and turns
-it in proportion to (r x f) / c^2, where c is the ratio of the maximum moment to the maximum force.
-The contact sticks or slides by Coulomb's law (Lynch, Maekawa and Tanie, IROS 1992).
+1996). A force f at a distance r from the centre of friction thus displaces the body in proportion
+to f, and rotates it in proportion to (r x f) / c^2, where c is the ratio of the maximum moment to
+the maximum force. The contact sticks or slides by Coulomb's law (Lynch, Maekawa and Tanie, IROS
+1992).
 """
 
 import math
@@ -22,7 +23,7 @@ from evoros.geometry.grid import cell_at
 from evoros.simulator.engines import planar_bodies as bodies
 from evoros.simulator.engines.planar_bodies import Movables, Placed, PlanarPose, place_body, pose_of
 
-MAX_TURN = 0.3  # [rad], maximum turn of a body by one contact in a sweep
+MAX_TURN = 0.3  # [rad], maximum rotation of a body by one contact in a sweep
 
 
 class Push(NamedTuple):
@@ -32,16 +33,16 @@ class Push(NamedTuple):
     nx: float  # normal
     ny: float
     along: float  # [m], position of the contact along the normal
-    side: float  # [m], position along its left-hand perpendicular
-    drag: float  # [m], displacement along the perpendicular if friction suffices
+    side: float  # [m], position along the left-hand perpendicular of the normal
+    drag: float  # [m], displacement along the perpendicular if the contact sticks
     friction: float  # coefficient
 
 
 @compilable
 def move_body(movables: Movables, placed: Placed, index: int, push: Push) -> None:
-    """Move a body along the normal at a point of contact, and turn it."""
+    """Displace a body at a contact by the push, and rotate it accordingly."""
     x, y, cos, sin = pose_of(placed, index)
-    # The arms of a force along the perpendicular and of one along the normal.
+    # The moment arms of unit forces along the perpendicular and along the normal.
     arm = push.along - (x * push.nx + y * push.ny)
     lever = -(push.side - (y * push.nx - x * push.ny))
     squared = max(movables.bodies[index, bodies.ARM_SQUARED], 1e-6)
@@ -61,7 +62,7 @@ def move_body(movables: Movables, placed: Placed, index: int, push: Push) -> Non
 
 @compilable
 def solve_contact(push: Push, arm: float, lever: float, squared: float) -> tuple[float, float]:
-    """Return the displacement [m] of a contact along its normal and across it."""
+    """Return the displacement [m] of a contact point along the contact normal and across it."""
     nn = 1.0 + lever * lever / squared
     nt = lever * arm / squared
     tt = 1.0 + arm * arm / squared
@@ -82,7 +83,7 @@ def solve_contact(push: Push, arm: float, lever: float, squared: float) -> tuple
 
 
 UNTOUCHED, PUSHED, BLOCKED = range(3)
-SWEEPS = 40  # maximum number of passes over all contacts; then remaining overlaps block
+SWEEPS = 40  # maximum number of passes over all contacts; overlaps left then block the robot
 TOLERANCE_M = 1e-5  # tolerated overlap
 
 Contact: TypeAlias = tuple[float, float, float, float, float, float]
@@ -90,9 +91,9 @@ Contact: TypeAlias = tuple[float, float, float, float, float, float]
 
 
 class Pusher(NamedTuple):
-    """A robot that makes a step."""
+    """A robot that takes a step."""
 
-    mass: float  # [kg]; overcomes the friction of this mass with coefficient 1
+    mass: float  # [kg]; the robot can overcome the friction of this mass at a coefficient of 1
     height: float  # [m]
     radius: float  # [m], outline about the robot's origin
     outline: Array  # (k, 2) [m], at the pose after the step
@@ -102,7 +103,7 @@ class Pusher(NamedTuple):
 
 @compilable
 def push_bodies(movables: Movables, placed: Placed, robot: Pusher) -> int:
-    """Push bodies off a robot's outline, or restore them; return UNTOUCHED, PUSHED or BLOCKED."""
+    """Push bodies off a robot's outline, or put them back; return UNTOUCHED, PUSHED or BLOCKED."""
     levels = placed.levels
     for i in range(len(levels)):
         levels[i] = 0.0
@@ -134,7 +135,7 @@ def push_bodies(movables: Movables, placed: Placed, robot: Pusher) -> int:
 
 @compilable
 def put_back(movables: Movables, placed: Placed) -> None:
-    """Move the bodies back to their poses before the last push."""
+    """Return the bodies to their poses before the last push."""
     for i in range(len(placed.levels)):
         if placed.levels[i] > 0.0:
             for k in range(bodies.POSE_SIZE):
@@ -144,9 +145,10 @@ def put_back(movables: Movables, placed: Placed) -> None:
 
 @compilable
 def push_by_robot(movables: Movables, placed: Placed, robot: Pusher, slip: float) -> bool:
-    """Push each body off the robot; return True if any overlapped it.
+    """Push each body off the robot; return True if any body overlapped it.
 
-    ``slip`` is 1 if friction drags the bodies along, or 0 if the contact sticks in place.
+    ``slip`` is 1 if friction drags bodies along with the robot, or 0 if the contact points stay in
+    place.
     """
     x, y, _, _ = robot.pose
     overlaps = False
@@ -174,11 +176,11 @@ def push_by_robot(movables: Movables, placed: Placed, robot: Pusher, slip: float
 
 @compilable
 def drag_along(robot: Pusher, contact: Contact, side: float) -> float:
-    """Return the displacement [m] across the normal of a contact point at ``side`` [m]."""
+    """Return the robot's motion [m], across the contact normal, at the point ``side`` [m]."""
     _, nx, ny, along, _, _ = contact
     x, y, cos, sin = robot.pose
     old_x, old_y, old_cos, old_sin = robot.before
-    # The point relative to the robot, and its previous position in the world.
+    # The contact point relative to the robot, and the robot's displacement there.
     px = along * nx - side * ny - x
     py = along * ny + side * nx - y
     ahead = cos * px + sin * py
@@ -190,7 +192,7 @@ def drag_along(robot: Pusher, contact: Contact, side: float) -> float:
 
 @compilable
 def is_near(placed: Placed, index: int, x: float, y: float, distance: float) -> bool:
-    """Return True if a body is within a distance [m] of a place; False if that is NaN."""
+    """Return True if a body is within a distance [m] of (x, y); False if the distance is NaN."""
     dx = placed.poses[index, bodies.BODY_X] - x
     dy = placed.poses[index, bodies.BODY_Y] - y
     return bool(dx * dx + dy * dy <= distance * distance)
@@ -198,14 +200,14 @@ def is_near(placed: Placed, index: int, x: float, y: float, distance: float) -> 
 
 @compilable
 def middle_of(placed: Placed, index: int, contact: Contact) -> float:
-    """Return the position [m] across the normal of the contact point nearest to a body."""
+    """Return the position [m] across the contact normal of the contact point nearest to a body."""
     _, nx, ny, _, low, high = contact
     x, y, _, _ = pose_of(placed, index)
     return min(max(y * nx - x * ny, low), high)
 
 
 class Wall(NamedTuple):
-    """A rounded polygon off which a body is pushed."""
+    """A rounded polygon that pushes bodies away."""
 
     corners: Array  # (k, 2) [m]
     radius: float  # [m]
@@ -254,7 +256,7 @@ def push_by_fixed(movables: Movables, placed: Placed, index: int) -> bool:
 
 @compilable
 def push_by_body(movables: Movables, placed: Placed, index: int) -> bool:
-    """Push other bodies off one that is nearer to the robot; return True if any overlapped."""
+    """Push all bodies farther from the robot off this body; return True if any overlapped it."""
     levels = placed.levels
     overlaps = False
     for j in range(len(levels)):

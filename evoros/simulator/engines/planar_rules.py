@@ -1,8 +1,8 @@
-"""The rules of motion of the planar simulator, over the arrays of ``planar_layout``.
+"""The motion rules of the planar simulator, on the arrays of ``planar_layout``.
 
-In each step, the robots move in order. A robot does not push another one but stops before a step
-into its present outline. The rules give the same bits compiled and interpreted, and robots that are
-far apart move as if alone.
+In each step, the robots move one after another. A robot does not push another robot: it stops if
+its step would end inside the other's present outline. Compiled and interpreted rules give bitwise
+equal results, and robots that are far apart move as if alone.
 """
 
 import math
@@ -40,11 +40,11 @@ from evoros.walkers.motion import walk
 from evoros.world.standing import sight_rows
 
 NEAR_M = 1.0
-"""Upper bound [m] of a robot's motion in a step."""
+"""Upper bound [m] on a robot's motion in a step."""
 
 
 def place_crowd(placed: Placed, crowd: Crowd, robots: int) -> Placed:
-    """Add the walkers of a mission to the bodies, at their initial places."""
+    """Add the walkers of a mission to ``placed``, at their initial positions."""
     solids = [
         (Shape("cylinder", (radius, height)), Pose((0.0, 0.0, height / 2.0)))
         for radius, height in crowd.sizes
@@ -57,7 +57,7 @@ def place_crowd(placed: Placed, crowd: Crowd, robots: int) -> Placed:
 
 @compilable
 def place_walkers(now: Walking, shapes: Array) -> None:
-    """Move the ray shapes of the walkers, the last ones of ``shapes``, to their places."""
+    """Move the walkers' ray shapes, the last rows of ``shapes``, to the walkers' positions."""
     first = len(shapes) - len(now.places)
     for i in range(len(now.places)):
         shapes[first + i, ray.AT_X] = now.places[i, 0]
@@ -66,7 +66,7 @@ def place_walkers(now: Walking, shapes: Array) -> None:
 
 @compilable
 def move_walkers(parameters: Array, memory: Array) -> None:
-    """Move all walkers by a step, given the robots' present poses."""
+    """Move all walkers by one step, given the robots' present poses."""
     plane = unpack(Plane, parameters)
     placed = unpack(Placed, unpack(Memory, memory).movables)
     for i in range(len(placed.robots)):
@@ -84,7 +84,7 @@ def move_walkers(parameters: Array, memory: Array) -> None:
 def meet_walkers(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> int:
     """Return UNTOUCHED, PUSHED or BLOCKED for a robot among walkers at a pose; record the touches.
 
-    A robot does not drive deeper into a walker that it overlaps.
+    A robot that overlaps a walker is blocked only if it would drive deeper into the walker.
     """
     movables = unpack(Movables, unpack(Plane, parameters).movables)
     placed = unpack(Placed, unpack(Memory, memory).movables)
@@ -115,7 +115,7 @@ def meet_walkers(parameters: Array, memory: Array, index: int, pose: PlanarPose)
 
 @compilable
 def measure_gap(outline: Array, pose: PlanarPose, x: float, y: float) -> float:
-    """Return the distance [m] of a place from an outline at a pose, negative inside."""
+    """Return the distance [m] of (x, y) from an outline at a pose, negative inside."""
     px, py, cos, sin = pose
     dx = x - px
     dy = y - py
@@ -127,7 +127,7 @@ FULL_TURN = 2.0 * math.pi
 
 
 class Stride(NamedTuple):
-    """The motion of a robot in a step, if nothing blocks it."""
+    """The motion of a robot in a step if nothing blocks it."""
 
     rolled: float  # [m], of the rear axle's centre
     turned: float  # [rad]
@@ -136,9 +136,9 @@ class Stride(NamedTuple):
 
 
 def observe(parameters: Array, memory: Array, states: Array) -> None:
-    """Copy the states of all robots, with contacts since the last call, and clear the contacts.
+    """Copy the states of all robots, with any contact since the last call, and clear the contacts.
 
-    Reports of walkers follow, see ``evoros.walkers.layout``.
+    The walkers' reports follow; see ``evoros.walkers.layout``.
     """
     motions = unpack(Memory, memory).motions
     for i in range(len(motions)):
@@ -151,7 +151,7 @@ def observe(parameters: Array, memory: Array, states: Array) -> None:
 
 
 def advance(parameters: Array, memory: Array, commands: Array, duration: float) -> None:
-    """Drive for ``duration`` [s]; a robot that would drive into something stops instead."""
+    """Drive for ``duration`` [s]; a robot that would hit something stops instead."""
     for _ in range(round(duration / unpack(Plane, parameters).time_step)):
         for i in range(len(unpack(Memory, memory).motions)):
             stride = predict(parameters, memory, i, commands)
@@ -160,10 +160,11 @@ def advance(parameters: Array, memory: Array, commands: Array, duration: float) 
 
 
 def advance_pushing(parameters: Array, memory: Array, commands: Array, duration: float) -> None:
-    """Drive like ``advance``, push bodies, and count touches of contact sensors.
+    """Drive like ``advance``, but also push bodies and count the touches of contact sensors.
 
-    Pushable bodies are no obstacles while they can move. Without such bodies and sensors,
-    ``advance`` has the same results and compiles in a quarter of the time.
+    Pushable bodies block a robot only if they cannot move. In worlds without such bodies and for
+    robots without contact sensors, ``advance`` gives the same results and compiles in a quarter of
+    the time.
     """
     for _ in range(round(duration / unpack(Plane, parameters).time_step)):
         for i in range(len(unpack(Memory, memory).motions)):
@@ -182,7 +183,7 @@ def advance_pushing(parameters: Array, memory: Array, commands: Array, duration:
 def advance_among_walkers(
     parameters: Array, memory: Array, commands: Array, duration: float
 ) -> None:
-    """Drive like ``advance_pushing`` among walkers, which move first in each step."""
+    """Drive like ``advance_pushing``, among walkers, which move first in each step."""
     for _ in range(round(duration / unpack(Plane, parameters).time_step)):
         move_walkers(parameters, memory)
         for i in range(len(unpack(Memory, memory).motions)):
@@ -203,12 +204,12 @@ def advance_among_walkers(
 
 @compilable
 def predict(parameters: Array, memory: Array, index: int, commands: Array) -> Stride:
-    """Return a robot's motion in a step, after updating its servos."""
+    """Return a robot's motion in a step, after updating its steering and speed."""
     plane = unpack(Plane, parameters)
     drive, step = unpack(Drive, plane.drives[index]), plane.time_step
     motions = unpack(Memory, memory).motions
     speed, rate = roll(drive, motions, index, commands)
-    # The chord of the rear axle's arc deviates from the heading by half the turn.
+    # The chord of the rear axle's arc deviates from the heading by half the rotation.
     half = 0.5 * rate * step
     chord = speed * step
     half_sin, half_cos = elementary.sin_cos(half)
@@ -231,7 +232,8 @@ def predict(parameters: Array, memory: Array, index: int, commands: Array) -> St
 def roll(drive: Drive, motions: Matrix, index: int, commands: Array) -> tuple[float, float]:
     """Let steering and speed follow a command; return the mean speed [m/s] and yaw rate [rad/s].
 
-    Means over the step make the motion second order in the step; final values would be first order.
+    Means over the step make the motion second-order accurate in the step; final values would make
+    it first-order accurate.
     """
     motion, command = motions[index], commands[index * COMMAND_SIZE :]
     wanted = min(max(command[arrays.STEERING], -drive.steering_limit), drive.steering_limit)
@@ -262,7 +264,7 @@ def roll(drive: Drive, motions: Matrix, index: int, commands: Array) -> tuple[fl
 def roll_unevenly(
     drive: Drive, motion: Array, target: float, curvature: float, left: float, right: float
 ) -> None:
-    """Let speed and yaw rate follow wheels whose sides have a strength; see ``find_targets``."""
+    """Let speed and yaw rate follow wheels of which one side is weakened; see ``find_targets``."""
     half, gain = drive.speed_limit_offset, drive.speed_gain
     left *= target * (1.0 - curvature * half)
     right *= target * (1.0 + curvature * half)

@@ -1,7 +1,7 @@
-"""The sensing rules of robots in the plane, over the arrays of ``planar_layout``.
+"""The sensing rules of robots in the plane, on the arrays of ``planar_layout``.
 
-They give the same bits compiled and interpreted. Signals of sensors that cast no rays are exact,
-because the wheels do not slip in the plane.
+Compiled and interpreted rules give bitwise equal results. The signals of sensors that cast no rays
+are exact, because wheels do not slip in the planar simulator.
 """
 
 import math
@@ -38,24 +38,24 @@ from evoros.simulator.engines.rays import Beam, see_parts_at
 
 FULL_TURN = 2.0 * math.pi
 
-# A beam, which is a channel of a sensor, is a row of the block BEAMS.
+# Each beam, that is, a channel of a sensor, is a row of BEAMS with these columns.
 ORIGIN, MIN_RANGE, FREE_RANGE, FIRST_RAY, END_RAY, LEFT_EDGE, RIGHT_EDGE = 0, 3, 4, 5, 6, 7, 9
-"""Origin (3,) [m]; minimum range [m]; reading without obstacles [m]; first ray and end of its
-rays; unit vectors (2,) outwards across the left and right edge of the beam, or 0 without edges."""
+"""Origin (3,) [m]; minimum range [m]; reading without obstacles [m]; first ray; end of its rays;
+outward unit normals (2,) of the beam's left and right edge, or 0 without edges."""
 BEAM_SIZE = 11
 
-# A group of beams is a row of the block GROUPS.
+# Each group of beams is a row of GROUPS with these columns.
 FIRST_BEAM, END_BEAM, BEARING, SPACING, REACH = range(5)
-"""First beam and end of its beams; bearing of the first beam and spacing [rad], left positive, if
-the beams are evenly spaced single rays from one place, else zeros; maximum range without obstacles
-[m]."""
+"""First beam; end of its beams; bearing of the first beam and spacing [rad], positive to the
+left, or zeros unless the beams are single rays, evenly spaced, from one origin; maximum range
+without obstacles [m]."""
 GROUP_SIZE = 5
 _UNEVEN_RAD = 1e-9
 Indices = NDArray[np.int64]
 
 
 def beam_rows(robot: Robot, frames: Array, beams: Sequence[Beam], rays: Array) -> Array:
-    """Return the block BEAMS; ``frames`` are one per mount, ``rays`` of all beams."""
+    """Return BEAMS, given one frame per mount and the rays of all beams."""
     rows = np.zeros((len(beams), BEAM_SIZE))
     if not len(beams):
         return rows
@@ -72,7 +72,7 @@ def beam_rows(robot: Robot, frames: Array, beams: Sequence[Beam], rays: Array) -
 
 
 def _facing(robot: Robot, frames: Array, sums: Array) -> Iterator[float]:
-    """Yield the yaw [rad] of each beam: the sensor's, or with several channels the mean ray's."""
+    """Yield each beam's yaw [rad]: its sensor's, or with several channels its mean ray's."""
     for part, frame in zip(robot.beam_layout, frames, strict=True):
         if part.stop - part.start == 1:
             yield elementary.atan2(frame[1, 0], frame[0, 0])
@@ -81,14 +81,14 @@ def _facing(robot: Robot, frames: Array, sums: Array) -> Iterator[float]:
 
 
 def _free_ranges(height: Array, slopes: Array, first: Indices, farthest: Array) -> Array:
-    """Return the readings [m] without obstacles: the ground, or ``farthest``."""
+    """Return the readings [m] without obstacles: the distance to the ground, or ``farthest``."""
     drop = -np.minimum.reduceat(slopes, first)
     seen = drop * farthest > height
     return np.where(seen, height / np.where(seen, drop, 1.0), farthest)
 
 
 def _edges(rays: Array, first: Indices, yaws: Array) -> Array:
-    """Return the outward unit normals (n, 4) of each beam's edges; zeros if it is not a wedge."""
+    """Return the outward unit normals (n, 4) of each beam's edges; zeros if it is no wedge."""
     x, y = rays[:, 0], rays[:, 1]
     angles = atan2_all(y, x) - np.repeat(yaws, np.diff([*first, len(rays)]))
     angles = atan2_all(sin_all(angles), cos_all(angles))
@@ -101,7 +101,7 @@ def _edges(rays: Array, first: Indices, yaws: Array) -> Array:
 
 
 def group_rows(robot: Robot, rows: Array, rays: Array) -> Array:
-    """Return the block GROUPS: each even sensor, and the other sensors between them."""
+    """Return GROUPS: one for each evenly spaced sensor, and one for each run of other sensors."""
     groups: list[tuple[float, float, float, float, float]] = []
     for part in robot.beam_layout:
         bearing, spacing = _measure_spacing(rows[part], rays)
@@ -114,7 +114,7 @@ def group_rows(robot: Robot, rows: Array, rays: Array) -> Array:
 
 
 def _measure_spacing(rows: Array, rays: Array) -> tuple[float, float]:
-    """Return the bearing of a sensor's first beam, and the spacing [rad]; 0 if uneven."""
+    """Return the bearing of a sensor's first beam and the spacing [rad]; 0 if unevenly spaced."""
     single = rows[:, END_RAY] - rows[:, FIRST_RAY] == 1.0
     if len(rows) < 2 or not single.all():
         return 0.0, 0.0
@@ -128,9 +128,10 @@ def _measure_spacing(rows: Array, rays: Array) -> tuple[float, float]:
 
 @compilable
 def find_span(group: Array, x: float, y: float, radius: float) -> tuple[float, float]:
-    """Return the span of an even group's beams that may hit a circle, counted from the first.
+    """Return the index range of an even group's beams that may hit a circle.
 
-    (x, y) [m] is the circle's centre from the beams' origin. The span may be off by a full turn.
+    (x, y) [m] is the circle's centre relative to the beams' origin. The range may be off by a full
+    turn.
     """
     squared = x * x + y * y
     if squared <= radius * radius:
@@ -139,13 +140,13 @@ def find_span(group: Array, x: float, y: float, radius: float) -> tuple[float, f
     middle = elementary.atan2(y, x) - group[BEARING]
     if middle < 0.0:
         middle += FULL_TURN
-    # One more beam on each side allows for rounding.
+    # Extend the range by one beam on each side, to allow for rounding.
     return (middle - half) / group[SPACING] - 1.0, (middle + half) / group[SPACING] + 1.0
 
 
 @compilable
 def fill_signals(parameters: Array, memory: Array, index: int, signals: Array) -> None:
-    """Write the signal of each probe of a robot at its index."""
+    """Write the signal of each probe of a robot."""
     probes, now = probes_of(parameters, index), unpack(Memory, memory)
     motion = now.motions[index]
     for i in range(len(probes.motion)):
@@ -195,13 +196,13 @@ def fill_motion(parameters: Array, memory: Array, index: int, probe: Array, sign
 
 
 class Sensors(NamedTuple):
-    """A robot's sensors, its pose, and the ranges found so far."""
+    """A robot's sensors and pose, and the ranges found so far."""
 
     beams: Matrix
     groups: Matrix
     rays: Matrix
     pose: PlanarPose
-    ranges: Array  # [m] of the beams; obstacles lower them
+    ranges: Array  # [m] of the beams; shortened by obstacles
 
 
 @compilable
@@ -217,9 +218,9 @@ def sense(parameters: Array, memory: Array, signals: Array) -> None:
 
 
 def sense_signals(parameters: Array, memory: Array, signals: Array) -> None:
-    """Fill ``signals`` like ``sense``, and with the signals of all other sensors.
+    """Fill ``signals`` like ``sense``, and also with the signals of all other sensors.
 
-    Compilation takes a sixth longer than for ``sense``, which suffices for most first runs.
+    This takes a sixth longer to compile than ``sense``, which suffices for most first runs.
     """
     sense(parameters, memory, signals)
     places = unpack(Plane, parameters).places
@@ -229,7 +230,7 @@ def sense_signals(parameters: Array, memory: Array, signals: Array) -> None:
 
 @compilable
 def place_shapes(parameters: Array, memory: Array) -> None:
-    """Move the shapes of the robots to their poses."""
+    """Move the shapes of the robots to the robots' poses."""
     plane, placed = unpack(Plane, parameters), unpack(Memory, memory).shapes
     for i in range(len(plane.drives)):
         x, y, cos, sin = pose_of(memory, i)
@@ -269,14 +270,14 @@ def see(parameters: Array, memory: Array, index: int, ranges: Array) -> None:
 
 @compilable
 def detect_all(obstacles: Array, faces: Array, sensors: Sensors) -> None:
-    """Lower each range whose beam sees one of the obstacles."""
+    """Shorten the range of each beam that sees one of the obstacles."""
     for i in range(len(obstacles)):
         detect(obstacles[i], faces, sensors)
 
 
 @compilable
 def detect(obstacle: Array, faces: Array, sensors: Sensors) -> None:
-    """Lower each range whose beam sees the obstacle."""
+    """Shorten the range of each beam that sees the obstacle."""
     x, y, cos, sin = sensors.pose
     dx = obstacle[ray.AT_X] - x
     dy = obstacle[ray.AT_Y] - y
@@ -293,7 +294,7 @@ def detect(obstacle: Array, faces: Array, sensors: Sensors) -> None:
 def cast_group(
     obstacle: Array, faces: Array, sensors: Sensors, group: Array, centre: Point
 ) -> None:
-    """Lower the ranges of an even group's beams; ``centre`` is the obstacle, from the robot."""
+    """Shorten the ranges of an even group's beams; ``centre`` is relative to the robot."""
     first_beam, end_beam = int(group[FIRST_BEAM]), int(group[END_BEAM])
     px, py, pz = find_centre(centre, sensors.beams[first_beam])
     reach = group[REACH] + obstacle[ray.BOUND]
@@ -315,7 +316,7 @@ def cast_group(
 
 @compilable
 def find_centre(centre: Point, row: Array) -> Point:
-    """Return the centre of an obstacle relative to the origin of a beam."""
+    """Return the centre of an obstacle relative to a beam's origin."""
     x, y, z = centre
     return x - row[ORIGIN], y - row[ORIGIN + 1], z - row[ORIGIN + 2]
 
@@ -324,7 +325,7 @@ def find_centre(centre: Point, row: Array) -> Point:
 def cast_beams(
     obstacle: Array, faces: Array, sensors: Sensors, group: Array, centre: Point
 ) -> None:
-    """Lower the ranges of an uneven group's beams, like ``cast_group``."""
+    """Shorten the ranges of an unevenly spaced group's beams; see ``cast_group``."""
     _, _, cos, sin = sensors.pose
     ranges, bound = sensors.ranges, obstacle[ray.BOUND]
     for i in range(int(group[FIRST_BEAM]), int(group[END_BEAM])):

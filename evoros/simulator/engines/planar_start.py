@@ -26,11 +26,14 @@ from evoros.world.model import World
 from evoros.world.standing import obstacle_arrays, sight_rows, world_arrays
 
 _Description: TypeAlias = tuple[str, tuple[str, ...], tuple[str, ...], frozenset[str]]
-"""A robot's XML, its wheel joints, its casters, and the links that stick out."""
+"""A robot's XML, its wheel joints, its caster links, and its exposed links."""
 
 
 def list_shapes(robots: Sequence[Robot]) -> tuple[Array, Array, list[int]]:
-    """Return the shapes of several robots for rays, their faces, and the number per robot."""
+    """Return the ray shapes of several robots, the faces of these shapes, and the number per robot.
+
+    One robot needs none, because robots do not see themselves.
+    """
     if len(robots) == 1:
         return *sight_rows([])[:2], [0]
     return _list_shapes(tuple(map(_describe, robots)))
@@ -52,7 +55,7 @@ def _list_shapes(robots: tuple[_Description, ...]) -> tuple[Array, Array, list[i
 def _find_solids(
     text: str, wheels: tuple[str, ...], casters: tuple[str, ...], exposed: frozenset[str]
 ) -> list[tuple[Shape, Pose]]:
-    """Return the shapes that obstacles can touch, in the robot's frame, as engines load them."""
+    """Return the shapes that can touch obstacles, in the robot's frame, as engines load them."""
     elements = etree.fromstring(text.encode())
     root = etree.fromstring(merge_fixed_links(elements, casters).encode())
     urdf = read_tree(root, "robot")
@@ -68,7 +71,7 @@ def _find_solids(
 def lay_out(
     robots: Sequence[PlacedRobot], world: World, time_step: float, lags: tuple[float, float]
 ) -> tuple[Array, Array]:
-    """Return the parameters and the memory; ``lags`` [s] are the lags of steering and drive."""
+    """Return parameters and memory; ``lags`` are the time constants [s] of steering and drive."""
     tallest = max(robot.height_m for robot, _ in robots)
     shapes, faces, counts = list_shapes([robot for robot, _ in robots])
     places, packed = [np.zeros(layout.PLACES)], []

@@ -1,7 +1,7 @@
 """The bodies of a world in PyBullet: their shapes, collision groups and sleep.
 
-The engine accepts the corners of a polyhedron directly if it is the only shape of its body. It
-reads the polyhedra of other bodies and of robots only from files, which are temporary.
+PyBullet accepts the corners of a polyhedron directly only if the polyhedron is the only shape of
+its body. It reads all other polyhedra from files, which are temporary.
 """
 
 import math
@@ -23,10 +23,11 @@ from evoros.world.standing import GAP_M
 
 
 def split_body(body: Body) -> Iterator[tuple[Pose, tuple[Shape, ...]]]:
-    """Yield (pose in the world, shapes) of the engine's bodies for one body.
+    """Yield the pose in the world and the shapes of each engine body that represents a world body.
 
-    Each polyhedron of a fixed body becomes a separate body, which needs no file. So does a height
-    field, which must be the only shape of a body and is centred between its extreme heights.
+    Each polyhedron of a fixed body becomes a separate engine body, which needs no file. So does a
+    height field, which must be the only shape of an engine body, and whose origin is midway
+    between its lowest and highest point.
     """
     kinds = {shape.kind for shape in body.shapes}
     if body.mass is not None or not kinds & {"convex", "heightfield"}:
@@ -41,7 +42,7 @@ def split_body(body: Body) -> Iterator[tuple[Pose, tuple[Shape, ...]]]:
 
 
 def create_shape(bullet: Any, shapes: Sequence[Shape]) -> int:
-    """Create one collision shape, compound if there are several; return its id."""
+    """Create one collision shape, a compound if there are several shapes; return its id."""
     if len(shapes) == 1 and shapes[0].kind in ("plane", "convex", "heightfield"):
         return _create_single(bullet, shapes[0])
     with tempfile.TemporaryDirectory() as folder:
@@ -100,7 +101,7 @@ def _shape_arguments(bullet: Any, shape: Shape) -> dict[str, Any]:
 
 
 def _write_polyhedra(folder: Path, shapes: Sequence[Shape]) -> list[str]:
-    """Write a file for each polyhedron; return the paths, "" for other shapes."""
+    """Write a file for each polyhedron; return the paths, with "" for other shapes."""
     paths = []
     for index, shape in enumerate(shapes):
         path = folder / f"{index}.obj"
@@ -118,7 +119,7 @@ def _format_obj(corners: tuple[Vector, ...]) -> str:
 
 
 def load_urdf(bullet: Any, urdf: str, frame: Frame, flags: int) -> int:
-    """Load a robot at a frame; return its id. PyBullet reads URDF only from files."""
+    """Load a robot at a frame; return the body's id. PyBullet reads URDF only from files."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "robot.urdf"
         path.write_text(_format_urdf(urdf, Path(folder)), encoding="utf-8")
@@ -126,10 +127,10 @@ def load_urdf(bullet: Any, urdf: str, frame: Frame, flags: int) -> int:
 
 
 def _format_urdf(urdf: str, folder: Path) -> str:
-    """Return a robot as the engine reads it.
+    """Return a robot's URDF as the engine reads it.
 
-    Elements ``<convex corners="x y z ...">`` become files in ``folder``. Every element starts a new
-    line, because the engine cuts lines of more than 8,191 characters.
+    Elements ``<convex corners="x y z ...">`` become files in ``folder``. Every element starts a
+    new line, because the engine truncates lines of more than 8,191 characters.
     """
     root = etree.fromstring(urdf.encode())
     for index, element in enumerate(root.iter("convex")):
@@ -146,31 +147,34 @@ def _format_urdf(urdf: str, folder: Path) -> str:
 
 
 # Collision groups. The engine casts rays in group 1, so no body is in that group. Wheels and
-# casters covered by the chassis collide only with the ground, a robot never collides with itself,
-# and fixed bodies never collide, because such pairs cost time wherever walls touch.
+# casters covered by the chassis collide only with the ground. A robot never collides with itself.
+# Fixed bodies never collide with each other, because such pairs cost time wherever walls touch.
 RAY, ROBOT, GROUND, FIXED, MOVABLE = 1, 2, 4, 8, 16
 VISIBLE = GROUND | FIXED | MOVABLE
 MOVING = RAY | ROBOT | MOVABLE
 ROBOT_BIT = 32
-"""The group of the first of several robots; the others have the next bits. Robots collide with
+"""Group of the first of several robots; each further robot has the next bit. Robots collide with
 each other but not with themselves."""
 
 MARGIN_M = 1e-4
-"""The margin [m] around fixed polyhedra. Rays miss polyhedra with a smaller margin. With the
+"""Collision margin [m] of fixed polyhedra. Rays miss polyhedra with a smaller margin. With the
 engine's default, 1 mm, rays that graze a floor hit it centimetres too early."""
-UPWARDS = 0.1  # minimum upward component of the normal of a contact that carries a body
+UPWARDS = 0.1  # minimum upward component of the normal at a contact that supports a body
 
 
 MAX_FRICTION = 1.0
-"""Gazebo uses the smaller of two coefficients and Bullet their product, so a coefficient of 100,
-which many worlds have, must not multiply the wheels'."""
+"""Maximum friction coefficient of a body.
+
+Many worlds have coefficients of 100, which have no effect in Gazebo, because it uses the smaller
+of two coefficients. Bullet multiplies them, and 100 must not multiply the wheels' coefficient.
+"""
 
 
 def add_body(bullet: Any, body: Body) -> list[int]:
     """Add one body of the world; return the ids of the engine's bodies.
 
-    A movable body starts asleep and wakes when the robot comes near. Bodies use maximal
-    coordinates, because the engine's default coordinates, made for chains of links, cost more.
+    A movable body starts asleep and wakes when a robot comes near. Bodies use maximal coordinates,
+    because the engine's default coordinates, made for chains of links, cost more.
     """
     group, meets = (GROUND if body.is_ground else FIXED), MOVING
     if body.mass is not None:
@@ -197,7 +201,7 @@ def add_body(bullet: Any, body: Body) -> list[int]:
 
 
 def add_walker(bullet: Any, radius: float, height: float) -> int:
-    """Add a walker, which collides only with robots and is moved by the caller; return its id."""
+    """Add a walker, which collides only with robots and is moved by callers; return its id."""
     shapes = [Shape("cylinder", (radius, height))]
     body_id: int = bullet.createMultiBody(
         0.0, create_shape(bullet, shapes), _create_look(bullet, shapes), (0, 0, 0), (0, 0, 0, 1)
@@ -207,18 +211,18 @@ def add_walker(bullet: Any, radius: float, height: float) -> int:
 
 
 def _create_look(bullet: Any, shapes: Sequence[Shape]) -> int:
-    """Return the id of an invisible visual; -1 (the collision shape) unless that needs files."""
+    """Return the id of a tiny visual if the default, -1 (the collision shape), needs files."""
     if len(shapes) == 1 or all(shape.kind != "convex" for shape in shapes):
         return -1
     return int(bullet.createVisualShape(bullet.GEOM_SPHERE, radius=0.01))
 
 
 def _make_movable(bullet: Any, body_id: int, body: Body) -> None:
-    inertia = body.inertia  # None: the engine's, which treats polyhedra as boxes
+    inertia = body.inertia  # None: the engine computes the inertia, but treats polyhedra as boxes
     if inertia is None and any(shape.kind == "convex" for shape in body.shapes):
         inertia = joint_moments(body.shapes, body.mass or 0.0)
     if inertia is not None:
-        bullet.changeDynamics(  # the engine would otherwise set the mass to 0
+        bullet.changeDynamics(  # without an inertia, the engine would set the mass to 0
             body_id, -1, mass=body.mass, localInertiaDiagonal=inertia
         )
     asleep = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_SLEEP
@@ -243,7 +247,7 @@ def _is_carried(bullet: Any, body_id: int) -> bool:
     low = (low[0], low[1], low[2] - GAP_M)
     near = bullet.getOverlappingObjects(low, high) or ()
     return any(
-        point[7][2] > UPWARDS  # normal, towards this body
+        point[7][2] > UPWARDS  # contact normal, towards this body
         for other in dict.fromkeys(other for other, _ in near)
         if other != body_id
         for point in bullet.getClosestPoints(body_id, other, GAP_M)
@@ -251,7 +255,7 @@ def _is_carried(bullet: Any, body_id: int) -> bool:
 
 
 def measure_radius(bullet: Any, body_id: int) -> float:
-    """Return a radius [m] about the centre of mass that contains a body in any orientation."""
+    """Return the radius [m], about its centre of mass, of a sphere that contains a body."""
     low, high = bullet.getAABB(body_id, -1)
     centre, _ = bullet.getBasePositionAndOrientation(body_id)
     middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
@@ -259,6 +263,6 @@ def measure_radius(bullet: Any, body_id: int) -> float:
 
 
 def wake(bullet: Any, body_id: int) -> None:
-    """Wake a body, until it comes to rest."""
+    """Wake a body; it sleeps again once at rest."""
     awake = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_WAKE_UP
     bullet.changeDynamics(body_id, -1, activationState=awake)

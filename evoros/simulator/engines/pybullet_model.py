@@ -1,4 +1,4 @@
-"""A PyBullet client with the model of robots in a world, which it builds or resets."""
+"""A PyBullet client that builds or resets the model of robots in a world."""
 
 import ctypes
 import os
@@ -27,7 +27,7 @@ from evoros.world.model import World
 
 @cache
 def import_pybullet() -> Any:
-    """Import the pybullet module, without the line that it prints.
+    """Import the pybullet module, and suppress its start-up message.
 
     Raises:
         InputError: PyBullet is not installed.
@@ -57,7 +57,7 @@ class Client:
 def not_installed() -> InputError:
     """Return the error for a Python without PyBullet."""
     return InputError(
-        "simulator=pybullet: PyBullet is not installed, and it has wheels only for Python up to "
+        "simulator=pybullet: PyBullet is not installed, and PyPI has wheels only for Python up to "
         "3.11; use simulator=physics, install evoros with Python 3.11, or build PyBullet with "
         "`pip install pybullet` and a C++ compiler"
     )
@@ -82,12 +82,12 @@ def quiet() -> Iterator[None]:
         os.close(null)
 
 
-LIFT_M = 1000.0  # height [m] at which a robot is far from everything
-AT_REST = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))  # velocity and angular velocity of a body
+LIFT_M = 1000.0  # height [m] at which robots are far from everything else
+AT_REST = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))  # linear and angular velocity of a body
 
 
 class Settings(NamedTuple):
-    """The settings of the engine, apart from robots and world."""
+    """Settings of the engine that do not depend on robots and world."""
 
     time_step: float  # [s]
     solver_iterations: int
@@ -97,18 +97,18 @@ class Settings(NamedTuple):
 
 @dataclass(frozen=True)
 class Model:
-    """The loaded bodies."""
+    """The bodies loaded into the engine."""
 
     robots: tuple[LoadedRobot, ...]
     ground: frozenset[int]  # ids of bodies that are not obstacles
-    movable: Mapping[int, Frame]  # frames of bodies that can be pushed, as built
-    falling: tuple[int, ...]  # movable bodies in the air
-    watched: Mapping[int, float]  # radii [m] of movable bodies that need finer steps
-    walkers: Mapping[int, int]  # index in the crowd, by the engine's id
+    movable: Mapping[int, Frame]  # initial frames of the bodies that can be pushed, by id
+    falling: tuple[int, ...]  # ids of unsupported movable bodies
+    watched: Mapping[int, float]  # bounding radii [m] of bodies that need finer steps, by id
+    walkers: Mapping[int, int]  # indices in the crowd, by id
 
 
 class Engine:
-    """A PyBullet client and the model that it holds."""
+    """A PyBullet client and its current model."""
 
     def __init__(self, library: Any) -> None:
         self.bullet = Client(library)
@@ -116,15 +116,15 @@ class Engine:
         self._model: Model | None = None
 
     def close(self) -> None:
-        """Disconnect; the engine cannot be used any more."""
+        """Disconnect from PyBullet, after which the engine is unusable."""
         self.bullet.disconnect()
 
     def forget(self) -> None:
-        """Forget the built model, so that the next mission builds a new one."""
+        """Discard the built model, so that the next mission builds a new one."""
         self._built_from = None
 
     def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Model:
-        """Return the model at the start of a mission, reset if possible and otherwise built.
+        """Return the model in its initial state, reset if possible and otherwise rebuilt.
 
         Raises:
             SimulationError: PyBullet rejects a robot or the world.
@@ -138,7 +138,7 @@ class Engine:
                 self._model = self._build(robots, world, settings)
             except self.bullet.error as error:
                 raise SimulationError(
-                    f"PyBullet cannot build the world {world.name!r} ({single_line(error)}); use "
+                    f"PyBullet cannot build the world {world.name!r} ({single_line(error)}); try "
                     f"simulator=mujoco"
                 ) from error
             self._built_from = source
@@ -149,9 +149,9 @@ class Engine:
         return self._model
 
     def _disturbed(self, model: Model) -> bool:
-        """Return True if a body other than the robots has changed since the build, or may fall.
+        """Return True if a body other than a robot has moved since the build, or is unsupported.
 
-        A body can move without being touched: the engine wakes it when the robot is near, and then
+        A body can move without being touched: the engine wakes it when a robot is near, and then
         it settles.
         """
         bullet = self.bullet
@@ -162,10 +162,11 @@ class Engine:
         )
 
     def _reset(self, robots: Sequence[LoadedRobot]) -> None:
-        """Put the robots at their start, at rest. New models are reset, too, to get the same bits.
+        """Put the robots at rest at their start.
 
-        The engine keeps contacts, with their forces, as long as their bodies are near each other.
-        So the robots first make one step far above the ground, each at a different height.
+        New models are reset, too, for bitwise equal results. The engine retains contacts, with
+        their forces, as long as the bodies are near each other. So the robots first make one step
+        far above the ground, each at a different height.
         """
         for index, robot in enumerate(robots):
             self._place(robot, LIFT_M * (index + 1))
@@ -174,7 +175,7 @@ class Engine:
             self._place(robot, 0.0)
 
     def _place(self, robot: LoadedRobot, lift: float) -> None:
-        """Put a robot, at rest, at a height [m] above its start."""
+        """Put a robot at rest at a height [m] above its start."""
         bullet = self.bullet
         (x, y, z), facing = robot.start
         bullet.resetBasePositionAndOrientation(robot.body, (x, y, z + lift), facing)
@@ -191,17 +192,17 @@ class Engine:
             numSolverIterations=settings.solver_iterations,
             enableFileCaching=0,  # else a rewritten URDF loads its old geometry
             deterministicOverlappingPairs=1,
-            collisionFilterMode=0,  # else a pair collides if only one of its two masks permits it
+            collisionFilterMode=0,  # otherwise a pair collides if only one of its masks permits it
         )
         if any(skids(robot.drive) for robot, _ in robots):
-            # The engine's default friction of a sliding wheel does not oppose its slip.
+            # The engine's default friction on a sliding wheel does not oppose the slip.
             bullet.setPhysicsEngineParameter(enableConeFriction=0)
         bodies = [(body_id, body) for body in world.bodies for body_id in add_body(bullet, body)]
         movable = {body_id: body for body_id, body in bodies if body.mass is not None}
         frames = {body_id: bullet.getBasePositionAndOrientation(body_id) for body_id in movable}
         ground = frozenset(body_id for body_id, body in bodies if body.is_ground)
         falling = find_falling(bullet, world, movable)
-        # A mission that ends at the first contact pushes nothing.
+        # Nothing is pushed in a mission that ends at the first contact.
         pushing = falling or not world.course.end_on_collision
         watched = {body_id: measure_radius(bullet, body_id) for body_id in movable if pushing}
         loaded = tuple(self._load(robots, index, world, settings) for index in range(len(robots)))
@@ -218,7 +219,7 @@ class Engine:
             return load_robot(self.bullet, robot, frame, settings.wheel_friction, groups)
         except self.bullet.error as error:
             raise SimulationError(
-                f"PyBullet cannot load the description of {robot.name} ({single_line(error)}); use "
+                f"PyBullet cannot load the robot {robot.name} ({single_line(error)}); use "
                 f"simulator=mujoco, or simplify the robot's collision shapes and joints"
             ) from error
 

@@ -25,35 +25,35 @@ CHASSIS_FRICTION = 1.0  # the chassis touches the ground only if the robot tips 
 
 @dataclass(frozen=True)
 class LoadedRobot:
-    """The robot as a body of the engine; links and joints are the engine's indices."""
+    """The robot as a body of the engine, with the engine's indices of its links and joints."""
 
     body: int
     touching: tuple[int, ...]  # links that can touch obstacles
-    joints: tuple[int, ...]  # not fixed
-    steering: tuple[int, ...]  # joints
+    joints: tuple[int, ...]  # all joints that are not fixed
+    steering: tuple[int, ...]  # steering joints
     steering_forces: tuple[float, ...]  # [N m]
-    wheels: tuple[int, ...]  # joints
+    wheels: tuple[int, ...]  # wheel joints
     wheel_forces: tuple[float, ...]  # [N m]
     start: Frame  # frame of the centre of mass when a mission starts
     to_base: Frame  # frame of the base link, relative to the centre of mass
-    seen: int  # collision groups that its sensors see
+    seen: int  # collision groups that the robot's sensors see
 
 
 class Groups(NamedTuple):
-    """The collision groups of one of several robots; 0 if it is alone."""
+    """The collision groups of one of several robots; all 0 if the robot is alone."""
 
-    bit: int = 0
-    others: int = 0
+    bit: int = 0  # the robot's group
+    others: int = 0  # groups of the other robots
 
 
 class _Joint(NamedTuple):
-    """A joint with the link behind it, which has the same number in the engine."""
+    """A joint and its child link, which have the same index in the engine."""
 
     joint_id: int
     name: str
     link: str
     fixed: bool
-    force: float  # [N m], maximum torque of its motor
+    force: float  # [N m], maximum torque of the motor
 
 
 def load_robot(
@@ -61,7 +61,7 @@ def load_robot(
     robot: Robot,
     frame: Frame,
     wheel_friction: float,
-    groups: Groups = Groups(),  # noqa: B008 - it cannot be changed
+    groups: Groups = Groups(),  # noqa: B008 - immutable
 ) -> LoadedRobot:
     """Load the robot at the frame of its base link.
 
@@ -79,7 +79,7 @@ def load_robot(
     joints = _read_joints(bullet, body)
     steering, steering_forces = _motors(joints, drive.steering_joints)
     wheels, wheel_forces = _motors(joints, drive.wheel_joints)
-    for joint in joints:  # otherwise the engine's motors hold undriven joints still
+    for joint in joints:  # otherwise the engine's default motors brake the undriven joints
         if not joint.fixed and joint.joint_id not in (*steering, *wheels):
             bullet.setJointMotorControl2(body, joint.joint_id, bullet.VELOCITY_CONTROL, force=0)
     center = bullet.getDynamicsInfo(body, -1)[3:5]
@@ -98,10 +98,10 @@ def load_robot(
 
 
 def _rolls_on_cylinders(elements: Element, drive: Drive) -> bool:
-    """Return True if non-slipping wheels are cylinders, which the engine should represent exactly.
+    """Return True if wheels should be exact cylinders: they are cylinders and do not slip.
 
-    Otherwise it uses a prism with a margin of 1 mm, on which a robot drives up to 4 % too fast
-    and not straight. Wheels that slip sideways turn better on prisms.
+    By default the engine uses a prism with a margin of 1 mm, on which a robot drives up to 4 % too
+    fast and not straight. Wheels that slip sideways turn better on prisms.
     """
     if skids(drive):
         return False

@@ -1,4 +1,4 @@
-"""One mission in PyBullet: observe, sense, advance."""
+"""One mission in PyBullet: observe, sense and advance."""
 
 import math
 from collections.abc import Collection, Iterator, Sequence
@@ -19,7 +19,7 @@ from evoros.simulator.engines.walking import GAP_M, EngineWalkers
 from evoros.walkers.crowd import Crowd
 
 MAX_RAYS = 16_383
-"""Maximum number of rays in one call of rayTestBatch."""
+"""Maximum number of rays in one call of ``rayTestBatch``."""
 
 
 class Span(NamedTuple):
@@ -29,7 +29,7 @@ class Span(NamedTuple):
     end: int  # one past the last
     range_min: float  # [m]
     range_max: float  # [m]
-    clear_range: float  # [m], without obstacles
+    clear_range: float  # [m], reading without obstacles
 
 
 class Batch(NamedTuple):
@@ -41,7 +41,7 @@ class Batch(NamedTuple):
 
 
 class BulletRays:
-    """The rays of all range sensors of a robot, which the engine moves along."""
+    """The rays of all range sensors of a robot, which the engine moves with the robot."""
 
     def __init__(self, bullet: Any, loaded: LoadedRobot, robot: Robot) -> None:
         self._bullet, self._body = bullet, loaded.body
@@ -52,7 +52,7 @@ class BulletRays:
     def cast(self, ranges: Array) -> None:
         """Fill ``ranges`` (n,) with the nearest hit [m] of each beam, within the sensor's range.
 
-        A ray that starts inside a shape does not see it.
+        A ray that starts inside a shape ignores that shape.
         """
         beam = 0
         for starts, ends, spans in self._batches:
@@ -69,7 +69,7 @@ class BulletRays:
             np.maximum(ranges, self._low, out=ranges)
 
     def _cast(self, starts: Sequence[Any], ends: Sequence[Any], rank: int = -1) -> Sequence[Any]:
-        """Return the nearest hit of each ray; with a ``rank``, one of all its hits, unordered."""
+        """Return each ray's nearest hit or, with a ``rank``, one of all its hits, unordered."""
         hits: Sequence[Any] = self._bullet.rayTestBatch(
             starts,
             ends,
@@ -83,7 +83,7 @@ class BulletRays:
     def _look_beyond(
         self, starts: Sequence[Any], ends: Sequence[Any], fractions: list[float]
     ) -> None:
-        """Correct the fractions of rays that the engine ends inside the shape they start in."""
+        """Correct the fractions of rays that the engine ends in the shape around their start."""
         inside = [ray for ray, fraction in enumerate(fractions) if fraction == 0.0]
         starts, ends = [starts[ray] for ray in inside], [ends[ray] for ray in inside]
         nearest, rank, left = [1.0] * len(inside), 0, True
@@ -115,7 +115,7 @@ def _batches(robot: Robot, bullet: Any, to_base: Frame) -> list[Batch]:
 
 
 def _turn_rays(robot: Robot, rotation: Array) -> Iterator[Array]:
-    """Yield the directions (k, 3) of each beam after a rotation, which rounds only once."""
+    """Yield the directions (k, 3) of each beam after a rotation, rounded only once."""
     for mount, frame in zip(robot.mounts, robot.sensor_frames, strict=True):
         if mount.sensor in robot.sorted_rays:
             rays, ends = robot.sorted_rays[mount.sensor]
@@ -125,7 +125,7 @@ def _turn_rays(robot: Robot, rotation: Array) -> Iterator[Array]:
 
 
 class BulletSignals(RigidSignals):
-    """The signals of one of the robots of ``model``."""
+    """The signals of one robot of a PyBullet model."""
 
     def __init__(self, bullet: Any, model: Model, robot: Robot, index: int) -> None:
         self._bullet = bullet
@@ -134,7 +134,7 @@ class BulletSignals(RigidSignals):
         super().__init__(robot, -float(settings["gravityAccelerationZ"]))
 
     def read(self, signals: Array) -> None:
-        """Write all signals into their parts."""
+        """Write all signals into their slices of ``signals``."""
         if self.exist:
             robot = self._robot
             states = self._bullet.getJointStates(robot.body, robot.wheels)
@@ -150,8 +150,8 @@ class BulletSignals(RigidSignals):
         return Motion(np.array(position), rotation, velocity + np.cross(turning, arm), turning)
 
     def feel(self) -> None:
-        """Count a step with contacts for the zones in which the robot touches something."""
-        touches: dict[tuple[int, int, int], list[Any]] = {}  # keys: link, other body and its link
+        """Count, for each contact zone, a step in which the robot touches something there."""
+        touches: dict[tuple[int, int, int], list[Any]] = {}  # keys: link, other body, its link
         for link, point in find_touches(self._bullet, self._robot, self._ground):
             touches.setdefault((link, point[2], point[4]), []).append(point[5])
         if touches:
@@ -163,9 +163,10 @@ class BulletSignals(RigidSignals):
 def find_touches(
     bullet: Any, robot: LoadedRobot, ground: Collection[int]
 ) -> Iterator[tuple[int, Any]]:
-    """Yield (link, the engine's contact point) of a robot's contacts with obstacles.
+    """Yield (link, engine contact point) for each contact of a robot with an obstacle.
 
-    The engine lists points of all nearby bodies. Points with a force or an overlap touch.
+    The engine lists points of all nearby bodies. Only points with a force or an overlap are
+    contacts.
     """
     for link in robot.touching:
         for point in bullet.getContactPoints(robot.body, -1, link, -2):
@@ -174,16 +175,17 @@ def find_touches(
 
 
 FINE_STEP_S = 0.0025
-"""The time step [s] used while a movable body moves. The engine finds one contact with a plane per
-step, and keeps it until the body has slid by 2 % of its size. Longer steps lose a contact as soon
-as it is found, so a body rests on one corner at a time and sinks."""
+"""The time step [s] used while a movable body moves. The engine finds one contact with a plane
+per step, and keeps it until the body has slid by 2 % of its size. With longer steps a contact
+is lost as soon as it is found, so a body rests on one corner at a time and sinks."""
 
 NEAR_STEPS = 2.0
-"""Distance from a body, in long steps of the robot, within which steps are fine."""
+"""Distance from a body within which steps are fine, in distances that the robot can travel in a
+normal step."""
 
 
 class PyBulletSimulation:
-    """The robots of ``model`` in their world, which step together."""
+    """The robots of a PyBullet model in their world, which step together."""
 
     def __init__(
         self,
@@ -195,7 +197,8 @@ class PyBulletSimulation:
     ) -> None:
         self._bullet, self._model = engine.bullet, model
         self._time_step = settings.time_step
-        self._finer = math.ceil(settings.time_step / FINE_STEP_S - 1e-9)  # per long step
+        # Number of fine steps per normal step.
+        self._finer = math.ceil(settings.time_step / FINE_STEP_S - 1e-9)
         self._substeps = 1
         self._vehicles = [
             _Vehicle(engine, model, robot, settings, i) for i, robot in enumerate(robots)
@@ -207,7 +210,7 @@ class PyBulletSimulation:
             self._place(self._walkers, self._walkers.places.ravel())
 
     def observe(self, state: Array) -> None:
-        """Fill ``state`` with the true states; contact covers the time since the last call."""
+        """Fill ``state`` with the true states, and any contact since the last call."""
         for vehicle, share in self._turns:
             vehicle.observe(state[share.state])
         if self._walkers is not None:
@@ -291,26 +294,26 @@ class _Vehicle:
         self._signals.read(signals)
 
     def take(self, command: tuple[float, ...]) -> None:
-        """Set the motors if the command has changed."""
+        """Set the motor targets if the command has changed."""
         if self._command != command:
             self._command = command
             self._set_motors(command)
 
     def report_contact(self) -> None:
-        """Note contact with an obstacle for the next observation and for contact sensors."""
+        """Record contact with an obstacle, for the next observation and for contact sensors."""
         if not self._touched:
             self._touched = any(find_touches(self._bullet, self._robot, self._model.ground))
         if self._signals.feels:
             self._signals.feel()
 
     def adapt_gain(self, step: float) -> None:
-        """Set the motors for another step [s], because their gains are per step."""
+        """Set the motors for a new time step [s], because their gains are per step."""
         self._step = step
         if self._command is not None:
             self._set_motors(self._command)
 
     def disturbs(self, body: int) -> bool:
-        """Return True if a movable body moves, or the robot may reach it in this step."""
+        """Return True if a movable body is moving, or the robot may reach it in this step."""
         bullet, robot = self._bullet, self._robot.body
         if bullet.getBaseVelocity(body) != AT_REST:
             return True
@@ -325,7 +328,7 @@ class _Vehicle:
         bullet, robot = self._bullet, self._robot
         angles, rates = find_targets(self._drive, *command)
         if angles:
-            # The engine's default gain is constant, so the lag would be ten steps of any length.
+            # With the engine's constant default gain, the lag would always be ten steps.
             gain = lag_gain(self._step, self._lag)
             bullet.setJointMotorControlArray(
                 robot.body,

@@ -1,4 +1,4 @@
-"""The beams of a robot's range sensors, its contact zones, and its steered parts as they see them.
+"""The beams of a robot's range sensors, its contact zones, and the steered parts that beams see.
 
 All engines share these rules. The array ``sight`` is a packed SteeredSight, or empty if no sensor
 can see a steered part at any angle.
@@ -23,17 +23,17 @@ from evoros.sensor.protocol import feels, sees
 
 
 class Beam(NamedTuple):
-    """The rays of one channel of a mounted sensor; its range is the nearest hit."""
+    """The rays of one channel of a mounted sensor; the channel's range is the nearest hit."""
 
     origin: Array  # (3,) [m]
     directions: Array  # (k, 3) unit vectors
     range_min: float  # [m]
     range_max: float  # [m]
-    clear_range: float  # [m] without obstacles: range_max, or the distance to a part of the robot
+    clear_range: float  # [m], without obstacles: range_max, or the distance to a part of the robot
 
 
 def sensor_beams(robot: Robot) -> list[Beam]:
-    """Return the beam of each channel of the range sensors, in the order of the true ranges."""
+    """Return the beam of each range sensor channel, in the order of the true ranges."""
     rows, starts = robot.ray_table
     lowest = [
         sensor.range_min_m
@@ -57,11 +57,11 @@ def sensor_beams(robot: Robot) -> list[Beam]:
 
 
 class Zone(NamedTuple):
-    """The zone of a mounted contact sensor from above, in the robot's frame."""
+    """The zone of a mounted contact sensor in top view, in the robot's frame."""
 
     x: float  # [m], position of the mount
     y: float
-    cos: float  # direction in which the sensor faces
+    cos: float  # direction that the sensor faces
     sin: float
     depth: float  # [m]
     width: float  # [m]
@@ -71,12 +71,12 @@ ZONE_SIZE = len(Zone._fields)
 
 
 def find_zones(robot: Robot) -> dict[int, Zone]:
-    """Return the zones of a robot by mount index."""
+    """Return the contact zones of a robot by mount index."""
     zones, frames = {}, robot.sensor_frames
     for index, sensor in enumerate(robot.mounted_sensors()):
         if feels(sensor):
             x, y, across = float(frames[index, 0, 3]), float(frames[index, 1, 3]), frames[index]
-            # The left axis stays level under a pitch.
+            # The mount's left axis stays level under a pitch.
             cos, sin = float(across[1, 1]), -float(across[0, 1])
             zones[index] = Zone(x, y, cos, sin, float(sensor.depth_m), float(sensor.width_m))
     return zones
@@ -94,7 +94,8 @@ def crosses_zone(zone: Zone, ax: float, ay: float, bx: float, by: float) -> bool
     leftward = cos * (by - ay) - sin * (bx - ax)
     half = 0.5 * width
     for side in range(3):
-        # Distance of the segment's start inside an edge, and its change along the segment.
+        # Distance of the segment's start inside an edge, and the change of that distance along the
+        # segment.
         if side == 0:
             inside = ahead
             gain = forward
@@ -116,26 +117,27 @@ def crosses_zone(zone: Zone, ax: float, ay: float, bx: float, by: float) -> bool
 
 JOINT, PIVOT, NARROWING, INSIDE, ROLLS, SHAPE = 0, 1, 3, 4, 5, 6
 """Columns of a steered part: index of its steering joint; x, y [m] of the joint's vertical axis;
-the joint's ``narrowing_of``; ``inside`` and ``rolls`` of OccluderRows; the part's row for rays,
-relative to the axis."""
+``narrowing_of(drive, joint)``; ``inside`` and ``rolls`` of the part in ``OccluderRows``; the
+part's row for rays, relative to the axis."""
 PART_SIZE = SHAPE + OBSTACLE_SIZE
 PART, BEAM, FIRST_RAY, END_RAY = range(4)
-"""Columns of a beam that may see a part: part, beam, first ray, end of its rays."""
+"""Columns of a beam that may see a part: index of the part; index of the beam; first ray; end of
+its rays."""
 PAIR_SIZE = 4
 
 
 class SteeredSight(NamedTuple):
-    """The steered parts that sensors of a robot may see."""
+    """The steered parts of a robot that its sensors may see."""
 
     parts: Matrix  # (p, PART_SIZE)
     pairs: Matrix  # (q, PAIR_SIZE)
     rays: Matrix  # (r, RAY_SIZE)
-    backward: Matrix  # (r, 3), opposite directions of the rays
+    backward: Matrix  # (r, 3), reversed directions of the rays
     faces: Matrix  # (f, FACE_SIZE)
 
 
 def lay_out_steered_sight(robot: Robot, clear_ranges: Array) -> Array:
-    """Return the array ``sight`` of a robot; ``clear_ranges`` (n,) [m] are one per beam."""
+    """Return the array ``sight`` of a robot; ``clear_ranges`` (n,) [m] has one value per beam."""
     steered, (rays, starts) = robot.occluders.steered, robot.ray_table
     if not len(steered.rows) or not len(rays):
         return np.zeros(0)
@@ -162,17 +164,17 @@ def _lay_out_part(robot: Robot, index: int) -> Array:
 
 
 def narrowing_of(drive: Drive, joint: int) -> float:
-    """Return ``k`` of ``cot(angle) = cot(steering) - k``, the law of a steering joint.
+    """Return ``k`` in ``cot(angle) = cot(steering) - k``, the law of a steering joint.
 
-    It holds at all angles. In Ackermann steering, ``k`` is half the distance between the joints'
-    axes, divided by the wheelbase, and positive on the left; in parallel steering it is 0.
+    The law holds at all angles. In Ackermann steering, ``k`` is half the distance between the
+    joints' axes, divided by the wheelbase, and positive on the left; in parallel steering it is 0.
     """
     angles, _ = drive.targets(0.0, drive.steering_limit)
     return 1.0 / elementary.tan(drive.steering_limit) - 1.0 / elementary.tan(angles[joint])
 
 
 class SteeredParts:
-    """The steered parts of a robot that its sensors may see in a rigid-body engine."""
+    """The steered parts of a robot that its sensors may see, for rigid-body engines."""
 
     def __init__(self, robot: Robot) -> None:
         self._sight = lay_out_steered_sight(robot, measure_clear_ranges(robot))
@@ -180,14 +182,14 @@ class SteeredParts:
         self._see = compile_rule(see_parts, NOTHING(A1, A1, A1)) if self.exist else None
 
     def lower(self, angles: Array, ranges: Array) -> None:
-        """Lower each range [m] whose beam sees a part; ``angles`` [rad] as in ``see_parts``."""
+        """Shorten the range [m] of each beam that sees a part; ``angles`` as in ``see_parts``."""
         if self._see is not None:
             self._see(self._sight, angles, ranges)
 
 
 @compilable
 def see_parts_at(sight: Array, steering: float, ranges: Array) -> None:
-    """Lower each range [m] whose beam sees a part at a bicycle model's angle [rad]."""
+    """Shorten the range [m] of each beam that sees a part, given a bicycle model's angle [rad]."""
     parts = unpack(SteeredSight, sight).parts
     tangent = elementary.tan(steering)
     for index in range(len(parts)):
@@ -197,7 +199,7 @@ def see_parts_at(sight: Array, steering: float, ranges: Array) -> None:
 
 
 def see_parts(sight: Array, angles: Array, ranges: Array) -> None:
-    """Lower each range [m] whose beam sees a part, with the steering at ``angles`` [rad]."""
+    """Shorten the range [m] of each beam that sees a part, given the joints' ``angles`` [rad]."""
     parts = unpack(SteeredSight, sight).parts
     for index in range(len(parts)):
         sin, cos = elementary.sin_cos(angles[int(parts[index, JOINT])])
@@ -206,11 +208,11 @@ def see_parts(sight: Array, angles: Array, ranges: Array) -> None:
 
 @compilable
 def see_part(sight: Array, index: int, cos: float, sin: float, ranges: Array) -> None:
-    """Lower each range [m] whose beam sees a part turned by an angle."""
+    """Shorten the range [m] of each beam that sees a part turned by an angle."""
     parts, pairs, rays, backward, faces = unpack(SteeredSight, sight)
     part = parts[index]
     row = part[SHAPE:]
-    # Relative to the part, the frame of the rays is turned back by the angle.
+    # In the part's frame, the rays are rotated back by the angle.
     frame = turn_frame(row, cos, -sin)
     x = part[PIVOT] + cos * row[AT_X] - sin * row[AT_Y]
     y = part[PIVOT + 1] + sin * row[AT_X] + cos * row[AT_Y]

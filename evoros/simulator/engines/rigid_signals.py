@@ -1,4 +1,4 @@
-"""Signals from a rigid-body engine for sensors that cast no rays."""
+"""Signals of sensors that cast no rays, from a rigid-body engine."""
 
 from collections.abc import Iterable, Sequence
 from itertools import combinations
@@ -17,16 +17,16 @@ from evoros.simulator.engines.rays import crosses_zone, find_zones
 
 
 class Motion(NamedTuple):
-    """The motion of a robot's root link, along the axes of the world."""
+    """The motion of a robot's root link, in world axes."""
 
     position: Array  # (3,) [m]
     rotation: Array  # (3, 3), from link axes to world axes
-    velocity: Array  # (3,) [m/s], link origin
-    turning: Array  # (3,) [rad/s]
+    velocity: Array  # (3,) [m/s], of the link's origin
+    turning: Array  # (3,) [rad/s], angular velocity
 
 
 class RigidSignals:
-    """The signals of one robot in one mission, from the engine's motion and contacts."""
+    """The signals of one robot in one mission, computed from the engine's motion and contacts."""
 
     def __init__(self, robot: Robot, gravity: float) -> None:
         starts = [part.start for part in robot.signal_layout]
@@ -44,7 +44,7 @@ class RigidSignals:
     def touch(self, contacts: Iterable[Array]) -> None:
         """Count a step with contacts, each given by points (k, 2) [m] in the robot's frame.
 
-        A contact is the hull of its points; engines find only its corners.
+        A contact extends over the hull of its points; engines report only the corners.
         """
         pieces = [
             (*a, *b)
@@ -84,7 +84,7 @@ def fill_state(
     velocity: Sequence[float],
     yaw_rate: float,
 ) -> None:
-    """Write the motion of a base link in the world: [m], (x, y, z, w), [m/s] and [rad/s]."""
+    """Write a base link's motion in the world, in [m], (x, y, z, w), [m/s] and [rad/s]."""
     qx, qy, qz, qw = quaternion
     yaw = elementary.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
     sin, cos = elementary.sin_cos(yaw)
@@ -93,10 +93,10 @@ def fill_state(
 
 
 def solve_rolling(drive: Drive) -> Array:
-    """Return the matrix (2, wheels) from wheel angles to the WHEELS signal.
+    """Return the matrix (2, wheels) that maps wheel angles to the WHEELS signal.
 
-    The rates of unsteered wheels are linear in the robot's speed and yaw rate. The matrix is the
-    solution by linear regression, and 0 for steered wheels.
+    The rates of unsteered wheels are linear in the robot's speed and yaw rate. The matrix inverts
+    this relation by least squares, and is 0 for steered wheels.
     """
     speed, steering = 0.1 * drive.max_speed_mps, 0.5 * drive.steering_limit
     ahead, left, right = (

@@ -1,4 +1,4 @@
-"""The robots of a simulation: their number, names, homes and parts of its arrays."""
+"""The robots of a simulation: their number, names, home frames, and slices of its arrays."""
 
 import math
 from collections.abc import Sequence
@@ -17,20 +17,20 @@ from evoros.world.model import World
 
 Frame = tuple[tuple[float, ...], tuple[float, ...]]  # position [m], quaternion (x, y, z, w)
 MAX_ROBOTS = 16
-"""The maximum number of robots, each of which needs a bit of an engine's masks."""
+"""Maximum number of robots; each needs a bit of an engine's collision masks."""
 
 
 class Share(NamedTuple):
-    """The part of one robot in each array."""
+    """One robot's slice of each array."""
 
     state: slice
     command: slice
-    strength: slice  # empty if wheels cannot fail
+    strength: slice  # empty if the simulator has no weak wheels
     signals: slice
 
 
 def share_arrays(robots: Sequence[Robot]) -> list[Share]:
-    """Return the parts of the robots, in order."""
+    """Return each robot's slices of the arrays, in order."""
     shares, end = [], 0
     for i, robot in enumerate(robots):
         start, end = end, end + robot.signal_count
@@ -43,23 +43,23 @@ def share_arrays(robots: Sequence[Robot]) -> list[Share]:
 
 
 def read_command(commands: Array, share: Share) -> tuple[float, ...]:
-    """Return the speed [m/s] and steering angle [rad], and the strengths if wheels can fail."""
+    """Return speed [m/s] and steering angle [rad], and the wheel strengths if wheels can fail."""
     return (*commands[share.command].tolist(), *commands[share.strength].tolist())
 
 
 def sum_others(bit: int, index: int, count: int) -> int:
-    """Return the bits of all robots but one; the first robot has ``bit``, the others the next."""
+    """Return the bits of all robots but one; the first has ``bit``, each further one the next."""
     return sum(bit << other for other in range(count) if other != index)
 
 
 def check_number(robots: Sequence[PlacedRobot]) -> None:
-    """Require a number of robots that engines can simulate.
+    """Reject a number of robots that engines cannot simulate.
 
     Raises:
-        SimulationError: there are none, or too many.
+        SimulationError: there are no robots, or too many.
     """
     if not 1 <= len(robots) <= MAX_ROBOTS:
-        raise SimulationError(f"1 to {MAX_ROBOTS} robots can share a world, not {len(robots)}")
+        raise SimulationError(f"a world can have 1 to {MAX_ROBOTS} robots, not {len(robots)}")
 
 
 def describe_for_engine(robot: Robot) -> tuple[Any, ...]:
@@ -70,7 +70,7 @@ def describe_for_engine(robot: Robot) -> tuple[Any, ...]:
 
 
 def name_robots(robots: Sequence[PlacedRobot]) -> str:
-    """Name the robots in a message; each of several robots has its index."""
+    """Name the robots in a message; if there are several, each name has an index."""
     if len(robots) == 1:
         return robots[0].robot.name
     return " and ".join(name_robot(i, placed.robot) for i, placed in enumerate(robots))
@@ -81,14 +81,14 @@ def name_robot(index: int, robot: Robot) -> str:
     return f"robot {index} ({robot.name})"
 
 
-MAX_POINTS = 12  # maximum number of outline points that sample the ground's slope
+MAX_POINTS = 12  # maximum number of outline points at which the ground's slope is sampled
 
 
 def home_frame(robot: Robot, home: tuple[float, float, float, float], world: World) -> Frame:
     """Return the frame of the base link at a home: x, y, z [m] and yaw [rad].
 
-    On level ground it is the home. Otherwise the robot is tilted like the ground below its outline,
-    and lifted until it is above all of that ground.
+    On level ground this is the home. Otherwise the robot is tilted like the ground below its
+    outline, and lifted until it is above all of that ground.
     """
     x, y, z, yaw = home
     sin, cos = elementary.sin_cos(yaw)

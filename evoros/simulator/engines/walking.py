@@ -1,4 +1,4 @@
-"""The walkers of a mission in a rigid-body engine, which puts them where their rule computes."""
+"""The walkers of a mission in a rigid-body engine, placed where their rule moves them."""
 
 from collections.abc import Sequence
 
@@ -16,13 +16,13 @@ from evoros.walkers.motion import walk
 _PLAN = NOTHING(A1, A1, A2, F8, A2)
 _REPORT = NOTHING(A1, A1)
 GAP_M = 1e-3
-"""Gap between walkers and the ground."""
+"""Gap [m] between walkers and the ground."""
 
 
 class EngineWalkers:
-    """Walkers that an engine places in each of its steps.
+    """Walkers that an engine moves in each of its steps.
 
-    Within a control period they react to the robots' poses at its start.
+    During a control period, they react to the robots' poses at the start of the period.
     """
 
     def __init__(self, crowd: Crowd, robots: Sequence[Robot], time_step: float) -> None:
@@ -38,7 +38,7 @@ class EngineWalkers:
         return unpack(Walking, self._memory).places
 
     def observe(self, states: Array) -> None:
-        """Read the robots' poses from their ``states``, and write the reports after them."""
+        """Read the robots' poses from ``states``, and write the walkers' reports after them."""
         for robot in range(self._robots):
             state = states[STATE_SIZE * robot :]
             sin, cos = elementary.sin_cos(float(state[YAW]))
@@ -46,7 +46,7 @@ class EngineWalkers:
         self._report(self._memory, states[STATE_SIZE * self._robots :])
 
     def move(self, steps: int) -> Array:
-        """Move the walkers by some steps; return their places (steps, 2 n) [m] after each."""
+        """Move the walkers; return their positions (steps, 2 n) [m] after each of ``steps``."""
         ways = np.zeros((steps, 2 * len(self.sizes)))
         self._plan(self._parameters, self._memory, self._poses, self._time_step, ways)
         return ways
@@ -57,7 +57,7 @@ class EngineWalkers:
 
 
 def plan(parameters: Array, memory: Array, robots: Array, step: float, ways: Array) -> None:
-    """Walk, and write the places after each step."""
+    """Move the walkers, and write their positions after each step."""
     places = unpack(Walking, memory).places
     for k in range(len(ways)):
         walk(parameters, memory, robots, step)
@@ -67,5 +67,5 @@ def plan(parameters: Array, memory: Array, robots: Array, step: float, ways: Arr
 
 
 def report(memory: Array, reports: Array) -> None:
-    """Write the reports of the walkers."""
+    """Write the walkers' reports."""
     report_walkers(unpack(Walking, memory), reports)
