@@ -1,1 +1,1 @@
-"""Controllers and their layers, which turn readings and a pose into a command."""
+"""Controllers and their layers, which compute a command from readings and a pose."""

@@ -1,4 +1,4 @@
-"""Settings of the ArduPilot controller, and the autopilot parameters that it derives."""
+"""Settings of the ArduPilot controller, and the autopilot parameters derived from them."""
 
 import math
 import re
@@ -15,40 +15,40 @@ from evoros.sensor.protocol import RangeSensor, sees
 
 _MAX_PERIOD_S = 0.02
 PERIOD = checks.Rule(
-    f"a number greater than 0 and at most {_MAX_PERIOD_S}, because ArduPilot does not arm with "
-    f"fewer than 50 states a second",
+    f"a number greater than 0 and at most {_MAX_PERIOD_S}, because ArduPilot does not arm at "
+    f"fewer than 50 states per second",
     lambda v: checks.is_number(v) and 0 < v <= _MAX_PERIOD_S + 1e-12,
 )
 _PARAMETERS = checks.Rule(
-    "a mapping from ArduPilot's names, such as WP_SPEED, to numbers",
+    "a mapping from ArduPilot parameter names, such as WP_SPEED, to numbers",
     lambda v: (
         isinstance(v, Mapping)
         and all(re.fullmatch(r"[A-Z][A-Z0-9_]{0,15}", str(name)) for name in v)
         and all(map(checks.is_number, v.values()))
     ),
 )
-OCTANTS = 8  # number of horizontal directions of a range finder, clockwise from forward
+OCTANTS = 8  # number of horizontal range finder directions, clockwise from forward
 AXES = ("POS_X", "POS_Y", "POS_Z")  # position in the body frame: forward, right, down [m]
 ORIENTATION = "ORIENT"
 LIMITS = ("MIN", "MAX")
-MAX_RANGE_FINDERS = 6  # limit of the JSON backend
-SIMULATED = 100  # type of a range finder fed by the simulation
+MAX_RANGE_FINDERS = 6  # limit of ArduPilot's JSON backend
+SIMULATED = 100  # type number of a range finder fed by the simulation
 EVEN_THROTTLE = 50
 DEFAULT_GAIN, GREATEST_GAIN = 1.0, 6.0  # ArduPilot's default and maximum velocity gain
 
 
 def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str, float]:
-    """Return the parameters derived from the robot and the mission, except the given ones.
+    """Return the parameters derived from the robot and the mission, except for given ones.
 
     Raises:
-        InputError: the given speed on the route is not positive.
+        InputError: the given route speed is not positive.
     """
     drive = briefing.robot.drive
     speed = float(given.get("WP_SPEED", drive.max_speed_mps))
     if speed <= 0.0:
         raise InputError(
-            f"controller.parameters.WP_SPEED: must be greater than 0, not {speed:g}; set it to the "
-            f"speed on the route [m/s], for example 0.3"
+            f"controller.parameters.WP_SPEED: must be greater than 0, not {speed:g}; set the "
+            f"route speed [m/s], for example 0.3"
         )
     curvature = drive.turn_ratio * elementary.tan(drive.steering_limit) / drive.wheelbase_m
     derived = {
@@ -58,9 +58,10 @@ def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str,
         "CRUISE_THROTTLE": EVEN_THROTTLE,
         "WP_RADIUS": 0.5 * briefing.acceptance_m,
         "TURN_RADIUS": 1.0 / curvature,
-        # The fraction of full lock per turn rate; the default of 0.2 turns slow robots too wide.
+        # Fraction of full lock per turn rate; with ArduPilot's default of 0.2, slow robots turn too
+        # wide.
         "ATC_STR_RAT_FF": 1.0 / (speed * curvature),
-        # ArduPilot divides the lateral acceleration by at least 1 m/s, even for a slower robot.
+        # ArduPilot divides the lateral acceleration by at least 1 m/s, even for slower robots.
         "PSC_VEL_P": min(max(1.0 / speed, DEFAULT_GAIN), GREATEST_GAIN),
         **dict(_describe_range_finders(briefing.robot)),
     }
@@ -68,7 +69,7 @@ def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str,
 
 
 def list_range_finders(robot: Robot) -> list[tuple[int, RangeSensor]]:
-    """List the (mount, sensor) pairs sent to the autopilot: the first ones with a single range."""
+    """List the (mount, sensor) pairs sent to the autopilot: the first with a single range."""
     return [
         (mount, sensor)
         for mount, sensor in enumerate(robot.mounted_sensors())
@@ -77,7 +78,7 @@ def list_range_finders(robot: Robot) -> list[tuple[int, RangeSensor]]:
 
 
 def _describe_range_finders(robot: Robot) -> Iterator[tuple[str, float]]:
-    """Yield the range finders' parameters, with their limits as every ArduPilot names them."""
+    """Yield the range finders' parameters; limits have the names of all ArduPilot versions."""
     poses = robot.sensor_poses.tolist()
     for index, (mount, sensor) in enumerate(list_range_finders(robot), 1):
         instance, (x, y, z, yaw, _) = str(index), poses[mount]
@@ -91,28 +92,28 @@ def _describe_range_finders(robot: Robot) -> Iterator[tuple[str, float]]:
 
 
 def write_parameters(parameters: Mapping[str, float]) -> str:
-    """Return the content of a parameter file."""
+    """Return the content of an ArduPilot parameter file."""
     return "".join(f"{name} {float(value):.9g}\n" for name, value in parameters.items())
 
 
 def name_parameter(instance: str, quantity: str) -> str:
-    """Return the name of a range finder's parameter; finders are numbered 1 to 9 and then A."""
+    """Return the name of a range finder's parameter; range finders are numbered 1 to 9, then A."""
     return f"RNGFND{instance}_{quantity}"
 
 
 def name_limit(limit: str, metres: bool) -> str:
-    """Return the parameter name of a limit; ArduPilot up to 4.6 uses centimetres."""
+    """Return the parameter name of a range limit; ArduPilot up to 4.6 uses centimetres."""
     return limit if metres else f"{limit}_CM"
 
 
 def to_body(position_m: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Convert a position (forward, left, up) to the body frame."""
+    """Convert a position (forward, left, up) to the body frame (forward, right, down)."""
     x, y, z = position_m
     return x, -y, -z
 
 
 def count_octants(yaw_rad: float) -> int:
-    """Convert a yaw to eighths of a turn, clockwise, rounded to the nearest."""
+    """Convert a yaw to eighths of a turn, clockwise and rounded."""
     return round(-yaw_rad / (2.0 * math.pi) * OCTANTS)
 
 
@@ -122,7 +123,7 @@ class ArduPilotSettings(LiveController):
     """Settings of the ``ArduPilot`` controller, checked for consistency."""
 
     binary: Annotated[str, checks.TEXT]
-    avoidance: Annotated[Layer, checks.instance_of(Layer, "a layer of a controller")]
+    avoidance: Annotated[Layer, checks.instance_of(Layer, "a controller layer")]
     period_s: Annotated[float, PERIOD] = _MAX_PERIOD_S  # time between two states
     avoidance_period_s: Annotated[float, checks.POSITIVE] = 0.1
     localization: Annotated[Mapping[str, Localizer], LOCALIZATION] = field(default_factory=dict)
@@ -131,7 +132,8 @@ class ArduPilotSettings(LiveController):
     environment: Annotated[Mapping[str, str], checks.mapping_of(str, "strings")] = field(
         default_factory=dict
     )
-    warm_up_s: Annotated[float, checks.POSITIVE] = 60.0  # simulated time to reach the mode AUTO
+    # simulated time within which the mode AUTO must be reached
+    warm_up_s: Annotated[float, checks.POSITIVE] = 60.0
     start_limit_s: Annotated[float, checks.POSITIVE] = 30.0  # wall clock
     answer_limit_s: Annotated[float, checks.POSITIVE] = 10.0  # wall clock
     isolate: Annotated[bool, checks.FLAG] = True
@@ -144,7 +146,7 @@ class ArduPilotSettings(LiveController):
                 self,
                 "localization",
                 list(self.localization),
-                "must be empty, because the autopilot localizes itself",
+                "must be empty, because the autopilot estimates its own pose",
                 "choose controller/localization=exact",
             )
         count = round(self.avoidance_period_s / self.period_s)

@@ -1,4 +1,4 @@
-"""Mission briefings for programs, as plain values."""
+"""Mission briefings for external programs, as plain values."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -11,7 +11,7 @@ VERSION = 1  # protocol version, see docs/programs.md
 
 
 def describe_briefing(briefing: Briefing) -> dict[str, Any]:
-    """Return the mission's part of the first line sent to a program."""
+    """Return the mission-dependent part of the first line that is sent to a program."""
     return {
         "evoros": VERSION,
         "robot": briefing.robot.name,
@@ -62,7 +62,7 @@ def _describe_beams(sensor: RangeSensor) -> dict[str, Any]:
 
 
 def _describe_channels(sensor: Sensor) -> dict[str, Any]:
-    """Describe a sensor's channels; several ranges by their bearings, left positive."""
+    """Describe a sensor's channels; several ranges are given by bearing, positive to the left."""
     if sees(sensor):
         bearings = sensor_bearings(sensor)
         return {"bearings_rad": bearings} if len(bearings) > 1 else {}

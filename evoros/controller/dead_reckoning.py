@@ -1,4 +1,4 @@
-"""Dead reckoning: a drifting pose from odometry and an IMU."""
+"""Dead reckoning: a drifting pose estimate from odometry and an IMU."""
 
 import math
 from dataclasses import dataclass
@@ -20,16 +20,16 @@ FULL_TURN = 2.0 * math.pi
 
 
 class Parameters(NamedTuple):
-    """Constants of the estimator; the indices are into the readings of all sensors."""
+    """Constants of the estimator; indices refer to the array of all sensor readings."""
 
     axle: float  # x of the rear axle [m]
-    speeds: Array  # index of the speed of each odometry; its yaw rate is next
-    rates: Array  # index of the first rate of each IMU
-    verticals: Matrix  # (IMUs, 3) vertical in the frame of each IMU
+    speeds: Array  # index of each odometry's speed; the yaw rate follows
+    rates: Array  # index of each IMU's first rate
+    verticals: Matrix  # (IMUs, 3) vertical axis in each IMU's frame
 
 
 class Memory(NamedTuple):
-    """The last estimate, at the rear axle."""
+    """The last estimate, for the centre of the rear axle."""
 
     time: Array  # (1,) [s]; -infinity before the first call
     pose: Array  # (STATE_SIZE,)
@@ -38,18 +38,19 @@ class Memory(NamedTuple):
 @dataclass(frozen=True)
 @checked
 class DeadReckoning(Estimator):
-    """Integrates the speed from odometry along a heading integrated from the IMU's yaw rate.
+    """Integrates the odometry's speed along a heading that is integrated from the IMU's yaw rate.
 
     The mission starts at a known pose. Several sensors of a type are averaged. Without an IMU
-    reading, the odometry gives the yaw rate; without either, the last values are kept. The bias of
-    the yaw rate is unknown, so the heading drifts.
+    reading, odometry gives the yaw rate; without either, the last values are kept. The bias of the
+    yaw rate is unknown, so the heading drifts.
     """
 
     odometry: Annotated[str, TEXT] = "odometry"  # name of the sensor type in the design
-    imu: Annotated[str | None, TEXT] = "imu"  # name of the type; None: yaw rates from odometry
+    # name of the sensor type; None: odometry gives the yaw rate
+    imu: Annotated[str | None, TEXT] = "imu"
 
     def start_estimate(self, robot: Robot, period: float) -> tuple[Parameters, Memory]:
-        """Find the readings of the odometry and the IMUs.
+        """Find the readings of odometry and IMUs.
 
         Raises:
             InputError: the robot lacks odometry or an IMU, or a sensor's period is not a multiple
@@ -74,8 +75,8 @@ class DeadReckoning(Estimator):
         if not mounts or not isinstance(sensor, kind):
             raise InputError(
                 f"DeadReckoning.{field}: must be the name of a mounted {kind.__name__}, not "
-                f"{name!r}; add one to each design, as design=reckoning does, or choose "
-                f"controller/localization=exact"
+                f"{name!r}; mount such a sensor in each design, as design=reckoning does, or "
+                f"choose controller/localization=exact"
             )
         count = round(sensor.period_s / period)
         if count < 1 or not math.isclose(count * period, sensor.period_s, rel_tol=1e-9):
@@ -90,7 +91,7 @@ class DeadReckoning(Estimator):
     def rule(
         parameters: Parameters, memory: Memory, readings: Array, pose: Array, time: float
     ) -> None:
-        """Move the rear axle along an arc, and derive the pose of the robot's origin."""
+        """Move the rear axle along an arc, and compute the pose of the robot's origin."""
         kept, axle = memory.pose, parameters.axle
         if memory.time[0] == -math.inf:
             sin, cos = elementary.sin_cos(pose[YAW])
@@ -122,7 +123,7 @@ class DeadReckoning(Estimator):
 
 @compilable
 def update_rates(parameters: Parameters, readings: Array, kept: Array) -> None:
-    """Write the mean speed [m/s] and yaw rate [rad/s] of all sensors that are not silent."""
+    """Store the mean speed [m/s] and yaw rate [rad/s] of all sensors that are not silent."""
     speeds, turns, count = 0.0, 0.0, 0
     for i in range(len(parameters.speeds)):
         place = int(parameters.speeds[i])

@@ -2,7 +2,7 @@
 
 After V. Sezer and M. Gokasan, "A novel obstacle avoidance algorithm: Follow the Gap Method",
 Robotics and Autonomous Systems 60(9), 2012. Obstacles are inflated by the radius of the robot. The
-original takes the widest gap instead.
+original method chooses the widest gap.
 """
 
 import math
@@ -20,14 +20,14 @@ from evoros.controller.protocol import Layer
 from evoros.controller.weighted_voting import require_reach, wrap
 from evoros.robot.model import Robot
 
-SHRINK = 0.8  # factor on the range in each round until there is a gap
+SHRINK = 0.8  # factor by which the range shrinks in each round until there is a gap
 ROUNDS = 12
 DIRECTIONS = 181  # number of evenly spaced headings
 WIDEST = math.pi / 2  # [rad], maximum heading from straight ahead
 
 
 class Parameters(NamedTuple):
-    """The parameters of the rule."""
+    """The parameters of the rule; ``FollowTheGap`` explains them."""
 
     range: float  # [m]
     radius: float  # [m]
@@ -37,11 +37,11 @@ class Parameters(NamedTuple):
     slow: float  # [m/s]
     slowing: float  # [m]
     full_lock: float  # [rad]
-    yaws: Array  # [rad], one per reading; NaN: no direction
+    yaws: Array  # [rad], one per reading; NaN: the sensor has no direction
 
 
 class Memory(NamedTuple):
-    """The directions from right to left, 1 if free."""
+    """The directions from right to left: 1 free, 0 blocked."""
 
     free: Array
 
@@ -49,13 +49,14 @@ class Memory(NamedTuple):
 @dataclass(frozen=True)
 @checked
 class FollowTheGap(Layer):
-    """Steers into the gap nearest to the waypoint, and towards its middle.
+    """Steers into the gap nearest to the waypoint, and towards the middle of that gap.
 
     Each reading below ``range_m`` blocks the directions in which a disc of ``radius_m`` would hit
-    it. A gap is a run of free directions within 90 deg of straight ahead; without one, the range is
-    reduced. The heading is the mean of the gap's direction nearest to the waypoint, weighted by the
-    distance of the nearest obstacle, and the gap's middle, weighted by ``centring_m``. The speed
-    rises from ``min_speed_mps`` at contact to ``speed_mps`` with ``slowing_m`` of free space ahead.
+    the obstacle. A gap is a run of free directions within 90 deg of straight ahead; if there is
+    none, the range is reduced. The heading is the mean of the gap's direction nearest to the
+    waypoint, weighted by the distance of the nearest obstacle, and the gap's middle, weighted by
+    ``centring_m``. The speed rises from ``min_speed_mps`` at contact to ``speed_mps`` with
+    ``slowing_m`` of free space ahead.
     """
 
     mode = "avoiding"
@@ -75,7 +76,7 @@ class FollowTheGap(Layer):
 
         Raises:
             InputError: ``range_m`` exceeds the range of a sensor, which would then block its
-                direction even if it sees nothing.
+                direction even when it sees nothing.
         """
         require_reach(self, self.range_m, robot)
         parameters = Parameters(
@@ -102,7 +103,7 @@ class FollowTheGap(Layer):
         readings: Array,
         command: Array,
     ) -> bool:
-        """Command the drive if a reading is within range and the pose is not silent (NaN)."""
+        """Command the drive if a reading is within range and the pose is known (not NaN)."""
         bearing = elementary.atan2(leg[TO_Y] - state[Y], leg[TO_X] - state[X]) - float(state[YAW])
         nearest = parameters.range
         for i in range(len(readings)):
@@ -131,7 +132,7 @@ class FollowTheGap(Layer):
 
 @compilable
 def block(parameters: Parameters, free: Array, readings: Array, limit: float) -> None:
-    """Mark as free the directions in which a disc hits no reading below ``limit`` [m]."""
+    """Mark as free the directions in which a disc hits no obstacle nearer than ``limit`` [m]."""
     step = 2.0 * WIDEST / (DIRECTIONS - 1)
     for k in range(len(free)):
         free[k] = 1.0
@@ -152,7 +153,7 @@ def block(parameters: Parameters, free: Array, readings: Array, limit: float) ->
 
 @compilable
 def choose(parameters: Parameters, free: Array, goal: float, nearest: float) -> float:
-    """Return the heading [rad] into the gap nearest to the goal; NaN without a gap."""
+    """Return the heading [rad] into the gap nearest to the goal, or NaN if there is no gap."""
     step = 2.0 * WIDEST / (DIRECTIONS - 1)
     best, heading = math.inf, math.nan
     first = -1
@@ -176,7 +177,7 @@ def choose(parameters: Parameters, free: Array, goal: float, nearest: float) -> 
 
 @compilable
 def measure_ahead(parameters: Parameters, readings: Array) -> float:
-    """Return the free distance [m] straight ahead of a disc, at most ``slowing``."""
+    """Return the free distance [m] straight ahead of a disc, up to ``slowing``."""
     ahead = parameters.slowing
     for i in range(len(readings)):
         reading, yaw = float(readings[i]), float(parameters.yaws[i])

@@ -1,7 +1,7 @@
 """Waypoint following as in ArduPilot: L1 guidance, then yaw rate control.
 
 The guidance follows ArduPilot's ``AP_L1_Control``, after S. Park, J. Deyst and J. P. How, "A new
-nonlinear guidance logic for trajectory tracking", AIAA 2004-4900. The steering follows its
+nonlinear guidance logic for trajectory tracking", AIAA 2004-4900. The steering follows ArduPilot's
 ``AP_SteerController``. Left is positive.
 """
 
@@ -32,11 +32,11 @@ from evoros.base.compilable import compilable
 from evoros.controller.protocol import Layer
 from evoros.robot.model import Robot
 
-STILL = 0.1  # [m/s], [m]: minimum speed and look-ahead distance used
-CAPTURE = math.sqrt(0.5)  # sine of 45 deg, the steepest approach to the leg
-CONVERGED = math.radians(5.0)  # maximum Nu1 for the crosstrack integral to change
+STILL = 0.1  # [m/s] and [m]: lower bound on the speed and the look-ahead distance
+CAPTURE = math.sqrt(0.5)  # sine of 45 deg, the steepest angle of approach to the leg
+CONVERGED = math.radians(5.0)  # maximum Nu1 at which the crosstrack integral changes
 POINT = 1e-6  # [m]: a shorter leg has no direction
-BEYOND = 3.0  # [s]: this far past the leg's end, the robot heads for the end itself
+BEYOND = 3.0  # [s]: once this far past the leg's end, the robot heads for the end point
 DEGREES = 180.0 / math.pi
 TURN = 2.0 * math.pi
 
@@ -45,7 +45,7 @@ class Parameters(NamedTuple):
     """Constants of the law; ``lock`` converts the yaw rate controller's output to steering."""
 
     cruise: float  # [m/s]
-    look_ahead: float  # [s]: L1 per m/s of speed
+    look_ahead: float  # [s]: L1 distance per m/s of speed
     k_l1: float
     crosstrack_step: float  # gain times control period
     crosstrack_limit: float  # [rad]
@@ -56,12 +56,12 @@ class Parameters(NamedTuple):
     output_limit: float  # [deg]
     lock: float  # [rad/deg]
     min_speed: float  # [m/s]
-    interruption: float  # [s]
-    axle: float  # [m]
+    interruption: float  # [s]: gap that resets the integrals
+    axle: float  # [m]: x of the rear axle
 
 
 class Memory(NamedTuple):
-    """Two integrals and the last output and time, each (1,)."""
+    """Two integrals, the last output, and the last time, each (1,)."""
 
     crosstrack: Array  # [rad]
     integral: Array  # [deg]
@@ -74,10 +74,10 @@ class Memory(NamedTuple):
 class L1(Layer):
     """ArduPilot's route following.
 
-    The law was designed for speeds above ``least_speed_mps``. On a slow robot with a delayed pose
-    the heading swings by some 30 deg, the serpentine of the 2018 paper (Evo-ROS); with an exact
-    pose the robot goes straight. The yaw rate comes from a gyroscope and is not delayed by a
-    localization. The law guides the centre of the rear axle, because that point moves in the
+    The law was designed for speeds above ``least_speed_mps``. On a slow robot with a delayed pose,
+    the heading swings by some 30 deg, as in the serpentine of the 2018 paper (Evo-ROS); with an
+    exact pose, the robot drives straight. The yaw rate comes from a gyroscope, so a localization
+    does not delay it. The law guides the centre of the rear axle, because that point moves in the
     direction of the heading.
     """
 
@@ -94,7 +94,8 @@ class L1(Layer):
     integral_limit_deg: Annotated[float, NOT_NEGATIVE] = 15.0
     output_limit_deg: Annotated[float, POSITIVE] = 45.0
     least_speed_mps: Annotated[float, POSITIVE] = 1.0
-    interruption_s: Annotated[float, NOT_NEGATIVE] = 1.0  # gap that resets the integrals
+    # time without decisions that resets the integrals
+    interruption_s: Annotated[float, NOT_NEGATIVE] = 1.0
 
     def start(self, robot: Robot, period: float, rng: Generator) -> tuple[Parameters, Memory]:
         """Return the gains for this control period, and zero integrals."""
@@ -126,7 +127,7 @@ class L1(Layer):
         time: float,
         command: Array,
     ) -> bool:
-        """Command the drive unless the pose is silent (NaN), which keeps the last command."""
+        """Command the drive; if the pose is silent (NaN), keep the last command."""
         speed = max(float(state[SPEED]), STILL)
         yaw = float(state[YAW])
         sin, cos = elementary.sin_cos(yaw)
@@ -150,8 +151,8 @@ def guide(
 ) -> float:
     """Return the lateral acceleration [m/s2] that guides the point (x, y) [m] to the leg.
 
-    The point is relative to the leg's start. (aim_x, aim_y) is the direction to go, and nu1 the
-    correction angle towards the leg.
+    The point is relative to the leg's start. (aim_x, aim_y) is the direction to aim for, and nu1
+    the correction angle towards the leg.
     """
     distance = math.sqrt(x * x + y * y)
     look_ahead = parameters.look_ahead * speed

@@ -36,7 +36,7 @@ PARAMETERS = Rule(
     plain=True,
 )
 COMMAND = Rule(
-    "a command, as a list of strings or as one string",
+    "a command, as a list of strings or one string",
     lambda v: bool(v.split() if isinstance(v, str) else TEXTS.holds(v) and v and v[0]),
 )
 
@@ -44,7 +44,7 @@ COMMAND = Rule(
 @dataclass(frozen=True, kw_only=True)
 @checked
 class LineController(LiveController):
-    """Starts a command for each mission and exchanges a line with it at each decision."""
+    """Runs a command for each mission and exchanges a line with it at each decision."""
 
     period_s: Annotated[float, POSITIVE] = 0.1
     modes: Annotated[Sequence[str], MODES] = ("driving",)
@@ -54,9 +54,9 @@ class LineController(LiveController):
     )  # sent to the command
     environment: Annotated[Mapping[str, str], mapping_of(str, "strings")] = field(
         default_factory=dict
-    )  # additional variables of the command
+    )  # additional environment variables of the command
     files: Annotated[Sequence[str], TEXTS] = ()  # additional files that the command depends on
-    command_timeout_s: Annotated[float | None, NOT_NEGATIVE] = None  # simulated; None: never
+    command_timeout_s: Annotated[float | None, NOT_NEGATIVE] = None  # simulated time; None: never
     start_limit_s: Annotated[float, POSITIVE] = 30.0  # wall clock
     answer_limit_s: Annotated[float, POSITIVE] = 10.0  # wall clock
     isolate: Annotated[bool, FLAG] = True
@@ -65,7 +65,7 @@ class LineController(LiveController):
     def fly(
         self, command: Sequence[str], briefing: Briefing, told: Mapping[str, Any] | None = None
     ) -> Iterator[Pilot]:
-        """Start and brief a command for one mission; ``told`` is added to the first line.
+        """Start a command for one mission and brief it; ``told`` is added to the first line.
 
         Raises:
             LaunchError: the command cannot be started, or refuses the briefing.
@@ -96,7 +96,7 @@ def _is_plain(value: object) -> bool:
 
 
 def _require_ready(name: str, answer: bytes) -> None:
-    """Require that a command has accepted its briefing."""
+    """Reject a command that has not accepted its briefing."""
     try:
         content = json.loads(answer)
     except (ValueError, RecursionError):
@@ -107,13 +107,13 @@ def _require_ready(name: str, answer: bytes) -> None:
         why = single_line(content["refused"]) or "no reason given"
         raise LaunchError(f"{name} refuses the mission: {why}")
     raise LaunchError(
-        f'{name}: its first line must be {{"ready": true}} or {{"refused": "why"}}, not '
-        f"{_quote(answer)}; correct the program"
+        f'{name}: the first line must be {{"ready": true}} or {{"refused": "why"}}, not '
+        f"{_quote(answer)}; fix the program"
     )
 
 
 class LinePilot:
-    """A running command that controls the robot in one mission."""
+    """A running command that drives the robot in one mission."""
 
     def __init__(
         self, conversation: LineConversation, controller: LineController, robot: Robot
@@ -129,8 +129,8 @@ class LinePilot:
     def exchange(
         self, time: float, state: Array, leg: Array, readings: Array, command: Array
     ) -> int:
-        """Send the state, the leg and the readings; take the mode, speed and steering angle."""
-        # orjson writes NaN, a silent sensor or localization, as null.
+        """Send the state, the leg and the readings; read the mode, speed and steering angle."""
+        # orjson writes NaN, the value of a silent sensor or localization, as null.
         seen = readings if self._parts is None else _group(readings, self._parts)
         told = orjson.dumps([time, state, leg, seen], option=orjson.OPT_SERIALIZE_NUMPY)
         answer = self._conversation.ask(told, self._limit_s, time)
@@ -155,7 +155,7 @@ class LinePilot:
 
 
 def _group(readings: Array, parts: Sequence[slice]) -> list[Any]:
-    """Return the reading of each sensor, a number or an array of several channels."""
+    """Return each sensor's reading: a number, or an array if there are several channels."""
     return [
         readings[part] if part.stop - part.start > 1 else readings[part.start] for part in parts
     ]
@@ -169,8 +169,8 @@ def _quote(answer: bytes) -> str:
 def split_command(command: Sequence[str]) -> list[str]:
     """Split a command into words, and make the paths of existing files absolute.
 
-    The paths must be absolute because a command starts in an empty folder. A word is a path if it
-    contains a slash or a dot and the file exists.
+    The paths must be absolute because a command starts in an empty folder. A word counts as a path
+    if it contains a slash or a dot and the file exists.
     """
     words = shlex.split(command) if isinstance(command, str) else list(command)
     program = words[0] if "/" in words[0] else shutil.which(words[0]) or words[0]
@@ -196,7 +196,7 @@ def list_files(command: Sequence[str], further: Sequence[str]) -> tuple[str, ...
 @dataclass(frozen=True, kw_only=True)
 @checked
 class Program(LineController):
-    """Runs ``command`` for each mission. docs/programs.md describes its lines."""
+    """Runs ``command`` for each mission; docs/programs.md describes the lines exchanged."""
 
     command: Annotated[Sequence[str], COMMAND]
 
@@ -210,6 +210,6 @@ class Program(LineController):
 
         Raises:
             LaunchError: the program cannot be started, or refuses the briefing.
-            PilotLost: the command was not ready in time.
+            PilotLost: the program was not ready in time.
         """
         return self.fly(self.command, briefing)

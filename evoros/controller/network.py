@@ -1,6 +1,7 @@
-"""A small neural network from readings in sectors, bearing and speed to steering and speed.
+"""A small neural network that computes steering and speed from readings, bearing and speed.
 
-The rule and its helpers allocate nothing and use only the elementary functions of evoros.
+Readings are grouped into sectors. The rule and its helpers allocate nothing and use only the
+elementary functions of evoros.
 """
 
 import math
@@ -15,28 +16,28 @@ from evoros.base.compilable import compilable
 
 
 class Parameters(NamedTuple):
-    """The parameters of the rules."""
+    """The parameters of the network's rules."""
 
     symmetric: float  # 1 or 0
     recurrent: float  # 1 or 0
-    waypoint: float  # 1, or 0 if its bearing is unknown
+    waypoint: float  # 1, or 0 if the waypoint's bearing is no input
     range: float  # [m]
     gain: float
     cruise: float  # [m/s]
     slow: float  # [m/s]
     fast: float  # [m/s]
     full_lock: float  # [rad]
-    limits: Array  # [m], reading of each sensor when it sees nothing
-    shares: Matrix  # (readings, 4) sector, its share, another sector, its share
+    limits: Array  # [m], reading of each sensor when nothing is in range
+    shares: Matrix  # (readings, 4): a sector and its share, another sector and its share
     hidden: Matrix  # weights of each hidden neuron
     steering: Array  # weights of the hidden neurons, after the bias of an asymmetric network
     speed: Array  # bias and weights of the hidden neurons
 
 
 class Memory(NamedTuple):
-    """The inputs, and the present and previous values of the hidden neurons and their twins."""
+    """The inputs, and the current and previous values of the hidden neurons and their twins."""
 
-    sectors: Array  # 0 (free) to 1 (touched), from right to left
+    sectors: Array  # 0 (free) to 1 (touched), right to left
     neurons: Array
     twins: Array  # hidden neurons for the mirror image of the inputs
     neurons_before: Array
@@ -44,11 +45,12 @@ class Memory(NamedTuple):
 
 
 OTHERS = 2  # number of inputs besides the sectors: bearing and speed
-AUTHORITY = 2.0  # maximum steering change in multiples of full lock: from one lock to the other
+# maximum steering correction in multiples of full lock, enough to go from lock to lock
+AUTHORITY = 2.0
 
 
 class Weight(NamedTuple):
-    """The name and the target neuron of a weight."""
+    """A weight's name, and the name of the neuron that it feeds."""
 
     name: str
     neuron: str
@@ -60,9 +62,10 @@ def list_weights(
     """List the weights of a network in order.
 
     Each hidden neuron has a bias and weights for the sectors from right to left, the bearing (with
-    ``waypoint``) and the speed. A recurrent one also has weights for the last values of all hidden
-    neurons, and of their twins in a symmetric network. Steering and speed have a weight for each
-    hidden neuron, and a bias except for the steering of a symmetric network.
+    ``waypoint``) and the speed. A hidden neuron of a recurrent network also has weights for the
+    last values of all hidden neurons and, in a symmetric network, of their twins. Steering and
+    speed have a weight for each hidden neuron, and a bias except for the steering of a symmetric
+    network.
     """
     sides = [f"sector{i}" for i in range(sectors)]
     neurons = [f"hidden{i}" for i in range(hidden)]
@@ -79,7 +82,7 @@ def list_weights(
 def split_weights(
     weights: Sequence[float], hidden: int, symmetric: bool
 ) -> tuple[Matrix, Array, Array]:
-    """Return the weights of the hidden neurons, the steering and the speed."""
+    """Return the weights of the hidden neurons, of the steering and of the speed."""
     speed = len(weights) - hidden - 1
     steering = speed - hidden - (not symmetric)
     values = np.array(weights, dtype=float)
@@ -87,11 +90,12 @@ def split_weights(
 
 
 def share_sectors(yaws: list[float], sectors: int, span: float) -> Array:
-    """Return two sectors and the shares in them for each reading's yaw [rad], (readings, 4).
+    """Return, for each reading's yaw [rad], two sectors and its share in each, (readings, 4).
 
-    The centres of the outermost sectors are ``span`` [rad] apart. The share falls linearly from 1
-    at the centre of a sector to 0 at the centre of the next one, and as fast beyond the outermost.
-    A reading without a yaw (NaN) has no share. Mirror images have exactly the same shares.
+    The centres of the outermost sectors are ``span`` [rad] apart. A share falls linearly from 1 at
+    the centre of a sector to 0 at the centre of the next sector, and at the same rate beyond the
+    outermost centres. A reading without a yaw (NaN) has no share. Mirror images have exactly equal
+    shares.
     """
     entries = np.zeros((len(yaws), 4))
     middle = (sectors - 1) // 2
@@ -131,7 +135,7 @@ def look(parameters: Parameters, sectors: Array, readings: Array) -> bool:
 def command_from(
     parameters: Parameters, memory: Memory, state: Array, leg: Array, command: Array
 ) -> bool:
-    """Fill the command from the sectors in the memory; False if the pose is silent (NaN).
+    """Compute the command from the sectors in the memory; return False if the pose is silent (NaN).
 
     If all weights are 0, the robot heads for the waypoint.
     """
@@ -155,7 +159,7 @@ def command_from(
 
 @compilable
 def update_hidden(parameters: Parameters, memory: Memory, bearing: float, speed: float) -> None:
-    """Compute the hidden neurons, and their twins for the mirror image of the inputs."""
+    """Update the hidden neurons, and their twins, which see the mirror image of the inputs."""
     symmetric, recurrent = parameters.symmetric > 0.0, parameters.recurrent > 0.0
     hidden, sectors = len(memory.neurons), len(memory.sectors)
     for i in range(hidden):
@@ -190,7 +194,7 @@ def update_hidden(parameters: Parameters, memory: Memory, bearing: float, speed:
 def sum_outputs(parameters: Parameters, memory: Memory) -> tuple[float, float]:
     """Return the output sums for steering and speed.
 
-    In a symmetric network, mirrored inputs reverse the steering and keep the speed.
+    In a symmetric network, mirrored inputs reverse the steering and leave the speed unchanged.
     """
     symmetric = parameters.symmetric > 0.0
     first = 0 if symmetric else 1

@@ -1,4 +1,4 @@
-"""A neural network controller, whose weights evolve with the design."""
+"""A neural network controller with weights that evolve together with the design."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -35,15 +35,15 @@ NUMBERS = checks.Rule(
 @dataclass(frozen=True)
 @checks.checked
 class Neural(Controller):
-    """A network with one hidden layer, from readings, bearing and speed to steering and speed.
+    """A network with one hidden layer that maps readings, bearing and speed to steering and speed.
 
-    The inputs are the nearest reading in each of ``sectors`` relative to ``range_m``, the bearing
-    to the waypoint and the speed. The outputs modify the command of a robot that heads for the
-    waypoint at ``speed_mps``, or straight on without ``waypoint``. In a ``symmetric`` network,
+    The inputs are the nearest reading in each of ``sectors``, relative to ``range_m``, the bearing
+    to the waypoint, and the speed. The outputs modify the command of a robot that heads for the
+    waypoint at ``speed_mps``, or straight ahead without ``waypoint``. In a ``symmetric`` network,
     mirrored inputs give the mirrored command. In a ``recurrent`` network, the hidden neurons also
     receive their last values.
 
-    The default weights are 0; ``list_weights`` gives their order. If they evolve, each weight is a
+    The default weights are 0; ``list_weights`` gives their order. If the weights evolve, each is a
     gene from ``-weight_limit`` to ``weight_limit``.
 
     Raises:
@@ -76,7 +76,7 @@ class Neural(Controller):
         elif len(self.weights) != count:
             rule = f"must be {count} numbers for a network of this size"
             raise checks.invalid(
-                self, "weights", f"{len(self.weights)} numbers", rule, "leave it null for zeros"
+                self, "weights", f"{len(self.weights)} numbers", rule, "use null for zeros"
             )
 
     @property
@@ -87,7 +87,7 @@ class Neural(Controller):
 
     @property
     def evolved(self) -> Mapping[str, EvolvedValue]:
-        """The genes of the weights by name; a neuron's genes are inherited together."""
+        """The weights' genes by name; all genes of a neuron are inherited together."""
         if not self.evolve:
             return {}
         limit = float(self.weight_limit)
@@ -100,7 +100,7 @@ class Neural(Controller):
     def open(
         self, robot: Robot, rng: Callable[[str], Generator]
     ) -> Iterator[Sequence[StartedLayer]]:
-        """Start the network for one mission, with one memory and a rule for each mode.
+        """Start the network for one mission, with one memory for the rules of both modes.
 
         Raises:
             InputError: ``speed_mps`` exceeds the robot's maximum speed.
@@ -112,13 +112,13 @@ class Neural(Controller):
     def _parameters(self, robot: Robot) -> network.Parameters:
         fastest = float(robot.drive.max_speed_mps)
         if self.speed_mps > fastest:
-            rule = f"must be at most the maximum speed of the robot, which is {fastest:g}"
+            rule = f"must be at most the robot's maximum speed, {fastest:g}"
             raise checks.invalid(self, "speed_mps", self.speed_mps, rule, "lower it")
         shares = network.share_sectors(
             robot.channel_yaws(), self.sectors, math.radians(self.span_deg)
         )
         limits = [
-            min(self.range_m, channel.high)  # reading of a sensor that sees nothing
+            min(self.range_m, channel.high)  # reading of a sensor when nothing is in range
             for sensor in robot.mounted_sensors()
             for channel in sensor.channels
         ]
@@ -126,7 +126,8 @@ class Neural(Controller):
             self.weights or (), self.hidden, self.symmetric
         )
         if not self.waypoint:
-            hidden = np.insert(hidden, 1 + self.sectors, 0.0, axis=1)  # weights of the bearing
+            # zero weights for the bearing
+            hidden = np.insert(hidden, 1 + self.sectors, 0.0, axis=1)
         return network.Parameters(
             symmetric=self.symmetric,
             recurrent=self.recurrent,

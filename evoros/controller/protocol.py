@@ -1,4 +1,4 @@
-"""The base classes of controllers, their layers and their localizations."""
+"""The base classes of controllers, controller layers and localizations."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -17,46 +17,50 @@ from evoros.filter.protocol import Filter
 from evoros.robot.model import Robot
 
 LAYER_ARGUMENTS = "parameters", "memory", "state", "leg", "readings", "time", "command"
-"""A layer's rule fills ``command`` and returns True, or returns False to let later layers decide.
+"""A layer's rule fills ``command`` and returns True, or returns False to leave the decision to
+later layers.
 
 ``state`` is the localized state, and ``time`` is in seconds."""
 
 ESTIMATOR_ARGUMENTS = "parameters", "memory", "rng", "readings", "pose", "time"
-"""The rule of an estimator fills ``pose`` (POSE_SIZE,) from the readings of all sensors.
+"""An estimator's rule fills ``pose`` (POSE_SIZE,) from the readings of all sensors.
 
-The readings include the effects of filters and failures. The first call gets the true starting
-pose; later calls must not read it."""
+The readings include the effects of filters and failures. The first call receives the true starting
+pose in ``pose``; later calls must not read ``pose``.
+"""
 
 
 class EvolvedValue(NamedTuple):
-    """An evolving number of a controller, and its range."""
+    """A controller's number that evolves, and its range."""
 
-    path: str  # relative to the declaring part, for example weights.3
+    path: str  # relative to the part that declares it, for example weights.3
     low: float
     high: float
-    group: str = ""  # name of a group that is inherited together
+    group: str = ""  # genes with the same group name are inherited together
 
 
 class ControllerPart:
-    """A controller or a part of it, such as a layer."""
+    """A controller or a part of a controller, such as a layer."""
 
     @property
     def evolved(self) -> Mapping[str, EvolvedValue]:
-        """The evolving values by the names of their genes; none by default."""
+        """The evolving values by gene name; none by default."""
         return {}
 
 
 class Layer(ControllerPart, ABC):
-    """One behaviour of a controller. The first layer that decides preempts the rest."""
+    """One behaviour of a controller. The first layer that decides preempts later layers."""
 
     mode: str
-    """The layer's name in the mode column: ``avoiding``, ``navigating`` ...
+    """The layer's name in the mode column, such as ``avoiding`` or ``navigating``.
 
-    ``missions.csv`` has the share of decisions in the mode ``avoiding``."""
+    ``missions.csv`` has the share of decisions in the mode ``avoiding``.
+    """
     rule: Callable[..., bool]
     """The function that decides; a static method, so that numba can compile it.
 
-    Its parameters are a subset of ``LAYER_ARGUMENTS``."""
+    The parameters are a subset of ``LAYER_ARGUMENTS``.
+    """
 
     @abstractmethod
     def start(self, robot: Robot, period: float, rng: Generator) -> Started:
@@ -67,7 +71,7 @@ class Layer(ControllerPart, ABC):
 
 
 class StartedLayer(NamedTuple):
-    """A layer's rule and its start for one mission. Layers may share a memory."""
+    """A layer's rule, and its parameters and memory for one mission. Layers may share a memory."""
 
     rule: Callable[..., bool]
     started: Started
@@ -79,7 +83,8 @@ class Estimator(ControllerPart, ABC):
     rule: Callable[..., None]
     """The function that computes the pose; a static method, so that numba can compile it.
 
-    Its parameters are a subset of ``ESTIMATOR_ARGUMENTS``."""
+    The parameters are a subset of ``ESTIMATOR_ARGUMENTS``.
+    """
 
     @abstractmethod
     def start_estimate(self, robot: Robot, period: float) -> Started:
@@ -94,19 +99,20 @@ class Estimator(ControllerPart, ABC):
 
 Localizer: TypeAlias = Filter | Estimator
 LOCALIZATION = mapping_of(
-    Filter | Estimator, "filters or a localization from sensors (evoros.parts.Filter, Estimator)"
+    Filter | Estimator, "filters or an estimator (evoros.parts.Filter or Estimator)"
 )
 
 
 class AnyController(ControllerPart, ABC):
-    """Base of both kinds of controllers."""
+    """Base class of controllers in this process and of external controllers."""
 
     period_s: float
-    """Time between two decisions."""
+    """Time [s] between two decisions."""
     localization: Mapping[str, Localizer] = MappingProxyType({})
-    """The filters or the estimator, by name, that act in order on the pose.
+    """The filters, or the estimator, that act on the pose, by name and in this order.
 
-    Filters change the true pose. An estimator replaces it and must come first."""
+    Filters change the true pose. An estimator replaces the pose, and must come first.
+    """
 
     @property
     @abstractmethod
@@ -115,7 +121,7 @@ class AnyController(ControllerPart, ABC):
 
 
 class Controller(AnyController):
-    """Turns readings and the localized pose into commands by the rules of its layers."""
+    """Computes commands from readings and the localized pose by the rules of its layers."""
 
     @abstractmethod
     def open(
@@ -123,7 +129,7 @@ class Controller(AnyController):
     ) -> AbstractContextManager[Sequence[StartedLayer]]:
         """Start the layers for one mission.
 
-        ``rng(name)`` returns the generator of the named part for this mission.
+        ``rng(name)`` returns the random generator of the named part for this mission.
         """
 
 
@@ -131,55 +137,55 @@ class Controller(AnyController):
 class Briefing:
     """Mission data for an external controller."""
 
-    robot: Robot  # has the sensors of the design
+    robot: Robot  # including the sensors of the design
     home: tuple[float, float, float, float]  # x, y, z [m], yaw [rad]
-    route: Array  # (legs, 2) waypoints in order [m]
-    acceptance_m: float  # distance from a waypoint at which it is reached
+    route: Array  # (legs, 2) [m] waypoints in order
+    acceptance_m: float  # distance from a waypoint at which it counts as reached
     time_limit_s: float
-    seed: int  # 0 to 2^32 - 1, for all draws of the controller in this mission
+    seed: int  # 0 to 2^32 - 1, for all random draws of the controller in this mission
 
 
 class Pilot(Protocol):
-    """An external controller in lock-step with one mission."""
+    """An external controller in lockstep with one mission."""
 
     def exchange(
         self, time: float, state: Array, leg: Array, readings: Array, command: Array
     ) -> int:
         """Send the values at ``time`` [s], wait for the answer, and fill ``command``.
 
-        ``state`` is the localized state; the values of a silent localization or sensor are NaN.
-        Returns the number of the deciding mode, from 1, or 0 to keep the last command.
+        ``state`` is the localized state; values of a silent localization or sensor are NaN.
+        Returns the number of the mode that decided, from 1, or 0 to keep the last command.
 
         Raises:
-            PilotLost: the controller ended or did not answer in time; the mission is repeated.
-            SimulationError: the answer is invalid, which repeating the mission would not change.
+            PilotLost: the controller exited or did not answer in time; the mission is repeated.
+            SimulationError: the answer is invalid, so repeating the mission would not help.
         """
 
 
 class LiveController(AnyController):
-    """An external controller: a program, ROS nodes, an autopilot.
+    """An external controller: a program, ROS nodes or an autopilot.
 
-    It has no rule to compile, gets the whole route, and reports its mode.
+    It has no rule to compile, receives the whole route, and reports its mode.
     """
 
     @property
     def files(self) -> Sequence[str]:
-        """The paths of its programs, nodes and binaries, hashed in the manifest."""
+        """The paths of the controller's programs, nodes and binaries, which the manifest hashes."""
         return ()
 
     @property
     def told_sensors(self) -> int | None:
-        """The number of sensors, from a design's first, that the program is told; None: all."""
+        """The number of a design's first sensors that the program is told about; None: all."""
         return None
 
     @property
     def version(self) -> str | None:
-        """The version of ``files[0]`` for the manifest; empty: unknown; None: no version."""
+        """The version of ``files[0]`` for the manifest; empty: unknown; None: not versioned."""
         return None
 
     @abstractmethod
     def launch(self, briefing: Briefing) -> AbstractContextManager[Pilot]:
-        """Start a fresh process for one mission; leaving the context ends it and its children.
+        """Start a fresh process for one mission; leaving the context stops it and its children.
 
         Raises:
             InputError: the program is missing, or refuses the briefing.
@@ -190,7 +196,7 @@ class LiveController(AnyController):
 A_CONTROLLER = instance_of(AnyController, "a controller (a subclass of evoros.parts.Controller)")
 
 COMMAND = Rule(
-    f"a command of finite numbers of at most {LARGEST:g} in magnitude",
+    f"a command of finite numbers with magnitudes of at most {LARGEST:g}",
     lambda v: bool(np.all(np.abs(v) <= LARGEST)),
 )
 
@@ -209,9 +215,9 @@ LIVE_RULES = RULES | {"files": Rule("a list of paths", _are_texts)}
 
 
 def check_controller(controller: Controller | LiveController) -> None:
-    """Require that the attributes of a controller satisfy their rules.
+    """Check the attributes of a controller against their rules.
 
     Raises:
-        InputError: an attribute breaks its rule.
+        InputError: an attribute breaks a rule.
     """
     require(controller, LIVE_RULES if isinstance(controller, LiveController) else RULES)

@@ -12,15 +12,16 @@ from evoros.compilation.named_rules import start_part
 from evoros.controller.protocol import LOCALIZATION, Controller, Layer, Localizer, StartedLayer
 from evoros.robot.model import Robot
 
-A_LAYER = instance_of(Layer, "a layer of a controller (a subclass of evoros.parts.Layer)")
+A_LAYER = instance_of(Layer, "a controller layer (a subclass of evoros.parts.Layer)")
 
 
 @dataclass(frozen=True)
 @checked
 class Rover(Controller):
-    """Two layers: ``avoidance`` decides if it sees an obstacle, otherwise ``navigation`` does.
+    """Two layers: ``avoidance`` decides when it sees an obstacle, otherwise ``navigation``.
 
-    ``localization`` changes both layers' pose, in the mapping's order; if empty, the pose is exact.
+    ``localization`` changes the pose that both layers see, in the mapping's order; if empty, the
+    pose is exact.
     """
 
     avoidance: Annotated[Layer, A_LAYER]

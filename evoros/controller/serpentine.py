@@ -1,4 +1,4 @@
-"""Waypoint following with a weaving heading, as the 2018 paper on Evo-ROS describes it."""
+"""Waypoint following with a weaving heading, as described in the 2018 paper on Evo-ROS."""
 
 import math
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ AMPLITUDES = Rule("an angle from 0 to less than 180 deg", lambda v: is_number(v)
 @dataclass(frozen=True)
 @checked
 class Serpentine(Layer):
-    """Steers towards the bearing to the waypoint plus a sine of time.
+    """Steers towards the waypoint's bearing plus a sine of time.
 
-    The steering angle is ``gain`` times the heading error, wrapped to [-180, 180) deg, and at most
-    full lock. The paper gives a sweep of 60 deg, ``amplitude_deg`` to either side. The phase is
-    drawn for each mission.
+    The steering angle is ``gain`` times the heading error, wrapped to [-180, 180) deg, and limited
+    to full lock. The paper gives a sweep of 60 deg, that is, ``amplitude_deg`` to either side. The
+    phase is drawn for each mission.
     """
 
     mode = "navigating"
@@ -52,7 +52,7 @@ class Serpentine(Layer):
 
     @staticmethod
     def rule(parameters: Parameters, state: Array, leg: Array, time: float, command: Array) -> bool:
-        """Command the drive unless the pose is silent (NaN), which keeps the last command."""
+        """Command the drive; if the pose is silent (NaN), keep the last command."""
         bearing = elementary.atan2(leg[TO_Y] - state[Y], leg[TO_X] - state[X])
         phase = parameters.frequency * time + parameters.phase
         error = bearing + parameters.amplitude * elementary.sin(phase) - float(state[YAW])

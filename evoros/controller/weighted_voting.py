@@ -15,7 +15,8 @@ from evoros.robot.model import Robot
 from evoros.sensor.protocol import sees
 
 HALF_TURN = Rule("an angle from 0 to less than 180 deg", lambda v: is_number(v) and 0 <= v < 180)
-ROUNDING = 1e-9  # [rad]: a mount at exactly ``ahead_deg`` is ahead, despite the rounding of its yaw
+# [rad]: a mount at exactly ``ahead_deg`` counts as ahead, despite the rounding of its yaw
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -23,13 +24,13 @@ ROUNDING = 1e-9  # [rad]: a mount at exactly ``ahead_deg`` is ahead, despite the
 class WeightedVoting(Layer):
     """Each sensor that sees an obstacle votes for the side that it does not face.
 
-    A reading below ``range_m`` is a vote of weight ``range_m - reading``. A sensor that faces right
-    or ahead (within ``ahead_deg``, inclusive) votes left, one that faces left votes right. A sensor
-    with several beams votes for each side by the nearest reading of its beams on the other side.
-    Sensors without rays do not vote. The robot steers towards the larger sum by ``|difference| /
-    max_range_m`` of full lock, at most full lock (Eq. 2); with equal sums it goes straight on. If
-    the sums differ by at most ``deadlock_difference_m`` and both exceed ``deadlock_sum_m``, the
-    obstacle is straight ahead and the robot turns hard left.
+    A reading below ``range_m`` is a vote of weight ``range_m - reading``. A sensor that faces
+    right or ahead (within ``ahead_deg``, inclusive) votes left; a sensor that faces left votes
+    right. A sensor with several beams votes for each side by the nearest reading of its beams on
+    the other side. Sensors without rays do not vote. The robot steers towards the larger sum by
+    ``|difference| / max_range_m`` of full lock, at most full lock (Eq. 2); with equal sums it
+    drives straight. If the sums differ by at most ``deadlock_difference_m`` and both exceed
+    ``deadlock_sum_m``, the obstacle is straight ahead, and the robot turns hard left.
     """
 
     mode = "avoiding"
@@ -54,8 +55,8 @@ class WeightedVoting(Layer):
         """Return the parameters, with the vote of each reading.
 
         Raises:
-            InputError: ``range_m`` exceeds the range of a sensor, which would then vote even if it
-                sees nothing.
+            InputError: ``range_m`` exceeds the range of a sensor, which would then vote even when
+                it sees nothing.
         """
         require_reach(self, self.range_m, robot)
         ahead = math.radians(self.ahead_deg) + ROUNDING
@@ -78,10 +79,10 @@ class WeightedVoting(Layer):
 
     @staticmethod
     def rule(parameters: Parameters, readings: Array, command: Array) -> bool:
-        """Command the drive if a reading is below ``range``; a silent sensor (NaN) has no vote."""
+        """Command the drive if a reading is below ``range``; silent sensors (NaN) do not vote."""
         threshold = parameters.range
         left = right = 0.0
-        ahead = aside = threshold  # nearest readings of a sensor for left and right
+        ahead = aside = threshold  # a sensor's nearest readings that vote left and right
         for i in range(len(readings)):
             reading = float(readings[i])
             if reading < threshold:
@@ -106,9 +107,9 @@ class WeightedVoting(Layer):
 
 
 def require_reach(layer: object, range_m: float, robot: Robot) -> None:
-    """Require that every sensor sees at least as far as a layer's ``range_m``.
+    """Reject a ``range_m`` beyond the range of a sensor.
 
-    A sensor reports its ``range_max_m`` if it sees nothing.
+    A sensor that sees nothing reports its ``range_max_m``.
 
     Raises:
         InputError: ``range_m`` exceeds the range of a sensor.
@@ -116,7 +117,7 @@ def require_reach(layer: object, range_m: float, robot: Robot) -> None:
     ranges = [sensor.range_max_m for sensor in robot.mounted_sensors() if sees(sensor)]
     shortest = min(ranges, default=math.inf)
     if range_m > shortest:
-        rule = f"must be at most the smallest range_max_m of the sensors, which is {shortest:g}"
+        rule = f"must be at most the sensors' smallest range_max_m, {shortest:g}"
         raise invalid(layer, "range_m", range_m, rule, f"set it to {shortest:g}")
 
 

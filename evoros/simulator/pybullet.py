@@ -81,8 +81,8 @@ class PyBullet(Simulator):
             self.time_step, self.solver_iterations, self.wheel_friction, self.steering_lag_s
         )
         with IDLE.take(lambda: pybullet_model.Engine(pybullet_model.import_pybullet())) as engine:
-            # If nothing but the robots has moved since the last mission, the model is reset instead
-            # of rebuilt, which gives bitwise equal results.
+            # The model is reset instead of rebuilt if nothing but the robots has moved since the
+            # last mission. Results are bitwise equal.
             model = engine.prepare(robots, world, settings)
             alone = [robot for robot, _ in robots]
             yield PyBulletSimulation(engine, model, alone, settings, world.crowd)

@@ -1,12 +1,12 @@
-"""Conformance suites: what holds for every part of a kind, as tests that a test class inherits.
+"""Conformance suites: tests that hold for every part of a kind, for a test class to inherit.
 
     from evoros.testing import FilterSuite
 
     class TestDazzle(FilterSuite):
         part = Dazzle()
 
-pytest runs the checks of the suite on the part. evoros runs them on its own parts, and never
-imports this package.
+pytest then runs the suite's tests on the part. evoros tests its own parts in this way, and never
+imports this package at run time.
 """
 
 from evoros.testing.allocation import AllocationSuite

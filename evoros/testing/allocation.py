@@ -9,26 +9,27 @@ from evoros.evolution.contest import Contest
 from evoros.testing.part import PartSuite
 
 Draw = Callable[[int, int], float]
-"""The score of a trial, by design and trial."""
+"""Return a trial's score, given a design and a trial number."""
 
 SIZES = (1, 0, 1), (12, 0, 1), (5, 3, 2), (1, 12, 3), (12, 12, 1), (3, 1, 2)
-"""The numbers of new designs, of survivors and of trials of each contest."""
+"""The numbers of new designs, survivors and trials of each contest."""
 
 
 def hold_contest(
     allocation: Allocation, trials: int, earlier: Mapping[int, list[float]], draw: Draw
 ) -> Contest:
-    """Give designs their trials until the allocation gives none; evoros refuses too many."""
+    """Run trials until the allocation asks for no more; evoros rejects too many trials."""
     contest = Contest(allocation, trials, earlier)
     while wanted := contest.next_round():
         for design, range_ in wanted.items():
-            assert range_.start == len(contest.scores.get(design, ()))  # common draws
+            # all designs face the same random draws
+            assert range_.start == len(contest.scores.get(design, ()))
         contest.add({i: [draw(i, k) for k in range_] for i, range_ in wanted.items()})
     return contest
 
 
 def draw_noisy(seed: int, spread: float = 1.0) -> Draw:
-    """Return scores in which design i is worth -i, plus noise."""
+    """Return a draw of scores in which design i is worth -i plus noise."""
     table = np.random.default_rng(seed).normal(size=(64, 256)) * spread
     return lambda i, k: float(table[i, k] - i)
 
@@ -40,14 +41,14 @@ class AllocationSuite(PartSuite):
     protocol = Allocation
 
     def use(self, part: Allocation, seed: int) -> Iterator[object]:
-        """Hold some contests, and yield the trials per round and the fitness."""
+        """Hold some contests, and yield the trials of each round and the fitness."""
         for new, old, trials in SIZES:
             earlier = {i: [-float(i)] * (i < old) for i in range(old + new)}
             contest = hold_contest(part, trials, earlier, draw_noisy(seed))
             yield contest.rounds, contest.fitness()
 
     def test_trials_are_within_bounds(self) -> None:
-        """New designs get at least ``trials``, and none gets more than ``most_trials``."""
+        """Each new design gets at least ``trials``, and no design more than ``most_trials``."""
         for seed in range(10):
             for new, old, trials in SIZES:
                 earlier = {i: [-float(i)] * (i < old) for i in range(old + new)}
@@ -55,6 +56,8 @@ class AllocationSuite(PartSuite):
                 most = self.part.most_trials(trials)
                 given = {i: len(values) for i, values in scores.items()}
                 assert all(given.get(i, 0) >= trials for i in range(old, old + new)), (
-                    f"each new design must get at least {trials} trials, not {given}"
+                    f"each new design must get at least {trials} trials, but the trials are {given}"
                 )
-                assert max(given.values()) <= most, f"at most {most} trials, not {given}"
+                assert max(given.values()) <= most, (
+                    f"no design may get more than {most} trials, but they are {given}"
+                )

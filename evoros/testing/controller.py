@@ -1,4 +1,4 @@
-"""Conformance tests for controllers and layers, live controllers, and localizations."""
+"""Conformance tests for controllers, layers, live controllers and localizations."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -32,7 +32,7 @@ SILENT_TICK = 2
 class _OnRobot(RuleSuite):
     @cached_property
     def robot(self) -> Robot:
-        """The robot with its sensors; set another one if the part needs it."""
+        """The robot with its sensors; override it if the part needs another robot."""
         return example_robot()
 
 
@@ -52,7 +52,7 @@ class _LayersSuite(_OnRobot):
         ]
 
     def test_commands_are_finite(self) -> None:
-        """A layer that decides gives numbers, also if a sensor or the localization is silent."""
+        """A layer that decides gives finite numbers even if sensors or localization are silent."""
         for case in self.start_rules(self.part, 1):
             for silent in ((), ("readings",), ("state",), ("readings", "state")):
                 rule, inputs, rng = case.bind(), np.random.default_rng(1), generator("", "")
@@ -68,7 +68,7 @@ class _LayersSuite(_OnRobot):
 
 
 class LayerSuite(_LayersSuite):
-    """Conformance tests for a layer of a controller, on the rover with six sonars."""
+    """Conformance tests for a controller layer, on the rover with six sonars."""
 
     part: Layer
     protocol = Layer
@@ -79,8 +79,8 @@ class LayerSuite(_LayersSuite):
         return [StartedLayer(part.rule, part.start(self.lend(self.robot), PERIOD_S, rng))]
 
     def test_its_mode_can_be_recorded(self) -> None:
-        """The mode is a string."""
-        assert isinstance(self.part.mode, str), "mode must be a text"
+        """The mode is a non-empty string."""
+        assert isinstance(self.part.mode, str), "mode must be a string"
         assert self.part.mode, "mode must not be empty"
 
     def test_it_answers_whether_it_decides(self) -> None:
@@ -89,12 +89,12 @@ class LayerSuite(_LayersSuite):
             given = case.draw(np.random.default_rng(1), generator("", ""), 0.0)
             answer = case.bind()(*given.values())
             assert isinstance(answer, bool | np.bool_), (
-                f"the rule must answer True or False, not {answer!r}"
+                f"the rule must return True or False, not {answer!r}"
             )
 
 
 class ControllerSuite(_LayersSuite):
-    """Conformance tests for a controller that is made of layers."""
+    """Conformance tests for a controller made of layers."""
 
     part: Controller
     protocol = Controller
@@ -105,11 +105,11 @@ class ControllerSuite(_LayersSuite):
             return list(layers)
 
     def test_it_has_a_mode_for_each_layer(self) -> None:
-        """``modes`` are known without a start, in the order of the layers."""
+        """``modes`` are known before a start, in the order of the layers."""
         modes = self.part.modes
         assert all(isinstance(mode, str) and mode for mode in modes), f"modes are {modes}"
         count = len(self.start_layers(self.part, 1))
-        assert len(modes) == count, f"modes must be {count}, one for each layer, not {modes}"
+        assert len(modes) == count, f"there must be {count} modes, one for each layer, not {modes}"
 
     def test_its_period_is_possible(self) -> None:
         """The period is finite and greater than 0."""
@@ -139,11 +139,11 @@ class LiveControllerSuite(PartSuite):
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot with its sensors; set another one if the controller needs it."""
+        """The robot with its sensors; override it if the controller needs another robot."""
         return example_robot()
 
     def use(self, part: LiveController, seed: int) -> Iterator[tuple[int, Array]]:
-        """Launch it for a mission, and exchange some values; the localization is silent once."""
+        """Launch the controller and exchange some values; the localization is silent once."""
         robot, rng = self.robot, np.random.default_rng(seed)
         home, route = example_world().course.home, np.array([[3.0, 0.0], [0.0, 0.0]])
         briefing = self.lend(Briefing(robot, home, route, 0.5, 60.0, seed))
@@ -161,19 +161,19 @@ class LiveControllerSuite(PartSuite):
                 yield mode, command
 
     def test_its_modes_and_period_are_possible(self) -> None:
-        """Modes are texts, and the period is greater than 0."""
+        """Modes are non-empty strings, and the period is finite and greater than 0."""
         modes = self.part.modes
         assert modes, "a controller must have a mode"
         assert all(isinstance(mode, str) and mode for mode in modes), f"modes are {modes}"
         assert 0 < self.part.period_s < math.inf, f"period_s is {self.part.period_s}"
 
     def test_its_files_exist(self) -> None:
-        """A run records their hashes."""
+        """All files exist, so a run can record their hashes."""
         for file in self.part.files:
-            assert Path(file).is_file(), f"{file} must be a file"
+            assert Path(file).is_file(), f"{file} must be an existing file"
 
     def test_its_answers_are_finite(self) -> None:
-        """A command has numbers, and a mode is one of its modes, or 0."""
+        """Commands are finite, and each mode is a number from 0 to the number of modes."""
         for mode, command in self.use(self.part, 1):
             assert 0 <= mode <= len(self.part.modes), f"the mode is {mode}"
             assert np.isfinite(command).all(), f"the command is {command}"

@@ -23,11 +23,11 @@ class RegionSuite(PartSuite):
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot on which the region lies; set another one if the region needs it."""
+        """The robot on which the region lies; override it if the region needs another robot."""
         return example_experiment().robot
 
     def bind(self, part: RegionDescription) -> BoundRegion:
-        """Return the region on the robot."""
+        """Return the region bound to the robot."""
         sensors = list(example_experiment().design.sensors.values())
         return part.bind(self.lend(self.robot), False, "design.regions.example", sensors)
 
@@ -41,7 +41,7 @@ class RegionSuite(PartSuite):
             )
 
     def place_some(self) -> Iterator[SensorPose]:
-        """Place sensors at the same share of all ranges."""
+        """Place sensors at equal shares of all ranges."""
         region = self.bind(self.part)
         for share in SHARES:
             yield region.place(
@@ -49,19 +49,19 @@ class RegionSuite(PartSuite):
             )
 
     def test_its_ranges_are_those_of_a_pose(self) -> None:
-        """Each has a name that designs know, and its minimum first."""
+        """Each range has the name of a pose coordinate, and its minimum comes first."""
         for name, (low, high) in self.bind(self.part).ranges.items():
             assert name in (*POSITION, *ANGLES), f"{name} must be one of {(*POSITION, *ANGLES)}"
             assert -math.inf < low <= high < math.inf, f"the range of {name} is {low} to {high}"
 
     def test_its_link_can_carry_sensors(self) -> None:
-        """The link is one of the robot's sensor links, also in the area for drawing."""
+        """The link is one of the robot's sensor links, also in the area to be drawn."""
         region = self.bind(self.part)
         assert region.link in self.robot.sensor_links, f"{region.link!r} must be a sensor link"
         assert region.area().link == region.link
 
     def test_its_places_are_finite_and_on_the_robot(self) -> None:
-        """A sensor stands out of the robot by at most ``overhang_m``."""
+        """Poses are finite, and a sensor protrudes from the robot by at most ``overhang_m``."""
         link = self.bind(self.part).link
         x, y, _, yaw = self.robot.sensor_links[link]
         low, high = self.robot.outline.min(axis=0), self.robot.outline.max(axis=0)
@@ -74,4 +74,4 @@ class RegionSuite(PartSuite):
                 y + along * elementary.sin(yaw) + aside * elementary.cos(yaw),
             ])  # fmt: skip
             beyond = float(np.maximum(low - place, place - high).max())
-            assert beyond <= self.part.overhang_m + 1e-9, f"{pose} stands out by {beyond:g} m"
+            assert beyond <= self.part.overhang_m + 1e-9, f"{pose} protrudes by {beyond:g} m"

@@ -16,7 +16,7 @@ NUMBERS = "max_speed_mps", "speed_limit_offset_m", "steering_limit", "wheelbase_
 
 
 class DriveSuite(PartSuite):
-    """Conformance tests for a drive's description; ``urdf`` is a robot that it fits."""
+    """Conformance tests for a drive's description; ``urdf`` is a robot that the drive fits."""
 
     part: DriveDescription
     protocol = DriveDescription
@@ -27,7 +27,7 @@ class DriveSuite(PartSuite):
         raise NotImplementedError("set `urdf`")
 
     def use(self, part: Any, seed: int) -> Iterator[Any]:
-        """Fit the drive, and ask for the targets of commands, some beyond its limits."""
+        """Fit the drive, and request the targets of commands, some of them beyond its limits."""
         drive = part.fit(self.lend(self.urdf))
         yield [getattr(drive, name) for name in (*NUMBERS, "rear_axle_x_m")]
         yield drive.steering_joints, drive.wheel_joints, drive.caster_links
@@ -35,11 +35,11 @@ class DriveSuite(PartSuite):
             yield drive.targets(speed / seed, steering / seed)
 
     def fit(self) -> Drive:
-        """Return the drive on its robot."""
+        """Return the drive fitted to the robot."""
         return self.part.fit(self.urdf)
 
     def test_its_numbers_are_possible(self) -> None:
-        """Numbers are finite; limits and lengths are greater than 0, offsets at least 0."""
+        """Numbers are finite; limits and lengths are greater than 0, and offsets at least 0."""
         drive = self.fit()
         for name in NUMBERS:
             value = getattr(drive, name)
@@ -49,17 +49,17 @@ class DriveSuite(PartSuite):
         assert math.isfinite(drive.rear_axle_x_m), f"rear_axle_x_m is {drive.rear_axle_x_m}"
 
     def test_each_joint_has_a_finite_target(self) -> None:
-        """There is an angle for each steering joint and a rate for each wheel joint."""
+        """Each command gives an angle for each steering joint and a rate for each wheel joint."""
         drive = self.fit()
         for speed, steering in product(SPEEDS, STEERINGS):
             angles, rates = drive.targets(speed, steering)
             call = f"targets({speed}, {steering})"
-            assert len(angles) == len(drive.steering_joints), f"{call} has {len(angles)} angles"
-            assert len(rates) == len(drive.wheel_joints), f"{call} has {len(rates)} rates"
+            assert len(angles) == len(drive.steering_joints), f"{call} returns {len(angles)} angles"
+            assert len(rates) == len(drive.wheel_joints), f"{call} returns {len(rates)} rates"
             assert all(map(math.isfinite, (*angles, *rates))), f"{call} is {angles}, {rates}"
 
     def test_commands_beyond_the_limits_are_clipped(self) -> None:
-        """More than full speed and full lock change nothing."""
+        """Commands beyond full speed and full lock have the targets of full speed and full lock."""
         drive = self.fit()
         for side in (-1.0, 1.0):
             lock, full = side * drive.steering_limit, drive.max_speed_mps
@@ -71,8 +71,8 @@ class DriveSuite(PartSuite):
             )
 
     def test_a_robot_that_shall_stand_has_wheels_that_stand(self) -> None:
-        """At speed 0 all rates are 0."""
+        """At speed 0, all wheel rates are 0."""
         drive = self.fit()
         for steering in STEERINGS:
             rates = drive.targets(0.0, steering)[1]
-            assert not any(rates), f"targets(0, {steering}) has the rates {rates}"
+            assert not any(rates), f"targets(0, {steering}) returns the rates {rates}"

@@ -5,13 +5,13 @@ from evoros.testing.part import DescriptionSuite
 
 
 class ExecutorSuite(DescriptionSuite):
-    """Conformance tests for an executor, with calls of functions that every worker can import."""
+    """Conformance tests for an executor; the functions called can be imported by every worker."""
 
     part: Executor
     protocol = Executor
 
     def test_calls_give_what_plain_calls_give(self) -> None:
-        """Results and errors equal a plain call's; the pool states the number of its workers."""
+        """Results and errors equal a plain call's, and the pool states its number of workers."""
         with self.part.open() as pool:
             assert pool.workers >= 1, f"workers must be at least 1, not {pool.workers}"
             assert isinstance(pool.shares_files, bool), "shares_files must be True or False"
@@ -19,4 +19,4 @@ class ExecutorSuite(DescriptionSuite):
             assert [future.result() for future in futures] == [n * n for n in range(40)]
             error = pool.submit(divmod, 1, 0).exception()
             assert isinstance(error, ZeroDivisionError), f"the future raises {error!r}"
-            assert pool.submit(pow, 7, 2).result() == 49, "the pool must go on after an error"
+            assert pool.submit(pow, 7, 2).result() == 49, "the pool must continue after an error"

@@ -30,30 +30,38 @@ def place_sensors(count: int) -> Channels:
 
 
 def check_faults(faults: tuple[Fault, ...], count: int, parts: Sequence[str] = ()) -> None:
-    """Require a filter, and a time for each sensor or for the part that fails."""
+    """Require a filter, and an onset for each sensor or for the part that fails."""
     assert isinstance(faults, tuple), f"faults must be a tuple, not {faults!r}"
     for fault in faults:
-        assert isinstance(fault.filter, Filter), f"{fault.filter!r} of a fault must be a filter"
-        assert fault.signal in SIGNALS, f"the signal must be one of {SIGNALS}: {fault.signal!r}"
-        assert isinstance(fault.trigger, Trigger), f"{fault.trigger!r} must be a trigger"
+        assert isinstance(fault.filter, Filter), (
+            f"a fault's filter must be a Filter, not {fault.filter!r}"
+        )
+        assert fault.signal in SIGNALS, (
+            f"a fault's signal must be one of {SIGNALS}, not {fault.signal!r}"
+        )
+        assert isinstance(fault.trigger, Trigger), (
+            f"a fault's trigger must be a Trigger, not {fault.trigger!r}"
+        )
         length, each = (count, "sensor") if fault.signal == READINGS else (1, fault.part)
         assert fault.signal == READINGS or fault.part in parts, (
-            f"the part {fault.part!r} must be among the parts of the failure model, {parts}"
+            f"a fault's part must be one of the failure model's parts {parts}, not {fault.part!r}"
         )
         assert fault.onset.shape == (length,), (
-            f"the onset must have shape ({length},), one time a {each}, not {fault.onset.shape}"
+            f"the onset must have shape ({length},), one time per {each}, not {fault.onset.shape}"
         )
-        assert fault.onset.dtype == np.float64, f"the onset must be float64: {fault.onset!r}"
-        assert (fault.onset >= 0).all(), f"times must be at least 0 or infinite: {fault.onset}"
+        assert fault.onset.dtype == np.float64, f"the onset must be float64, not {fault.onset!r}"
+        assert (fault.onset >= 0).all(), f"onset times must not be negative or NaN: {fault.onset}"
 
 
 def check_case(case: Case, count: int) -> None:
-    """Require valid sensors of a robot with ``count`` sensors, and a time for each."""
+    """Require sensors of a case to exist on a robot with ``count`` sensors, each with a time."""
     assert all(0 <= sensor < count for sensor in case.sensors), (
-        f"{case} must have sensors from 0 to {count - 1}"
+        f"sensors must be from 0 to {count - 1}: {case}"
     )
-    assert len(case.times_s) == len(case.sensors), f"{case} must have a time for each sensor"
-    assert all(0 <= time < np.inf for time in case.times_s), f"times of {case} must be finite"
+    assert len(case.times_s) == len(case.sensors), f"there must be a time for each sensor: {case}"
+    assert all(0 <= time < np.inf for time in case.times_s), (
+        f"times must be finite and not negative: {case}"
+    )
 
 
 class FailureSuite(PartSuite):
@@ -62,17 +70,17 @@ class FailureSuite(PartSuite):
     part: Failure
     protocol = Failure
     counts = range(7)
-    """The numbers of sensors of the robots whose failures are drawn."""
+    """The sensor counts of the robots for which failures are drawn."""
 
     def use(self, part: Any, seed: int) -> Iterator[Any]:
-        """Draw the faults of some missions of robots with more and more sensors."""
+        """Draw the faults of some missions for robots with increasing numbers of sensors."""
         for count in self.counts:
             for draw in range(DRAWS):
                 channels = self.lend(place_sensors(count))
                 yield part.draw(channels, generator(f"{seed} {draw}", "failure"))
 
     def test_faults_cover_all_sensors(self) -> None:
-        """Each fault has a filter and a time for each sensor, or for its part; infinity: never."""
+        """Each fault has a filter, and an onset for each sensor or its part (infinity: never)."""
         for count in self.counts:
             for draw in range(DRAWS):
                 rng = generator(f"{draw}", "failure")
@@ -80,7 +88,7 @@ class FailureSuite(PartSuite):
 
 
 class SystematicFailureSuite(FailureSuite):
-    """Conformance tests for a failure model whose cases can be counted."""
+    """Conformance tests for a failure model with countable cases."""
 
     part: SystematicFailure
     protocol = SystematicFailure
@@ -93,12 +101,12 @@ class SystematicFailureSuite(FailureSuite):
                 yield part.state_case(count, number)
 
     def test_cases_are_different_and_of_the_robots_sensors(self) -> None:
-        """No two numbers have the same case, and all sensors of cases exist."""
+        """All cases differ, and all sensors named by cases exist."""
         for count in self.counts:
             cases = self.part.count_cases(count)
-            assert cases >= 1, f"a robot with {count} sensors must have a case"
+            assert cases >= 1, f"there must be a case for a robot with {count} sensors"
             stated = [self.part.state_case(count, number) for number in range(min(cases, 200))]
-            assert len(set(stated)) == len(stated), f"two cases of {count} sensors are equal"
+            assert len(set(stated)) == len(stated), f"two cases for {count} sensors are equal"
             for case in stated:
                 check_case(case, count)
 
@@ -110,14 +118,14 @@ class AdaptiveFailureSuite(FailureSuite):
     protocol = AdaptiveFailure
 
     def use(self, part: AdaptiveFailure, seed: int) -> Iterator[Any]:
-        """Play some generations against scores that are drawn."""
+        """Play some generations with randomly drawn scores."""
         yield from super().use(part, seed)
         for count in self.counts:
             adversary = part.start(count, TRIALS, generator(f"{seed}", "adversary"))
             luck = generator(f"{seed}", "scores")
             for _ in range(GENERATIONS):
                 yield adversary.list_cases()
-                # Designs may have met only some of the cases.
+                # Some designs may have faced only some of the cases.
                 met = {i: int(luck.random() * (TRIALS + 1)) for i in range(3)}
                 scores = {
                     i: {int(place): float(luck.random()) for place in luck.permutation(TRIALS)[:n]}
@@ -126,13 +134,13 @@ class AdaptiveFailureSuite(FailureSuite):
                 adversary.tell(self.lend(scores))
 
     def test_each_trial_has_a_case_of_the_robots_sensors(self) -> None:
-        """Whatever the scores are, cases name sensors that exist, and times."""
+        """Whatever the scores, cases name existing sensors, each with a time."""
         for count in self.counts:
             adversary = self.part.start(count, TRIALS, generator("", "adversary"))
             luck = generator("", "scores")
             for _ in range(GENERATIONS):
                 cases = adversary.list_cases()
-                assert len(cases) == TRIALS, f"{TRIALS} trials must have as many cases"
+                assert len(cases) == TRIALS, f"there must be a case for each of the {TRIALS} trials"
                 for case in cases:
                     check_case(case, count)
                 adversary.tell({1: dict(enumerate(luck.random(TRIALS).tolist())), 2: {}})

@@ -26,7 +26,7 @@ def sonar_channels(count: int) -> Channels:
 
 
 def pose_channels() -> Channels:
-    """Return the channels of a localization, which have no limits."""
+    """Return the channels of a localized pose, which have no limits."""
     unlimited = np.full(POSE_SIZE, math.inf)
     return Channels(-unlimited, unlimited, np.zeros((POSE_SIZE, 3)), PERIOD_S, signal=POSE)
 
@@ -38,9 +38,9 @@ def play(
     seed: int = 0,
     channels: Channels | None = None,
 ) -> Array:
-    """Return the output of a filter, tick by tick, in the shape of the recording.
+    """Return the output of a filter in the shape of the recording, computed tick by tick.
 
-    Without other ``channels``, the values are readings of sonars.
+    The values are sonar readings unless other ``channels`` are given.
     """
     ticks, count = recording.shape
     channels = channels or sonar_channels(count)
@@ -54,7 +54,7 @@ def play(
 
 
 def draw_recording(seed: int) -> Array:
-    """Draw 30 samples of four values: in range, at the maximum and silent."""
+    """Draw 30 samples of four values, some of them at the maximum range and some silent."""
     rng = np.random.default_rng(seed)
     recording = rng.uniform(LOW_M, HIGH_M, (30, POSE_SIZE))
     recording[rng.random(recording.shape) < 0.2] = math.nan
@@ -63,7 +63,7 @@ def draw_recording(seed: int) -> Array:
 
 
 class FilterSuite(RuleSuite):
-    """Conformance tests for a filter, on readings of sonars, or on poses if it rejects readings."""
+    """Conformance tests for a filter, on sonar readings or, if it rejects them, on poses."""
 
     part: Filter
     protocol = Filter
@@ -72,7 +72,7 @@ class FilterSuite(RuleSuite):
 
     @cached_property
     def channels(self) -> Channels:
-        """The four channels that the filter changes; set others if it needs them."""
+        """The four channels that the filter changes; override them if the filter needs others."""
         sonars = sonar_channels(POSE_SIZE)
         try:
             self.part.start(sonars, np.zeros(POSE_SIZE), generator("", ""))
@@ -81,7 +81,7 @@ class FilterSuite(RuleSuite):
         return sonars
 
     def start_rules(self, part: Filter, seed: int) -> Sequence[RuleCase]:
-        """Start the filter on channels on which it acts from the start, later and never."""
+        """Start the filter, with onsets at the start, later, or never."""
         rng = generator(str(seed), part.name)
         onset = rng.choice([0.0, 0.25, NEVER], POSE_SIZE)
         started = part.start(self.lend(self.channels), self.lend(onset), rng)
@@ -93,13 +93,13 @@ class FilterSuite(RuleSuite):
         return play(self.part, recording, times, seed, self.channels)
 
     def test_name_and_effect_can_be_recorded(self) -> None:
-        """The name is a string, and the effect one of three."""
-        assert isinstance(self.part.name, str), "name must be a text"
+        """The name is a non-empty string, and the effect is one of the permitted three."""
+        assert isinstance(self.part.name, str), "name must be a string"
         assert self.part.name, "name must not be empty"
         assert self.part.effect in EFFECTS, f"effect must be one of {EFFECTS}"
 
     def test_channels_without_an_onset_stay_untouched(self) -> None:
-        """An infinite onset means never."""
+        """Channels with an infinite onset do not change."""
         for seed in range(5):
             recording = draw_recording(seed)
             output = self.filter(recording, seed, 0.0, NEVER, 1.0, NEVER)
@@ -108,12 +108,12 @@ class FilterSuite(RuleSuite):
     def test_values_before_the_onset_stay_untouched(self) -> None:
         """The filter does not act early."""
         recording = draw_recording(3)
-        # The onset lies between two samples, so that rounding of the time does not matter.
+        # The onset lies between two samples, so rounding of the time does not matter.
         output = self.filter(recording, 3, *[0.95] * POSE_SIZE)
         assert bits(output[:10]) == bits(recording[:10])
 
     def test_it_acts_from_the_sample_of_its_onset_on(self) -> None:
-        """An onset at a sample changes this sample, as an onset just before it does."""
+        """An onset at a sample changes that sample, like an onset just before it."""
         for seed in range(5):
             recording, time = draw_recording(seed), 10 * self.channels.period
             exact = self.filter(recording, seed, *[time] * POSE_SIZE)
@@ -121,18 +121,18 @@ class FilterSuite(RuleSuite):
             assert np.allclose(exact, before, rtol=0.0, atol=1e-6, equal_nan=True)
 
     def test_lasting_silence_stays_silent(self) -> None:
-        """A filter makes no value of readings that were never there."""
+        """A filter does not invent values for readings that were never there."""
         output = self.filter(np.full((20, POSE_SIZE), math.nan), 1)
-        assert np.isnan(output).all(), "the filter makes values of silence"
+        assert np.isnan(output).all(), "the filter turns silence into values"
 
     def test_values_are_finite_or_silent(self) -> None:
-        """Infinity is no reading."""
+        """Infinity is not a reading."""
         for seed in range(5):
             output = self.filter(draw_recording(seed), seed)
-            assert not np.isinf(output).any(), "the filter gives an infinite value"
+            assert not np.isinf(output).any(), "the filter returns an infinite value"
 
     def test_a_channel_does_not_shift_the_draws_of_another(self) -> None:
-        """A silent channel, or one on which the filter does not act, draws as many numbers."""
+        """Silent channels, and channels that the filter leaves alone, draw as many numbers."""
         recording = draw_recording(7)
         output, silenced = self.filter(recording, 7), recording.copy()
         silenced[:, 0] = math.nan

@@ -1,4 +1,4 @@
-"""Conformance tests for fitness functions and of measures."""
+"""Conformance tests for fitness functions and measures."""
 
 import math
 from collections.abc import Iterator
@@ -14,13 +14,13 @@ from evoros.testing.subjects import example_design, example_robot, list_lost_tri
 
 
 class FitnessSuite(PartSuite):
-    """Conformance tests for a fitness."""
+    """Conformance tests for a fitness function."""
 
     part: Fitness
     protocol = Fitness
 
     def use(self, part: Fitness, seed: int) -> Iterator[float]:
-        """Score trials that ended in every way, and combine the scores."""
+        """Score trials that ended in all possible ways, and combine the scores."""
         scores = [part.score(self.lend(trial)) for trial in list_trials()]
         yield from scores
         yield from (part.worst(self.lend(trial)) for trial in list_lost_trials())
@@ -29,37 +29,37 @@ class FitnessSuite(PartSuite):
             yield part.combine(self.lend(scores), 1)
 
     def test_scores_are_finite(self) -> None:
-        """Neither a clearance that is NaN nor a mission that was not run makes the score NaN."""
+        """Scores are finite even if a clearance is NaN or a mission was not run."""
         for score in self.use(self.part, 0):
             assert isinstance(score, float | int), f"a score must be a number, not {score!r}"
             assert math.isfinite(score), f"a score is {score}"
 
     def test_scores_are_within_the_bounds(self) -> None:
-        """A fitness that states ``bounds`` gives no score beyond them."""
+        """A fitness function that states ``bounds`` never scores outside them."""
         for trial in list_trials():
             low, high = bound_fitness(self.part, len(trial)) or UNBOUNDED
             score = self.part.score(trial)
-            assert low <= score <= high, f"a score is {score}, beyond {low} to {high}"
+            assert low <= score <= high, f"the score {score} is outside the bounds {low} to {high}"
 
     def test_a_trial_that_was_not_run_is_worst(self) -> None:
         """A lost trial's score is at most the score of any other trial."""
         lowest = min(map(self.part.score, list_trials()))
         for trial in list_lost_trials():
             worst = self.part.worst(trial)
-            assert worst <= lowest, f"worst is {worst}, and another trial scores {lowest}"
+            assert worst <= lowest, f"worst() returns {worst}, but another trial scores {lowest}"
 
     def test_scores_of_missions_have_the_score_of_the_trial_as_their_mean(self) -> None:
-        """An additive fitness says the same of missions and of trials."""
+        """An additive fitness function scores a trial as the mean of its missions."""
         for trial in list_trials():
             if isinstance(self.part, AdditiveFitness):
                 scores, whole = self.part.score_missions(trial), self.part.score(trial)
-                assert len(scores) == len(trial), f"{len(scores)} scores of {len(trial)} missions"
+                assert len(scores) == len(trial), f"{len(scores)} scores for {len(trial)} missions"
                 mean = math.fsum(scores) / len(scores)
                 assert math.isclose(mean, whole, rel_tol=1e-9), f"mean {mean}, score {whole}"
 
 
 def example_result(share: float, trials: int) -> Evaluated:
-    """Return a design of equal genes, evaluated in the given number of trials."""
+    """Return the result of a design with equal genes, evaluated in the given number of trials."""
     chosen = [[(outcome,) for outcome in trial] for trial in list_trials()[:trials]]
     robots, score = {"": example_robot(share)}, Scoring(EquationOne()).score_trial
     return Evaluated(example_design(share), robots, chosen, 5.0, score)
@@ -77,22 +77,22 @@ class MeasureSuite(PartSuite):
             yield part.compute(self.lend(example_result(share, 1 + seed % 3)))
 
     def test_it_is_finite(self) -> None:
-        """NaN would tell no designs apart."""
+        """A measure must be finite to distinguish designs."""
         for value in self.use(self.part, 2):
             assert isinstance(value, float | int), f"a measure must be a number, not {value!r}"
             assert math.isfinite(value), f"the measure is {value}"
 
     def test_it_can_be_drawn_and_compared(self) -> None:
-        """The measure has a title, a unit, bounds in order and a direction."""
+        """The measure has a title, a unit, ordered bounds and a direction."""
         part = self.part
-        assert isinstance(part.title, str), f"title must be a text, not {part.title!r}"
+        assert isinstance(part.title, str), f"title must be a string, not {part.title!r}"
         assert part.title, "title must not be empty"
-        assert isinstance(part.unit, str), f"unit must be a text, not {part.unit!r}"
+        assert isinstance(part.unit, str), f"unit must be a string, not {part.unit!r}"
         assert BOUNDS.holds(part.bounds), f"bounds must be {BOUNDS.text}, not {part.bounds}"
         assert DIRECTION.holds(part.direction), f"direction must be {DIRECTION.text}"
 
     def test_a_measure_of_the_design_uses_no_outcomes(self) -> None:
-        """Such a measure has the same value before a run, when there are no trials."""
+        """A measure of the design has the same value before a run, when there are no trials."""
         if self.part.of_design:
             whole = example_result(0.6, 3)
             bare = replace(whole, trials=(), fitness=math.nan)

@@ -22,7 +22,7 @@ FILES = {"champion/design.csv": b"design,sensor\n7,0\n", "figures/fitness.pdf": 
 
 
 def example_run(name: str, origin: Path, generations: int, sweep: str | None = None) -> ObservedRun:
-    """Return a run that goes on, with an id that follows from its name."""
+    """Return an unfinished run; the run's id follows from its name."""
     recorded = tuple(
         ObservedGeneration(
             number,
@@ -37,30 +37,30 @@ def example_run(name: str, origin: Path, generations: int, sweep: str | None = N
 
 
 def end(run: ObservedRun, best: float = 2.0) -> ObservedRun:
-    """Return a run that is finished."""
+    """Return the run in its finished state."""
     metrics = MappingProxyType({"champion.validated_fitness": best})
     return replace(run, end=ObservedEnd("finished", metrics, MappingProxyType(FILES), 1.7e9 + 99))
 
 
 class ObserverSuite(DescriptionSuite):
-    """Conformance tests for an observer, on made-up runs; a test class also defines ``read``."""
+    """Conformance tests for an observer, on made-up runs; a test class must define ``read``."""
 
     part: Observer
     protocol = Observer
 
     def read(self, run: ObservedRun) -> Any:
-        """Return all that the tracker has of a run, in the order in which it shows it.
+        """Return everything that the tracker has stored about a run, in its order.
 
-        Runs of equal content must have equal results: leave out ids and the times of sending.
+        Runs with equal content must give equal results, so omit ids and times of sending.
         """
         raise NotImplementedError
 
     def choose_origin(self, folder: Path) -> Path:
-        """Return the folder to which paths are relative; override it to share one among tests."""
+        """Return the folder that relative paths resolve against; override to share one."""
         return folder
 
     def send(self, *steps: ObservedRun) -> Any:
-        """Send a run step by step by one connection, and return what the tracker has then."""
+        """Send a run step by step over one connection; return what the tracker stores."""
         with self.part.open(steps[0]) as send:
             for run in steps:
                 send(run)
@@ -71,36 +71,36 @@ class ObserverSuite(DescriptionSuite):
         self.part.check()
 
     def test_live_and_later_are_the_same(self, tmp_path: Path) -> None:
-        """A run that was sent as it went on is there as one that is sent from its folder."""
+        """A run sent while it goes on is stored like a run sent from its folder."""
         origin = self.choose_origin(tmp_path)
         live = _grow("live", origin, 3)
         shown = self.send(*live, end(live[-1]))
         later = end(example_run("later", origin, 3))
-        assert self.send(later) == shown, "a run is there otherwise if it is sent at once"
-        assert self.read(live[-1]) == shown, "a run changes when another one is sent"
+        assert self.send(later) == shown, "a run sent all at once is stored differently"
+        assert self.read(live[-1]) == shown, "sending a run changes another run"
 
     def test_sending_twice_changes_nothing(self, tmp_path: Path) -> None:
-        """The tracker recognises what it has, within a connection and by another one."""
+        """The tracker recognises what it has, over the same and over a new connection."""
         run = end(example_run("twice", self.choose_origin(tmp_path), 3))
         shown = self.send(run)
-        assert self.send(run, run) == shown, "what was sent before is sent again"
+        assert self.send(run, run) == shown, "sending a run again duplicates content"
 
     def test_a_part_is_completed(self, tmp_path: Path) -> None:
-        """A run that stopped in between, or failed to be sent, is continued and not doubled."""
+        """A run that stopped, or was not fully sent, is continued and not duplicated."""
         origin = self.choose_origin(tmp_path)
         whole = self.send(end(example_run("whole", origin, 4)))
         self.send(*_grow("part", origin, 2))
         assert self.send(end(example_run("part", origin, 4))) == whole, (
-            "a run that was sent in two parts is not as one that was sent at once"
+            "a run sent in two parts is stored differently from a run sent at once"
         )
 
     def test_a_finished_run_goes_on(self, tmp_path: Path) -> None:
-        """An extended run has all its generations, once."""
+        """An extended run has all its generations, each once."""
         origin = self.choose_origin(tmp_path)
         self.send(end(example_run("longer", origin, 2)))
         steps = *_grow("longer", origin, 4), end(example_run("longer", origin, 4), 3.0)
         shown = self.send(*steps)
-        assert self.send(*steps) == shown, "to repeat an extended run changes it"
+        assert self.send(*steps) == shown, "sending an extended run again changes it"
 
 
 def _grow(name: str, origin: Path, generations: int) -> Sequence[ObservedRun]:

@@ -1,4 +1,4 @@
-"""Conformance tests for optimizers, on small search spaces with scores of the genome alone."""
+"""Conformance tests for optimizers, on small spaces; scores depend only on the genome."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,13 +26,13 @@ from evoros.testing.part import PartSuite, bits
 
 @dataclass(frozen=True)
 class SensorSpace:
-    """A space like the case study's: a region, two coordinates and an angle a sensor."""
+    """A space like the case study's: a region, two coordinates and an angle per sensor."""
 
     count: int = 3
 
     @property
     def size(self) -> int:
-        """Four genes a sensor."""
+        """Four genes per sensor."""
         return 4 * self.count
 
     @property
@@ -45,7 +45,7 @@ class SensorSpace:
 
     @property
     def levels(self) -> dict[int, int]:
-        """Five regions."""
+        """Five regions per sensor."""
         return dict.fromkeys(range(0, self.size, 4), 5)
 
     @property
@@ -55,15 +55,15 @@ class SensorSpace:
 
     @property
     def number(self) -> tuple[int, int]:
-        """All of them are mounted."""
+        """All sensors are mounted."""
         return self.count, self.count
 
     @property
     def number_gene(self) -> None:
-        """None: the number of sensors does not evolve."""
+        """None, because the number of sensors does not evolve."""
 
     def view(self, genome: Array, distance_m: float) -> tuple[list[View], View]:
-        """Return that a sensor sees 60 deg about the heading of its angle, at any distance."""
+        """Return views in which a sensor sees 60 deg about its heading, at any distance."""
         bearings = np.arange(360) - 179.5
         headings = 180.0 * (genome[3::4] - 0.5)
         seen = np.abs(bearings - headings[:, np.newaxis]) <= 30.0
@@ -76,26 +76,26 @@ class SensorSpace:
 
 @dataclass(frozen=True)
 class OneGene(SensorSpace):
-    """A space of one gene."""
+    """A space with one gene."""
 
     @property
     def size(self) -> int:
-        """One."""
+        """One gene."""
         return 1
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """One block of it."""
+        """One block with the gene."""
         return (Block("value", (Aspect("value", (0,)),)),)
 
     @property
     def slots(self) -> tuple[Block, ...]:
-        """No sensor."""
+        """No sensors."""
         return ()
 
     @property
     def levels(self) -> dict[int, int]:
-        """None: it is continuous."""
+        """No levels, because the gene is continuous."""
         return {}
 
 
@@ -104,12 +104,12 @@ GOALS = Goals(("first", "second"), {"one": (0.0, 1.0), "two": (0.0, 1.0)})
 
 
 def sphere(individual: Individual) -> float:
-    """Return a fitness that is highest, 0, in the middle of the cube."""
+    """Return a fitness with its maximum, 0, in the middle of the cube."""
     return -float(np.sum((individual.genome - 0.5) ** 2))
 
 
 def rate(individual: Individual, fitness: float) -> Score:
-    """Return a score with objectives and a descriptor that depend on the genome."""
+    """Return a score with objectives and descriptors that depend on the genome."""
     genome = individual.genome
     ends = (float(genome[0]), float(genome[-1])) if len(genome) else (0.0, 0.0)
     return Score(fitness, (fitness, ends[0]), ends)
@@ -132,7 +132,7 @@ class OptimizerSuite(PartSuite):
         return self.part.start(space, GOALS, generator(str(seed), "optimizer"))
 
     def use(self, part: Optimizer, seed: int) -> Iterator[object]:
-        """Search for some generations by scores that are drawn; yield tables and champions."""
+        """Search for some generations with randomly drawn scores; yield tables and champions."""
         search = part.start(THREE_SENSORS, GOALS, generator(str(seed), "optimizer"))
         luck = np.random.default_rng(seed)
         for _ in range(GENERATIONS):
@@ -142,12 +142,12 @@ class OptimizerSuite(PartSuite):
             yield table, [champion.id for champion in search.champions()]
 
     def test_another_generator_gives_another_search(self) -> None:
-        """The search draws from its generator, unless it is an enumeration."""
+        """The search draws from its random generator, unless it is an enumeration."""
         genomes = [bits([one.genome for one in self.start(seed=seed).ask()]) for seed in (3, 4)]
         assert genomes[0] != genomes[1], "the first generation does not depend on the generator"
 
     def test_the_order_of_scores_does_not_matter(self) -> None:
-        """``tell`` goes by the ids of individuals."""
+        """``tell`` identifies individuals by id."""
         records = []
         for reverse in (False, True):
             search, tables = self.start(), []
@@ -159,7 +159,7 @@ class OptimizerSuite(PartSuite):
         assert records[0] == records[1]
 
     def test_it_asks_for_new_genomes_of_the_cube_and_tables_them(self) -> None:
-        """Ids are new, genes lie between 0 and 1, and parents were evaluated before."""
+        """Ids are new, genes lie between 0 and 1, and parents were evaluated earlier."""
         search, seen = self.start(), set[int]()
         for _ in range(GENERATIONS):
             asked, table = step(search, sphere)
@@ -171,27 +171,29 @@ class OptimizerSuite(PartSuite):
                 assert np.all((one.genome >= 0) & (one.genome <= 1)), (
                     f"genes must lie between 0 and 1: {one.genome}"
                 )
-                assert set(one.parents) <= seen, f"the parents {one.parents} must be known"
+                assert set(one.parents) <= seen, (
+                    f"the parents {one.parents} must be known individuals"
+                )
             seen |= {one.id for one in asked}
             tabled = {row.individual.id for row in table}
             assert {one.id for one in asked} <= tabled <= seen, (
-                "the table must have a row for each new individual, and for known ones only"
+                "the table must have a row for each new individual, and none for unknown ones"
             )
 
     def test_a_space_of_one_gene_is_searched(self) -> None:
-        """Another number of genes is no error."""
+        """The search accepts a space of one gene."""
         search = self.start(OneGene())
         for _ in range(GENERATIONS):
             step(search, sphere)
 
     def test_equal_scores_are_no_error(self) -> None:
-        """At first, no design may get anywhere."""
+        """At first, all designs may score equally."""
         search = self.start()
         for _ in range(GENERATIONS):
             step(search, lambda _: 0.0)
 
     def test_bad_scores_are_refused_and_change_nothing(self) -> None:
-        """A score that is missing or NaN is an InputError, after which ``tell`` can be repeated."""
+        """A missing or NaN score raises InputError, after which ``tell`` can be repeated."""
         for bad in BAD_SCORES:
             search = self.start()
             asked = search.ask()
@@ -202,12 +204,14 @@ class OptimizerSuite(PartSuite):
                 search.tell(wrong if bad is None else {**wrong, asked[-1].id: bad})
             except InputError as error:
                 refusal = str(error)
-            assert "scores" in refusal, f"{bad or 'a missing score'} must be refused: {refusal!r}"
+            assert "scores" in refusal, (
+                f"{bad or 'a missing score'} must be refused, naming 'scores': {refusal!r}"
+            )
             assert [one.id for one in search.ask()] == [one.id for one in asked]
             search.tell(good)
 
     def test_the_first_champion_is_the_best_so_far(self) -> None:
-        """There is none before the first scores."""
+        """The best individual comes first, and there is no champion before the first scores."""
         search = self.start()
         assert not search.champions(), "there must be no champion before the first scores"
         best: Individual | None = None
@@ -218,7 +222,7 @@ class OptimizerSuite(PartSuite):
             assert sphere(first) == sphere(best), "the best individual must come first"
 
     def test_a_changed_score_counts(self) -> None:
-        """An earlier individual keeps a new fitness, even one above all others."""
+        """An earlier individual takes on a new fitness, even one above all others."""
         search = self.start()
         step(search, sphere)
         known = search.champions()[0].id
@@ -227,7 +231,7 @@ class OptimizerSuite(PartSuite):
             if generation == 0:
                 scores[known] = Score(9.0, (9.0, 9.0), (0.5, 0.5))
             table = {row.individual.id: row.fitness for row in search.tell(scores)}
-            assert table.get(known, 9.0) == 9.0, "the table must have the new fitness"
+            assert table.get(known, 9.0) == 9.0, "the table must show the new fitness"
             assert search.champions()[0].id == known, "the new score must count"
 
 

@@ -20,7 +20,7 @@ from evoros.base.checks import Rule, list_rules, quote
 from evoros.base.errors import InputError
 
 LEAVES = (str, bytes, int, bool, type(None))
-LATER_S = 123_456_789  # some years
+LATER_S = 123_456_789  # about four years
 _CLOCKS = "time", "monotonic", "perf_counter", "process_time", "thread_time"
 _CANDIDATES: tuple[Any, ...] = (
     math.nan, math.inf, -math.inf, -1, -1.0, 0, 2.5, True, None, "", "wrong", [], ["wrong"], {},
@@ -32,7 +32,7 @@ T = TypeVar("T")
 def bits(value: Any) -> Any:
     """Return nested tuples that are equal for values with equal bits, types and shapes.
 
-    Dataclasses count by fields, other objects by attributes, random generators by state.
+    Dataclasses are compared by fields, other objects by attributes, random generators by state.
     """
     return _bits(value, ())
 
@@ -75,7 +75,7 @@ def _name(definition: Any) -> str:
 class DescriptionSuite:
     """Conformance tests for a part's description: a class with fields that a YAML file sets.
 
-    A test class inherits the suite of its kind and sets ``part``. It may set ``bad_values``, too:
+    A test class inherits the suite of its kind and sets ``part``. It may also set ``bad_values``:
     fields that must be refused, such as ``{"low": 2.0, "high": 1.0}``.
     """
 
@@ -89,10 +89,12 @@ class DescriptionSuite:
         assert isinstance(self.part, kind), f"{part} must be a subclass of {kind.__name__}"
         declared = [name for base in kind.__mro__ for name in get_annotations(base)]
         lacking = [name for name in declared if not hasattr(self.part, name)]
-        assert not lacking, f"{part} lacks {', '.join(lacking)} of {kind.__name__}"
+        assert not lacking, (
+            f"{part} lacks these attributes of {kind.__name__}: {', '.join(lacking)}"
+        )
 
     def test_it_is_a_frozen_dataclass(self) -> None:
-        """Nobody can change a description, so a mission cannot leave a trace in it."""
+        """Descriptions are immutable, so a mission cannot leave a trace in them."""
         assert is_dataclass(self.part), f"{type(self.part).__name__} must be a dataclass"
         try:
             setattr(self.part, "trace_of_the_suite", 0)  # noqa: B010 - no field has this name
@@ -101,18 +103,18 @@ class DescriptionSuite:
         raise AssertionError(f"{type(self.part).__name__} must be @dataclass(frozen=True)")
 
     def test_it_pickles(self) -> None:
-        """A worker process gets an equal part."""
+        """A worker process receives an equal part."""
         assert bits(self.copy()) == bits(self.part), "pickling changes the fields of the part"
 
     def copy(self) -> Any:
-        """Return the part as a worker process gets it."""
+        """Return the part as a worker process receives it."""
         try:
             return pickle.loads(pickle.dumps(self.part))
         except Exception as error:
             raise AssertionError(f"the part cannot be pickled: {error!r}") from error
 
     def test_bad_values_are_refused_in_one_line(self) -> None:
-        """A value that breaks the rule of its field is an InputError that names the field."""
+        """A value that breaks its field's rule raises an InputError that names the field."""
         derived = _list_bad_values(self.part) if fields(self.part) else ()
         problems = (_find_problem(self.part, values) for values in (*derived, *self.bad_values))
         reported = [problem for problem in problems if problem]
@@ -120,16 +122,16 @@ class DescriptionSuite:
 
 
 class PartSuite(DescriptionSuite):
-    """Conformance tests for a part that computes; subclasses use it as its kind requires."""
+    """Conformance tests for a part that computes; subclasses define how the part is used."""
 
-    together: ClassVar[bool] = True  # whether two uses may overlap
+    together: ClassVar[bool] = True  # False if two uses must not overlap
 
     def use(self, part: Any, seed: int) -> Iterator[Any]:
-        """Use a part as evoros does, and yield what it gives, step by step."""
+        """Use a part as evoros does, and yield the result of each step."""
         raise NotImplementedError
 
     def lend(self, value: T) -> T:
-        """Return an argument that the part must not change."""
+        """Return an argument that the part must not change, and remember its bits."""
         self.lent.append((value, bits(value)))
         return value
 
@@ -143,41 +145,41 @@ class PartSuite(DescriptionSuite):
         return [bits(step) for step in self.use(part, seed)]
 
     def test_equal_uses_give_equal_bits(self) -> None:
-        """The same arguments and random streams give the same results."""
+        """Equal arguments and random streams give equal results."""
         assert self.record(self.part, 1) == self.record(self.part, 1), (
             "two equal uses give different results"
         )
 
     def test_uses_share_no_state(self) -> None:
-        """A use gives the same results after another one, and while another one goes on."""
+        """A use gives equal results after another use, and while another use is in progress."""
         alone, steps = self.record(self.part, 1), []
         other = self.use(self.part, 2) if self.together else iter(self.record(self.part, 2))
         for step in self.use(self.part, 1):
             steps.append(bits(step))
             next(other, None)
-        assert steps == alone, "a use changes the results of another one"
+        assert steps == alone, "a use changes the results of another use"
 
     def test_fields_stay_as_they_are(self) -> None:
-        """A use changes nothing in the description, nor in the lists and arrays in it."""
+        """A use changes nothing in the description, including its lists and arrays."""
         before = bits(self.part)
         self.record(self.part, 1)
         assert bits(self.part) == before, "a use changes the fields of the part"
 
     def test_arguments_stay_as_they_are(self) -> None:
-        """The part changes only what its protocol lets it change."""
+        """The part changes only arguments that its protocol lets it change."""
         self.record(self.part, 1)
         for value, before in self.lent:
             assert bits(value) == before, f"the part changes an argument, which is now {value!r}"
 
     def test_the_clock_does_not_matter(self) -> None:
-        """Nothing is seeded from the time."""
+        """Results do not depend on the time of day."""
         now = self.record(self.part, 1)
         with later():
             then = self.record(self.part, 1)
         assert then == now, "the results depend on the clock"
 
     def test_global_random_generators_do_not_matter(self) -> None:
-        """All draws are from the generators that the part is given."""
+        """All draws come from the generators that the part is given."""
         records = []
         for seed in (1, 2):
             with _global_seed(seed) as is_untouched:
@@ -186,12 +188,12 @@ class PartSuite(DescriptionSuite):
         assert records[0] == records[1], "the results depend on numpy.random or random"
 
     def test_a_pickled_part_gives_equal_bits(self) -> None:
-        """A worker process computes what this process does."""
+        """A worker process computes what this process computes."""
         assert self.record(self.copy(), 1) == self.record(self.part, 1), "a pickled part differs"
 
 
 def _list_bad_values(part: Any) -> Iterator[dict[str, Any]]:
-    """Yield a value for each field and rule that the rule forbids, and NaN for plain numbers."""
+    """Yield values that break a field's rule, and NaN for plain numbers."""
     settable = {field.name for field in fields(part) if field.init}
     ruled = {name: (rule, optional) for name, rule, optional in list_rules(type(part))}
     for name, (rule, optional) in ruled.items():
@@ -209,7 +211,7 @@ def _list_bad_values(part: Any) -> Iterator[dict[str, Any]]:
 def _holds(rule: Rule, value: Any) -> bool:
     try:
         return bool(rule.holds(value))
-    except Exception:  # then the constructor fails in the same way, which the check reports
+    except Exception:  # then the constructor raises the same error, which the test reports
         return False
 
 
@@ -219,7 +221,7 @@ def _is_number(hint: Any) -> bool:
 
 
 def _find_problem(part: Any, values: Mapping[str, Any]) -> str:
-    """Return how a description answers wrongly to bad values; an empty text if it refuses them."""
+    """Return how a description mishandles bad values, or "" if it refuses them."""
     given = ", ".join(f"{name}={quote(value)}" for name, value in values.items())
     call = f"{type(part).__name__}({given})"
     try:
@@ -235,7 +237,10 @@ def _find_problem(part: Any, values: Mapping[str, Any]) -> str:
         return ""
     except Exception as error:
         return f"{call} must raise InputError, not {error!r}"
-    return f"{call} must raise InputError; is `@checked` below `@dataclass`, with a rule a field?"
+    return (
+        f"{call} must raise InputError; is `@checked` below `@dataclass`, and has each field a "
+        f"rule?"
+    )
 
 
 def _pieces(values: Mapping[str, Any]) -> Iterator[Any]:
@@ -247,7 +252,7 @@ def _pieces(values: Mapping[str, Any]) -> Iterator[Any]:
 
 @contextmanager
 def later() -> Iterator[None]:
-    """Set the clocks of Python forward, in every module that has imported their functions."""
+    """Set Python's clocks forward, in every module that has imported their functions."""
     changed: dict[Any, Any] = {
         getattr(time, name): _forward(getattr(time, name), LATER_S) for name in _CLOCKS
     }
@@ -265,7 +270,7 @@ def later() -> Iterator[None]:
 
 
 def _find(values: dict[Any, Any]) -> Iterator[tuple[dict[str, Any], str, Any]]:
-    """Yield the places in modules that hold one of these values."""
+    """Yield the places in modules that refer to one of these values."""
     by_id = {id(value): value for value in values}
     for module in list(sys.modules.values()):
         namespace = getattr(module, "__dict__", None)
@@ -302,7 +307,7 @@ class _LaterDate(datetime.date):
 
 @contextmanager
 def _global_seed(seed: int) -> Iterator[Callable[[], bool]]:
-    """Seed the global generators of Python and numpy; yields whether they are still untouched."""
+    """Seed the global generators of Python and numpy; yield a check that they are untouched."""
     python, numpy = random.getstate(), np.random.get_state()
     random.seed(seed)
     np.random.seed(seed)

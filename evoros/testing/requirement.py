@@ -1,4 +1,4 @@
-"""Requirements of designs in the tests of a robot's software."""
+"""Requirements on designs, for the tests of a robot's software."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -20,11 +20,11 @@ from evoros.storage.tables import OUTCOME_COLUMNS, cell, read_outcomes
 
 
 def require(missions: pd.DataFrame, **requirements: float | Mapping[str, Any]) -> None:
-    """Require claims of the missions of each design.
+    """Require claims about each design's missions.
 
-    ``missions`` is what ``evoros.evaluate`` returns, the table of ``evoros.Evaluator.missions``, or
-    that of a ``missions.csv``. A requirement is a mapping with the keys of ``requirements`` in a
-    configuration, or the least mean of the column that it is named after:
+    ``missions`` is the result of ``evoros.evaluate``, the table of ``evoros.Evaluator.missions``,
+    or the table in a ``missions.csv``. A requirement is either a mapping with the keys of
+    ``requirements`` in a configuration, or the minimum mean of the column that it is named after:
     ``require(evoros.evaluate(...), completed=0.95)``.
 
     Raises:
@@ -32,16 +32,16 @@ def require(missions: pd.DataFrame, **requirements: float | Mapping[str, Any]) -
         InputError: there are no missions or no requirements, or missions cannot show a claim.
     """
     if not requirements:
-        raise InputError("require: must have at least one requirement; add completed=0.95")
+        raise InputError("require: no requirements are given; add one, such as completed=0.95")
     if isinstance(missions, ScoredDesigns):
         missions = missions.missions
     if "world" not in missions:
         raise InputError(
-            "missions: must be a table of missions, or what evoros.evaluate returns, and has no "
-            "column world; give one of these"
+            "missions: must be a table of missions or the result of evoros.evaluate, but has no "
+            "column world"
         )
     if missions.empty:
-        raise InputError("missions: must have at least one mission; run some")
+        raise InputError("missions: the table is empty; run at least one mission")
     claims = collect(
         **{
             name: fields if isinstance(fields, Mapping) else {"of": name, "at_least": fields}
@@ -54,8 +54,8 @@ def require(missions: pd.DataFrame, **requirements: float | Mapping[str, Any]) -
     check_requirements(claims, worlds, agents)
     if any(map(need_conditions, claims.values())):
         raise InputError(
-            "require: must be about missions that were run, and these have not the levels of a "
-            "requirement; require it by evoros evaluate"
+            "require: the missions were not run at the levels of a "
+            "requirement; check it with evoros evaluate"
         )
     problems = [
         f"design {design} {verdict.result}: {claims[name].text}; {verdict.text}"
@@ -88,6 +88,6 @@ def _judge(
 
 def _refuse(measure: Measure, trial: Trial) -> float:
     raise InputError(
-        f"of: must be a column of the table of missions, not the measure {measure.title!r}, which "
-        f"also needs the design; require it by evoros evaluate"
+        f"of: must be a column of the missions table, not the measure {measure.title!r}, which "
+        f"also needs the design; check it with evoros evaluate"
     )

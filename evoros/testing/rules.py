@@ -1,4 +1,4 @@
-"""Conformance tests for parts with a rule, which is run both interpreted and compiled."""
+"""Conformance tests for parts with a rule, run both interpreted and compiled."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
@@ -17,11 +17,11 @@ from evoros.testing.part import PartSuite, bits
 TICKS, PERIOD_S = 5, 0.1
 SEEDS = range(10)
 READINGS = (0.3, 1.7, 4.5, np.nan)
-"""[m], in range, at the maximum of a sonar and silent."""
+"""[m]: two in range, the maximum of a sonar, and silent."""
 
 
 class RuleCase(NamedTuple):
-    """A rule with its start, and the lengths of the arrays that depend on the robot."""
+    """A rule, its start values, and the lengths of the arrays that depend on the robot."""
 
     rule: Callable[..., Any]
     arguments: tuple[str, ...]
@@ -33,7 +33,7 @@ class RuleCase(NamedTuple):
         return bind(self.rule, self.arguments, self.started)
 
     def draw(self, inputs: np.random.Generator, rng: Generator, time: float) -> dict[str, Any]:
-        """Draw the arguments of a call but for parameters and memory, by their names."""
+        """Draw the arguments of a call, except parameters and memory, by name."""
         drawn: dict[str, Array] = {
             "values": inputs.choice(READINGS, self.lengths.get("values", POSE_SIZE)),
             "readings": inputs.choice(READINGS, self.lengths.get("readings", 0)),
@@ -52,22 +52,22 @@ class RuleSuite(PartSuite):
     """Conformance tests for a rule: compiled results are equal, and nothing is allocated."""
 
     signature: ClassVar[Any]  # numba signature of the kind of rule
-    fills: ClassVar[str]  # the argument that the rule may change
+    fills: ClassVar[str]  # name of the argument that the rule may change
     compiles: ClassVar[bool] = True
-    """Set it to False for a rule that is meant to run interpreted, for example because it raises
-    errors: then the checks of machine code pass."""
+    """False for a rule that is meant to run interpreted, for example because it raises errors.
+    The tests of machine code are then skipped."""
 
     def start_rules(self, part: Any, seed: int) -> Sequence[RuleCase]:
         """Start the rules of the part for one mission."""
         raise NotImplementedError
 
     def use(self, part: Any, seed: int) -> Iterator[Any]:
-        """Start the rules, and call each at some ticks."""
+        """Start the rules, and call each of them at some ticks."""
         for case in self.start_rules(part, seed):
             yield from self.play(case, case.bind().__call__, seed)
 
     def play(self, case: RuleCase, rule: Callable[..., Any], seed: int) -> Iterator[Any]:
-        """Call a rule tick by tick, and yield what it answers, fills and draws."""
+        """Call a rule tick by tick; yield its return value, the arrays and a draw."""
         inputs, rng = np.random.default_rng(seed), generator(str(seed), "rule")
         for tick in range(TICKS):
             given = case.draw(inputs, rng, tick * PERIOD_S)
@@ -79,18 +79,18 @@ class RuleSuite(PartSuite):
             yield bool(answer), arrays, rng.random()
 
     def compile(self, case: RuleCase) -> tuple[CompiledRule, Bound]:
-        """Return the compiled rule without its parameters and memory, and these."""
+        """Return the compiled rule, and the rule bound to its parameters and memory."""
         bound = case.bind()
         try:
             return compile_rule(bound.rule, self.signature), bound
         except NotCompilable as error:
             raise AssertionError(
                 f"numba cannot compile the rule ({error}); set `compiles = False` if missions with "
-                f"it may run step by step"
+                f"the part may run interpreted"
             ) from error
 
     def test_a_start_keeps_its_values(self) -> None:
-        """The rule reads the parameters and the memory that the start has returned."""
+        """The rule reads the parameters and the memory that the start returned."""
         for case in self.start_rules(self.part, 1):
             bound, started = case.bind(), case.started
             pair: Any = started if type(started) is tuple else (started, None)
@@ -103,7 +103,7 @@ class RuleSuite(PartSuite):
                     assert bits([np.float64(v) for v in unpack(kind, packed)]) == bits(floats)
 
     def test_compiled_rules_give_the_bits_of_interpreted_ones(self) -> None:
-        """Machine code has the same results, memory and random draws as Python code."""
+        """Machine code gives the same results, memory and random draws as Python code."""
         for seed in SEEDS if self.compiles else ():
             for case in self.start_rules(self.part, seed):
                 code, bound = self.compile(case)
@@ -115,7 +115,7 @@ class RuleSuite(PartSuite):
                     assert same, f"compiled {fast}, interpreted {slow} at tick {tick}"
 
     def test_compiled_rules_allocate_nothing(self) -> None:
-        """A rule runs for every sample, and memory takes longer than the rest of it."""
+        """A rule runs for every sample, and an allocation would dominate the time of a call."""
         for seed in SEEDS if self.compiles else ():
             for case in self.start_rules(self.part, seed):
                 code, bound = self.compile(case)
@@ -123,7 +123,9 @@ class RuleSuite(PartSuite):
                     count_allocations(code, bound.parameters, bound.memory, *given.values())
                     for given in self.draw_calls(case, seed)
                 ]
-                assert not any(allocated), f"the compiled rule allocates {max(allocated)} times"
+                assert not any(allocated), (
+                    f"the compiled rule allocates memory {max(allocated)} times per call"
+                )
 
     def draw_calls(self, case: RuleCase, seed: int) -> Iterator[dict[str, Any]]:
         """Draw the arguments of some calls."""
@@ -133,11 +135,12 @@ class RuleSuite(PartSuite):
 
 
 def count_allocations(code: CompiledRule, *arguments: Any) -> int:
-    """Return how often compiled code asks numba for memory in a call.
+    """Return the number of times that compiled code asks numba for memory in a call.
 
-    numba itself does so once for each generator, and for each array if the code can own memory.
+    Not counted are numba's own requests: one for each generator, and one for each array if the
+    code can own memory.
     """
-    _nrt_python.memsys_enable_stats()  # numba's tests do the same
+    _nrt_python.memsys_enable_stats()  # numba's tests use this function, too
     before = rtsys.get_allocation_stats().alloc
     code(*arguments)
     taken = rtsys.get_allocation_stats().alloc - before

@@ -1,4 +1,4 @@
-"""Conformance tests for types of sensors."""
+"""Conformance tests for sensor types."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -26,18 +26,18 @@ from evoros.testing.rules import RuleCase, RuleSuite
 
 
 class SensorSuite(PartSuite):
-    """The checks that every type of sensor shares."""
+    """Conformance tests that all sensor types share."""
 
     part: Any
     protocol = Sensor
-    simulated_by_gazebo: ClassVar[bool] = True  # False: ``gazebo`` is empty
+    simulated_by_gazebo: ClassVar[bool] = True  # False: ``gazebo`` returns ""
 
     def test_its_channels_have_names_and_limits(self) -> None:
-        """There is at least one, and each has a minimum below its maximum."""
+        """There is at least one channel, and each has a minimum below its maximum."""
         assert len(self.part.channels) > 0, "a sensor must have a channel"
         for channel in self.part.channels:
             assert isinstance(channel, Channel), f"{channel!r} must be a Channel"
-            assert channel.name, f"{channel} must have a name, from which columns are called"
+            assert channel.name, f"{channel} must have a name, because columns are named after it"
             assert channel.low < channel.high, f"{channel} must have low < high"
 
     def test_its_body_period_and_price_are_possible(self) -> None:
@@ -59,7 +59,7 @@ class SensorSuite(PartSuite):
         """``gazebo`` returns one element ``<sensor>`` with the given name."""
         text = self.part.gazebo("left_1")
         if not self.simulated_by_gazebo:
-            assert text == "", f"gazebo must be empty, not {text!r}"
+            assert text == "", f"gazebo must return an empty string, not {text!r}"
             return
         element = etree.fromstring(text)
         assert element.tag == "sensor", f"gazebo must return <sensor>, not {element.tag!r}"
@@ -73,7 +73,7 @@ class RangeSensorSuite(SensorSuite):
     protocol = RangeSensor
 
     def use(self, part: RangeSensor, seed: int) -> Iterator[Any]:
-        """Ask for everything that a simulator asks for."""
+        """Request everything that a simulator requests."""
         yield part.rays()
         yield part.channel_of(), tuple(part.channels)
         yield part.gazebo(f"sensor_{seed}")
@@ -83,7 +83,8 @@ class RangeSensorSuite(SensorSuite):
         part = self.part
         assert part.measures == RANGE, f"measures must be {RANGE!r}, not {part.measures!r}"
         assert 0 <= part.range_min_m < part.range_max_m < math.inf, (
-            f"0 <= range_min_m < range_max_m must hold: {part.range_min_m}, {part.range_max_m}"
+            f"range_min_m must be from 0 to below range_max_m, not {part.range_min_m} and "
+            f"{part.range_max_m}"
         )
 
     def test_its_rays_are_unit_vectors(self) -> None:
@@ -96,17 +97,19 @@ class RangeSensorSuite(SensorSuite):
         assert np.allclose(lengths, 1.0, rtol=0, atol=1e-15), "rays must have length 1"
 
     def test_each_ray_has_a_channel_and_each_channel_a_ray(self) -> None:
-        """``channel_of`` has a whole number for each ray."""
+        """``channel_of`` gives each ray the index of a channel, and each channel has a ray."""
         of, rays = self.part.channel_of(), self.part.rays()
-        assert of.shape == (len(rays),), f"channel_of must be ({len(rays)},), not {of.shape}"
-        assert of.dtype.kind == "i", f"channel_of must be whole numbers, not {of.dtype}"
+        assert of.shape == (len(rays),), (
+            f"channel_of must have shape ({len(rays)},), not {of.shape}"
+        )
+        assert of.dtype.kind == "i", f"channel_of must have an integer type, not {of.dtype}"
         assert set(of.tolist()) == set(range(len(self.part.channels))), (
-            f"channel_of must name each of the {len(self.part.channels)} channels"
+            f"channel_of must contain the index of each of the {len(self.part.channels)} channels"
         )
 
 
 class SignalSensorSuite(SensorSuite, RuleSuite):
-    """Conformance tests for a sensor that computes its readings from a signal."""
+    """Conformance tests for a sensor that computes its readings from a simulated signal."""
 
     part: SignalSensor
     protocol = SignalSensor
@@ -119,13 +122,13 @@ class SignalSensorSuite(SensorSuite, RuleSuite):
         return [RuleCase(part.rule, SENSOR_ARGUMENTS, part.start(), lengths)]
 
     def test_its_signal_exists(self) -> None:
-        """Simulators offer some signals."""
+        """The sensor measures a signal that simulators provide."""
         assert self.part.measures in SIGNAL_SIZES, (
             f"measures must be one of {', '.join(SIGNAL_SIZES)}, not {self.part.measures!r}"
         )
 
     def test_its_readings_are_finite(self) -> None:
-        """The rule fills every channel, at rest and in motion."""
+        """The rule fills every channel with a finite value, at rest and in motion."""
         for scale in (0.0, 1.0):
             (case,) = self.start_rules(self.part, 0)
             rule, inputs, rng = case.bind(), np.random.default_rng(0), generator("", "")
@@ -138,14 +141,14 @@ class SignalSensorSuite(SensorSuite, RuleSuite):
 
 
 class ContactSensorSuite(SignalSensorSuite):
-    """Conformance tests for a sensor that feels what touches the robot in a zone."""
+    """Conformance tests for a sensor that senses contact with the robot in a zone."""
 
     part: ContactSensor
     protocol = ContactSensor
 
     def test_its_zone_is_possible(self) -> None:
-        """The zone has a width, and begins at the mount or behind it."""
+        """The zone has a width, and starts at or behind the mount."""
         part = self.part
         assert part.measures == CONTACT, f"measures must be {CONTACT!r}, not {part.measures!r}"
-        assert 0 < part.width_m < math.inf, f"width_m must be greater than 0: {part.width_m}"
-        assert 0 <= part.depth_m < math.inf, f"depth_m must be at least 0: {part.depth_m}"
+        assert 0 < part.width_m < math.inf, f"width_m must be greater than 0, not {part.width_m}"
+        assert 0 <= part.depth_m < math.inf, f"depth_m must be at least 0, not {part.depth_m}"

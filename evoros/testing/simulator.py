@@ -24,16 +24,16 @@ class SimulatorSuite(PartSuite):
 
     part: Simulator
     protocol = Simulator
-    together = False  # an engine may have one simulation at a time
+    together = False  # an engine may support only one simulation at a time
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot with its sensors; set another one if the simulator needs it."""
+        """The robot with its sensors; override it if the simulator needs another robot."""
         return example_robot()
 
     @cached_property
     def world(self) -> World:
-        """The world; set another one if the simulator needs it."""
+        """The world; override it if the simulator needs another world."""
         return example_world()
 
     def use(self, part: Simulator, seed: int) -> Iterator[tuple[Array, Array]]:
@@ -59,19 +59,19 @@ class SimulatorSuite(PartSuite):
         assert 0 < self.part.time_step < math.inf, f"time_step is {self.part.time_step}"
 
     def test_its_packages_are_installed(self) -> None:
-        """Each is a name that pip knows."""
+        """Each package is known to pip."""
         for name in self.part.packages:
-            assert version(name), f"the version of {name} must be known"
+            assert version(name), f"{name} must be an installed package"
 
     def test_states_and_signals_are_filled_with_finite_values(self) -> None:
-        """``observe`` and ``sense`` leave no value as it was."""
+        """``observe`` and ``sense`` fill every value."""
         for state, signals in self.use(self.part, 1):
             assert np.isfinite(state).all(), f"the state is {state}"
             assert np.isfinite(signals).all(), f"the signals are {signals}"
-            assert state[CONTACT] >= 0.0, f"the contact is {state[CONTACT]}"
+            assert state[CONTACT] >= 0.0, f"the contact flag is {state[CONTACT]}"
 
     def test_ranges_are_within_the_limits_of_their_sensors(self) -> None:
-        """A sensor that sees nothing reads its maximum."""
+        """Ranges are within the limits of their sensors."""
         robot = self.robot
         for _, signals in self.use(self.part, 1):
             for sensor, place in zip(robot.mounted_sensors(), robot.signal_layout, strict=True):
@@ -81,15 +81,17 @@ class SimulatorSuite(PartSuite):
                     assert (ranges <= sensor.range_max_m).all(), f"ranges are {ranges} m"
 
     def test_the_robot_starts_at_home_and_drives(self) -> None:
-        """The robot starts where the course begins, and then moves."""
+        """The robot starts where the course starts, and then moves."""
         x, y, _, yaw = self.world.course.home
         (first, _), *_, (last, _) = self.use(self.part, 1)
-        assert np.allclose(first[:3], (x, y, yaw), atol=0.05), f"it starts at {first[:3]}"
-        assert math.dist(first[:2], last[:2]) > 0.1, f"it ends at {last[:2]}"
+        assert np.allclose(first[:3], (x, y, yaw), atol=0.05), f"the robot starts at {first[:3]}"
+        assert math.dist(first[:2], last[:2]) > 0.1, (
+            f"the robot hardly moves: it ends at {last[:2]}"
+        )
 
     def test_a_mission_does_not_depend_on_another_world(self) -> None:
-        """A simulation begins with nothing of those before."""
+        """A simulation inherits nothing from earlier simulations."""
         alone = self.record(self.part, 1)
         with open_alone(self.part.open, example_robot(0.3), example_world("blocks")) as other:
             other.advance(np.array([0.3, 0.2]), 1.0)
-        assert self.record(self.part, 1) == alone, "a mission in another world leaves a trace"
+        assert self.record(self.part, 1) == alone, "a mission in another world changes the results"

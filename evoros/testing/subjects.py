@@ -1,4 +1,4 @@
-"""A robot, a world and outcomes for parts that need some."""
+"""An example robot, world and outcomes, for parts that need them."""
 
 from dataclasses import replace
 from functools import cache
@@ -17,20 +17,20 @@ TIME_LIMIT_S = 100.0
 
 @cache
 def example_experiment() -> Experiment:
-    """Return the experiment of the default configuration in the plane."""
+    """Return the experiment of the default configuration, in the planar simulator."""
     return compose(["simulator=planar", "executor=serial"]).build()
 
 
 @cache
 def example_design(share: float = 0.6) -> Design:
-    """Return a design of the example's space, whose genes all have the same value."""
+    """Return a design of the example's space whose genes all have the same value."""
     space = example_experiment().space
     return space.decode(np.full(space.size, share))
 
 
 @cache
 def example_robot(share: float = 0.6) -> Robot:
-    """Return the example's robot with the sensors of such a design."""
+    """Return the example's robot with the sensors of an example design."""
     return example_experiment().members[0].with_design(example_design(share)).robot
 
 
@@ -40,7 +40,7 @@ def example_world(name: str = "boxes") -> World:
 
 
 def example_outcome(progress: float = 0.0, ended: str = TIME_LIMIT) -> Outcome:
-    """Return an outcome with this progress, in a world without obstacles."""
+    """Return an outcome with the given progress, in a world without obstacles."""
     blank = Outcome.failure(ended, "", TIME_LIMIT_S, sensors=3, price=30.0)
     return replace(
         blank,
@@ -57,7 +57,7 @@ def example_outcome(progress: float = 0.0, ended: str = TIME_LIMIT) -> Outcome:
 
 
 def list_trials() -> list[list[Outcome]]:
-    """Return trials of two missions that ended in every way but ``NOT_RUN``."""
+    """Return trials with two missions each, which end in all possible ways except ``NOT_RUN``."""
     near = replace(example_outcome(0.4, COLLISION), collisions=1, first_collision_s=20.0)
     return [
         [example_outcome(0.0), example_outcome(0.0)],
@@ -67,7 +67,7 @@ def list_trials() -> list[list[Outcome]]:
 
 
 def list_lost_trials() -> list[list[Outcome]]:
-    """Return trials in which a mission could not be run."""
+    """Return trials in which one mission could not be run."""
     return [
         [Outcome.failure(ended, "why", TIME_LIMIT_S, 3, 30.0), example_outcome(1.0, COMPLETED)]
         for ended in (LOST, REFUSED)

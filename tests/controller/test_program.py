@@ -216,7 +216,7 @@ STARTS = {
         for fault, what in ENDS.items()
     },
     "refuse": "refuses the mission: no wheels$",
-    "rubbish": "its first line must be .*, not 'what[?]'; correct the program$",
+    "rubbish": "the first line must be .*, not 'what[?]'; fix the program$",
     "nan": "its first line must be ",
     "two": "answered more than one line; it must",
     "flood": "answered 1048576 bytes without an end of line; it must",

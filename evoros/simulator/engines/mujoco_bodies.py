@@ -15,10 +15,10 @@ from evoros.world.model import World
 GROUND, FIXED, MOVABLE, ROBOT, HIDDEN = range(5)
 VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
 
-# Two shapes can collide if the type bits (contype) of one overlap the collision bits (conaffinity)
-# of the other. All contacts with the ground are explicit pairs, because only a pair can have its
-# separate friction. The ground still has collision bits, for a type that no shape has, because rays
-# can miss a fixed shape that collides with nothing.
+# Two shapes can collide if the type bits (contype) of one overlap the other's collision bits
+# (conaffinity). All contacts with the ground are explicit pairs, because only a pair can have a
+# separate friction coefficient. The ground still has collision bits, for a type that no shape has,
+# because rays can miss a fixed shape that collides with nothing.
 MEETS: dict[int, tuple[int, int]] = {GROUND: (0, 4), FIXED: (0, 3), MOVABLE: (2, 3), ROBOT: (1, 0)}
 """(contype, conaffinity) of each group."""
 MEETS_ROBOTS = (0, 1)  # contype and conaffinity of walkers

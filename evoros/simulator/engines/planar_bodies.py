@@ -112,7 +112,7 @@ POSE_SIZE = 4
 PlanarPose: TypeAlias = tuple[float, float, float, float]
 """x, y [m], and the cosine and sine of the heading."""
 
-MAX_FRICTION = 1.0  # as for PyBullet's chassis
+MAX_FRICTION = 1.0  # the friction of PyBullet's chassis
 
 
 class Movables(NamedTuple):

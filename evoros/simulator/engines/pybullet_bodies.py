@@ -222,7 +222,7 @@ def _make_movable(bullet: Any, body_id: int, body: Body) -> None:
     if inertia is None and any(shape.kind == "convex" for shape in body.shapes):
         inertia = joint_moments(body.shapes, body.mass or 0.0)
     if inertia is not None:
-        bullet.changeDynamics(  # without an inertia, the engine would set the mass to 0
+        bullet.changeDynamics(  # the engine would set the mass to 0 if no inertia were given
             body_id, -1, mass=body.mass, localInertiaDiagonal=inertia
         )
     asleep = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_SLEEP

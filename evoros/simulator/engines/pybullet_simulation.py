@@ -328,7 +328,7 @@ class _Vehicle:
         bullet, robot = self._bullet, self._robot
         angles, rates = find_targets(self._drive, *command)
         if angles:
-            # With the engine's constant default gain, the lag would always be ten steps.
+            # The engine's default gain is constant: the lag would be ten steps of any length.
             gain = lag_gain(self._step, self._lag)
             bullet.setJointMotorControlArray(
                 robot.body,

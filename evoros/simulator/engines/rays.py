@@ -212,7 +212,7 @@ def see_part(sight: Array, index: int, cos: float, sin: float, ranges: Array) ->
     parts, pairs, rays, backward, faces = unpack(SteeredSight, sight)
     part = parts[index]
     row = part[SHAPE:]
-    # In the part's frame, the rays are rotated back by the angle.
+    # The part's frame is rotated by the angle, so the rays are rotated back.
     frame = turn_frame(row, cos, -sin)
     x = part[PIVOT] + cos * row[AT_X] - sin * row[AT_Y]
     y = part[PIVOT + 1] + sin * row[AT_X] + cos * row[AT_Y]

@@ -96,7 +96,7 @@ def solve_rolling(drive: Drive) -> Array:
     """Return the matrix (2, wheels) that maps wheel angles to the WHEELS signal.
 
     The rates of unsteered wheels are linear in the robot's speed and yaw rate. The matrix inverts
-    this relation by least squares, and is 0 for steered wheels.
+    this relation by linear regression, and is 0 for steered wheels.
     """
     speed, steering = 0.1 * drive.max_speed_mps, 0.5 * drive.steering_limit
     ahead, left, right = (
