@@ -52,7 +52,7 @@ def test_no_mission_is_an_error() -> None:
         require(table([]), completed=0.5)
     with pytest.raises(InputError, match="require: no requirements are given"):
         require(table([True] * 80))
-    with pytest.raises(InputError, match=r"missions: must be a table of missions or the result of evoros"):
+    with pytest.raises(InputError, match=r"missions: must be a table of missions or the"):
         require(pd.DataFrame({"design": [0], "near_completed": [1.0]}), completed=0.5)
     with pytest.raises(InputError, match=r"requirements\.complete\.of: must be a measure or"):
         require(table([True]), complete={"of": "complete", "at_least": 0.5, "share": 0.5})
