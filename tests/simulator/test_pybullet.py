@@ -177,9 +177,7 @@ def test_a_robot_that_the_engine_cannot_load_is_told_with_another_engine(
         return int(bullet.loadURDF("/no/such/file.urdf", *frame))
 
     monkeypatch.setattr("evoros.simulator.engines.pybullet_robot.load_urdf", load_nothing)
-    told = (
-        r"cannot load the robot erle_rover \(Cannot load URDF file.\); use simulator=muj"
-    )
+    told = r"cannot load the robot erle_rover \(Cannot load URDF file.\); use simulator=muj"
     with (
         pytest.raises(SimulationError, match=told),
         open_alone(PyBullet().open, experiment.robot, experiment.world["boxes"]),
