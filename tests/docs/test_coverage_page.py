@@ -75,7 +75,7 @@ def test_what_is_short_is_printed_with_its_number(subject: Subject) -> None:
 
 def test_the_page_has_what_is_short() -> None:
     printed_by = {subject.name: subject.printed_by for subject in SUBJECTS}
-    rows = table(text("coverage"), "what")
+    rows = table(text("coverage"), "interval or test")
     numbers = {row[0]: tuple(int(x) if x else None for x in row[3:]) for row in rows}
     assert numbers == {**INTERVALS, **TESTS}
     assert all(row[1] == printed_by[row[0]] for row in rows)
