@@ -28,7 +28,7 @@ from ..tables.study import Study
 from .options import RUN, add_grouping, group_runs
 
 FIRST_ROBOT = True
-HELP = "the best design per cell of two descriptors; coverage and QD score over missions"
+HELP = "the best design in each cell of two descriptors; growth of coverage and QD score"
 NEEDS = "runs that recorded at least two descriptors"
 FILES = {
     "archive.csv": "the best design in each cell",

@@ -19,7 +19,7 @@ from .archive import draw_chosen, mark_number
 from .options import add_grouping, group_runs
 
 FIRST_ROBOT = True
-HELP = "the front of two objectives, next to some of its designs"
+HELP = "the Pareto front of two objectives, with some of its designs"
 NEEDS = "runs that recorded at least two objectives"
 FILES = {
     "front.csv": "the designs on the front",

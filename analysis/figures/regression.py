@@ -44,8 +44,8 @@ from ..tables.paired_missions import (
 from ..tables.records import Record
 from ..tables.study import Study
 
-HELP = "two versions of a stack under equal draws: missions lost and gained, exact tests"
-NEEDS = "two evaluations, or two runs, with equal draws: the older one first"
+HELP = "two versions of the software on the same draws: missions lost and gained, with tests"
+NEEDS = "two evaluations or two runs with the same draws, the older one first"
 FILES = {
     "regression.csv": "the tests, a row for each design, world and quantity",
     "regression_missions.csv": "a row for each mission, the worst change first",

@@ -16,14 +16,14 @@ from generate import markdown
 
 INTRODUCTION = """# Figures
 
-Choose a figure, table, video or package that `evoros analyze FIGURE FOLDER...` makes, and look up
-its options and files. [Analysis](analysis.md) explains how to read them. In Python,
+Look up the figures, tables, videos and packages that `evoros analyze FIGURE FOLDER...` creates,
+with their options and files. [Analysis](analysis.md) explains how to read them. In Python,
 `evoros.analysis.analyze` has the [same names and options](api_analysis.md#analyze)."""
-COMMON = """All figures take the first four options; those that draw a picture, `FIGURE.FORMAT`,
-take the others too. Text after the last semicolon is the default. The same input gives the same
-bytes."""
-SHARED = "Figures whose section names them take these options:"
-OUTPUT = "the folder for the files, replacing earlier ones; `figures/` in the first folder"
+COMMON = """All figures accept the first four options. Figures that draw a picture
+(`FIGURE.FORMAT`) accept the others, too. The text after the last semicolon is the default. The
+same input gives the same bytes."""
+SHARED = "These options are accepted by the figures whose sections name them:"
+OUTPUT = "the folder for the files, which replace earlier ones; `figures/` in the first folder"
 
 Options = Mapping[str, str]
 """Options, as typed, to their meanings."""
@@ -71,7 +71,7 @@ def _describe(name: str, module: Subcommand, options: Options, shared: Options) 
         [
             f"## {name}",
             _list(special),
-            f"{'Also takes' if special else 'Takes'} {', '.join(also)}." if also else "",
+            f"{'Also accepts' if special else 'Accepts'} {', '.join(also)}." if also else "",
             f"[Files]({_find_page(name)}){where}:",
             _list(files),
         ]

@@ -26,7 +26,7 @@ from evoros.world.course import Course
 from evoros.world.model import World
 
 FIRST_ROBOT = True
-HELP = "the course of each world: waypoints, home, the way of the first phase (Fig. 6)"
+HELP = "the course of each world: waypoints, home, path of the first phase (Fig. 6)"
 NEEDS = "a run, finished or with record=all"
 FILES = {
     "course.csv": "the waypoints of each world",

@@ -26,7 +26,7 @@ from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext, Ring
 
 ONE_ROBOT = True
-HELP = "what spatial failure breaks around each sensor of one champion (Fig. 10)"
+HELP = "sensors that spatial damage at each sensor of a champion destroys (Fig. 10)"
 NEEDS = "a run with spatial failure"
 FILES = {
     "failure.csv": "each sensor, by the sensor at the centre of the damage",

@@ -1,4 +1,4 @@
-"""Figures 5 to 11 of the 2018 paper on Evo-ROS, under their numbers, from a case study."""
+"""Figures 5 to 11 of the 2018 paper on Evo-ROS, numbered as in the paper, from a case study."""
 
 import argparse
 from collections.abc import Callable, Sequence
@@ -13,7 +13,7 @@ from evoros.analysis.tables.champion_missions import classify_failure
 from evoros.analysis.tables.study import Study
 from evoros.base.errors import InputError, single_line
 
-HELP = "Figs. 5 to 11 of the 2018 paper under their numbers, from the folder of a case study"
+HELP = "Figs. 5 to 11 of the 2018 paper, numbered as there, from the runs of a case study"
 NEEDS = "the runs of a case study (`experiment=case_study`)"
 FILES = {
     "paper.csv": "the figures that were drawn",
