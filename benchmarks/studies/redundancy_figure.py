@@ -59,7 +59,7 @@ def _draw_backups(axes: Axes, table: Table) -> None:
         values += [truth.min(), truth.max()]
     axes.plot([min(values), max(values)], [min(values), max(values)], color="0.6", lw=0.8, zorder=0)
     axes.set_xlabel("expected fitness with backups")
-    axes.set_ylabel("the same by pairs")
+    axes.set_ylabel("fitness estimated by pairs")
 
 
 def _draw_searches(axes: Axes, searches: pd.DataFrame) -> None:
