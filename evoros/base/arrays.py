@@ -1,9 +1,9 @@
-"""The arrays that parts exchange, and products of small matrices with the same bits everywhere.
+"""The arrays that parts exchange, and products of small matrices that are bitwise equal everywhere.
 
 Parts (robots, worlds, filters, controllers ...) are frozen descriptions. Their ``start()`` or
-``open()`` makes the mutable state of one mission. During a mission a *rule* runs: a plain function
-of arrays, whose parameters and memory are named tuples of numbers and float64 arrays. A rule never
-allocates, never raises and keeps nothing outside its arrays, so that the same source can be
+``open()`` creates the mutable state of one mission. During a mission, *rules* run: plain functions
+of arrays, with parameters and memory in named tuples of numbers and float64 arrays. A rule never
+allocates, never raises and stores nothing outside its arrays, so the same source can be
 interpreted or compiled. Write ``x * x`` in rules, because ``x ** 2`` and numpy reductions give
 different bits when compiled.
 
@@ -30,7 +30,7 @@ NO_VALUES: Array = np.zeros(0)
 X, Y, YAW, SPEED, YAW_RATE, CONTACT = range(6)
 """x [m], y [m], yaw [rad], forward speed [m/s], yaw rate [rad/s], 1 if touching an obstacle."""
 STATE_SIZE = 6
-POSE_SIZE = 4  # a localization reports x, y, yaw and speed
+POSE_SIZE = 4  # a localized pose has x, y, yaw and speed
 
 # The current leg of the route: a float64 array of LEG_SIZE values [m].
 FROM_X, FROM_Y, TO_X, TO_Y = range(4)
@@ -41,8 +41,8 @@ DRIVE_SPEED, STEERING = range(2)
 """Speed [m/s] of the rear axle's centre; steering angle [rad] of the bicycle model, left > 0."""
 COMMAND_SIZE = 2
 
-# The strength of a robot's wheels: a float64 array of STRENGTH_SIZE values. If wheels can fail, the
-# strengths of all robots follow the commands of their drives.
+# The strengths of a robot's wheels: a float64 array of STRENGTH_SIZE values. If wheels can fail,
+# the strengths of all robots follow the drive commands.
 LEFT_WHEELS, RIGHT_WHEELS = range(2)
 """Fraction of the commanded wheel speed on each side, 0 to 1."""
 STRENGTH_SIZE = 2
@@ -50,16 +50,16 @@ STRENGTH_SIZE = 2
 
 @compilable
 def copy_values(source: Array, target: Array) -> None:
-    """Copy the first values of ``source`` to all of ``target``.
+    """Copy the first values of ``source`` into all of ``target``.
 
     numba compiles this loop in a tenth of the time of ``target[:] = source``, which formats an
-    error message for different lengths.
+    error message for unequal lengths.
     """
     for i in range(len(target)):
         target[i] = source[i]
 
 
-_SWEEPS = 30  # maximum; Jacobi's method usually needs five
+_SWEEPS = 30  # maximum number of sweeps; Jacobi's method usually needs five
 
 
 def product(a: Array, b: Array) -> Array:
@@ -77,7 +77,7 @@ def product(a: Array, b: Array) -> Array:
 
 
 def length(vector: Array) -> float:
-    """Return the length of a vector (n,)."""
+    """Return the Euclidean length of a vector (n,)."""
     return math.sqrt((vector * vector).sum())
 
 

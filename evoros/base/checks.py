@@ -1,6 +1,6 @@
 """Rules for the fields of descriptions, declared at the field and checked at construction.
 
-A description is a frozen dataclass. ``checked`` makes its constructor check every field that is
+A description is a frozen dataclass. ``checked`` makes the constructor check every field that is
 annotated with a rule::
 
     @dataclass(frozen=True)
@@ -24,20 +24,20 @@ Interval: TypeAlias = float | Sequence[float]
 """A number, or [low, high]."""
 T = TypeVar("T")
 
-MAX_VALUE_LENGTH = 80  # characters of a value quoted in an error message
+MAX_VALUE_LENGTH = 80  # maximum length of a value quoted in an error message
 LARGEST = 1e9  # maximum absolute value of a number, to catch typing errors
 MOST = 1_000_000  # maximum count
 LEAST_STEP_S = 1e-5
-"""The minimum time step of a simulation [s]; with shorter steps, nothing would seem to move."""
+"""Minimum time step of a simulation [s]; in shorter steps, motion would vanish in rounding."""
 
 
 @dataclass(frozen=True)
 class Rule:
-    """A condition on one value, whose numbers must not exceed ``limit`` in magnitude."""
+    """A condition on one value; numbers in the value must not exceed ``limit`` in magnitude."""
 
     text: str  # completes "must be ..."
     holds: Callable[[Any], bool]
-    plain: bool = False  # strings and numbers only, never built by a class
+    plain: bool = False  # True for strings and numbers, which no class builds
     limit: float = LARGEST
 
 
@@ -45,14 +45,14 @@ def checked(cls: type[T]) -> type[T]:
     """Decorate a dataclass, below ``@dataclass``, so that its constructor checks its fields.
 
     Each field ``Annotated[T, RULE]`` must satisfy its rule; a field ``Annotated[T | None, RULE]``
-    may also be None. The ``__post_init__`` of the class runs afterwards and can check several
+    may also be None. The ``__post_init__`` of the class runs afterwards, and can check several
     fields together. The constructor's InputError names class, field, rule and value.
     """
     check_together: Callable[[T], None] | None = getattr(cls, "__post_init__", None)
 
     @cache
     def rules() -> tuple[tuple[str, Rule, bool], ...]:
-        return tuple(list_rules(cls))  # unknown until the class is complete
+        return tuple(list_rules(cls))  # type hints are unknown until the class is complete
 
     def __post_init__(self: T) -> None:  # noqa: N807 - dataclass calls it by this name
         for name, rule, optional in rules():
@@ -80,7 +80,7 @@ def _list_numbers(value: object) -> Iterator[float]:
 
 
 def list_rules(cls: type) -> Iterator[tuple[str, Rule, bool]]:
-    """Yield (field, rule, True if it may be None) for every annotated rule of a class."""
+    """Yield (field, rule, True if the field may be None) for every annotated rule of a class."""
     for name, hint in get_type_hints(cls, include_extras=True).items():
         if get_origin(hint) is Annotated:
             optional = type(None) in get_args(hint.__origin__)
@@ -90,12 +90,12 @@ def list_rules(cls: type) -> Iterator[tuple[str, Rule, bool]]:
 
 
 def is_number(value: object) -> bool:
-    """Return True if a value is a finite real number, not a Boolean."""
+    """Return True if a value is a finite real number and not a Boolean."""
     return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def is_whole(value: object) -> bool:
-    """Return True if a value is an integer, not a Boolean."""
+    """Return True if a value is an integer and not a Boolean."""
     return isinstance(value, int) and not isinstance(value, bool)
 
 
@@ -116,7 +116,7 @@ NOT_NEGATIVES = Rule(
     "a list of numbers of at least 0",
     lambda v: isinstance(v, list | tuple) and len(v) > 0 and all(map(NOT_NEGATIVE.holds, v)),
 )
-SCORE = Rule(  # squares and sums do not overflow
+SCORE = Rule(  # small enough for squares and sums not to overflow
     "a finite number of at most 1e100 in magnitude",
     lambda v: isinstance(v, Real) and bool(abs(v) <= 1e100),  # type: ignore[operator]
 )
@@ -134,12 +134,12 @@ def one_of(*choices: str) -> Rule:
 
 
 def instance_of(kind: Any, what: str) -> Rule:
-    """Require an instance of a class or runtime-checkable protocol named ``what``."""
+    """Require an instance of a class or runtime-checkable protocol, described by ``what``."""
     return Rule(what, lambda v: isinstance(v, kind))
 
 
 def sequence_of(kind: Any, what: str) -> Rule:
-    """Require a list or tuple of instances of ``kind``; ``what`` names them in the plural."""
+    """Require a list or tuple of instances of ``kind``; ``what`` is the plural noun for them."""
     return Rule(
         f"a list of {what}",
         lambda v: isinstance(v, list | tuple) and all(isinstance(item, kind) for item in v),
@@ -147,7 +147,7 @@ def sequence_of(kind: Any, what: str) -> Rule:
 
 
 def mapping_of(kind: Any, what: str) -> Rule:
-    """Require a mapping to instances of ``kind``; ``what`` names them in the plural."""
+    """Require a mapping to instances of ``kind``; ``what`` is the plural noun for them."""
     return Rule(
         f"a mapping from names to {what}",
         lambda v: hasattr(v, "values") and all(isinstance(item, kind) for item in v.values()),
@@ -159,19 +159,19 @@ A_CONTEXT = Rule("a context manager", lambda v: hasattr(v, "__enter__") and hasa
 
 
 def ask(key: str, method: Callable[..., Any], rule: Rule, *arguments: Any) -> Any:
-    """Call a method of the part at a key, and check its answer.
+    """Call a method of the part at a key, and check the return value.
 
     Raises:
-        PartFault: the answer breaks the rule.
+        PartFault: the return value breaks the rule.
     """
     return check_answer(key, method, rule, method(*arguments))
 
 
 def check_answer(key: str, method: Callable[..., Any], rule: Rule, answer: Any) -> Any:
-    """Return the result of a method of the part at a key.
+    """Return ``answer``, the return value of a method of the part at a key, if it is valid.
 
     Raises:
-        PartFault: the answer breaks the rule.
+        PartFault: the return value breaks the rule.
     """
     if rule.holds(answer):
         return answer
@@ -184,13 +184,13 @@ def check_answer(key: str, method: Callable[..., Any], rule: Rule, answer: Any) 
 
 
 def find_source(definition: Any) -> str:
-    """Return the file of a class or a function for a message."""
+    """Return the file of a class or a function, for a message."""
     module = sys.modules.get(getattr(definition, "__module__", ""))
     return getattr(module, "__file__", None) or "it"
 
 
 def require(part: object, rules: Mapping[str, Rule]) -> None:
-    """Require that the attributes of a part satisfy rules.
+    """Check the attributes of a part against rules.
 
     Raises:
         InputError: an attribute breaks its rule.
@@ -204,7 +204,7 @@ def require(part: object, rules: Mapping[str, Rule]) -> None:
 
 
 def check_order(part: object, low: str, high: str) -> None:
-    """Require that the field ``low`` is at most the field ``high``.
+    """Check that the field ``low`` is at most the field ``high``.
 
     Raises:
         InputError: ``low`` is greater.
@@ -225,7 +225,7 @@ def invalid(part: object, field: str, value: object, rule: str, fix: str = "") -
 
 
 def _missing_target(value: object) -> str:
-    """Return the fix for a part, or several, configured without a class."""
+    """Return the fix for one or several parts that are configured without a class, or ""."""
     several = isinstance(value, dict) and any(isinstance(item, dict) for item in value.values())
     single = isinstance(value, dict) and not any(hasattr(i, "__dict__") for i in value.values())
     fix = "add _target_, the class to build from these keys"
@@ -234,7 +234,8 @@ def _missing_target(value: object) -> str:
 
 def quote(value: object) -> str:
     """Return a shortened representation of a value on one line."""
-    kind, plain = type(value), type(value).__repr__ is object.__repr__  # which shows the address
+    # the default representation shows the address
+    kind, plain = type(value), type(value).__repr__ is object.__repr__
     text = f"an object of {kind.__module__}.{kind.__qualname__}" if plain else repr(value)
     text = " ".join(text.split())
     return text if len(text) <= MAX_VALUE_LENGTH else f"{text[: MAX_VALUE_LENGTH - 3]}..."
@@ -255,7 +256,7 @@ def bounds(interval: Any) -> tuple[float, float]:
 
 
 def scale(gene: float, low: float, high: float) -> float:
-    """Return the value at ``gene`` (0..1) from ``low`` to ``high``, clipped after rounding."""
+    """Return the value at ``gene`` (0..1) between ``low`` and ``high``, clipped after rounding."""
     return min(max(low + gene * (high - low), low), high)
 
 

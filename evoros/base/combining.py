@@ -1,4 +1,4 @@
-"""Combinations of a design's trial scores into one fitness."""
+"""Rules that combine a design's trial scores into one fitness."""
 
 import math
 from collections.abc import Sequence
@@ -8,8 +8,8 @@ from typing import Protocol
 class Combine(Protocol):
     """Computes a design's fitness from the scores of one or more trials.
 
-    With ``trials``, the result is the expected fitness of that many of the scores, or of all if
-    there are fewer, so that designs with different numbers of trials are comparable.
+    With ``trials``, the result is the expected fitness over that many of the scores, or over all
+    scores if there are fewer, so that designs with different numbers of trials are comparable.
     """
 
     def __call__(self, scores: Sequence[float], trials: int | None = None) -> float:
@@ -17,12 +17,12 @@ class Combine(Protocol):
 
 
 def mean(scores: Sequence[float], trials: int | None = None) -> float:
-    """Return the mean of one or more scores; it does not depend on ``trials``."""
+    """Return the mean of one or more scores, which does not depend on ``trials``."""
     return sum(scores) / len(scores)
 
 
 def mean_lowest(scores: Sequence[float], share: float, trials: int | None = None) -> float:
-    """Return the mean of the lowest share of the scores, but at least the lowest one.
+    """Return the mean of the lowest share of the scores, but at least of the lowest score.
 
     The share is exact: the last score has a fractional weight (conditional value at risk:
     Rockafellar and Uryasev, Conditional value-at-risk for general loss distributions, Journal of
@@ -38,7 +38,7 @@ def mean_lowest(scores: Sequence[float], share: float, trials: int | None = None
 
 
 def _expect_rank(ordered: Sequence[float], drawn: int, rank: int) -> float:
-    """Return the expected score of a rank among ``drawn`` of the ascending scores."""
+    """Return the expected score at a rank among ``drawn`` of the ascending scores."""
     size = len(ordered)
     if drawn == size:
         return ordered[rank]

@@ -18,13 +18,13 @@ def compilable(function: Function) -> Function:
 
 
 def inlined(function: Function) -> Function:
-    """Mark a function that rules call and that is cheaper than a call to it."""
+    """Mark a function that rules call and that is cheaper to inline than to call."""
     _waiting.append((function, True))
     return function
 
 
 def is_bundled(function: Callable[..., Any]) -> bool:
-    """Return True if a function belongs to evoros, not to a user."""
+    """Return True if a function belongs to evoros rather than to a user."""
     return function.__module__.partition(".")[0] == "evoros"
 
 

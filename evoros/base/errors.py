@@ -1,4 +1,4 @@
-"""Errors for users, and the commands that fix them."""
+"""Errors for users, and the commands that fix the errors."""
 
 import errno
 import os
@@ -11,14 +11,14 @@ GIVE_RIGHTS = "give this user the rights to read and write there"
 PATH_REMEDIES = {
     **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), GIVE_RIGHTS),
     errno.ENAMETOOLONG: "choose a shorter name",
-    errno.ELOOP: "remove one of the links that lead in a circle",
+    errno.ELOOP: "remove one of the symbolic links that form a loop",
 }
 """Fixes for errors due to a path, by error number."""
 _LOOP = "Symlink loop from "
 
 
 class EvorosError(Exception):
-    """Base of all errors whose message is for the user."""
+    """Base class of all errors with a message for the user."""
 
 
 class InputError(EvorosError):
@@ -29,19 +29,19 @@ class InputError(EvorosError):
 
 
 class PartFault(InputError):
-    """A part returned an invalid value; its author must correct the part."""
+    """A part returned an invalid value; the part's author must correct the part."""
 
 
 class SimulationError(EvorosError):
-    """The simulation failed, for example with a state that is not finite; a retry would fail."""
+    """The simulation failed, for example with a non-finite state; a retry would fail, too."""
 
 
 class WorkerLost(EvorosError):
-    """A call crashed its worker process or ran past its time limit, despite all retries."""
+    """A call crashed its worker process or exceeded its time limit, despite all retries."""
 
 
 class PilotLost(WorkerLost):
-    """An external controller or engine ended or did not answer; the mission may be repeated.
+    """An external controller or engine exited or did not answer; the mission may be repeated.
 
     ``log`` is the end of the process's output.
     """
@@ -74,7 +74,7 @@ def escape(path: str) -> str:
 
 @contextmanager
 def require_extra(extra: str, need: str, failure: type[InputError] = InputError) -> Iterator[None]:
-    """Raise a ``failure`` if a package imported inside is not installed.
+    """Raise a ``failure`` if a package imported in the context is not installed.
 
     ``need`` names the choice or the command that needs the package.
     """
@@ -89,7 +89,7 @@ def require_extra(extra: str, need: str, failure: type[InputError] = InputError)
 
 
 def explain_path(error: BaseException) -> str:
-    """Explain an error due to a path in one line; empty for any other error."""
+    """Return a one-line explanation of an error due to a path, or "" for any other error."""
     if isinstance(error, RuntimeError) and str(error).startswith(_LOOP):  # before Python 3.13
         return f"{str(error).removeprefix(_LOOP)}: cannot be used; {PATH_REMEDIES[errno.ELOOP]}"
     if not isinstance(error, OSError) or error.errno not in PATH_REMEDIES or not error.filename:
@@ -102,23 +102,23 @@ _PLAIN = re.compile(
 )
 _BEFORE_QUOTE = re.compile(r'(\\*)("|$)')
 _LOST = re.compile(r"[^\S ]|  |[\x00-\x1f\x7f-\x9f\ud800-\udfff]")
-"""Characters that a one-line message or a terminal does not show unchanged."""
+"""Matches characters that a one-line message or a terminal would not show unchanged."""
 
-MAX_DIGITS = 6  # maximum number of decimals
+MAX_DIGITS = 6  # maximum number of decimal places
 
 
 def count_digits(size: float) -> int:
-    """Return the decimals for two significant digits of a size, at most ``MAX_DIGITS``."""
+    """Return the number of decimal places for two significant digits, at most ``MAX_DIGITS``."""
     return next((digits for digits in range(MAX_DIGITS) if size * 10**digits >= 9.5), MAX_DIGITS)
 
 
 def write_count(number: int, noun: str) -> str:
-    """Return a number with its noun, in the plural unless it is 1."""
+    """Return a number with its noun, which is in the plural unless the number is 1."""
     return f"{number:,} {noun}" + "s" * (number != 1)
 
 
 def shell_line(*words: str) -> str:
-    """Return a shell command line of these words."""
+    """Return a shell command line made of these words."""
     return " ".join(map(_quote_word, words))
 
 
@@ -133,7 +133,7 @@ def _quote_word(word: str) -> str:
 
 
 def override(key: str, value: object) -> str:
-    """Return ``key=value`` in Hydra's grammar, a word for ``shell_line``."""
+    """Return ``key=value`` in Hydra's grammar, as a word for ``shell_line``."""
     return f"{key}={write_value(value)}"
 
 

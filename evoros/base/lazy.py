@@ -1,11 +1,11 @@
-"""Quick start: imports at first use, and rare garbage collections."""
+"""Fast start-up: imports at first use, and rare garbage collections."""
 
 from __future__ import annotations
 
 import gc
 from importlib import import_module
 
-TYPE_CHECKING = False  # typing's, which takes longer to import than this module
+TYPE_CHECKING = False  # constant, because importing typing takes longer than this module
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from typing import Any
@@ -31,7 +31,7 @@ def import_lazily(
 
 
 def collect_rarely() -> None:
-    """Make garbage collections rare, because nearly all objects made at the start stay in use.
+    """Make garbage collections rare, because nearly all objects made at start-up stay in use.
 
     With Python's default threshold of 700, a run takes 5 % longer to start.
     """

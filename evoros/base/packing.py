@@ -1,7 +1,7 @@
 """Named tuples of numbers and arrays, each packed into one array.
 
-All rules of a kind have one compiled signature. Their parameters are passed in one flat array and
-unpacked by name where the rule begins.
+All rules of a kind have the same compiled signature. Their parameters are passed in one flat array
+and unpacked by name at the start of the rule.
 """
 
 import math
@@ -39,12 +39,12 @@ def list_dimensions(kind: type[NamedTuple]) -> tuple[int, ...]:
 
 
 def name_field(kind: type[NamedTuple], field: str) -> str:
-    """Return the full name of a field for a message."""
+    """Return the full name of a field, for a message."""
     return f"{kind.__module__}.{kind.__qualname__}.{field}"
 
 
 def pack(values: NamedTuple) -> Array:
-    """Return the numbers and the arrays in one flat array; each array follows its shape.
+    """Return the numbers and the arrays in one flat array; each array is preceded by its shape.
 
     Raises:
         InputError: a value does not match the declaration of its field.
@@ -55,7 +55,7 @@ def pack(values: NamedTuple) -> Array:
         if not _fits(value, count):
             raise InputError(
                 f"{name_field(kind, name)}: must be {_KINDS[count]}"
-                f"{' of float64' if count else ''}, not {quote(value)}; correct its start"
+                f"{' of float64' if count else ''}, not {quote(value)}; correct the part's start"
             )
         parts += [value.shape, value.ravel()] if count else [(value,)]
     return np.concatenate(parts or [()], dtype=np.float64)
@@ -68,9 +68,10 @@ def _fits(value: object, dimensions: int) -> bool:
 
 
 def unpack(kind: type[P], packed: Array) -> P:
-    """Return the named tuple that was packed; its arrays are views of ``packed``.
+    """Return the named tuple that was packed; the arrays in it are views of ``packed``.
 
-    Compiled code uses ``evoros.compilation.rules``, whose views do not keep ``packed`` alive.
+    Compiled code uses the version in ``evoros.compilation.rules``, whose views do not keep
+    ``packed`` alive.
     """
     values: list[Any] = []
     at = 0

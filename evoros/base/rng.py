@@ -1,7 +1,7 @@
-"""Random generators by name, from the key of a mission and the name of a part.
+"""Random generators named by the key of a mission and the name of a part.
 
-A part's stream depends only on these two. Adding a part never shifts another's draws, and one row
-of a table can be replayed alone.
+A part's stream depends only on these two. So adding a part never shifts the draws of other parts,
+and a single row of a table can be replayed.
 """
 
 import hashlib
@@ -18,38 +18,38 @@ Size = int | tuple[int, ...] | None
 
 
 class Generator(np.random.Generator):
-    """numpy's generator, whose normal and exponential deviates have the same bits everywhere.
+    """numpy's generator, with normal and exponential deviates that are equal on all machines.
 
-    So do ``random``, ``uniform``, ``integers``, ``choice``, ``permutation``, ``permuted``,
-    ``shuffle`` and ``bytes``, which need only arithmetic. Other distributions use the C library,
-    whose last digits depend on the processor.
+    The same holds for ``random``, ``uniform``, ``integers``, ``choice``, ``permutation``,
+    ``permuted``, ``shuffle`` and ``bytes``, which need only arithmetic. Other distributions use
+    the C library, and the last digits of its results depend on the processor.
     """
 
     def __reduce__(self) -> Any:
         return Generator, (self.bit_generator,)
 
     def standard_normal(self, size: Size = None) -> Any:  # type: ignore[override]
-        """Draw deviates of mean 0 and standard deviation 1."""
-        from evoros.base.ziggurat import draw_normal  # imports numba, which is slow
+        """Draw normal deviates with mean 0 and standard deviation 1."""
+        from evoros.base.ziggurat import draw_normal  # importing numba is slow
 
         return self._fill(draw_normal, size)
 
     def standard_exponential(self, size: Size = None) -> Any:  # type: ignore[override]
-        """Draw deviates of mean 1."""
+        """Draw exponential deviates with mean 1."""
         from evoros.base.ziggurat import draw_exponential
 
         return self._fill(draw_exponential, size)
 
     def normal(self, loc: Any = 0.0, scale: Any = 1.0, size: Size = None) -> Any:  # type: ignore[override]
-        """Draw normal deviates of mean ``loc`` and standard deviation ``scale``."""
+        """Draw normal deviates with mean ``loc`` and standard deviation ``scale``."""
         return loc + scale * self.standard_normal(_common_size(size, loc, scale))
 
     def exponential(self, scale: Any = 1.0, size: Size = None) -> Any:  # type: ignore[override]
-        """Draw exponential deviates of mean ``scale``."""
+        """Draw exponential deviates with mean ``scale``."""
         return scale * self.standard_exponential(_common_size(size, scale))
 
     def lognormal(self, mean: Any = 0.0, sigma: Any = 1.0, size: Size = None) -> Any:  # type: ignore[override]
-        """Draw deviates whose logarithm is normal."""
+        """Draw deviates with a normally distributed logarithm."""
         normal = self.normal(mean, sigma, size)
         if np.ndim(normal) == 0:
             return elementary.exp(float(normal))
@@ -68,21 +68,21 @@ class Generator(np.random.Generator):
 
 
 def _common_size(size: Size, *parameters: Any) -> Size:
-    """Return the size, or the broadcast shape of the parameters."""
+    """Return ``size`` or, if it is None, the broadcast shape of the parameters."""
     if size is not None:
         return size
     return np.broadcast_shapes(*map(np.shape, parameters)) or None
 
 
 def generator(key: str, part: str) -> Generator:
-    """Return the generator of ``part`` under ``key`` (PCG64, seeded by SHA-256 of both)."""
+    """Return the generator of ``part`` under ``key`` (PCG64, seeded with the SHA-256 of both)."""
     digest = hashlib.sha256(f"{key}\n{part}".encode()).digest()
     words = np.frombuffer(digest, dtype="<u4").tolist()
     return Generator(np.random.PCG64(SeedSequence(words)))
 
 
 def deal(key: str, cards: int) -> Iterator[int]:
-    """Yield the numbers below ``cards`` (at least 1), one shuffled deck after another, forever.
+    """Yield numbers below ``cards`` (at least 1) from one shuffled deck after another, forever.
 
     Each deck has every number once in a uniformly drawn order, so its first numbers are a simple
     random sample without replacement. The shuffle of Fisher and Yates (Knuth, The Art of Computer

@@ -1,8 +1,8 @@
-"""Normal and exponential deviates by the ziggurat method, with the same bits on every processor.
+"""Normal and exponential deviates by the ziggurat method, bitwise equal on every processor.
 
-They equal the deviates of numpy's generators, except that numpy and numba use their libraries'
-logarithm and exponential for rare draws. numpy's tables are accessible only as numba's private
-copy; a test compares the draws of both.
+They equal the deviates from numpy's generators, except that for rare draws, numpy and numba use
+the logarithm and exponential of their libraries. numpy's tables are accessible only as numba's
+private copy; a test compares the draws of both.
 """
 
 from numba.np.random import _constants as layers
@@ -19,7 +19,7 @@ WIDTHS, INSIDE = layers.wi_double, layers.ki_double
 
 
 def next_word(bits: BitGenerator) -> int:
-    """Draw 64 random bits; compiled code has another version."""
+    """Draw 64 random bits; compiled code uses another version."""
     word: int = bits.random_raw()
     return word
 
@@ -32,7 +32,7 @@ def _draw_share(bits: BitGenerator) -> float:
 
 @compilable
 def draw_normal(bits: BitGenerator) -> float:
-    """Draw a deviate of mean 0 and standard deviation 1."""
+    """Draw a normal deviate with mean 0 and standard deviation 1."""
     while True:
         word = next_word(bits)
         i = word & 0xFF
@@ -49,7 +49,7 @@ def draw_normal(bits: BitGenerator) -> float:
 
 @compilable
 def _draw_at_edge(bits: BitGenerator, i: int, whole: int, x: float) -> float:
-    """Return x if accepted in a layer's edge, a deviate from the tail, or ``_REJECTED``."""
+    """Return x if it is accepted at a layer's edge, a deviate from the tail, or ``_REJECTED``."""
     if i == 0:
         tail = _draw_tail(bits)
         return -tail if (whole >> 8) & 0x1 else tail
@@ -60,7 +60,7 @@ def _draw_at_edge(bits: BitGenerator, i: int, whole: int, x: float) -> float:
 
 @compilable
 def _draw_tail(bits: BitGenerator) -> float:
-    """Draw a deviate beyond the lowest layer (Marsaglia)."""
+    """Draw a deviate beyond the lowest layer (Marsaglia's method)."""
     while True:
         x = -float(layers.ziggurat_nor_inv_r) * log1p(-_draw_share(bits))
         y = -log1p(-_draw_share(bits))
@@ -70,7 +70,7 @@ def _draw_tail(bits: BitGenerator) -> float:
 
 @compilable
 def draw_exponential(bits: BitGenerator) -> float:
-    """Draw a deviate of mean 1."""
+    """Draw an exponential deviate with mean 1."""
     while True:
         word = next_word(bits) >> 3
         i = word & 0xFF

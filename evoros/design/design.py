@@ -8,11 +8,11 @@ from evoros.sensor.protocol import Mount
 
 @dataclass(frozen=True)
 class Design:
-    """The evolved parts of an individual: its sensors, and other values by key.
+    """The evolved parts of an individual: sensors, and other values by key.
 
     ``values`` maps a configuration key (``controller.avoidance.range_m``) to the value that
-    replaces the configured one. ``agents`` holds the designs of other robots that have one; the
-    remaining robots share this design.
+    replaces the configured value. ``agents`` has the designs of the other robots that have
+    separate designs; all remaining robots share this design.
     """
 
     mounts: tuple[Mount, ...]
@@ -21,11 +21,11 @@ class Design:
 
     @classmethod
     def join(cls, parts: Mapping[str, "Design"]) -> "Design":
-        """Return the design composed of ``parts``, by robot name; "" is the top level."""
+        """Return the design composed of ``parts``, by robot name; "" is the first robot."""
         agents = dict(parts)
         return replace(agents.pop(""), agents=agents)
 
     @property
     def parts(self) -> Mapping[str, "Design"]:
-        """The designs of all robots that have one, by name; "" is the top level."""
+        """The designs of all robots that have one, by robot name; "" is the first robot."""
         return {"": self, **self.agents}

@@ -1,4 +1,4 @@
-"""Genes in 0..1: their values, and the replacement of configured values by them."""
+"""Genes in 0..1: their values, and how these replace configured values."""
 
 import dataclasses
 import re
@@ -12,10 +12,10 @@ from evoros.base.errors import InputError
 
 Part = TypeVar("Part")
 BOUNDS = ("low", "high")
-"""Keys of a gene."""
+"""Keys of a gene's bounds."""
 
-# Only robot values that no file sets may evolve. Evolving worlds, failures or the simulator would
-# make the test easier instead of the robot better.
+# Robot values may evolve only if no file sets them. Evolving worlds, failures or the simulator
+# would make the test easier instead of the robot better.
 EVOLVABLE = (
     "controller.",
     "design.sensors.",
@@ -23,11 +23,11 @@ EVOLVABLE = (
     "robot.drive.steering_limit_rad",
 )
 MAX_EXHAUSTIVE = 10
-"""The maximum number of genes whose 2^n combinations of bounds are all tried, in about 0.5 s."""
+"""Maximum number of genes for which all 2^n combinations of bounds are tried, in about 0.5 s."""
 _PERIOD = r"controller\.period_s|design\.sensors\.[^.]+\.period_s"
 _UNFIT = {
-    _PERIOD: "must not be a period that has to be a multiple of the time step",
-    r"design\.sensors\.[^.]+\.(\w+_)?price": "must not be a price, which would only fall",
+    _PERIOD: "must not be a period, which has to be a multiple of the time step",
+    r"design\.sensors\.[^.]+\.(\w+_)?price": "must not be a price, which could only fall",
 }
 
 
@@ -36,15 +36,15 @@ _UNFIT = {
 class Gene:
     """One evolved value: the dotted key of a number in the configuration, and its range.
 
-    The key starts with one of ``EVOLVABLE`` and is neither a price nor a period of the controller
-    or a sensor. Genes of one ``group`` are inherited together.
+    The key starts with one of ``EVOLVABLE``, and is neither a price nor a period of the controller
+    or a sensor. Genes with the same ``group`` are inherited together.
     """
 
     key: Annotated[str, checks.TEXT]
     low: Annotated[float, checks.NUMBER]
     high: Annotated[float, checks.NUMBER]
-    whole: Annotated[bool, checks.FLAG] = False  # whole numbers only, both bounds included
-    group: Annotated[str | None, checks.TEXT] = None  # None: inherited by itself
+    whole: Annotated[bool, checks.FLAG] = False  # only whole numbers, including both bounds
+    group: Annotated[str | None, checks.TEXT] = None  # None: inherited separately
 
     def __post_init__(self) -> None:
         if not self.key.startswith(EVOLVABLE) or not all(self.key.split(".")):
@@ -55,22 +55,20 @@ class Gene:
             if re.fullmatch(pattern, self.key):
                 raise checks.invalid(self, "key", self.key, rule, "choose another key")
         if self.high < self.low:
-            raise checks.invalid(
-                self, "high", self.high, f"must be at least low, which is {self.low}"
-            )
+            raise checks.invalid(self, "high", self.high, f"must be at least low ({self.low})")
         if self.whole and not (checks.is_whole(self.low) and checks.is_whole(self.high)):
-            rule = "low and high must be whole numbers if it is true"
+            rule = "low and high must be whole numbers if whole is true"
             raise checks.invalid(self, "whole", [self.low, self.high], rule)
 
     def value(self, gene: float) -> float:
-        """Return the value at ``gene`` (0..1); an integer if ``whole`` is true."""
+        """Return the value at ``gene`` (0..1), an integer if ``whole`` is true."""
         if self.whole:
             return self.low + checks.pick_index(gene, int(self.high - self.low) + 1)
         return checks.scale(gene, float(self.low), float(self.high))
 
 
 def check_gene_names(design: object, names: Iterable[str]) -> None:
-    """Raise an InputError if a name cannot be a column next to the sensor columns."""
+    """Raise an InputError if a name cannot be a table column next to the sensor columns."""
     for name in names:
         if not checks.NAME.holds(name):
             raise checks.invalid(
@@ -82,7 +80,7 @@ def check_gene_names(design: object, names: Iterable[str]) -> None:
 
 
 def group_genes(genes: Mapping[str, Gene]) -> dict[str, list[str]]:
-    """Return the names of the varying genes by group; a gene without one is its own group."""
+    """Return the names of the varying genes by group; a gene without a group is one."""
     groups: dict[str, list[str]] = {}
     for name, gene in genes.items():
         if gene.low < gene.high:
@@ -94,7 +92,7 @@ def replace_values(part: Part, values: Mapping[str, float], at: str = "") -> Par
     """Return a copy of ``part`` with the number at each dotted path replaced.
 
     A path leads through dataclass fields, mapping keys and list positions. Each dataclass on the
-    way is rebuilt once, with all its changes, and so validates itself again. ``at`` is the path of
+    way is rebuilt once, with all changes, so it is validated again. ``at`` is the path of
     ``part``, for messages.
 
     Raises:
@@ -145,9 +143,9 @@ def _replace_children(part: Any, changes: dict[str, Any]) -> Any:
 
 
 def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
-    """Check combinations of gene bounds, because values that are valid alone may conflict.
+    """Check combinations of gene bounds, because bounds that are valid alone may conflict.
 
-    ``parts`` maps the first word of a key to its part: "controller", "robot" and "design".
+    ``parts`` maps the first word of a key to the part: "controller", "robot" and "design".
 
     Raises:
         InputError: a key does not lead to a number, or a part rejects a combination.
@@ -165,9 +163,9 @@ def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
 
 
 def _check_bound(name: str, gene: Gene, end: float, parts: Mapping[str, object]) -> None:
-    """Require that a gene may take a bound while all other values are as configured."""
+    """Check that a gene may take a bound while all other values are as configured."""
     refusals = {place: _refuse(gene, place, parts) for place in (end, 1.0 - end)}
-    if refusals[end] and refusals[1.0 - end]:  # the key itself may be wrong
+    if refusals[end] and refusals[1.0 - end]:  # the key may be wrong
         raise InputError(f"design.genes.{name}: {refusals[end]}")
     if refusals[end]:
         place = f"design.genes.{name}.{BOUNDS[int(end)]}"
@@ -175,7 +173,7 @@ def _check_bound(name: str, gene: Gene, end: float, parts: Mapping[str, object])
 
 
 def _refuse(gene: Gene, end: float, parts: Mapping[str, object]) -> str:
-    """Return the reason why a gene must not take a bound; empty if it may."""
+    """Return why a gene must not take a bound, or "" if it may."""
     try:
         replace_values(parts, {gene.key: gene.value(end)})
     except InputError as error:
@@ -186,7 +184,8 @@ def _refuse(gene: Gene, end: float, parts: Mapping[str, object]) -> str:
 def enumerate_corners(count: int) -> Iterator[tuple[float, ...]]:
     """Yield combinations of the bounds low (0) and high (1) of ``count`` genes, each (count,).
 
-    Up to ``MAX_EXHAUSTIVE`` genes get all combinations. Beyond, all but at most one share a bound.
+    Up to ``MAX_EXHAUSTIVE`` genes get all combinations. With more genes, all but at most one are
+    at the same bound.
     """
     if count <= MAX_EXHAUSTIVE:
         yield from product((0.0, 1.0), repeat=count)

@@ -20,7 +20,7 @@ from evoros.robot.outline import SolidShape, compute_outline, compute_outline_at
 from evoros.sensor.protocol import Sensor
 
 SIDES = {"front": 0.0, "left": 90.0, "rear": 180.0, "right": -90.0, "all_around": 0.0}
-"""The direction [deg] of each side, left positive."""
+"""The direction [deg] of each side, positive to the left."""
 _HALF_SECTOR_DEG = 45.0
 _ROUNDING_DEG = 1e-6
 
@@ -30,11 +30,11 @@ class SideLine:
     """A polyline along an outline, counter-clockwise; it may be a single corner."""
 
     corners: tuple[Point, ...]  # [m]
-    normals_deg: tuple[float, ...]  # outward normal of each segment, or of a single corner
+    normals_deg: tuple[float, ...]  # outward normal of each segment, or of the single corner
 
     @property
     def length(self) -> float:
-        """The length [m]."""
+        """The total length [m]."""
         return math.fsum(self._lengths())
 
     def _lengths(self) -> list[float]:
@@ -55,8 +55,8 @@ class SideLine:
 def trace_side(outline: Array, side: str) -> SideLine:
     """Return the edges of an outline (k, 2) [m] that face a side, from right to left.
 
-    These are the edges whose outward normal is within 45 deg of the side's direction. If there are
-    none, the result is the corner farthest in that direction. The outline must be convex and
+    An edge faces a side if its outward normal is within 45 deg of the side's direction. If no edge
+    does, the result is the corner farthest in that direction. The outline must be convex and
     counter-clockwise.
     """
     direction = SIDES[side]
@@ -91,15 +91,18 @@ class OutlineRegion(RegionDescription):
     """A side of the outline of a robot, or of one of its links, at a height.
 
     The sensor lies on the outline of the collision shapes at that height, or of all shapes if
-    there are none, and faces outwards.
+    there are none at that height, and faces outwards.
     """
 
     side: Annotated[str, one_of(*SIDES)]
-    yaw_deg: Annotated[Interval, HEADING] = 0.0  # relative to the outward normal, left positive
-    height_m: Annotated[Interval | None, INTERVAL] = None  # above the ground; None: default mount
-    pitch_deg: Annotated[Interval | None, ELEVATION] = None  # nose up positive; None: default mount
+    # relative to the outward normal, positive to the left
+    yaw_deg: Annotated[Interval, HEADING] = 0.0
+    # above the ground; None: height of the default mount
+    height_m: Annotated[Interval | None, INTERVAL] = None
+    # positive nose-up; None: pitch of the default mount
+    pitch_deg: Annotated[Interval | None, ELEVATION] = None
     link: Annotated[str | None, TEXT] = None  # None: outline of the whole robot
-    overhang_m: Annotated[float, NOT_NEGATIVE] = 0.05  # maximum, outside the outline
+    overhang_m: Annotated[float, NOT_NEGATIVE] = 0.05  # maximum distance outside the outline
 
     def bind(
         self, robot: Robot, mirrored: bool, key: str, sensors: Sequence[Sensor] = ()
@@ -108,7 +111,7 @@ class OutlineRegion(RegionDescription):
 
         Raises:
             InputError: the link cannot carry sensors, the height is off the robot, or mirrored
-                sensors would stand out too far because the robot is not symmetric.
+                sensors would protrude too far because the robot is not symmetric.
         """
         link = robot.mount_link if self.link is None else self.link
         self._check_link(link, robot, mirrored, key)
@@ -138,15 +141,15 @@ class OutlineRegion(RegionDescription):
             known = dict.fromkeys(solid.link for solid in robot.solids)
             choices = [name for name in known if name in robot.sensor_links]
             raise InputError(
-                f"{key}.link: must have a collision shape, whose outline carries the sensors, not "
-                f"{link!r}; choose {' or '.join(choices) or 'null'}, or leave it null"
+                f"{key}.link: must be a link with a collision shape, whose outline carries the "
+                f"sensors, not {link!r}; choose {' or '.join(choices) or 'null'}, or set it to null"
             )
 
     def _default_height(self, robot: Robot, key: str) -> float:
         if self.link is not None and self.link != robot.mount_link:
             raise InputError(
-                f"{key}.height_m: must be a height on the link {self.link}, not null; set it, "
-                f"because the robot's default height is for {robot.mount_link}"
+                f"{key}.height_m: must be a height on the link {self.link}, not null; set a "
+                f"height, because the robot's default height applies only to {robot.mount_link}"
             )
         return robot.sensor_links[robot.mount_link][2] + robot.mount_z_m
 
@@ -163,9 +166,9 @@ class OutlineRegion(RegionDescription):
         gap = float(distances(Footprint(outline), both).max())
         if gap > self.overhang_m:
             raise InputError(
-                f"{key}: the outline of {robot.name} must be symmetric to {self.overhang_m:g} m if "
-                f"sensors are mirrored, but differs by {gap:.3g} m; set mirrored to false, or "
-                f"raise its overhang_m"
+                f"{key}: the outline of {robot.name} must be symmetric to within "
+                f"{self.overhang_m:g} m if sensors are mirrored, but its sides differ by {gap:.3g} "
+                "m; set mirrored to false, or raise overhang_m"
             )
         return both
 
@@ -176,7 +179,7 @@ class BoundOutlineRegion:
 
     link: str
     ranges: Mapping[str, Range]
-    frame: tuple[float, float, float, float]  # link frame x, y, z [m], yaw [rad]
+    frame: tuple[float, float, float, float]  # x, y, z [m] and yaw [rad] of the link frame
     lines: tuple[tuple[float, SideLine], ...]  # (maximum height above the ground [m], line)
     free: FreePlaces | None = None  # None: all places are free
 
@@ -210,7 +213,7 @@ def _solids(robot: Robot, link: str | None) -> list[SolidShape]:
 
 
 def _split(heights: Range, solids: Sequence[SolidShape]) -> list[tuple[float, float]]:
-    """Return (top, middle) [m] of each height band within which no shape begins or ends."""
+    """Return (top, middle) [m] of each height band within which no shape starts or ends."""
     low, high = heights
     ends = {end for solid in solids for end in solid.height_range if low < end < high}
     edges = [low, *sorted(ends), high]

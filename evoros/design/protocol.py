@@ -1,4 +1,4 @@
-"""The interface of regions: parts of the robot on which sensors may be placed."""
+"""The interface of regions: parts of the robot where sensors may be placed."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -23,16 +23,16 @@ class SensorPose(NamedTuple):
     """The pose of a sensor in the frame of its link."""
 
     position: Vector  # [m]
-    yaw_deg: float  # left positive
-    pitch_deg: float  # nose up positive
+    yaw_deg: float  # positive to the left
+    pitch_deg: float  # positive nose-up
 
 
 @dataclass(frozen=True)
 class Area:
     """Possible positions and headings of a sensor, in the robot's frame.
 
-    If ``facing_deg`` is empty, ``corners`` form a polygon and the headings do not depend on the
-    position. Otherwise they form a line, and each segment has a range of headings.
+    If ``facing_deg`` is empty, ``corners`` form a polygon, and the headings do not depend on the
+    position. Otherwise ``corners`` form a line, and each segment has a range of headings.
     """
 
     link: str
@@ -48,14 +48,14 @@ class BoundRegion(Protocol):
 
     @property
     def link(self) -> str:
-        """The link that carries the sensor."""
+        """The name of the link that carries the sensor."""
 
     @property
     def ranges(self) -> Mapping[str, Range]:
         """The (minimum, maximum) of each value in POSITION and ANGLES that the region uses."""
 
     def place(self, values: Mapping[str, float]) -> SensorPose:
-        """Return the pose of a sensor; ``values`` has one entry for each of ``ranges``."""
+        """Return the pose of a sensor; ``values`` has one entry for each entry of ``ranges``."""
 
     def area(self) -> Area:
         """Return the possible positions and headings, for drawing."""
@@ -65,7 +65,7 @@ class RegionDescription(ABC):
     """A region for any robot."""
 
     overhang_m: float = 0.0
-    """Maximum distance [m] of a sensor outside the robot."""
+    """Maximum distance [m] of a sensor outside the robot's outline."""
 
     @abstractmethod
     def bind(
@@ -81,7 +81,7 @@ class RegionDescription(ABC):
 
 
 def check_link(link: str, robot: Robot, mirrored: bool, key: str) -> None:
-    """Raise an InputError if a link cannot carry the sensors, or mirrored sensors, of ``key``."""
+    """Raise an InputError if a link cannot carry the sensors, or mirrored sensors, at ``key``."""
     if link not in robot.sensor_links:
         raise InputError(
             f"{key}.link: must be a link of {robot.name} that can carry sensors, "
@@ -90,7 +90,7 @@ def check_link(link: str, robot: Robot, mirrored: bool, key: str) -> None:
     _, y, _, yaw = robot.sensor_links[link]
     if mirrored and (y, yaw) != (0, 0):
         raise InputError(
-            f"{key}.link: must lie on the robot's x axis and face along it if sensors are "
+            f"{key}.link: must lie on the robot's x axis and face along the axis if sensors are "
             f"mirrored, not {link!r} at y {y:g} m, yaw {yaw:g} rad; "
             f"choose another link or set mirrored to false"
         )

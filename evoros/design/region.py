@@ -20,18 +20,18 @@ from evoros.robot.self_sight import BlindShares
 from evoros.sensor.protocol import Sensor, sees
 
 CELLS = {"z_m": 2, "x_m": 12, "y_m": 12, "arc": 32, "yaw_deg": 8, "pitch_deg": 2}
-"""The number of grid cells of each value's range, in the order of the grid axes."""
+"""The number of grid cells for each value's range, in the order of the grid axes."""
 
 _MAX_BLIND = 0.5
-"""Maximum fraction of a sensor's channels that the robot may block; a sonar has only one."""
+"""Maximum fraction of a sensor's channels that the robot may block; a sonar has one channel."""
 
 _MIRRORED = (1.0, -1.0, 1.0, -1.0, 1.0)
-"""Factors that turn a pose (x, y, z, yaw, pitch) into its mirror image."""
+"""Factors that mirror a pose (x, y, z, yaw, pitch)."""
 
 
 @dataclass(frozen=True)
 class View:
-    """The view that sensors have past the robot from the places in a region."""
+    """The view past the robot that sensors have from places in a region."""
 
     frame: Array  # the link's x, y, z [m] and yaw [rad]
     place: Callable[[Mapping[str, float]], SensorPose]
@@ -39,7 +39,7 @@ class View:
     mirrored: bool  # True if the mirror image of a place must be free, too
 
     def find_free(self, places: Iterable[Mapping[str, float]]) -> NDArray[np.bool_]:
-        """Return True for each place where the robot blocks the view of no sensor."""
+        """Return, for each place, True if the robot blocks no sensor's view there."""
         placed = map(self.place, places)
         poses = np.array([(*position, yaw, pitch) for position, yaw, pitch in placed])
         sides = (poses, poses * _MIRRORED) if self.mirrored else (poses,)
@@ -51,22 +51,22 @@ class View:
 
 @dataclass(frozen=True)
 class FreePlaces:
-    """Grid over a region's values that marks the cells in which sensors see past the robot.
+    """A grid over a region's values that marks the cells from which sensors see past the robot.
 
-    Values map to free cells one axis after another, in proportion to the free cells that remain
-    after the previous choices. Every genome thus leads to a free place, and all free cells have the
-    same size for a search.
+    Values are mapped to free cells one axis after another, in proportion to the free cells that
+    remain after the earlier choices. Every genome thus leads to a free place, and all free cells
+    are equally large in the search space.
     """
 
-    ranges: Mapping[str, Range]  # grid axes, in order
+    ranges: Mapping[str, Range]  # the grid axes, in order
     free: NDArray[np.bool_]
     view: View
 
     def adapt(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return values in free cells for values anywhere in the region.
 
-        A robot part smaller than a cell may block the view from a place inside the cell. The
-        cell's nearest corner, which is free, then replaces that place.
+        A robot part smaller than a cell may block the view from a place inside a free cell. The
+        nearest corner of the cell, which is free, then replaces that place.
         """
         adapted, corner, free = dict(values), {}, self.free
         for name, (low, high) in self.ranges.items():
@@ -98,7 +98,7 @@ def find_free_places(
     """Find the cells in which the robot blocks none of ``sensors``, nor their mirror images.
 
     Returns:
-        None if all cells are free or none are, so that no cell is excluded.
+        None if all cells or none are free, so no cell is excluded.
     """
     types = [sensor for sensor in sensors if sees(sensor)]
     axes = {name: ranges[name] for name in CELLS if np.ptp(ranges.get(name, (0.0, 0.0))) > 0.0}
@@ -113,7 +113,7 @@ def find_free_places(
 
 
 def _join_corners(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the cells all of whose corners are free."""
+    """Return the cells that have only free corners."""
     for axis in range(free.ndim):
         corners = free.swapaxes(0, axis)
         free = (corners[1:] & corners[:-1]).swapaxes(0, axis)
@@ -121,14 +121,14 @@ def _join_corners(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _list_corners(axes: Mapping[str, Range]) -> Iterator[dict[str, float]]:
-    """Yield the values at the corners of the cells, the last axis fastest."""
+    """Yield the values at the corners of the cells; the last axis varies fastest."""
     corners = [_list_ends(ends, CELLS[name]) for name, ends in axes.items()]
     for values in product(*corners):
         yield dict(zip(axes, values, strict=True))
 
 
 def _list_ends(ends: Range, cells: int) -> list[float]:
-    """Return the ends of a range's cells."""
+    """Return the boundaries of a range's cells."""
     values: list[float] = np.linspace(*ends, cells + 1).tolist()
     return values
 
@@ -150,20 +150,21 @@ ELEVATION = _within(90, "from -90 to 90")
 @dataclass(frozen=True)
 @checked
 class Region(RegionDescription):
-    """The position and angles that a sensor may have, each a number or [low, high]."""
+    """A sensor's possible position and angles, each a number or [low, high]."""
 
-    x_m: Annotated[Interval, INTERVAL]  # x and y in the frame of ``link``
+    x_m: Annotated[Interval, INTERVAL]  # x and y are in the frame of ``link``
     y_m: Annotated[Interval, INTERVAL]
-    yaw_deg: Annotated[Interval, HEADING]  # left positive
-    z_m: Annotated[Interval | None, INTERVAL] = None  # None: as in the default mount
-    pitch_deg: Annotated[Interval | None, ELEVATION] = None  # nose up positive; None: see z_m
+    yaw_deg: Annotated[Interval, HEADING]  # positive to the left
+    z_m: Annotated[Interval | None, INTERVAL] = None  # None: height of the default mount
+    # positive nose-up; None: pitch of the default mount
+    pitch_deg: Annotated[Interval | None, ELEVATION] = None
     link: Annotated[str | None, TEXT] = None  # None: link of the default mount
     overhang_m: Annotated[float, NOT_NEGATIVE] = 0.05  # maximum distance outside the outline
 
     def bind(
         self, robot: Robot, mirrored: bool, key: str, sensors: Sequence[Sensor] = ()
     ) -> "BoundRegion":
-        """Return this region bound to ``robot``; the robot's default mount replaces None."""
+        """Return this region bound to ``robot``; the default mount replaces None values."""
         link = robot.mount_link if self.link is None else self.link
         self._check_link(link, robot, mirrored, key)
         bound = replace(
@@ -184,8 +185,8 @@ class Region(RegionDescription):
         check_link(link, robot, mirrored, key)
         if self.z_m is None and link != robot.mount_link:
             raise InputError(
-                f"{key}.z_m: must be a number on the link {link}, not null; "
-                f"set it, because the robot's default height is for {robot.mount_link}"
+                f"{key}.z_m: must be a number on the link {link}, not null; set a number, because "
+                f"the robot's default height applies only to {robot.mount_link}"
             )
 
     def _check_outline(self, link: str, robot: Robot, mirrored: bool, key: str) -> None:
@@ -204,7 +205,7 @@ class Region(RegionDescription):
                     f"{key}: {'xy'[axis]} must be at most {self.overhang_m} m outside the outline "
                     f"of {robot.name} ({minimum:g} to {maximum:g} m), not {low:g} to {high:g} m; "
                     f"choose design=around, which fits any robot, move the region, or raise "
-                    f"its overhang_m"
+                    f"overhang_m"
                 )
 
     def _check_height(self, link: str, robot: Robot, key: str) -> None:
@@ -218,24 +219,25 @@ def check_height(
 ) -> None:
     """Raise an InputError if heights [m] above the ground are off the robot or its ``base``."""
     low, high = heights
-    # Parts without a collision shape may be higher: a mast, or the default mount.
+    # Parts without a collision shape, such as a mast or the default mount, may be higher.
     mount = robot.sensor_links[robot.mount_link][2] + robot.mount_z_m
     top = max(robot.height_m, base, mount)
     if low < 0 or high > top + overhang:
         raise InputError(
             f"{key}: {name} must be above the ground and at most {overhang} m above "
             f"{robot.name} ({top:g} m), not {low:g} to {high:g} m; "
-            f"choose design=around, which fits any robot, move the region, or raise its overhang_m"
+            f"choose design=around, which fits any robot, move the region, or raise overhang_m"
         )
 
 
 @dataclass(frozen=True)
 class BoundRegion:
-    """A box bound to a robot."""
+    """A box region bound to a robot."""
 
     link: str
     ranges: Mapping[str, Range]
-    frame: tuple[float, float, float]  # link frame in the robot's frame: x, y [m], yaw [rad]
+    # x, y [m] and yaw [rad] of the link frame in the robot's frame
+    frame: tuple[float, float, float]
     free: FreePlaces | None = None  # None: all places are free
 
     def place(self, values: Mapping[str, float]) -> SensorPose:
@@ -249,7 +251,7 @@ class BoundRegion:
         return SensorPose((x, y, z), yaw, pitch)
 
     def area(self) -> Area:
-        """Return the box's rectangle from above."""
+        """Return the box's rectangle in top view."""
         x, y, yaw = self.frame
         (a, b), (c, d) = self.ranges["x_m"], self.ranges["y_m"]
         sin, cos = elementary.sin_cos(yaw)

@@ -1,7 +1,7 @@
-"""The design space: the sensors that a robot may have, their regions and other evolved values.
+"""The design space: the sensors that a robot may have, their regions, and other evolved values.
 
 A genome is a point in the unit cube. *Every* point of the closed cube decodes to a design that
-respects regions, limits and symmetry, so that an optimizer need not know these rules.
+respects regions, limits and symmetry, so optimizers need not know these rules.
 """
 
 import math
@@ -29,16 +29,16 @@ from evoros.sensor.protocol import Mount, Sensor
 class FixedSensor:
     """A sensor that is always on the robot, such as a built-in lidar."""
 
-    sensor: Annotated[str, checks.TEXT]  # name of its type, a key of ``sensors``
+    sensor: Annotated[str, checks.TEXT]  # name of the sensor type, a key of ``sensors``
     link: Annotated[str | None, checks.TEXT] = None  # None: link of the robot's default mount
-    x_m: Annotated[float, checks.NUMBER] = 0.0  # x, y and z in the frame of ``link``
+    x_m: Annotated[float, checks.NUMBER] = 0.0  # x, y and z are in the frame of ``link``
     y_m: Annotated[float, checks.NUMBER] = 0.0
     z_m: Annotated[float, checks.NUMBER] = 0.0
-    yaw_deg: Annotated[float, checks.NUMBER] = 0.0  # left positive
-    pitch_deg: Annotated[float, checks.NUMBER] = 0.0  # nose up positive
+    yaw_deg: Annotated[float, checks.NUMBER] = 0.0  # positive to the left
+    pitch_deg: Annotated[float, checks.NUMBER] = 0.0  # positive nose-up
 
     def bind(self, robot: Robot, key: str) -> Mount:
-        """Return the mount on ``robot``; error messages use the configuration ``key``."""
+        """Return the mount on ``robot``; ``key`` is the configuration key, for messages."""
         link = self.link or robot.mount_link
         check_link(link, robot, False, key)
         place = (float(self.x_m), float(self.y_m), float(self.z_m))
@@ -47,7 +47,7 @@ class FixedSensor:
 
 @dataclass(frozen=True)
 class Layout:
-    """The genes of placed sensors, of their number and of other values; constants have no gene."""
+    """The genes of placed sensors, of their number, and of other values; constants have no gene."""
 
     slots: tuple[str, ...]  # names of the placed sensors
     types: int  # number of sensor types that a placed sensor can have
@@ -100,13 +100,13 @@ class Layout:
         return {self.index[name]: count for name, count in counts.items() if name in self.index}
 
     def varies(self, name: str) -> bool:
-        """Return True if a coordinate or angle, such as ``yaw_deg``, varies within a region."""
+        """Return True if a coordinate or angle, such as ``yaw_deg``, varies within some region."""
         ranges = (region.ranges.get(name, (0.0, 0.0)) for region in self.regions.values())
         return any(low < high for low, high in ranges)
 
 
 SLOT_NUMBER = checks.Rule(
-    "a whole number of at least 0, or [low, high] of such numbers",
+    "a whole number of at least 0, or [low, high] with two such numbers",
     lambda v: (
         checks.INTERVAL.holds(v) and all(end >= 0 and end.is_integer() for end in checks.bounds(v))
     ),
@@ -117,11 +117,12 @@ GENES, FIXED = checks.mapping_of(Gene, "genes"), checks.mapping_of(FixedSensor, 
 @dataclass(frozen=True)
 @checks.checked
 class SensorDesign:
-    """The sensor types, the regions in which sensors are placed, and other evolved values.
+    """The sensor types, the regions where sensors are placed, and other evolved values.
 
-    The number of placed sensors evolves too if ``number`` is [low, high]. If ``mirrored``, each
+    The number of placed sensors evolves, too, if ``number`` is [low, high]. If ``mirrored``, each
     placed sensor has a twin across the robot's x axis. Types of ``fixed`` sensors are not placed.
-    If ``exclusive``, a region carries one sensor, and further sensors that choose it are dropped.
+    If ``exclusive``, each region carries one sensor, and further sensors that choose the region
+    are dropped.
     """
 
     sensors: Annotated[Mapping[str, Sensor], checks.mapping_of(Sensor, "sensors")]
@@ -144,7 +145,7 @@ class SensorDesign:
         for key in keys:
             if keys.count(key) > 1:
                 raise checks.invalid(
-                    self, "genes", key, "must not evolve one key twice", "remove one"
+                    self, "genes", key, "must not evolve a key twice", "remove one of the genes"
                 )
 
     def _check_names(self) -> None:
@@ -153,13 +154,13 @@ class SensorDesign:
                 if not checks.TEXT.holds(name):
                     raise checks.invalid(self, part, name, f"each name must be {checks.TEXT.text}")
             if self.max_number > 0 and not choices:
-                fix = "give at least one, or set number to 0"
+                fix = "add at least one, or set number to 0"
                 raise checks.invalid(self, part, {}, "must not be empty if sensors are placed", fix)
         check_gene_names(self, self.genes)
 
     @property
     def placed_types(self) -> list[str]:
-        """The sensor types that are placed in regions; types of fixed sensors are not."""
+        """The sensor types placed in regions, which exclude the types of fixed sensors."""
         used = {fixed.sensor for fixed in self.fixed.values()}
         return [name for name in self.sensors if name not in used]
 
@@ -177,8 +178,8 @@ class SensorDesign:
         """Return the search space on ``robot``; ``declared`` has the genes of other parts.
 
         Raises:
-            InputError: a region or a fixed sensor is off the robot, or a declared gene repeats
-                the name or key of a gene of the design.
+            InputError: a region or a fixed sensor is off the robot, or a declared gene has the
+                name or key of one of the design's genes.
         """
         declared = declared or {}
         self._check_declared(declared)
@@ -196,7 +197,7 @@ class SensorDesign:
         for name, gene in self.genes.items():
             other = name if name in declared else keys.get(gene.key)
             if other is not None:
-                rule = f"must not repeat the name or key of the controller's gene {other}"
+                rule = f"must not have the name or key of the controller's gene {other}"
                 raise checks.invalid(self, "genes", name, rule, "remove it, or rename it")
 
 
@@ -208,7 +209,8 @@ class DesignSpace:
     robot: Robot
     regions: Mapping[str, BoundRegion]
     fixed: tuple[Mount, ...] = ()  # mounted in every design
-    genes: Mapping[str, Gene] = field(default_factory=dict)  # the design's genes and declared ones
+    # the design's genes and those that other parts declare
+    genes: Mapping[str, Gene] = field(default_factory=dict)
 
     @cached_property
     def _layout(self) -> Layout:
@@ -233,7 +235,7 @@ class DesignSpace:
 
     @property
     def middle(self) -> Array:
-        """The genome at the centre of all ranges; exclusive regions are spread over the sensors."""
+        """The genome at the centre of all ranges, with exclusive regions spread over sensors."""
         genome, index = np.full(self.size, 0.5), self._layout.index
         for i, slot in enumerate(self._slots if self.design.exclusive else ()):
             if f"{slot}_region" in index:
@@ -252,9 +254,10 @@ class DesignSpace:
     def decode(self, genome: Array) -> Design:
         """Return the design of ``genome`` (size,), values from 0 to 1.
 
-        If the number of sensors evolves, the first ones are mounted. Sensors in exclusive regions
+        If the number of sensors evolves, the first slots are mounted. Sensors in exclusive regions
         are in the order of the regions. In a mirrored design, each sensor is followed by its twin.
-        Mounts are sorted by type in the order of ``design.sensors``, fixed before placed.
+        Mounts are sorted by type in the order of ``design.sensors``, with fixed sensors before
+        placed ones.
         """
         genes = self._genes(genome)
         placed = (self._with_twin(mount) for mount, _ in self._place(genes))
@@ -273,11 +276,11 @@ class DesignSpace:
     def _with_twin(self, mount: Mount) -> tuple[Mount, ...]:
         if not self.design.mirrored:
             return (mount,)
-        # 0.0 - y rather than -y, which would be written as -0.0
+        # 0.0 - y instead of -y, which could be written as -0.0
         return mount, replace(mount, y_m=0.0 - mount.y_m, yaw_deg=0.0 - mount.yaw_deg)
 
     def to_row(self, genome: Array) -> dict[str, float | str]:
-        """Return the decoded values as a table row, by column.
+        """Return the decoded values as a table row, keyed by column.
 
         ``sensorN`` is the Nth placed sensor; its values are "" and NaN if it is not mounted.
         """
@@ -316,7 +319,7 @@ class DesignSpace:
         return dict(zip(self._layout.index, vector.tolist(), strict=True))
 
     def _place(self, genes: dict[str, float]) -> list[tuple[Mount, str]]:
-        """Return (sensor, region name) of each placed sensor, without twins."""
+        """Return (sensor, region name) for each placed sensor, without twins."""
         low, high = self.design.min_number, self.design.max_number
         count = low + checks.pick_index(genes.get("number", 0.0), high - low + 1)
         placed = [self._mount(genes, slot) for slot in self._slots[:count]]

@@ -1,4 +1,4 @@
-"""The search space of robots that evolve together, each with its own design."""
+"""The search space of robots that evolve together, each with a separate design."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,8 +20,8 @@ from evoros.sensor.protocol import Mount, add_prices
 class TeamSpace:
     """The design spaces of a team by robot name, concatenated into one genome.
 
-    Genes and table columns of a named robot have its name as prefix. All methods that take a genome
-    raise an InputError if it is not in the closed unit cube.
+    Genes and table columns of a named robot have the robot's name as a prefix. All methods with a
+    genome raise an InputError if the genome is not in the closed unit cube.
     """
 
     spaces: Mapping[str, DesignSpace]
@@ -71,7 +71,7 @@ class TeamSpace:
 
     @property
     def number_gene(self) -> int | None:
-        """The index of the gene for the number of placed sensors, or None if it is fixed."""
+        """The index of the gene for the number of placed sensors; None if that number is fixed."""
         varies = self.number[0] < self.number[1]
         return self._first.blocks[len(self.slots)].genes[0] if varies else None
 
@@ -83,7 +83,7 @@ class TeamSpace:
         """
         if len(self.spaces) > 1:
             raise InputError(
-                f"optimizer: covers bearings with the sensors of one robot with a design, not of "
+                f"optimizer: set_cover supports only one robot with a design, not "
                 f"{len(self.spaces)}; choose another optimizer"
             )
         return _view_slots(self._first, genome, distance_m)
@@ -103,7 +103,7 @@ class TeamSpace:
         return self.decode(first) == self.decode(second)
 
     def to_row(self, genome: Array) -> dict[str, float | str]:
-        """Return the decoded values as a table row, by column."""
+        """Return the decoded values as a table row, keyed by column."""
         return {
             _prefix(name) + column: value
             for name, part in self._split(genome)
@@ -119,7 +119,7 @@ class TeamSpace:
         """Add the configured designs that ``design`` lacks.
 
         Raises:
-            InputError: a missing design leaves something to evolve, so the configuration does not
+            InputError: a missing design has something to evolve, so the configuration does not
                 determine it.
         """
         parts = dict(design.parts)
@@ -127,9 +127,9 @@ class TeamSpace:
             configured = parts.get(name) or self.find_configured(name)
             if configured is None:
                 raise InputError(
-                    f"agents.{name}.design: must leave nothing to evolve (number 0, no genes) for "
-                    f"a design that has none for this robot; set agents.{name}.design.number=0, or "
-                    f"give a file with rows of the agent {name}"
+                    f"agents.{name}.design: must leave nothing to evolve (number 0, no genes), "
+                    "because the given designs have none for this robot; set "
+                    f"agents.{name}.design.number=0, or give a file with rows for the agent {name}"
                 )
             parts[name] = configured
         return Design.join(parts)

@@ -1,1 +1,1 @@
-"""The evolution: an experiment, checked, and its loop of ask, evaluate and tell."""
+"""The evolution: an experiment with its checks, and the loop of ask, evaluate and tell."""

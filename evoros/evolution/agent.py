@@ -23,7 +23,7 @@ from evoros.world.course import PAIRS, Course
 from evoros.world.model import TeamSampler, World
 
 PLACE = Rule(
-    "three numbers, x [m], y [m] and yaw [rad]",
+    "three numbers: x [m], y [m] and yaw [rad]",
     lambda v: isinstance(v, list | tuple) and len(v) == 3 and all(map(is_number, v)),
 )
 
@@ -31,10 +31,10 @@ PLACE = Rule(
 @dataclass(frozen=True)
 @checked
 class Agent:
-    """An additional robot, with a separate home that is the same in all worlds.
+    """An additional robot, with its home at the same place in all worlds.
 
     Parts that are None are shared with the first robot. With a ``design``, that design evolves
-    together with the first robot's; otherwise one design evolves for both.
+    together with the first robot's design; otherwise one design evolves for both robots.
     """
 
     home: Annotated[Sequence[float], PLACE]  # x, y [m], yaw [rad]
@@ -42,10 +42,11 @@ class Agent:
     robot: Annotated[Robot | None, instance_of(Robot, "a robot")] = None
     design: Annotated[SensorDesign | None, instance_of(SensorDesign, "a sensor design")] = None
     controller: Annotated[Controller | LiveController | None, A_CONTROLLER] = None
-    scored: Annotated[bool, FLAG] = False  # True if its missions count for the fitness, too
+    # True if this robot's missions count for the fitness, too
+    scored: Annotated[bool, FLAG] = False
 
     def join(self, name: str, first: Member) -> Member:
-        """Return this robot as a named member of a scenario with the first member ``first``."""
+        """Return this robot as a named member of the scenario of the first member, ``first``."""
         x, y, yaw = map(float, self.home)
         return replace(
             first,
@@ -82,9 +83,9 @@ def _make_room(placed: Sequence[Member], name: str, world: World) -> World:
         return world
     if not isinstance(sampler, TeamSampler):
         raise InputError(
-            f"world.{name}: must have a sampler with the method keep_free if there are agents, "
-            f"to keep their courses free in all drawn worlds, not {type(sampler).__name__}; add "
-            f"that method, or choose a fixed world"
+            f"world.{name}: the sampler {type(sampler).__name__} lacks the method keep_free, which "
+            "keeps the agents' courses free in all drawn worlds; add that method, or choose a "
+            "fixed world"
         )
     try:
         larger = sampler.keep_free([member.place(world.course) for member in placed])
@@ -95,11 +96,11 @@ def _make_room(placed: Sequence[Member], name: str, world: World) -> World:
 
 
 def check_team(members: Sequence[Member], worlds: Mapping[str, World]) -> None:
-    """Check the robots of an experiment against each other.
+    """Check that the robots of an experiment fit together.
 
     Raises:
         InputError: a design belongs to another robot, genes have no effect, or robots touch at
-            home.
+            their homes.
     """
     designed = {member.name: member for member in members if member.has_own_design}
     for member in members:
@@ -112,17 +113,17 @@ def check_team(members: Sequence[Member], worlds: Mapping[str, World]) -> None:
 def _check_design(member: Member, owner: Member) -> None:
     if member.robot != owner.robot:
         raise InputError(
-            f"{member.key}design: must be given for another robot than the first one, because "
-            f"its regions lie on its robot; add for example /design@{member.name}.design: "
-            f"around to the defaults"
+            f"{member.key}design: must be set, because this robot differs from the first robot and "
+            f"design regions lie on a robot's body; for example, add /design@{member.name}.design: "
+            f"around to the defaults list"
         )
     design = member.design
     evolves = design.max_number > 0 or design.genes or find_declared_genes(member.controller)
     if member is owner and evolves and not member.scored:
         raise InputError(
             f"{member.key}scored: must be true if the robot's own design evolves, because "
-            f"nothing would select it otherwise; set it to true, or use a design with number 0 "
-            f"and fixed sensors"
+            "otherwise nothing would select the design; set it to true, or use a design with "
+            "number 0 and fixed sensors"
         )
 
 
@@ -130,8 +131,8 @@ def _check_homes(one: Member, other: Member, world: str, course: Course) -> None
     if _touch(one, other, course):
         first = one.key.removesuffix(".") or "the first robot"
         raise InputError(
-            f"{other.key}home: must be clear of {first} in world.{world}, not "
-            f"{_place(other, course)}, where the two touch; move it"
+            f"{other.key}home: must be clear of {first} in world.{world}, but the robots touch at "
+            f"{_place(other, course)}; move the home"
         )
 
 

@@ -1,4 +1,4 @@
-"""A started search with checked answers, because users may write searches."""
+"""A started search with checked return values, because users may write searches."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ KEY = "optimizer"
 
 @dataclass(frozen=True)
 class AskedSearch:
-    """Forwards calls to a search, and raises an InputError for an invalid answer."""
+    """Forwards calls to a search, and raises an InputError for an invalid return value."""
 
     search: Search
     size: int  # number of genes
@@ -21,20 +21,20 @@ class AskedSearch:
 
     def ask(self) -> Sequence[Individual]:
         """Return the individuals of the next generation."""
-        text = f"a list of individuals with different ids and {self.size} genes from 0 to 1"
+        text = f"a list of individuals with distinct ids and {self.size} genes from 0 to 1"
         asked: Sequence[Individual] = ask(KEY, self.search.ask, Rule(text, self._are_points))
         self.known.update(one.id for one in asked)
         return asked
 
     def tell(self, scores: Mapping[int, Score]) -> Sequence[Candidate]:
         """Return the table of the generation."""
-        rule = Rule("a list of candidates of ask, at least one", self._are_candidates)
+        rule = Rule("a non-empty list of candidates from ask()", self._are_candidates)
         table: Sequence[Candidate] = ask(KEY, self.search.tell, rule, scores)
         return table
 
     def champions(self) -> Sequence[Individual]:
         """Return the champions, best first."""
-        rule = Rule("a list of individuals of ask, at least one", self._are_known)
+        rule = Rule("a non-empty list of individuals from ask()", self._are_known)
         best: Sequence[Individual] = ask(KEY, self.search.champions, rule)
         return best
 

@@ -1,4 +1,4 @@
-"""The trials of one generation's designs, in the rounds of the allocation."""
+"""The trials of one generation's designs, in rounds chosen by the allocation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from evoros.base.combining import Combine, mean
 from evoros.base.errors import InputError
 
 ROUND = Rule(
-    "a mapping from ids to whole numbers of trials",
+    "a mapping from design ids to whole numbers of trials",
     lambda v: isinstance(v, Mapping) and all(map(is_whole, v.values())),
 )
 
@@ -18,18 +18,18 @@ ROUND = Rule(
 class Contest:
     """Designs that may get trials, and their scores so far.
 
-    ``earlier`` has the scores of each design in earlier generations; empty for a new design.
+    ``earlier`` has each design's scores from earlier generations; it is empty for a new design.
     """
 
     allocation: Allocation
-    trials: int  # the experiment's key
+    trials: int  # value of the experiment's key ``trials``
     earlier: Mapping[int, list[float]]
-    combine: Combine = mean  # the experiment's combination of scores
+    combine: Combine = mean  # the experiment's rule for combining scores
     scores: dict[int, list[float]] = field(default_factory=dict)  # designs with trials only
     rounds: list[Mapping[int, int]] = field(default_factory=list)
 
     def next_round(self) -> dict[int, range]:
-        """Return the numbers of the next trials by design; empty at the end of the contest.
+        """Return the numbers of each design's next trials, or {} at the end of the contest.
 
         Raises:
             InputError: the allocation gives a design too many trials, or a new design none.
@@ -49,8 +49,8 @@ class Contest:
             if design_id not in self.earlier or trials < 1 or done + trials > most:
                 raise self._refuse(
                     f"must give at least 1 further trial, and at most {most} in a generation, to "
-                    f"designs of this generation, not {trials} to design {design_id}, which has "
-                    f"{done}"
+                    f"designs of this generation, not {trials} to design {design_id}, which "
+                    f"already has {done}"
                 )
             wanted[design_id] = range(done, done + trials)
         self.rounds.append(further)
@@ -62,7 +62,7 @@ class Contest:
             self.scores.setdefault(design_id, []).extend(new)
 
     def fitness(self) -> dict[int, float]:
-        """Return the lifetime fitness of each design with trials.
+        """Return the fitness of each design with trials, over all its generations.
 
         It is capped so that no design ranks above designs that stayed in the contest longer.
         """
@@ -72,19 +72,21 @@ class Contest:
 
     @property
     def compared(self) -> int:
-        """The number of trials that designs are compared by; all in the last round have them."""
+        """The number of trials by which designs are compared, which all in the last round have."""
         last = self.rounds[-1] if self.rounds else ()
         return min((len(self.earlier[i]) + len(self.scores[i]) for i in last), default=0)
 
     def stays(self) -> dict[int, int]:
-        """Return the index of each design's last round; -1 without rounds."""
+        """Return the index of each design's last round, or -1 if there were no rounds."""
         last = {i: place for place, ids in enumerate(self.rounds) for i in ids}
         return {i: last.get(i, -1) for i in self.scores}
 
     def _check_new(self) -> None:
         for i, earlier in self.earlier.items():
             if not earlier and i not in self.scores:
-                raise self._refuse(f"must give trials to each new design, not none to {i}")
+                raise self._refuse(
+                    f"must give trials to each new design, but gave none to design {i}"
+                )
 
     def _refuse(self, rule: str) -> InputError:
-        return InputError(f"allocation: {rule}; correct {type(self.allocation).__name__}")
+        return InputError(f"allocation: {rule}; fix {type(self.allocation).__name__}")

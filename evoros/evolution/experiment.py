@@ -1,4 +1,4 @@
-"""The description of a run by its parts, with checks that they fit together."""
+"""The description of a run by its parts, with checks that the parts fit together."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -72,13 +72,13 @@ AGENTS = mapping_of(Agent, "agents (evoros.evolution.agent.Agent)")
 MEASURES = mapping_of(Measure, "measures (title, unit, bounds, direction, of_design and compute)")
 
 CHAMPION, CHAMPIONS, ALL, NONE = "champion", "champions", "all", "none"
-"""The values of ``record``, which selects the trajectories that a run keeps."""
+"""Values of ``record``, which selects the trajectories that a run keeps."""
 STATED = Condition(Case())
-"""The condition that stands for every given case, because all cases share a scenario."""
+"""The condition that represents every given case, because all cases share one scenario."""
 
 
 def check_case(group: str, names: Iterable[str]) -> None:
-    """Require names that are distinct file names on every disk.
+    """Check that names are distinct as file names on every disk.
 
     Raises:
         InputError: two names differ only in case.
@@ -88,8 +88,8 @@ def check_case(group: str, names: Iterable[str]) -> None:
         other = known.setdefault(name.casefold(), name)
         if other != name:
             raise InputError(
-                f"{group}: names must differ in more than case, for disks that ignore it, not "
-                f"{other} and {name}; rename one"
+                f"{group}: {other} and {name} differ only in case, which some disks ignore; rename "
+                "one"
             )
 
 
@@ -99,14 +99,15 @@ class Experiment:
     """Everything that determines a run.
 
     The fields have the names of keys and groups in ``conf/config.yaml``. ``confirmation`` repeats
-    missions of the best designs in another simulator or by another controller. ``agents`` are
-    robots in addition to the first, which the experiment's own fields describe; ``walkers`` are
-    moving obstacles. ``objectives`` and ``descriptors`` are measures for the optimizer. ``figures``
-    names subcommands of evoros analyze that draw the finished run. The worlds' courses may refer to
-    values of ``course``.
+    the missions of the best designs in another simulator or with another controller. ``agents``
+    are robots in addition to the first robot, which the experiment's own fields describe;
+    ``walkers`` are moving obstacles. ``objectives`` and ``descriptors`` are measures for the
+    optimizer. ``figures`` names the subcommands of evoros analyze that draw the finished run. The
+    worlds' courses may refer to values in ``course``.
 
     Raises:
-        InputError: a value is out of range, a part has the wrong kind, or parts do not fit.
+        InputError: a value is out of range, a part has the wrong kind, or parts do not fit
+            together.
     """
 
     robot: Robot
@@ -116,7 +117,7 @@ class Experiment:
     controller: Controller | LiveController
     simulator: Simulator
     fitness: Annotated[
-        Fitness, instance_of(Fitness, "a fitness (a subclass of evoros.parts.Fitness)")
+        Fitness, instance_of(Fitness, "a fitness function (a subclass of evoros.parts.Fitness)")
     ]
     optimizer: Annotated[
         Optimizer, instance_of(Optimizer, "an optimizer (a subclass of evoros.parts.Optimizer)")
@@ -125,14 +126,16 @@ class Experiment:
         Executor, instance_of(Executor, "an executor (a subclass of evoros.parts.Executor)")
     ]
     seed: Annotated[int, SEED] = 0
-    trials: Annotated[int, COUNT] = 1  # missions of a design in each world
+    trials: Annotated[int, COUNT] = 1  # number of missions per design in each world
     draws: Annotated[str, one_of(*POLICIES)] = (
         "generation"  # scope in which missions share random draws
     )
     # Distributes trials among the designs of a generation.
     allocation: Annotated[Allocation, AN_ALLOCATION] = field(default_factory=Once)
-    lost_missions: Annotated[str, one_of(STOP, WORST)] = STOP  # reaction to crashes and hangs
-    record: Annotated[str, one_of(CHAMPION, CHAMPIONS, ALL, NONE)] = CHAMPIONS  # trajectories
+    # reaction to crashed or hung missions
+    lost_missions: Annotated[str, one_of(STOP, WORST)] = STOP
+    # trajectories to keep
+    record: Annotated[str, one_of(CHAMPION, CHAMPIONS, ALL, NONE)] = CHAMPIONS
     confirmation: Annotated[Confirmation | None, A_CONFIRMATION] = None
     final_choice: Annotated[FinalChoice | None, A_FINAL_CHOICE] = None
     validation: Annotated[Validation, A_VALIDATION] = field(default_factory=Validation)
@@ -140,10 +143,11 @@ class Experiment:
     walkers: Annotated[Mapping[str, Walkers], WALKERS] = field(default_factory=dict)
     objectives: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
     descriptors: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
-    worst_cases: Annotated[WorstCases | None, A_SEARCH] = None  # search of an evaluation
-    # Requirements on each design in an evaluation, which ends once they are decided.
+    # search for worst cases in an evaluation
+    worst_cases: Annotated[WorstCases | None, A_SEARCH] = None
+    # Requirements on each design in an evaluation, which stops once they are decided.
     requirements: Annotated[Mapping[str, Requirement], REQUIREMENTS] = field(default_factory=dict)
-    # The draws of an evaluation, either fresh or from a run's validation.
+    # Random draws of an evaluation: fresh draws, or the draws of a run's validation.
     evaluation_draws: Annotated[str, one_of(EVALUATION, VALIDATION)] = EVALUATION
     figures: Sequence[str] = ()
     # Trackers that receive the run's records.
@@ -163,15 +167,15 @@ class Experiment:
             check_case(group, getattr(self, group))
         if self.validation.precision is not None and self.scoring.combine is not mean:
             raise InputError(
-                f"validation.precision: must be null, because precision applies only to a fitness "
-                f"that averages trials, not to {type(self.fitness).__name__}; set "
-                f"optimizer.validation_trials"
+                "validation.precision: must be null, because precision applies only to a fitness "
+                f"function that averages trials, not to {type(self.fitness).__name__}; set "
+                "optimizer.validation_trials"
             )
         check_precision(self.validation, self.scored_missions, self.fitness_bounds)
         other = self.confirmation.controller if self.confirmation else None
         for member in (*self.members, *(self._list_members(other) if other else ())):
             member.check_parts()
-        # Worlds that are drawn for each mission leave room for all robots.
+        # Worlds that are drawn for each mission must leave room for all robots.
         object.__setattr__(self, "world", make_room(self.members, self.world))
         check_team(self.members, self.world)
         worlds, agents = list(self.world), list(self.agents)
@@ -182,7 +186,7 @@ class Experiment:
 
     @cached_property
     def members(self) -> tuple[Member, ...]:
-        """The robots with the controllers of the run, the top level's first."""
+        """The robots with the controllers of the run; the top level's robot comes first."""
         return self._list_members(self.controller)
 
     def _list_members(self, controller: Controller | LiveController) -> tuple[Member, ...]:
@@ -197,7 +201,7 @@ class Experiment:
 
     @cached_property
     def confirming(self) -> Scenario:
-        """The parts of confirming missions; ``scenario`` without a confirmation.
+        """The parts of confirming missions; equal to ``scenario`` without a confirmation.
 
         Raises:
             InputError: the time step of the confirming simulator does not fit the periods.
@@ -213,7 +217,7 @@ class Experiment:
             raise InputError(f"{key}: {error}") from None
 
     def scenario_for(self, purpose: str) -> Scenario:
-        """Return ``confirming`` for missions after the selection, and ``scenario`` otherwise.
+        """Return ``confirming`` for confirming and later missions, and ``scenario`` otherwise.
 
         Validated, final and confirmed fitness are therefore comparable.
         """
@@ -227,11 +231,11 @@ class Experiment:
     def scenario_under(self, condition: Condition) -> Scenario:
         """Return the scenario of an evaluation's missions under a condition.
 
-        Failed sensors of a case show the effect of the failure model if it fails sensors, and are
-        silent otherwise.
+        The failed sensors of a case show the failure model's effect if the model fails sensors,
+        and are silent otherwise.
 
         Raises:
-            InputError: the part of the condition does not fit the others.
+            InputError: the condition's part does not fit the other parts.
         """
         key = condition if condition.case is None else STATED
         if key not in self._scenarios:
@@ -248,8 +252,8 @@ class Experiment:
         try:
             if isinstance(condition.part, SystematicFailure):
                 raise InputError(
-                    f"must be drawn for each mission, and {type(condition.part).__name__} is not; "
-                    f"choose another, for example random"
+                    f"must be drawn for each mission, unlike {type(condition.part).__name__}; "
+                    f"choose another failure model, for example random"
                 )
             return replace(self, **changed).scenario
         except InputError as error:
@@ -262,7 +266,7 @@ class Experiment:
 
     @cached_property
     def space(self) -> TeamSpace:
-        """The search space of all robots with their own design."""
+        """The search space of all robots that have separate designs."""
         owners = [member for member in self.members if member.has_own_design]
         return TeamSpace({member.name: member.space for member in owners})
 
@@ -274,7 +278,7 @@ class Experiment:
 
     @property
     def scored_missions(self) -> int:
-        """The number of scores in a trial, one per mission if the fitness is additive."""
+        """The number of scores per trial: one per mission if the fitness is additive, else one."""
         return len(self.world) if isinstance(self.fitness, AdditiveFitness) else 1
 
     @property
@@ -284,13 +288,13 @@ class Experiment:
 
     @property
     def states_cases(self) -> bool:
-        """True if missions may have given cases of failures or parts of conditions."""
+        """True if missions may have given failure cases or condition parts."""
         required = any(map(need_conditions, self.requirements.values()))
         stating = isinstance(self.failure, SystematicFailure | AdaptiveFailure)
         return required or stating or self.worst_cases is not None
 
     def start_search(self) -> Search:
-        """Start the experiment's search, which its seed determines."""
+        """Start the experiment's search, which the seed determines."""
         rng = generator(f"{self.seed}", "optimizer")
         rule = Rule(
             "a search (an object with ask, tell and champions)", lambda v: hasattr(v, "ask")
@@ -300,7 +304,7 @@ class Experiment:
 
     @cached_property
     def goals(self) -> Goals:
-        """The measures in this experiment's scores in addition to the fitness."""
+        """The measures in this experiment's scores besides the fitness."""
         bounds = {name: measure.bounds for name, measure in self.descriptors.items()}
         return Goals(
             tuple(self.objectives),

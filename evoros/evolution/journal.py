@@ -1,4 +1,4 @@
-"""The records of an evolution (missions, generations, champion), and their recipients."""
+"""The records of an evolution (missions, generations, champion), and what receives them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,13 +23,13 @@ class Generation:
 
     number: int
     candidates: Sequence[Candidate]
-    genes: Sequence[Mapping[str, object]]  # gene values of each candidate, by name
-    measures: Sequence[Mapping[str, float]]  # objectives and descriptors of each candidate
+    genes: Sequence[Mapping[str, object]]  # each candidate's gene values by name
+    measures: Sequence[Mapping[str, float]]  # each candidate's objectives and descriptors
     best: Candidate
-    trials: Mapping[int, int]  # number of trials in each candidate's fitness
+    trials: Mapping[int, int]  # number of trials behind each candidate's fitness
     validated_fitness: Mapping[int, float]  # best designs of all generations so far
     screened_fitness: Mapping[int, float]  # all candidates; empty without a confirmation
-    losses: Mapping[int, float]  # screened minus confirmed fitness of confirmed individuals
+    losses: Mapping[int, float]  # screened minus confirmed fitness, for confirmed individuals
 
     @cached_property
     def mean(self) -> float:
@@ -43,7 +43,7 @@ class Generation:
 
     @property
     def loss(self) -> float | None:
-        """The loss of the best candidate; None if it was not confirmed."""
+        """The best candidate's loss; None if it was not confirmed."""
         return self.losses.get(self.best.individual.id)
 
     @property
@@ -53,7 +53,7 @@ class Generation:
 
     @property
     def summary(self) -> str:
-        """The best candidate's fitness, validated fitness and loss, and the mean, for messages."""
+        """The best candidate's fitness, validated fitness and loss, and the mean, as text."""
         validated = "" if self.validated is None else f", validated {self.validated:.3f}"
         loss = "" if self.loss is None else f", loss {self.loss:.3f}"
         return f"best {self.best.fitness:.3f}{validated}{loss}, mean {self.mean:.3f}"
@@ -61,16 +61,16 @@ class Generation:
 
 @dataclass(frozen=True)
 class Champion:
-    """The best design of a run, and the worlds of its first missions."""
+    """The best design of a run, and the worlds of this design's first missions."""
 
     id: int
     design: Design
     gene_names: Mapping[str, Mapping[str, str]]  # robot -> key in ``design.values`` -> name
     robots: Mapping[str, Robot]
-    """Robots by name, with the design's sensors and values; empty if a part rejects these."""
+    """Robots by name, with the design's sensors and values; empty if a part rejects the values."""
     worlds: Mapping[str, World]
-    tracks: Sequence[str]  # names of worlds with kept trajectories
-    columns: Mapping[str, Sequence[str]]  # column names of trajectories by world
+    tracks: Sequence[str]  # names of the worlds whose trajectories are kept
+    columns: Mapping[str, Sequence[str]]  # column names of the trajectories, by world
     certificate: Certificate
 
 
@@ -86,8 +86,8 @@ class Ending:
 class Champions:
     """The best design, front or archive of a finished search, best first."""
 
-    designs: Mapping[int, Design]  # keyed by individual
-    scores: Sequence[Mapping[str, float]]  # fitness, objectives and descriptors per design
+    designs: Mapping[int, Design]  # keyed by individual id
+    scores: Sequence[Mapping[str, float]]  # fitness, objectives and descriptors of each design
     gene_names: Mapping[str, Mapping[str, str]]  # see ``Champion``
 
 
@@ -95,49 +95,49 @@ class Watcher(Protocol):
     """Follows the progress of a run without affecting its results."""
 
     def begin(self, generation: int, missions: int, known: int) -> None:
-        """Report that ``missions`` are needed next, of which ``known`` are already recorded."""
+        """Report that ``missions`` missions come next, of which ``known`` are already recorded."""
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
-        """Report a finished and recorded mission."""
+        """Report that a mission has finished and is recorded."""
 
     def generation(self, generation: Generation) -> None:
-        """Report a recorded generation."""
+        """Report that a generation is recorded."""
 
 
 class Journal(MissionRecord, Protocol):
-    """Keeps the records of a run, so that an evolution does not repeat recorded missions."""
+    """Keeps the records of a run, so an evolution does not repeat recorded missions."""
 
     def find(self, mission: Mission) -> Outcomes | None:
-        """Return the recorded outcomes of a mission; None if there are none.
+        """Return the recorded outcomes of a mission; None if the mission is not recorded.
 
         Raises:
-            InputError: the mission was recorded with other draws.
+            InputError: the mission was recorded with other random draws.
         """
 
     def keep_log(self, mission: Mission, log: str) -> None:
-        """Keep the controller's output of a lost mission."""
+        """Store the controller's output from a lost mission."""
 
     def write_generation(self, generation: Generation) -> None:
         """Record a generation.
 
         Raises:
-            InputError: the journal has a different generation of this number.
+            InputError: the journal has a different generation with this number.
         """
 
     def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
-        """Keep the trajectory of a finished mission before it is recorded."""
+        """Store the trajectory of a finished mission before the mission is recorded."""
 
     def read_trajectory(self, mission: Mission) -> Array:
-        """Return the kept trajectory of a mission."""
+        """Return the stored trajectory of a mission."""
 
     def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
-        """Drop all trajectories except for ``missions``; return those missions that have none."""
+        """Delete all trajectories except for ``missions``; return the missions without one."""
 
     def write_champions(self, champions: Champions) -> None:
         """Replace the recorded champions, if there are or were several."""
 
     def has_champion(self, champion: Champion) -> bool:
-        """Return True if the journal has this champion with its trajectories."""
+        """Return True if the journal has this champion with all trajectories."""
 
     def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
-        """Replace the recorded champion, with a trajectory for each of its tracks."""
+        """Replace the recorded champion, with a trajectory for each name in ``tracks``."""

@@ -1,6 +1,6 @@
 """The evolution loop, which asks for designs, evaluates them and records generations.
 
-At the end, it chooses the champion and certifies it on fresh draws.
+At the end, the champion is chosen and certified on fresh draws.
 """
 
 import math
@@ -31,14 +31,15 @@ from evoros.terminal.log import LOGGER
 
 @dataclass
 class Judgement:
-    """Judges a champion by its fresh trials and the trials of other validated designs."""
+    """Judges a champion by its trials on fresh draws and those for other validated designs."""
 
     validated: Validated
     champion: Individual
 
     def __post_init__(self) -> None:
         self.experiment = self.validated.trials.experiment
-        self.confidence = self.experiment.validation.confidence  # confidence per look
+        # confidence of each look at the interval
+        self.confidence = self.experiment.validation.confidence
 
     @property
     def fresh(self) -> FreshTrials:
@@ -46,7 +47,7 @@ class Judgement:
         return self.validated.fresh[self.champion.id]
 
     def bound(self, design: int, confidence: float) -> rates.Bounds:
-        """Return the fitness interval of a validated design; NaN if unknown."""
+        """Return the fitness interval of a validated design, or NaN if unknown."""
         fresh = self.validated.fresh[design]
         if not fresh.trials:
             return math.nan, math.nan
@@ -57,7 +58,7 @@ class Judgement:
     def _limit(self, fresh: FreshTrials) -> rates.Bounds:
         """Return the assumed minimum and maximum score of a design.
 
-        If the fitness has no maximum, it is estimated from the missions of all validated designs.
+        If the fitness has no maximum, the missions of all validated designs give an estimate.
         """
         lowest, highest = self.experiment.fitness_bounds or UNBOUNDED
         if math.isinf(highest):
@@ -68,7 +69,7 @@ class Judgement:
     def reach_precision(self, recorded: float) -> int | None:
         """Add trials until the interval is narrow enough, or up to ``max_trials``.
 
-        The looks follow from the ``recorded`` fitness, which is independent of these draws. Return
+        The looks depend on the ``recorded`` fitness, which is independent of these draws. Returns
         the estimated number of trials if the precision was missed.
         """
         validation, precision = self.experiment.validation, self.experiment.validation.precision
@@ -100,7 +101,7 @@ class Judgement:
         more = "" if wanted else "more than "
         text = f"{more}{max(wanted or MOST_REPEATS * known, looks[0])}"
         LOGGER.info(
-            "validation.precision=%g probably takes %s trials of the champion, judged by %d; "
+            "validation.precision=%g will probably need %s trials of the champion, judging by %d; "
             "the maximum is validation.max_trials=%d",
             *(precision, text, known, looks[-1]),
         )
@@ -109,9 +110,9 @@ class Judgement:
         """Return the other validated designs with simultaneous intervals.
 
         The upper ends share the error rate that the lower end of the champion's interval leaves.
-        The difference thus bounds the advantage of any rival at the confidence, for any number of
-        rivals. The same holds for the lower ends and the champion's upper end. ``leaders`` are the
-        best designs of generations.
+        The difference thus bounds the advantage of any rival at the given confidence, for any
+        number of rivals. The same holds for the rivals' lower ends and the champion's upper end.
+        ``leaders`` are the best designs of generations.
         """
         combine = self.experiment.scoring.combine
         others = {i: one for i, one in self.validated.fresh.items() if i != self.champion.id}
@@ -141,7 +142,7 @@ class Choice:
 
 
 def choose_champion(scores: Scores, last: Generation) -> Choice:
-    """Return the last generation's best design, or the result of the final choice."""
+    """Return the best design of the last generation, or the winner of the final choice."""
     experiment = scores.trials.experiment
     final, combine = experiment.final_choice, experiment.scoring.combine
     if final is None:
@@ -172,7 +173,7 @@ def choose_champion(scores: Scores, last: Generation) -> Choice:
 
 
 def certify(validated: Validated, last: Generation, choice: Choice) -> Certificate:
-    """Validate the champion with the required precision, and compare it with its rivals.
+    """Validate the champion to the required precision, and compare it with its rivals.
 
     Rivals are all other designs that were validated, on the same draws.
     """
@@ -208,7 +209,7 @@ def certify(validated: Validated, last: Generation, choice: Choice) -> Certifica
 
 
 def _find_advantage(rivals: Sequence[Rival], low: float) -> float:
-    """Return the maximum advantage of a rival; NaN without rivals or intervals."""
+    """Return a rival's maximum advantage over the champion; NaN without rivals or intervals."""
     ends = [rival.high for rival in rivals]
     return (
         round(max(ends) - low, rates.DIGITS)
@@ -234,7 +235,7 @@ def _rate(validation: Validation, outcomes: Sequence[Outcome]) -> Rate:
 
 
 MOST_SHOWN = 100
-"""Maximum number of designs with kept trajectories in an archive or a front."""
+"""Maximum number of designs in an archive or a front with stored trajectories."""
 
 
 def list_champions(scores: Scores, individuals: Sequence[Individual]) -> Champions:
@@ -250,7 +251,7 @@ def list_champions(scores: Scores, individuals: Sequence[Individual]) -> Champio
 
 
 def _name_genes(experiment: Experiment) -> dict[str, dict[str, str]]:
-    """Map robot -> key -> gene name."""
+    """Map each robot and design key to a gene name."""
     return {
         name: {gene.key: title for title, gene in space.genes.items()}
         for name, space in experiment.space.spaces.items()
@@ -258,9 +259,10 @@ def _name_genes(experiment: Experiment) -> dict[str, dict[str, str]]:
 
 
 def keep_missions(scores: Scores, individuals: Sequence[Individual]) -> None:
-    """Keep the trajectories of first missions of these individuals, and drop all others.
+    """Keep the trajectories of these individuals' first missions, and delete all others.
 
-    If there are too many, the kept designs are spread evenly over the ranks, including the best.
+    If there are too many individuals, those kept are spread evenly over the ranks, including the
+    best.
     """
     last = len(individuals) - 1
     count = min(len(individuals), MOST_SHOWN)
@@ -269,13 +271,13 @@ def keep_missions(scores: Scores, individuals: Sequence[Individual]) -> None:
     trials, journal = scores.trials, scores.trials.journal
     missing = journal.drop_trajectories(missions)
     if missing:
-        again = "rerunning %d missions of %d designs to keep their trajectories; %s"
-        LOGGER.info(again, len(missing), count, "record=champion skips this")
+        again = "rerunning %d missions of %d designs to store their trajectories; %s"
+        LOGGER.info(again, len(missing), count, "record=champion avoids this")
     keeping = replace(trials.dispatcher, keep_trajectory=journal.keep_trajectory)
     for purpose in dict.fromkeys(mission.purpose for mission in missing):
         selected = [mission for mission in missing if mission.purpose == purpose]
         for _ in keeping.run(trials.experiment.scenario_for(purpose), selected):
-            pass  # their outcomes are recorded
+            pass  # the outcomes are already recorded
 
 
 def _list_first(scores: Scores, individual: Individual) -> list[Mission]:
@@ -321,7 +323,7 @@ def evolve(
 ) -> Ending:
     """Run the experiment for a number of generations, and record its certified champion.
 
-    Recorded missions are not run again, so that an interrupted run continues.
+    Recorded missions are not run again, so an interrupted run continues.
 
     Raises:
         InputError: the journal belongs to another run, or a part refuses its input.

@@ -25,17 +25,17 @@ ROWS = 4096
 
 
 class NumberLog:
-    """Rows of ``width`` numbers per individual, in the order of their addition.
+    """Rows of ``width`` numbers per individual, in the order in which they were added.
 
-    A row takes 8 bytes plus 8 per number, so that runs may have any number of individuals. The rows
-    are in blocks, because a growing array fragments the memory. A search for rows reads all
-    rows, in a few milliseconds per million.
+    A row takes 8 bytes plus 8 per number, so runs may have any number of individuals. The rows are
+    in blocks, because a growing array would fragment the memory. A search for rows reads all rows,
+    in a few milliseconds per million.
     """
 
     def __init__(self, width: int) -> None:
         self._width = width
         self._blocks: list[tuple[NDArray[np.int64], Array]] = []  # individuals and numbers
-        self._used = ROWS  # rows in the last block
+        self._used = ROWS  # rows used in the last block
 
     def add(self, individual: int, row: Sequence[float]) -> None:
         """Add a row of ``width`` numbers."""
@@ -49,19 +49,19 @@ class NumberLog:
         self._used += 1
 
     def find(self, individuals: Iterable[int]) -> dict[int, list[list[float]]]:
-        """Return the rows of each of these individuals; an empty list if an individual has none."""
+        """Return each individual's rows, or an empty list if it has none."""
         rows: dict[int, list[list[float]]] = {i: [] for i in individuals}
         wanted = np.array(sorted(rows), dtype=np.int64)
         for index, (ids, numbers) in enumerate(self._blocks, 1):
             used = ids[: self._used] if index == len(self._blocks) else ids
-            # Ids increase, so that most blocks have none of them.
+            # Ids increase, so most blocks contain none of the wanted ids.
             near = wanted[(wanted >= used.min()) & (wanted <= used.max())]
             for place in np.flatnonzero(np.isin(used, near)).tolist() if len(near) else ():
                 rows[int(ids[place])].append(numbers[place].tolist())
         return rows
 
     def find_last(self, individuals: Iterable[int]) -> dict[int, list[float]]:
-        """Return the last row of each of these individuals; each must have a row."""
+        """Return the last row of each of these individuals, all of which must have rows."""
         return {i: rows[-1] for i, rows in self.find(individuals).items()}
 
 
@@ -70,11 +70,12 @@ class Ledger:
 
     def __init__(self, measures: int, final_choice: FinalChoice | None) -> None:
         self._final_choice = final_choice
-        self._screened = NumberLog(1)  # score of a trial in the run's own simulator
-        self._told = NumberLog(1 + measures)  # fitness and measures that the search received
-        self._shown = NumberLog(2)  # generation and number of earlier trials
+        self._screened = NumberLog(1)  # one trial's score in the run's own simulator
+        self._told = NumberLog(1 + measures)  # fitness and measures, as reported to the search
+        self._shown = NumberLog(2)  # generation, and number of earlier trials
         self.finalists: dict[int, Individual] = {}
-        """The best so far, and all whose fitness may change; empty without a final choice."""
+        """The best finished individuals, and all whose fitness may change; empty without a final
+        choice."""
 
     def add_screened(self, scores: Mapping[int, Sequence[float]]) -> None:
         """Add the scores of further trials."""
@@ -88,15 +89,15 @@ class Ledger:
         return {i: [score for (score,) in rows] for i, rows in by_id.items()}
 
     def add_told(self, individual: int, fitness: float, measures: Sequence[float]) -> None:
-        """Add the fitness and measures that the search receives for an individual."""
+        """Add the fitness and measures reported to the search for an individual."""
         self._told.add(individual, [fitness, *measures])
 
     def find_told(self, individuals: Iterable[int]) -> dict[int, list[float]]:
-        """Return, by individual, the fitness and measures that the search last received."""
+        """Return, by individual, the fitness and measures last reported to the search."""
         return self._told.find_last(individuals)
 
     def find_fitness(self, individuals: Iterable[int]) -> dict[int, float]:
-        """Return, by individual, the fitness that the search last received."""
+        """Return, by individual, the fitness last reported to the search."""
         return {i: row[0] for i, row in self.find_told(individuals).items()}
 
     def show(self, individual: int, generation: int, earlier: int) -> None:
@@ -107,7 +108,7 @@ class Ledger:
         self._shown.add(individual, (generation, earlier))
 
     def find_shown(self, individual: int) -> tuple[int, int]:
-        """Return the generation and the number of earlier trials of the last ``show``."""
+        """Return the generation and the number of earlier trials from the last ``show``."""
         generation, earlier = self._shown.find_last([individual])[individual]
         return int(generation), int(earlier)
 
@@ -128,7 +129,7 @@ class Ledger:
 
 @dataclass
 class Confirmed:
-    """The scores of confirmed trials, and of the same trials in the run's simulator."""
+    """The scores of confirmed trials, and the scores of the same trials in the run's simulator."""
 
     trials: Trials
     ledger: Ledger
@@ -144,7 +145,7 @@ class Confirmed:
     ) -> dict[int, float]:
         """Repeat the trials of the best designs; return the fitness of all designs by id.
 
-        The fitness is the confirmed one for all designs that were ever confirmed.
+        Designs that were ever confirmed get their confirmed fitness.
         """
         experiment, fitness = self.trials.experiment, contest.fitness()
         if experiment.confirmation is None:
@@ -169,28 +170,28 @@ class Confirmed:
         return fitness | {i: experiment.scoring.combine(self.scores[i]) for i in known}
 
     def list_losses(self) -> dict[int, float]:
-        """Return the screened minus the confirmed fitness of each confirmed design by id."""
+        """Return each confirmed design's screened minus confirmed fitness, by id."""
         combine = self.trials.experiment.scoring.combine
         return {i: combine(self.screened[i]) - combine(scores) for i, scores in self.scores.items()}
 
 
 DROPPED = "dropped"
-"""The operator of a survivor that was scored again but that the search dropped."""
+"""Operator of a survivor that was scored again but then dropped by the search."""
 
 
 class Opposition:
     """The failure cases of each generation; none if the failure model does not adapt.
 
-    They follow from the seed and the scores of recorded missions, so that a resumed run has the
-    same cases. An adversary lists the hardest case first. Trials therefore meet the cases in random
-    order; otherwise designs with few trials would meet harder cases.
+    The cases follow from the seed and the scores of recorded missions, so a resumed run has the
+    same cases. An adversary lists the hardest case first. Trials meet the cases in random order,
+    because otherwise designs with few trials would meet harder cases.
     """
 
     def __init__(self, experiment: Experiment) -> None:
         failure = experiment.failure
         self._key = f"{experiment.seed}/adversary"
-        self._meets_all = isinstance(experiment.allocation, Once)  # the order is then irrelevant
-        self._order: Sequence[int] = ()  # index of each trial's case
+        self._meets_all = isinstance(experiment.allocation, Once)  # then the order does not matter
+        self._order: Sequence[int] = ()  # index of the case for each trial
         self._adversary = None
         if isinstance(failure, AdaptiveFailure):
             trials = experiment.allocation.most_trials(experiment.trials)
@@ -201,7 +202,7 @@ class Opposition:
         self._cases: dict[int, Sequence[Case]] = {}  # keyed by generation
 
     def list_cases(self, generation: int) -> Sequence[Case]:
-        """Return the cases of a generation in the order of trials."""
+        """Return the cases of a generation, in the order of trials."""
         if self._adversary is None:
             return ()
         if generation not in self._cases:
@@ -213,7 +214,7 @@ class Opposition:
         return self._cases[generation]
 
     def tell(self, scores: Mapping[int, Sequence[float]]) -> None:
-        """Adapt the cases of the next generation to the scores of each design's trials."""
+        """Adapt the next generation's cases to the scores of each design's trials."""
         if self._adversary is not None:
             self._adversary.tell(
                 {i: dict(zip(self._order, met, strict=False)) for i, met in scores.items()}
@@ -222,10 +223,10 @@ class Opposition:
 
 @dataclass
 class Scores:
-    """The scores of a run's individuals so far; only the ledger has every individual."""
+    """The scores of a run's individuals so far; only the ledger covers every individual."""
 
     trials: Trials
-    survivors: list[Individual] = field(default_factory=list)  # last generation
+    survivors: list[Individual] = field(default_factory=list)  # survivors of the last generation
     ledger: Ledger = field(init=False)
     opposition: Opposition = field(init=False)
     confirmed: Confirmed = field(init=False)
@@ -241,7 +242,7 @@ class Scores:
     def evaluate(self, generation: int, individuals: Sequence[Individual]) -> dict[int, Score]:
         """Return the scores of new individuals, and of survivors with further trials.
 
-        The fitness is the confirmed one for confirmed individuals.
+        Confirmed individuals have their confirmed fitness.
 
         Raises:
             InputError: see ``Contest.next_round`` and ``Trials.score``.
@@ -295,10 +296,10 @@ class Scores:
     def conclude(
         self, generation: int, candidates: Sequence[Candidate], scores: Mapping[int, Score]
     ) -> Generation:
-        """Validate the best of these candidates and return their generation.
+        """Validate the best of these candidates, and return the finished generation.
 
-        Survivors that were scored again but dropped are appended, so that the table has all
-        ``scores`` that the search received.
+        Survivors that were scored again but dropped are appended, so the table has all ``scores``
+        that were reported to the search.
         """
         experiment = self.trials.experiment
         present = {candidate.individual.id for candidate in candidates}
@@ -337,6 +338,6 @@ class Scores:
 def find_best(candidates: Sequence[Candidate], confirmed: Container[int]) -> Candidate:
     """Return the fittest confirmed candidate, or the fittest if none is confirmed.
 
-    Unconfirmed candidates remain if a search may lose its best so far.
+    Candidates may include unconfirmed ones only if a search may lose its best so far.
     """
     return max(candidates, key=lambda row: (row.individual.id in confirmed, row.fitness))

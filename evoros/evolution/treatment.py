@@ -1,4 +1,4 @@
-"""The rule for the name of a treatment and its factor levels."""
+"""The rule for a treatment's name and factor levels."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,12 +6,12 @@ from typing import Any
 from evoros.base.checks import NAME, Rule
 
 RESERVED = ("run", "treatment", "seed")
-"""Names of the first columns of tables, which no factor may have."""
-MAX_LENGTH = 60  # characters of a name or a level
+"""Names of the first columns of tables, which cannot be factor names."""
+MAX_LENGTH = 60  # maximum number of characters in a name or a level
 
 
 def describe_problem(given: Mapping[Any, Any]) -> str:
-    """Describe the first fault of a treatment's name or factors; '' if there is none."""
+    """Describe the first fault in a treatment's name or factors; '' if there is none."""
     for key, value in given.items():
         if not NAME.holds(key) or key in RESERVED:
             return f"{key!r} must be {NAME.text}, and not one of {', '.join(RESERVED)}"
@@ -22,13 +22,15 @@ def describe_problem(given: Mapping[Any, Any]) -> str:
         text = str(value)
         if not fits or not text.strip() or len(text) > MAX_LENGTH or not text.isprintable():
             kind = "a string" if name else "a string or a number"
-            return f"{key} must be {kind} of 1 to {MAX_LENGTH} characters in a line, not {value!r}"
+            return (
+                f"{key} must be {kind} of 1 to {MAX_LENGTH} characters on one line, not {value!r}"
+            )
     return ""
 
 
 TREATMENT = Rule(
-    f"a mapping of name and factors to strings or numbers of at most {MAX_LENGTH} characters, with "
-    f"no factor called {', '.join(RESERVED)}",
+    f"a mapping from name and factors to strings or numbers of at most {MAX_LENGTH} characters, "
+    f"with no factor called {', '.join(RESERVED)}",
     lambda value: isinstance(value, Mapping) and not describe_problem(value),
     plain=True,
 )

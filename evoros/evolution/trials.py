@@ -28,11 +28,11 @@ A_NUMBER = Rule("a number", lambda v: isinstance(v, Real))
 
 @dataclass
 class Measuring:
-    """Computes scores, and reports faults once per measure."""
+    """Computes scores, and reports each measure's faults once."""
 
     experiment: Experiment
     trials: dict[tuple[str, int], list[list[Outcomes]]] = field(default_factory=dict)
-    """The outcomes of trials by purpose and individual, if a measure needs them."""
+    """The outcomes of trials, by purpose and individual, if a measure needs them."""
     reported: set[str] = field(default_factory=set)
 
     def note(
@@ -49,11 +49,11 @@ class Measuring:
                 self.trials.setdefault((purpose, design_id), []).extend(trials)
 
     def keep(self, individuals: Container[int]) -> None:
-        """Forget the trials of all other individuals."""
+        """Discard the trials of all other individuals."""
         self.trials = {key: kept for key, kept in self.trials.items() if key[1] in individuals}
 
     def score(self, purpose: str, design_id: int, design: Design, fitness: float) -> Score:
-        """Return the score of an individual from its fitness and its trials of a purpose."""
+        """Return the score of an individual from its fitness and its trials for a purpose."""
         measures, experiment = list_measures(self.experiment), self.experiment
         if not measures:
             return Score(fitness)
@@ -68,7 +68,7 @@ class Measuring:
         return read_score(experiment, {"fitness": fitness, **values})
 
     def _compute(self, key: str, measure: Measure, evaluated: Evaluated) -> float:
-        """Return the value of a measure; the worst of its bounds if it is not finite."""
+        """Return the value of a measure, or the worse of its bounds if the value is not finite."""
         value = float(ask(key, measure.compute, A_NUMBER, evaluated))
         if SCORE.holds(value):
             return value
@@ -76,9 +76,9 @@ class Measuring:
         worst = high if measure.direction == MINIMIZE else low
         self._report(
             key,
-            f"must be {SCORE.text}, not {value:g} as for the design "
+            f"must be {SCORE.text}, but is {value:g} for the design "
             f"{', '.join(str(mount) for mount in evaluated.design.mounts)[:200]}; such designs "
-            f"count as {worst:g}; correct {type(measure).__name__}",
+            f"count as {worst:g}; fix {type(measure).__name__}",
         )
         return worst
 
@@ -91,8 +91,8 @@ class Measuring:
             if len(values) == 1:
                 self._report(
                     f"{DESCRIPTORS}.{name}",
-                    f"should differ between designs, not be {values.pop():g} for all "
-                    f"{len(scores)} of a generation; choose another one",
+                    f"should differ between designs, but is {values.pop():g} for all "
+                    f"{len(scores)} designs of a generation; choose another descriptor",
                 )
 
     def _report(self, key: str, problem: str) -> None:
@@ -102,7 +102,7 @@ class Measuring:
 
 
 def list_measures(experiment: Experiment) -> dict[str, Measure]:
-    """Return the objectives and descriptors by key, which is also their table column."""
+    """Return the objectives and descriptors by key, which is also the name of the table column."""
     return {
         f"{group}.{name}": measure
         for group in (OBJECTIVES, DESCRIPTORS)
@@ -111,12 +111,12 @@ def list_measures(experiment: Experiment) -> dict[str, Measure]:
 
 
 def _sign(measure: Measure) -> float:
-    """Return the factor that makes an objective one to maximize."""
+    """Return the factor by which an objective is multiplied to be maximized."""
     return -1.0 if measure.direction == MINIMIZE else 1.0
 
 
 def list_values(experiment: Experiment, score: Score) -> list[float]:
-    """Return the objectives and descriptors of a score with the signs of their measures."""
+    """Return the objectives and descriptors of a score, with the original signs of the measures."""
     signs = map(_sign, experiment.objectives.values())
     objectives = (sign * value for sign, value in zip(signs, score.objectives, strict=True))
     return [*objectives, *score.descriptor]
@@ -133,7 +133,7 @@ def read_score(experiment: Experiment, row: Mapping[str, float]) -> Score:
 
 
 def equip_robots(scenario: Scenario, design: Design) -> dict[str, Robot]:
-    """Return the robots with their own design, equipped with its sensors.
+    """Return the robots that have separate designs, equipped with the design's sensors.
 
     If a part refuses the evolved values, the sensors are as configured.
     """
@@ -150,7 +150,7 @@ def _equip(member: Member, design: Design) -> Robot:
 
 @dataclass(frozen=True)
 class Trials:
-    """Runs the missions that a journal lacks, and scores all of them."""
+    """Runs the missions that a journal lacks, and scores all missions."""
 
     experiment: Experiment
     journal: Journal
@@ -169,7 +169,8 @@ class Trials:
         """Return the score of each trial of each design.
 
         Raises:
-            InputError: the journal has a mission with other draws, or a score is not finite.
+            InputError: the journal has a mission with other random draws, or a score is not
+                finite.
             RunStopped: a mission was lost, and ``lost_missions`` is ``stop``.
         """
         needed = [mission for of_design in missions.values() for mission in of_design]
@@ -197,10 +198,10 @@ class Trials:
 
 @dataclass(frozen=True)
 class FreshTrials:
-    """A design's trials on fresh draws, which no selection uses."""
+    """A design's trials on fresh draws, which selection never uses."""
 
     trials: list[float] = field(default_factory=list)  # scores of the trials
-    # Scores of missions, or of trials if the fitness is not additive; the mean is the same.
+    # Scores of missions, or of trials if the fitness is not additive; the means are equal.
     scores: list[float] = field(default_factory=list)
     lowest: float = math.nan  # minimum possible score of the design; NaN without trials
     outcomes: Mapping[str, list[Outcome]] = field(default_factory=dict)  # keyed by world
@@ -208,18 +209,18 @@ class FreshTrials:
 
 @dataclass
 class Validated:
-    """The best of each generation, the champion and its rivals, all under the same fresh draws."""
+    """The best of each generation, the champion and its rivals, all on the same fresh draws."""
 
     trials: Trials
-    compared: int = 0  # number of trials at which designs are compared
+    compared: int = 0  # number of trials by which designs are compared
     fresh: dict[int, FreshTrials] = field(default_factory=dict)
     _generations: dict[int, int] = field(default_factory=dict)  # generation of each individual
 
     def validate(self, generation: int, individual: Individual) -> None:
-        """Validate an individual unless it is validated already or the run does not validate.
+        """Validate an individual, unless it is already validated or the run does not validate.
 
-        A fitness that is not a mean depends on the number of trials, so it is validated with at
-        least the number of trials at which designs were compared.
+        A fitness that is not a mean depends on the number of trials, so it is validated with no
+        fewer trials than the number by which designs were compared.
         """
         experiment = self.trials.experiment
         count = experiment.plan.validation_trials
@@ -231,7 +232,7 @@ class Validated:
             self.extend(individual, count)
 
     def extend(self, individual: Individual, count: int) -> FreshTrials:
-        """Run and keep ``count`` trials of a validated individual."""
+        """Run and store ``count`` trials of a validated individual."""
         generation = self._generations[individual.id]
         (design,) = self.trials.decode([individual]).values()
         experiment = self.trials.experiment

@@ -1,1 +1,1 @@
-"""Optimizers: search the unit cube by ask and tell."""
+"""Optimizers, which search the unit cube by ask and tell."""

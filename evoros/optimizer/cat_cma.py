@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 @checked
 class CatCma(Optimizer):
-    """CatCMA with margin from the package ``cmaes``.
+    """CatCMA with margin, from the package ``cmaes``.
 
-    Regions and types of sensors are categorical, numbers of sensors and other whole numbers are
-    integers, and all other genes are continuous. The search restarts after convergence.
+    Regions and sensor types are categorical, sensor counts and other whole numbers are integers,
+    and all other genes are continuous. The search restarts after convergence.
 
     R. Hamano et al., "CatCMA with Margin: Stochastic Optimization for Continuous, Integer, and
     Categorical Variables", GECCO 2025, arXiv:2504.07884.
@@ -33,11 +33,11 @@ class CatCma(Optimizer):
 
     population_size: Annotated[int, POPULATION] = 16
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
     packages = ("cmaes",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness, whose generator is seeded by ``rng``."""
+        """Start a search that maximizes fitness; ``rng`` seeds its random generators."""
         require_genes(space)
         with require_extra("search", "optimizer=cat_cma"):
             from cmaes import CatCMAwM
@@ -61,7 +61,7 @@ class CatCma(Optimizer):
 
 @dataclass(frozen=True)
 class _Genes:
-    """The indices of genes by kind, with the number of levels of integers and categories."""
+    """Gene indices by kind, and the number of levels of each integer and categorical gene."""
 
     size: int
     continuous: list[int]

@@ -26,19 +26,19 @@ POPULATION = replace(
 @dataclass(frozen=True)
 @checked
 class CmaEs(Optimizer):
-    """The covariance matrix adaptation evolution strategy from the package ``cmaes``.
+    """The covariance matrix adaptation evolution strategy, from the package ``cmaes``.
 
-    It treats all genes as continuous; ``CatCma`` handles regions and numbers. It starts at the
-    centre of the space, and restarts at a random point after convergence. With ``adapt_rates``, it
-    lowers its learning rates as far as the noise of the fitness requires.
+    All genes are treated as continuous; ``CatCma`` is better suited to regions and whole numbers.
+    The search starts at the centre of the space, and restarts at a random point after convergence.
+    With ``adapt_rates``, it lowers the learning rates as far as the noise of the fitness requires.
 
-    N. Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv:1604.00772; M. Nomura, Y. Akimoto and
-    I. Ono, "CMA-ES with Learning Rate Adaptation", GECCO 2023, arXiv:2304.03473.
+    N. Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv:1604.00772; M. Nomura, Y. Akimoto
+    and I. Ono, "CMA-ES with Learning Rate Adaptation", GECCO 2023, arXiv:2304.03473.
     """
 
     population_size: Annotated[int, POPULATION] = 16
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
     sigma: Annotated[float, FRACTION] = (
         0.3  # initial standard deviation as a fraction of the ranges
     )
@@ -46,7 +46,7 @@ class CmaEs(Optimizer):
     packages = ("cmaes",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search that ranks designs by fitness; ``rng`` seeds the generator of CMA-ES."""
+        """Start a search that maximizes fitness; ``rng`` seeds its random generators."""
         require_genes(space)
         with require_extra("search", "optimizer=cma_es"):
             from cmaes import CMA
@@ -69,24 +69,24 @@ class CmaEs(Optimizer):
 
 @dataclass
 class Strategies:
-    """A sequence of strategies of the package ``cmaes``, each used until it converges."""
+    """A sequence of strategies from the package ``cmaes``, each used until it converges."""
 
     name: str
     population_size: int
     strategies: Iterator[Any]
-    compose: Callable[[Any], Array]  # returns the genome (size,) of a solution
+    compose: Callable[[Any], Array]  # returns a solution's genome (size,)
     converging: bool = True
 
     def __post_init__(self) -> None:
         self._strategy = next(self.strategies)
 
     def propose(self) -> list[Array]:
-        """Return the genomes of a generation."""
+        """Return the genomes of the next generation."""
         self._solutions = [self._strategy.ask() for _ in range(self.population_size)]
         return list(map(self.compose, self._solutions))
 
     def learn(self, history: History, changed: bool) -> None:
-        """Learn the fitness of the generation."""
+        """Update the strategy with the generation's fitness."""
         costs = [-fitness for fitness in history.fitness]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # numpy warns if all values are equal

@@ -1,4 +1,4 @@
-"""CMA-MAE, a CMA-ES that improves an archive with slowly rising thresholds."""
+"""CMA-MAE, a CMA-ES that improves an archive under slowly rising thresholds."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
@@ -18,18 +18,19 @@ if TYPE_CHECKING:
     from ribs.schedulers import Scheduler
 
 MARGIN = 1e-9
-"""The minimum excess of the first generation's designs over the initial thresholds."""
+"""Minimum excess of the first generation's fitness over the initial thresholds."""
 
 
 @dataclass(frozen=True)
 @checked
 class CmaMae(Optimizer):
-    """Covariance matrix adaptation MAP-annealing from the package ``ribs``.
+    """Covariance matrix adaptation MAP-annealing, from the package ``ribs``.
 
     Several strategies share a generation, and look for designs that exceed the threshold of their
     cell. A threshold starts at the worst fitness of the first generation, and rises by
-    ``learning_rate`` times the excess. A rate of 0 gives CMA-ES for the fitness; with 1, a strategy
-    leaves a cell as soon as its elite is good. Genes beyond their range are reflected into it.
+    ``learning_rate`` times the excess. A rate of 0 gives CMA-ES on the fitness; with a rate of 1,
+    a strategy leaves a cell as soon as the cell's elite is good. Genes beyond their range are
+    reflected into it.
 
     M. Fontaine and S. Nikolaidis, "Covariance Matrix Adaptation MAP-Annealing", GECCO 2023,
     arXiv:2205.10752.
@@ -37,7 +38,7 @@ class CmaMae(Optimizer):
 
     population_size: Annotated[int, COUNT] = 32
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
     cells: Annotated[int, CELLS] = 10  # number of cells along each descriptor
     strategies: Annotated[int, COUNT] = 2
     sigma: Annotated[float, FRACTION] = (
@@ -53,7 +54,7 @@ class CmaMae(Optimizer):
             raise invalid(self, "population_size", self.population_size, rule)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness and descriptors, whose generators are seeded by ``rng``."""
+        """Start a search by fitness and descriptors; ``rng`` seeds its random generators."""
         require_genes(space)
         with require_extra("search", "optimizer=cma_mae"):
             from ribs.emitters import EvolutionStrategyEmitter
@@ -93,7 +94,7 @@ class _Strategies:
 
     def propose(self) -> list[Array]:
         folded = self._scheduler.ask() % 2.0
-        return list(np.minimum(folded, 2.0 - folded))  # reflected at 0 and 1
+        return list(np.minimum(folded, 2.0 - folded))  # reflect at 0 and 1
 
     def learn(self, history: History, changed: bool) -> None:
         fitness = np.array(history.fitness)

@@ -31,12 +31,12 @@ class GeneticAlgorithm(Optimizer):
     """Tournaments, single-point crossover between blocks, mutation of aspects, and one elite.
 
     In each generation, tournaments in the population fill a parent pool of the same size.
-    Consecutive parents cross over or are cloned. The population and the children form the candidate
-    pool, in which each candidate except the elite may mutate. New designs are evaluated. The elite
-    and the winners of tournaments in the pool form the next population.
+    Consecutive parents cross over or are cloned. The population and the children form the
+    candidate pool, in which each candidate except the elite may mutate. New designs are evaluated.
+    The elite and the winners of tournaments in the candidate pool form the next population.
 
     ``elite`` is ``best_so_far`` or ``best_child``. The latter keeps the best new design of the
-    generation, as in the original study, and can lose the best so far.
+    generation, as in the original study, and can lose the best design so far.
     """
 
     population_size: Annotated[int, COUNT] = 30
@@ -44,18 +44,19 @@ class GeneticAlgorithm(Optimizer):
     mutation_probability: Annotated[float, PROBABILITY] = 0.15  # per candidate
     crossover_probability: Annotated[float, PROBABILITY] = 0.25  # per pair of parents
     tournament_size: Annotated[int, replace(COUNT, limit=1000)] = 2
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
-    mutation_step: Annotated[float, FRACTION] = 1.0  # redrawn fraction of the range
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
+    # fraction of the range from which a mutation redraws a gene
+    mutation_step: Annotated[float, FRACTION] = 1.0
     elite: Annotated[str, one_of("best_so_far", "best_child")] = "best_so_far"
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness that draws only from ``rng``."""
+        """Start a search that maximizes fitness and draws only from ``rng``."""
         require_genes(space)
         return _GeneticSearch(self, space, rng)
 
 
 class _GeneticSearch:
-    """A started search; the elite comes first in the population and the pool."""
+    """A started search; the elite comes first in the population and in the pool."""
 
     def __init__(self, settings: GeneticAlgorithm, space: Space, rng: Generator) -> None:
         self._settings, self._space, self._rng = settings, space, rng
@@ -89,7 +90,7 @@ class _GeneticSearch:
         return [] if self._elite is None else [self._elite]
 
     def _select(self, new: set[int]) -> list[int]:
-        """Return the next population as pool indices, the elite first."""
+        """Return the next population as pool indices, elite first."""
         members = [member for member, _ in self._pool]
         eligible = list(range(len(members)))
         if self._settings.elite == "best_child":
@@ -99,7 +100,7 @@ class _GeneticSearch:
         return [elite, *others]
 
     def _tournament(self, members: list[Individual]) -> int:
-        """Return the index of the best of a few members drawn with replacement; ties: the first."""
+        """Return the index of the best of a few random members (with replacement; ties: first)."""
         drawn: list[int] = self._rng.integers(
             len(members), size=self._settings.tournament_size
         ).tolist()
@@ -131,7 +132,7 @@ class _GeneticSearch:
         genome[tail] = other.genome[tail]
         for parent in (head, other):
             if self._space.same(genome, parent.genome):
-                return parent, "clone"  # the same design needs no evaluation
+                return parent, "clone"  # an equal design needs no evaluation
         return self._create(genome, (head.id, other.id), "crossover"), "crossover"
 
     def _mutate(
@@ -151,12 +152,12 @@ class _GeneticSearch:
         for parent in (population[i] for i in individual.parents):
             if self._space.same(genome, parent.genome):
                 return parent, "clone"  # the mutation has undone the crossover
-        # A child without an evaluation remains one individual with two operators.
+        # A mutated child that has not been evaluated stays one individual, with two operators.
         both = f"{individual.operator}+mutation"
         return replace(individual, genome=freeze(genome), operator=both), both
 
     def _draw_some(self, count: int) -> list[int]:
-        """Draw at least one of ``count`` indices, each with probability 1/count before repeats."""
+        """Draw each of ``count`` indices with probability 1/count, and repeat if none was drawn."""
         while True:
             picked = np.flatnonzero(self._rng.random(count) * count < 1)
             if len(picked):
@@ -171,8 +172,8 @@ class _GeneticSearch:
             if step == 1:
                 genome[gene] = rng.random()
             else:
-                value = abs(genome[gene] + step * (rng.random() - 0.5))  # reflected at 0
-                genome[gene] = min(value, 2 - value)  # and at 1
+                value = abs(genome[gene] + step * (rng.random() - 0.5))  # reflect at 0
+                genome[gene] = min(value, 2 - value)  # reflect at 1
 
     def _create(self, genome: Array, parents: tuple[int, ...], operator: str) -> Individual:
         self._created += 1

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 
 class History:
-    """The individuals of a search and their scores by id."""
+    """The individuals of a search, and their scores by id."""
 
     def __init__(self) -> None:
-        self.asked: list[Individual] = []  # individuals of this generation
+        self.asked: list[Individual] = []  # individuals of the current generation
         self.individuals: dict[int, Individual] = {}
         self.scores: dict[int, Score] = {}
 
@@ -35,7 +35,7 @@ class History:
         self.individuals |= {individual.id: individual for individual in self.asked}
 
     def tell(self, scores: Mapping[int, Score]) -> bool:
-        """Record scores; return True if any score of an earlier generation changed.
+        """Record scores; return True if any earlier score changed.
 
         Raises:
             InputError: a score is missing or has NaN; nothing is recorded.
@@ -47,16 +47,16 @@ class History:
 
     @property
     def fitness(self) -> list[float]:
-        """The fitness of this generation, in the order of ``asked``."""
+        """The fitness of the current generation, in the order of ``asked``."""
         return [float(self.scores[individual.id].fitness) for individual in self.asked]
 
     def rank(self, ids: Iterable[int]) -> list[Individual]:
-        """Return individuals, fittest first; of equal individuals, the older comes first."""
+        """Return individuals, fittest first; ties go to the older individual."""
         ranked = sorted(ids, key=lambda index: (-self.scores[index].fitness, index))
         return [self.individuals[index] for index in ranked]
 
     def tabulate(self, shown: Iterable[int], survivors: Iterable[int]) -> list[Candidate]:
-        """Return table rows for the earlier individuals ``shown``, then for this generation.
+        """Return table rows for the earlier individuals ``shown``, then for the current generation.
 
         The column ``survived`` is 1 for ``survivors`` and 0 otherwise.
         """
@@ -75,7 +75,7 @@ class History:
 
 
 def freeze(genome: Array) -> Array:
-    """Return a read-only copy within the unit cube."""
+    """Return a read-only copy, clipped to the unit cube."""
     frozen = genome.clip(0.0, 1.0).astype(float)
     frozen.flags.writeable = False
     return frozen
@@ -86,25 +86,25 @@ class Sampler(Protocol):
 
     @property
     def name(self) -> str:
-        """The operator of the sampler's individuals in tables."""
+        """The operator recorded for the sampler's individuals."""
 
     def propose(self) -> Sequence[Array]:
-        """Return the genomes (size,) of a generation, to be clipped to 0..1."""
+        """Return the genomes (size,) of the next generation, to be clipped to 0..1."""
 
     def learn(self, history: History, changed: bool) -> None:
-        """Learn the scores of the generation; ``changed`` if any earlier score changed."""
+        """Learn from the generation's scores; ``changed`` is True if any earlier score changed."""
 
 
 class FitnessSearch:
-    """A search that keeps the best of all proposals of a sampler."""
+    """A search that remembers the best of all proposals from a sampler."""
 
     def __init__(self, sampler: Sampler, first: str | None = None) -> None:
-        """Start with an operator ``first`` in the first generation, by default the sampler's."""
+        """Start with ``first`` as the first generation's operator, by default the sampler's."""
         self._sampler, self._history = sampler, History()
         self._history.ask(sampler.propose(), first or sampler.name)
 
     def ask(self) -> list[Individual]:
-        """Return the individuals of this generation."""
+        """Return the individuals of the current generation."""
         return self._history.asked
 
     def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
@@ -122,7 +122,7 @@ class FitnessSearch:
         return table
 
     def champions(self) -> list[Individual]:
-        """Return the fittest individual so far; ties put the older first."""
+        """Return the fittest individual so far; ties go to the older individual."""
         return self._history.rank(self._history.scores)[:1]
 
 
@@ -133,7 +133,7 @@ CELLS = replace(COUNT, limit=MOST_CELLS)
 def create_archive(
     space: Space, goals: Goals, cells: int, rng: Generator, **settings: Any
 ) -> "GridArchive":
-    """Create an archive of ``cells`` along each descriptor; outliers go to the edge cells.
+    """Create an archive with ``cells`` cells per descriptor; outliers go to the edge cells.
 
     Raises:
         InputError: there are no descriptors, or too many cells.
@@ -143,13 +143,13 @@ def create_archive(
     count = len(goals.descriptors)
     if not count:
         raise InputError(
-            "descriptors: must have at least one measure that divides the archive, not none; "
-            "add for example +measure@descriptors.front=front_coverage"
+            "descriptors: the archive needs at least one measure as a descriptor; "
+            "for example, add +measure@descriptors.front=front_coverage"
         )
     if cells**count > MOST_CELLS:
         raise InputError(
-            f"optimizer.cells: must give an archive of at most {MOST_CELLS} cells, not "
-            f"{cells} to the power of {count} descriptors; lower it, or remove descriptors"
+            f"optimizer.cells: the archive must have at most {MOST_CELLS} cells, not "
+            f"{cells}^{count}; lower optimizer.cells, or remove descriptors"
         )
     return GridArchive(
         solution_dim=space.size,
@@ -162,17 +162,17 @@ def create_archive(
 
 
 class ArchiveSearch(FitnessSearch):
-    """A search that keeps a sampler's best proposal in each cell of an archive."""
+    """A search that keeps the sampler's best proposal in each cell of an archive."""
 
     def __init__(self, archive: "GridArchive", sampler: Sampler) -> None:
         super().__init__(sampler, "initial")
         self._archive = archive
 
     def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
-        """Return the rows of the scored individuals and of the best; elites have ``survived`` 1.
+        """Return rows for scored individuals and the best; ``survived`` is 1 for elites.
 
         Raises:
-            InputError: a score is missing, or has NaN.
+            InputError: a score is missing or has NaN.
         """
         changed = self._history.tell(scores)
         self._fill(changed)
@@ -183,7 +183,7 @@ class ArchiveSearch(FitnessSearch):
         return table
 
     def _fill(self, anew: bool) -> None:
-        """Add this generation to the archive, or refill it with all individuals."""
+        """Add the current generation to the archive, or refill the archive with all individuals."""
         individuals = self._history.asked
         if anew:
             self._archive.clear()

@@ -1,4 +1,4 @@
-"""Helpers for searches from libraries: seeds, and values of genes with levels."""
+"""Helpers for searches that use libraries: seeds, and gene values for levels."""
 
 import numpy as np
 from numpy.random import Generator
@@ -8,16 +8,16 @@ from evoros.optimizer.protocol import Space
 
 
 def draw_seed(rng: Generator) -> int:
-    """Draw the seed of a library's random generator."""
+    """Draw a seed for a library's random generator."""
     return int(rng.integers(2**31))
 
 
 def list_categories(space: Space) -> list[int]:
-    """Return the categorical genes, whose levels have no order."""
+    """Return the categorical genes, that is, those with unordered levels."""
     aspects = (aspect for block in space.blocks for aspect in block.aspects)
     return sorted(gene for aspect in aspects for gene in aspect.categorical)
 
 
 def place_level(level: Array | int, count: Array | int) -> Array:
-    """Return the gene value in the middle of a level of ``count``."""
+    """Return the gene value at the middle of a level out of ``count``."""
     return np.asarray((np.asarray(level) + 0.5) / np.asarray(count), dtype=float)

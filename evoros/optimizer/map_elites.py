@@ -20,27 +20,28 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 @checked
 class MapElites(Optimizer):
-    """MAP-Elites from the package ``ribs``, with the iso+line operator.
+    """MAP-Elites with the iso+line operator, from the package ``ribs``.
 
-    The first generation is random. Later generations move elites by normal noise and along the line
-    to another elite, and redraw each region and type of a sensor with ``redraw_probability``.
+    The first generation is random. Later generations displace elites by normal noise and along the
+    line to another elite, and redraw each sensor's region and type with ``redraw_probability``.
 
-    J.-B. Mouret and J. Clune, "Illuminating Search Spaces by Mapping Elites", arXiv:1504.04909;
-    V. Vassiliades and J.-B. Mouret, "Discovering the Elite Hypervolume by Leveraging Interspecies
+    J.-B. Mouret and J. Clune, "Illuminating Search Spaces by Mapping Elites", arXiv:1504.04909; V.
+    Vassiliades and J.-B. Mouret, "Discovering the Elite Hypervolume by Leveraging Interspecies
     Correlation", GECCO 2018, arXiv:1804.03906.
     """
 
     population_size: Annotated[int, COUNT] = 32
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
     cells: Annotated[int, CELLS] = 10  # number of cells along each descriptor
     noise: Annotated[float, NOT_NEGATIVE] = 0.05  # standard deviation as a fraction of the ranges
-    line_noise: Annotated[float, NOT_NEGATIVE] = 0.2  # fraction of the distance to the other elite
-    redraw_probability: Annotated[float, PROBABILITY] = 0.05  # per category
+    # standard deviation as a fraction of the distance to the other elite
+    line_noise: Annotated[float, NOT_NEGATIVE] = 0.2
+    redraw_probability: Annotated[float, PROBABILITY] = 0.05  # per categorical gene
     packages = ("ribs",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness and descriptors, whose generators are seeded by ``rng``."""
+        """Start a search by fitness and descriptors; ``rng`` seeds its random generators."""
         require_genes(space)
         with require_extra("search", "optimizer=map_elites"):
             from ribs.emitters import IsoLineEmitter
@@ -80,4 +81,4 @@ class _Emitter:
         return values
 
     def learn(self, history: History, changed: bool) -> None:
-        """Learn nothing, because the emitter reads the archive."""
+        """Do nothing, because the emitter reads the archive."""

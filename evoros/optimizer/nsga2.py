@@ -1,4 +1,4 @@
-"""NSGA-II, a search for several objectives."""
+"""NSGA-II, a search by several objectives."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -26,18 +26,18 @@ POPULATION = replace(
 @dataclass(frozen=True)
 @checked
 class Nsga2(protocol.Optimizer):
-    """NSGA-II from the package ``pymoo``, which keeps non-dominated designs.
+    """NSGA-II, from the package ``pymoo``; it keeps non-dominated designs.
 
-    It uses simulated binary crossover and polynomial mutation. A larger distribution index keeps
-    children closer to their parents. All genes are treated as continuous.
+    The operators are simulated binary crossover and polynomial mutation. A larger distribution
+    index keeps children closer to their parents. All genes are treated as continuous.
 
-    K. Deb et al., "A Fast and Elitist Multiobjective Genetic Algorithm: NSGA-II", IEEE Transactions
-    on Evolutionary Computation 6 (2), 2002.
+    K. Deb et al., "A Fast and Elitist Multiobjective Genetic Algorithm: NSGA-II", IEEE
+    Transactions on Evolutionary Computation 6 (2), 2002.
     """
 
     population_size: Annotated[int, POPULATION] = 32
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
     crossover_probability: Annotated[float, PROBABILITY] = 0.9  # per pair of parents
     crossover_index: Annotated[float, POSITIVE] = 15.0
     mutation_index: Annotated[float, POSITIVE] = 20.0
@@ -46,13 +46,13 @@ class Nsga2(protocol.Optimizer):
     def start(
         self, space: protocol.Space, goals: protocol.Goals, rng: Generator
     ) -> protocol.Search:
-        """Start a search by the objectives, whose generator is seeded by ``rng``."""
+        """Start a search by the objectives; ``rng`` seeds its random generators."""
         protocol.require_genes(space)
         if len(goals.objectives) < 2:
             raise InputError(
-                f"objectives: must have at least two measures with optimizer=nsga2, not "
-                f"{list(goals.objectives)}; add for example +measure@objectives.cost=cost, or "
-                f"choose an optimizer of one fitness, such as ga"
+                f"objectives: optimizer=nsga2 needs at least two measures, not "
+                f"{list(goals.objectives)}; for example, add +measure@objectives.cost=cost, or "
+                f"choose a single-objective optimizer such as ga"
             )
         with require_extra("search", "optimizer=nsga2"):
             from pymoo.algorithms.moo.nsga2 import NSGA2
@@ -95,7 +95,7 @@ class _Nsga2Search:
         return table
 
     def _set_costs(self) -> None:
-        """Set the costs of offspring and population; the population's scores may have changed."""
+        """Set the costs of the offspring, and of the population, whose scores may have changed."""
         from pymoo.core.evaluator import Evaluator
         from pymoo.problems.static import StaticProblem
 

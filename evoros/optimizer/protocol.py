@@ -1,4 +1,4 @@
-"""The interface of optimizers, with individuals, the search space, ask and tell."""
+"""The interface of optimizers: individuals, the search space, ask and tell."""
 
 import math
 from abc import ABC, abstractmethod
@@ -18,55 +18,57 @@ from evoros.base.errors import InputError
 class Individual:
     """A genome in the unit cube of the search space, with its origin."""
 
-    id: int  # unique in a run, in the order of creation
+    id: int  # unique in a run, increasing in the order of creation
     genome: Array  # (space.size,) 0..1
     parents: tuple[int, ...]
-    operator: str  # the operator that made it, such as initial, crossover or mutation
+    operator: str  # operator that created the individual, such as initial, crossover or mutation
 
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """The fitness and the measures of a design."""
+    """The fitness and the other measures of a design."""
 
     fitness: float  # maximized
-    objectives: tuple[float, ...] = ()  # also maximized, in the order of ``Goals.objectives``
-    descriptor: tuple[float, ...] = ()  # values in the order of ``Goals.descriptors``
+    objectives: tuple[float, ...] = ()  # maximized, in the order of ``Goals.objectives``
+    descriptor: tuple[float, ...] = ()  # ordered like ``Goals.descriptors``
 
 
 @dataclass(frozen=True)
 class Goals:
-    """The measures in a score in addition to the fitness."""
+    """The measures in a score besides the fitness."""
 
     objectives: tuple[str, ...] = ()  # names
     descriptors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """The minimum and maximum of each descriptor by name; a design may lie beyond them."""
+    """The minimum and maximum of each descriptor, by name; a design may lie outside them."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A row of a generation's table."""
+    """A row in a generation's table."""
 
     individual: Individual
-    operator: str  # operator of this row in the pool, such as survivor, clone or crossover
+    # operator that put the individual into the pool, such as survivor, clone or crossover
+    operator: str
     fitness: float
     survived: int  # number of copies in the next population
 
     def rescored(self, scores: Mapping[int, Score]) -> "Candidate":
-        """Return the candidate with its new fitness, if there is one."""
+        """Return the candidate with its fitness replaced if there is a new score."""
         score = scores.get(self.individual.id)
         return self if score is None else replace(self, fitness=float(score.fitness))
 
 
 class Search(Protocol):
-    """A started optimizer: ask, evaluate, tell."""
+    """A started optimizer, used by ask, evaluate and tell."""
 
     def ask(self) -> Sequence[Individual]:
         """Return the individuals of the next generation that need evaluation."""
 
     def tell(self, scores: Mapping[int, Score]) -> Sequence[Candidate]:
-        """Receive scores by id, and return the table of the generation.
+        """Record scores by id, and return the generation's table.
 
-        ``scores`` has all individuals of ``ask``, and earlier individuals with changed scores.
+        ``scores`` contains all individuals from ``ask``, and earlier individuals with changed
+        scores.
         """
 
     def champions(self) -> Sequence[Individual]:
@@ -75,7 +77,7 @@ class Search(Protocol):
 
 @dataclass(frozen=True)
 class Aspect:
-    """Genes that change together, such as the place or the angle of a sensor."""
+    """Genes that change together, such as the position or the angle of a sensor."""
 
     name: str
     continuous: tuple[int, ...]  # indices into the genome
@@ -95,7 +97,7 @@ class Block:
         return tuple(i for part in self.aspects for i in (*part.categorical, *part.continuous))
 
     def move(self, index: Callable[[int], int]) -> "Block":
-        """Return this block with its gene indices mapped by ``index``."""
+        """Return this block with gene indices mapped by ``index``."""
         aspects = (
             Aspect(
                 part.name, tuple(map(index, part.continuous)), tuple(map(index, part.categorical))
@@ -114,52 +116,52 @@ class Space(Protocol):
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """All genes in disjoint blocks, in the order for crossover cuts."""
+        """All genes in disjoint blocks, in the order used for crossover cuts."""
 
     @property
     def levels(self) -> Mapping[int, int]:
-        """The number of levels (at least two) of each discrete gene, by index.
+        """The number of levels (at least two) of each discrete gene, by gene index.
 
-        Levels are categories if an aspect has the gene as ``categorical``, and whole numbers
+        Levels are categories if an aspect lists the gene as ``categorical``, and whole numbers
         otherwise. Level k of n spans gene values from k/n to (k + 1)/n.
         """
 
     def same(self, first: Array, second: Array, /) -> bool:
-        """Return True if two genomes are the same design, which needs only one evaluation."""
+        """Return True if two genomes give the same design, which then needs only one evaluation."""
 
 
 class View(NamedTuple):
-    """The bearings seen by a sensor and its twin, if any."""
+    """The bearings seen by a sensor and by its twin, if any."""
 
-    counts: NDArray[np.int64]  # (360,) number of sensors per bearing of ``robot/seen.py``
-    price: float  # total price
-    place: str = ""  # place that carries a single sensor; empty if unrestricted
+    counts: NDArray[np.int64]  # (360,) number of sensors that see each bearing of ``robot/seen.py``
+    price: float  # total price of the sensor and its twin
+    place: str = ""  # name of a place that can carry only one sensor; empty if unrestricted
 
 
 @runtime_checkable
 class CoveringSpace(Space, Protocol):
-    """A search space that can compute the views of placed sensors."""
+    """A search space that can compute what placed sensors see."""
 
     @property
     def slots(self) -> tuple[Block, ...]:
         """The genes of each placed sensor, in mounting order.
 
-        Equal gene vectors in different slots are the same sensor.
+        Equal gene vectors in different slots give the same sensor.
         """
 
     @property
     def number(self) -> tuple[int, int]:
-        """The minimum and maximum number of mounted slots."""
+        """The minimum and maximum number of slots that are mounted."""
 
     @property
     def number_gene(self) -> int | None:
         """The gene with a level for each possible number; None if the number does not evolve."""
 
     def view(self, genome: Array, distance_m: float) -> tuple[list[View], View]:
-        """Return the views at a distance of each slot, mounted or not, and of the fixed sensors.
+        """Return the views of each slot, mounted or not, and of the fixed sensors.
 
         Raises:
-            InputError: several robots have their own design.
+            InputError: several robots have separate designs.
         """
 
 
@@ -169,17 +171,17 @@ class Optimizer(ABC):
     generations: int
     """The number of generations of a run, including the first."""
     validation_trials: int
-    """The number of fresh trials of each generation's best design; 0 for no validation."""
+    """The number of fresh trials for each generation's best design; 0 for no validation."""
     packages: Sequence[str] = ()
     """The packages on which the search depends; a run records their versions."""
 
     @abstractmethod
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search that the generator determines, because resuming replays it.
+        """Start a search that ``rng`` fully determines, because resuming a run replays the search.
 
         Raises:
-            InputError: the optimizer does not support this space or these goals, or its package is
-                not installed.
+            InputError: the optimizer does not support this space or these goals, or a package that
+                it needs is not installed.
         """
 
 
@@ -187,7 +189,7 @@ def require_genes(space: Space) -> None:
     """Raise an InputError if the space has no genes."""
     if not space.blocks:
         raise InputError(
-            "design: must leave something to evolve, not only constants; "
+            "design: there is nothing to evolve, because all values are constants; "
             "give a region or a gene a range, or choose optimizer=random_search"
         )
 
@@ -197,11 +199,11 @@ def check_scores(scores: Mapping[int, Score], asked: Sequence[Individual]) -> No
     missing = [individual.id for individual in asked if individual.id not in scores]
     if missing:
         raise InputError(
-            f"scores: must have one for each individual of ask(), not none for {missing}; add them"
+            f"scores: the individuals {missing} from ask() have no score; add their scores"
         )
     for design_id, score in scores.items():
         if any(map(math.isnan, (score.fitness, *score.objectives, *score.descriptor))):
             raise InputError(
-                f"scores: the fitness, objectives and descriptor must be numbers, not {score} of "
-                f"individual {design_id}; correct their computation"
+                f"scores: fitness, objectives and descriptor must be numbers, not {score} for "
+                f"individual {design_id}; fix their computation"
             )

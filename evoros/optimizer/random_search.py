@@ -14,11 +14,11 @@ from evoros.optimizer.protocol import Goals, Optimizer, Search, Space
 @dataclass(frozen=True)
 @checked
 class RandomSearch(Optimizer):
-    """Draws each generation uniformly from the whole space and keeps the best so far."""
+    """Draws each generation uniformly from the whole space, and keeps the best design so far."""
 
     population_size: Annotated[int, COUNT] = 16
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
         """Start a search that draws only from ``rng``."""
@@ -36,4 +36,4 @@ class _Uniform:
         return [self.rng.random(self.size) for _ in range(self.population_size)]
 
     def learn(self, history: History, changed: bool) -> None:
-        """Learn nothing."""
+        """Do nothing."""

@@ -19,19 +19,19 @@ from evoros.optimizer.history import freeze
 
 ALL_AROUND = 360
 BEARINGS: Array = np.arange(ALL_AROUND, dtype=np.float64) - (ALL_AROUND - 1) / 2
-"""The bearings [deg] of a ``View``."""
+"""The bearings [deg] at which a ``View`` counts sensors."""
 Indices: TypeAlias = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
 @checked
 class SetCover(protocol.Optimizer):
-    """Covers a sector ahead, and searches the rest of the design with the genetic algorithm.
+    """Covers a sector ahead, and evolves the rest of the design with the genetic algorithm.
 
     From random candidate places, an integer program selects the cheapest set that still sees every
-    bearing of the sector after any ``failed`` sensors fail, and the fewest sensors at that price.
-    Ties are broken at random, ``covers`` times. The genetic algorithm then chooses among these
-    bodies and evolves all genes except the sensors'.
+    bearing of the sector after any ``failed`` sensors fail, with the fewest sensors at that price.
+    Ties are broken at random, ``covers`` times. The genetic algorithm then chooses among the
+    resulting sets, called bodies, and evolves all genes that do not belong to sensors.
 
     M. S. Daskin, "Network and Discrete Location", Wiley 1995, Chapter 4 (set covering, and backup
     coverage); the solver is HiGHS.
@@ -39,26 +39,28 @@ class SetCover(protocol.Optimizer):
 
     population_size: Annotated[int, COUNT] = 30
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
-    # Width of the sector; None for the maximum that the sensors can cover.
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
+    # Width of the sector; None: the maximum that the sensors can cover.
     width_deg: Annotated[float | None, number_between(1.0, ALL_AROUND)] = None
-    failed: Annotated[int, replace(WHOLE, limit=3)] = 1  # sensors that each bearing can lose
+    # number of failed sensors that the cover tolerates
+    failed: Annotated[int, replace(WHOLE, limit=3)] = 1
     distance_m: Annotated[float, POSITIVE] = 2.0  # measured from the middle of the robot
     candidates: Annotated[int, replace(COUNT, limit=2000)] = 200  # random candidate places
-    covers: Annotated[int, replace(COUNT, limit=1000)] = 8  # bodies to choose from
+    covers: Annotated[int, replace(COUNT, limit=1000)] = 8  # number of covers to choose from
     packages = ("scipy",)
 
     def start(
         self, space: protocol.Space, goals: protocol.Goals, rng: Generator
     ) -> protocol.Search:
-        """Start a search over covers and the other genes.
+        """Start a search over the drawn covers and all other genes.
 
         Raises:
-            InputError: the sensors cannot cover the sector, or the space is no ``CoveringSpace``.
+            InputError: the sensors cannot cover the sector, or the space is not a
+            ``CoveringSpace``.
         """
         if not isinstance(space, protocol.CoveringSpace):
             raise InputError(
-                "optimizer: set_cover needs a space that computes the views of sensors (slots, "
+                "optimizer: set_cover needs a space that computes what sensors see (slots, "
                 "number, number_gene, view); choose another optimizer"
             )
         bodies = self._draw_bodies(space, rng)
@@ -76,9 +78,10 @@ class SetCover(protocol.Optimizer):
         cheapest = program.solve(width, program.prices)
         if cheapest is None:
             raise InputError(
-                f"optimizer.width_deg: must be a sector that at most {space.number[1]} of "
-                f"{self.candidates} drawn places cover after the failure of {self.failed} sensors, "
-                f"not {width:g}; lower it or optimizer.failed, or raise optimizer.candidates"
+                f"optimizer.width_deg: at most {space.number[1]} of the {self.candidates} drawn "
+                f"places must cover the sector after {self.failed} sensors fail, which is "
+                f"impossible for {width:g}; lower optimizer.width_deg or optimizer.failed, or "
+                "raise optimizer.candidates"
             )
         limit = float(program.prices[cheapest].sum())
         covers = {self._break_ties(program, width, limit, rng) for _ in range(self.covers)}
@@ -113,25 +116,25 @@ class SetCover(protocol.Optimizer):
     def _break_ties(
         self, program: "Program", width: float, limit: float, rng: Generator
     ) -> tuple[int, ...]:
-        """Return a random cover of the fewest sensors at the price ``limit``."""
+        """Return a random cover with the fewest sensors at a total price of at most ``limit``."""
         costs = 1.0 + rng.random(self.candidates) / (1 + program.number[1])
         cover = program.solve(width, costs, limit)
-        assert cover is not None  # the cheapest one is a solution
+        assert cover is not None  # the cheapest cover is a solution
         return tuple(cover.tolist())
 
 
 @dataclass(frozen=True)
 class Program:
-    """The integer program that selects candidates."""
+    """The integer program that selects candidate places."""
 
-    counts: Array  # (360, n) sensors of each candidate that see each bearing
-    needed: Array  # (360,) sensors that must see each bearing
-    prices: Array  # (n,)
+    counts: Array  # (360, n) number of sensors at each candidate that see each bearing
+    needed: Array  # (360,) number of sensors that must see each bearing
+    prices: Array  # (n,) price of each candidate
     number: tuple[int, int]  # minimum and maximum number of candidates in a cover
-    places: Sequence[str] = ()  # the candidates' places; a named place carries one sensor
+    places: Sequence[str] = ()  # the candidates' places; each named place can carry one sensor
 
     def solve(self, width_deg: float, costs: Array, limit: float = np.inf) -> Indices | None:
-        """Return the indices (n,) of the cheapest cover by ``costs``; None if there is none.
+        """Return the indices (n,) of the cover with the lowest ``costs``; None if infeasible.
 
         The total price is at most ``limit``.
         """
@@ -151,7 +154,7 @@ class Program:
 
 
 def _fill(space: protocol.CoveringSpace, places: Array) -> Array:
-    """Return a genome with ``places`` (k, genes of a slot) in its first slots and 0 elsewhere."""
+    """Return a genome with ``places`` (k, genes of a slot) in its first slots, and 0 elsewhere."""
     genome = np.zeros(space.size)
     for slot, genes in zip(space.slots, places, strict=False):
         genome[list(slot.genes)] = genes
@@ -159,9 +162,9 @@ def _fill(space: protocol.CoveringSpace, places: Array) -> Array:
 
 
 def _compose(space: protocol.CoveringSpace, places: Array) -> Array:
-    """Return a genome that mounts sensors at ``places`` only."""
+    """Return a genome that mounts sensors only at ``places``."""
     low, high = space.number
-    if 0 < len(places) < low:  # other slots repeat a place, which carries a single sensor
+    if 0 < len(places) < low:  # the other slots repeat a place that can carry only one sensor
         places = np.concatenate((places, *[places[-1:]] * (low - len(places))))
     genome = _fill(space, places)
     if space.number_gene is not None:
@@ -171,20 +174,20 @@ def _compose(space: protocol.CoveringSpace, places: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Remaining:
-    """The remaining search space, with the choice of body and all genes outside sensors."""
+    """The remaining search space: the choice of body, and all genes outside sensors."""
 
     space: protocol.CoveringSpace
     bodies: Sequence[Array]
 
     @cached_property
     def _others(self) -> list[int]:
-        """The genes of the whole space that no cover determines."""
+        """The genes of the whole space that the cover does not determine."""
         taken = {gene for slot in self.space.slots for gene in slot.genes}
         return [i for i in range(self.space.size) if i not in taken | {self.space.number_gene}]
 
     @cached_property
     def _index(self) -> dict[int, int]:
-        """The index in this space of each of ``_others``."""
+        """Maps the genes in ``_others`` to their indices in this space."""
         return {gene: place for place, gene in enumerate(self._others, bool(self.bodies))}
 
     @property
@@ -193,7 +196,7 @@ class _Remaining:
 
     @cached_property
     def blocks(self) -> tuple[protocol.Block, ...]:
-        """A block for the body, and the blocks of the other genes."""
+        """A block for the choice of body, and the blocks of the other genes."""
         body = protocol.Block("body", (protocol.Aspect("body", (), (0,)),))
         kept = [block for block in self.space.blocks if set(block.genes) <= self._index.keys()]
         moved = (block.move(self._index.__getitem__) for block in kept)
@@ -201,7 +204,7 @@ class _Remaining:
 
     @cached_property
     def levels(self) -> Mapping[int, int]:
-        """The number of bodies, and the levels of the other genes."""
+        """The number of bodies as levels of gene 0, and the levels of the other genes."""
         levels = self.space.levels
         others = {self._index[gene]: n for gene, n in levels.items() if gene in self._index}
         return {0: len(self.bodies), **others} if len(self.bodies) > 1 else others
@@ -220,7 +223,7 @@ class _Remaining:
 
 @dataclass(frozen=True)
 class _CoverSearch:
-    """A search in the remaining space that presents genomes of the whole space."""
+    """A search in the remaining space that translates genomes to the whole space."""
 
     remaining: _Remaining
     search: protocol.Search

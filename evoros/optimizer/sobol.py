@@ -21,7 +21,7 @@ MOST_GENES: int = qmc.Sobol.MAXDIM
 @dataclass(frozen=True)
 @checked
 class Sobol(Optimizer):
-    """Takes the designs of a scrambled Sobol' sequence in order and keeps the best so far.
+    """Evaluates the designs of a scrambled Sobol' sequence in order, and keeps the best so far.
 
     I. M. Sobol', USSR Computational Mathematics and Mathematical Physics 7 (4), 1967; A. B. Owen,
     Journal of Complexity 14 (4), 1998.
@@ -29,14 +29,14 @@ class Sobol(Optimizer):
 
     population_size: Annotated[int, COUNT] = 16
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
     packages = ("scipy",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search with a sequence scrambled by ``rng``."""
+        """Start a search along a sequence that is scrambled by ``rng``."""
         if space.size > MOST_GENES:
             raise InputError(
-                f"design: must have at most {MOST_GENES} genes with optimizer=sobol, not "
+                f"design: must have at most {MOST_GENES} genes for optimizer=sobol, not "
                 f"{space.size}; choose optimizer=random_search"
             )
         return FitnessSearch(_Sequence(self.population_size, space.size, rng))
@@ -56,4 +56,4 @@ class _Sequence:
         return [self._points.popleft()[: self._size] for _ in range(self._population_size)]
 
     def learn(self, history: History, changed: bool) -> None:
-        """Learn nothing."""
+        """Do nothing."""

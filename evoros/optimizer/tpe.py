@@ -1,4 +1,4 @@
-"""The tree-structured Parzen estimator, which models the densities of good and other designs."""
+"""The tree-structured Parzen estimator, which models the densities of good and of other designs."""
 
 import logging
 import warnings
@@ -24,10 +24,11 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 @checked
 class Tpe(Optimizer):
-    """The multivariate tree-structured Parzen estimator from the package ``optuna``.
+    """The multivariate tree-structured Parzen estimator, from the package ``optuna``.
 
-    Regions and types of sensors are categorical, and whole numbers are integers. The members of a
-    generation are proposed one by one, as if earlier members had a bad fitness.
+    Regions and sensor types are categorical, and whole numbers are integers. The designs of a
+    generation are proposed one by one, as if the earlier designs of the generation had a bad
+    fitness.
 
     J. Bergstra et al., "Algorithms for Hyper-Parameter Optimization", NIPS 2011; S. Watanabe,
     "Tree-Structured Parzen Estimator", arXiv:2304.11127.
@@ -35,16 +36,17 @@ class Tpe(Optimizer):
 
     population_size: Annotated[int, COUNT] = 16
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
-    random_first: Annotated[int, COUNT] = 16  # random designs; at least the first generation
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
+    # number of random designs at the start; the first generation is always random
+    random_first: Annotated[int, COUNT] = 16
     packages = ("optuna",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness, whose generator is seeded by ``rng``."""
+        """Start a search that maximizes fitness; ``rng`` seeds its random generators."""
         require_genes(space)
         with require_extra("search", "optimizer=tpe"):
             import optuna
-        logging.getLogger("optuna").setLevel(logging.WARNING)  # optuna announces every study
+        logging.getLogger("optuna").setLevel(logging.WARNING)  # optuna logs every new study
         with _no_experiments():
             sampler = optuna.samplers.TPESampler(
                 n_startup_trials=max(self.random_first, self.population_size),
@@ -66,7 +68,7 @@ def _no_experiments() -> Iterator[None]:
 
 
 class _Study:
-    """A study of the package, which is rebuilt if an earlier fitness changed."""
+    """An optuna study, rebuilt when an earlier fitness changes."""
 
     name = "tpe"
 

@@ -130,7 +130,7 @@ class Idle(Once):
         return {}
 
 
-@pytest.mark.parametrize(("allocation", "said"), [(Greedy(), "at most 1"), (Idle(), "not none")])
+@pytest.mark.parametrize(("allocation", "said"), [(Greedy(), "at most 1"), (Idle(), "gave none")])
 def test_an_allocation_that_breaks_its_promise_is_refused(allocation: Once, said: str) -> None:
-    with pytest.raises(InputError, match=rf"allocation: .*{said}.*; correct (Greedy|Idle)$"):
+    with pytest.raises(InputError, match=rf"allocation: .*{said}.*; fix (Greedy|Idle)$"):
         Contest(allocation, 1, {0: []}).next_round()

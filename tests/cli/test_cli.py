@@ -58,7 +58,7 @@ BAD = [
         "optimizer._target_: the module evoros.base.rng has no Nix",
     ),
     (["population_size=3"], "did you mean optimizer.population_size"),
-    (["~fitness._target_"], "fitness: must be a fitness (a subclass"),
+    (["~fitness._target_"], "fitness: must be a fitness function (a subclass"),
     (["+design.genes.a={key: controller.period_s, low: 0, high: 1}"], "add _target_, the class"),
     (["fitness._target_=builtins.dict"], "fitness._target_: must be a class of evoros or of a"),
     (

@@ -249,7 +249,7 @@ def test_a_gene_of_the_design_must_not_be_one_of_the_network() -> None:
     for name, key in (("mine", "controller.weights.3"), ("hidden0_from_bias", "controller.gain")):
         experiment = EXPERIMENT
         genes = {name: Gene(key, 0.5, 2.0)}
-        with pytest.raises(InputError, match="must not repeat the name or key") as caught:
+        with pytest.raises(InputError, match="must not have the name or key") as caught:
             _ = replace(experiment, design=replace(experiment.design, genes=genes)).space
         assert "\n" not in str(caught.value)
     gain = {"gain": Gene("controller.gain", 0.5, 2.0)}

@@ -163,7 +163,7 @@ class Drawing:
 def test_a_sampler_that_cannot_leave_room_to_others_is_refused() -> None:
     experiment = build()
     world = replace(experiment.world["blocks"], sampler=Drawing())
-    with pytest.raises(InputError, match=r"world.blocks: must .* keep_free .* not Drawing; add"):
+    with pytest.raises(InputError, match=r"world.blocks: the sampler Drawing lacks .* keep_free.*; add"):
         replace(experiment, world={"blocks": world})
 
 
@@ -212,7 +212,7 @@ BAD = [
     ),
     (["+world.yard.course.home_x_m=1"], r"world.yard: must be a world"),
     ([*OWN_DESIGN, "agents.oncoming.scored=false"], r"agents.oncoming.scored: must be true"),
-    (["+robot@agents.oncoming.robot=mule"], r"agents.oncoming.design: must be given"),
+    (["+robot@agents.oncoming.robot=mule"], r"agents.oncoming.design: must be set"),
     (["simulator.time_step=0.03"], r"controller.period_s"),
     (["agents.oncoming=7"], r"agents: must be a mapping"),
     (["agents.oncoming.rout=[[1,1]]"], r"rout"),

@@ -1,10 +1,10 @@
-"""Elementary functions with the same bits on every processor, compiled and interpreted.
+"""Elementary functions that are bitwise equal on every processor, compiled and interpreted.
 
-The C library and numpy choose among implementations by processor, and these differ in their last
+The C library and numpy choose among implementations by processor, and these differ in the last
 digits. Here, everything is a fixed sequence of sums, products, quotients and square roots, which
 IEEE 754 defines to the last bit. Errors are below 1 unit in the last place for ``sin``, ``cos``,
 ``exp``, ``log``, ``log1p`` and ``power``, below 3 for ``asin``, ``acos``, ``sinh`` and ``tanh``,
-and below 2 for the others. Instead of raising errors, functions return NaN or infinity.
+and below 2 for the other functions. Functions return NaN or infinity instead of raising errors.
 """
 
 from evoros.base.elementary.exponential import cosh, exp, expm1, sinh, tanh

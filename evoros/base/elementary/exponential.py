@@ -1,7 +1,7 @@
 """Exponential and hyperbolic functions.
 
-x is k ln 2 plus a remainder r of at most ln(2)/2, so that exp(x) is exp(r) 2**k. With z = r**2,
-exp(r) = 1 + 2r/(R - r), where R = r coth(r/2) = 2 + z E(z). E is a Chebyshev approximation by
+x is k ln 2 plus a remainder r of at most ln(2)/2, so exp(x) is exp(r) 2**k. With z = r**2, exp(r)
+= 1 + 2r/(R - r), where R = r coth(r/2) = 2 + z E(z). E is a Chebyshev approximation by
 ``mpmath.chebyfit`` on 0 <= z <= 0.1202, with five coefficients and an error below 2**-57.
 """
 
@@ -11,7 +11,7 @@ from evoros.base.compilable import compilable, inlined
 from evoros.base.elementary.arithmetic import nearest, polynomial, scale
 
 LN2_1, LN2_2 = 0.6931471805598903, 5.497923018708371e-14
-"""Their sum is ln 2. The first has 42 bits, so its products with 11-bit numbers are exact."""
+"""Two parts of ln 2. The first has 42 bits, so its products with 11-bit numbers are exact."""
 LOG2_E = 1.4426950408889634
 EXPONENTIAL = (
     0.1666666666666666,
@@ -22,7 +22,8 @@ EXPONENTIAL = (
 )
 _HIGHEST, _LOWEST = 709.782712893384, -745.1332191019412  # exp is infinite above, 0 below
 _LARGE, _HUGE = 50.0, 700.0
-"""Beyond these, 1 is negligible next to e**x, and e**x may overflow with e**x / 2 finite."""
+"""Beyond the first, 1 is negligible next to e**x; beyond the second, e**x may overflow although
+e**x / 2 is finite."""
 
 
 @inlined

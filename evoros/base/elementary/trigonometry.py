@@ -2,13 +2,14 @@
 
 With z = x**2, sin(x) = x + x z S(z) and cos(x) = 1 - z/2 + z**2 C(z). S and C are Chebyshev
 approximations by ``mpmath.chebyfit`` on 0 <= z <= 0.6169, with six coefficients each and errors
-below 2**-56. The tangent is Lambert's continued fraction x/(1 - z/(3 - z/(5 - ...))) down to 17, as
-x + x z N/D.
+below 2**-56. The tangent is Lambert's continued fraction x/(1 - z/(3 - z/(5 - ...))) down to 17,
+as x + x z N/D.
 
 Up to a million radians, multiples of pi/2 in three parts are subtracted (Cody and Waite, *Software
 Manual for the Elementary Functions*, 1980). Larger angles, and angles too close to a quarter turn
 for three parts, are multiplied by enough bits of 2/pi for any double (Payne and Hanek, *Radian
-reduction for trigonometric functions*, 1983). So the reduction of every finite angle is accurate.
+reduction for trigonometric functions*, 1983). The reduction of every finite angle is thus
+accurate.
 """
 
 import math
@@ -22,14 +23,15 @@ from evoros.base.elementary.arithmetic import add, multiply, nearest, polynomial
 EIGHTH = 0.7853981633974483
 _TWO_OVER_PI = 0.6366197723675814
 HALF_PI, HALF_PI_REST = 1.5707963267948966, 6.123233995736766e-17
-# Their sum is pi/2. The first two have 33 bits, so their products with 20-bit numbers are exact.
+# The parts add up to pi/2. The first two have 33 bits, so their products with 20-bit numbers are
+# exact.
 PART_1, PART_2, PART_3 = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21
 
 _MANY = 1e6  # [rad]: smaller angles have at most 20 bits of quarter turns
 _CLOSE = 2.0**-60  # [rad] per quarter turn: with a smaller remainder, three parts are not enough
 _ALL_WHOLE = 2.0**52
-"""Products of at least this size are whole turns, because they have at most 50 significant bits."""
-_SCALE = 200  # power of 2 moved from the angle to 2/pi, so that neither under- nor overflows
+"""Products at or above this size are whole turns, because they have at most 50 significant bits."""
+_SCALE = 200  # power of 2 moved from the angle to 2/pi, so neither of them under- or overflows
 TWO_OVER_PI_BITS = (
     "a2f9836e4e441529fc2757d1f534ddc0db6295993c439041fe5163abdebbc561b7246e3a"
     "424dd2e006492eea09d1921cfe1deb1cb129a73ee88235f52ebb4484e99c7026b45f7e41"
