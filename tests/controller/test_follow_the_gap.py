@@ -53,7 +53,7 @@ def nothing() -> Array:
 def test_a_sensor_that_sees_less_far_is_refused() -> None:
     """It reports its maximum if it sees nothing, which would block its direction."""
     law, short = FollowTheGap(range_m=2.0), replace(SENSOR, range_max_m=1.9)
-    with pytest.raises(InputError, match=r"range_m: must be at most .* which is 1\.9, not 2"):
+    with pytest.raises(InputError, match=r"range_m: must be at most .*, 1\.9, not 2"):
         law.start(robot(SENSOR, short), 0.1, generator("a", "b"))
     law.start(robot(SENSOR, replace(SENSOR, range_max_m=2.0)), 0.1, generator("a", "b"))
 
