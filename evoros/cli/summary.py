@@ -189,7 +189,7 @@ def _describe_fitness(certificate: Mapping[str, Any]) -> str:
     """Describe the champion's fitness on fresh draws, with its interval, and when selected."""
     recorded, trials = certificate["recorded_fitness"], certificate["validated_trials"]
     if not trials:
-        return f"{recorded:.3f} on the draws that selected it; validation.trials=N adds fresh draws"
+        return f"{recorded:.3f} on the draws that selected it; validation.trials adds fresh draws"
     low, high = certificate["fitness_low"], certificate["fitness_high"]
     digits, interval, advice = 3, "", ""
     if low is not None:

@@ -94,9 +94,7 @@ class Jobs:
                 f"leave out one of the two"
             )
         if not self.plugins and self._base.hydra.get("callbacks"):
-            raise InputError(
-                "hydra.callbacks: evoros does not call Hydra's callbacks; leave them out"
-            )
+            raise InputError("hydra.callbacks: are not called by evoros; leave them out")
         self._overrides: list[tuple[str, ...]] = []
         self._composed: dict[
             tuple[str, ...], Configuration

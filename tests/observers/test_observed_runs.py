@@ -148,7 +148,7 @@ def test_a_tracker_that_fails_is_one_warning(
         capsys.readouterr()
         assert tiny(run, *failing, "observers.failing.text=${oc.env:TRACKER_API_KEY}") == DONE
         (warning,) = [line for line in capsys.readouterr().err.splitlines() if "failing" in line]
-        assert "in Failing.send: ConnectionError: ***; the run goes on" in warning
+        assert "in Failing.send: ConnectionError: ***; the run continues" in warning
         command = f"evoros export failing {run.name} 'text=\"${{oc.env:TRACKER_API_KEY}}\"'"
         assert command in warning
         assert same_files(run) == same_files(plain)

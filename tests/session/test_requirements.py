@@ -281,4 +281,4 @@ def test_requirements_that_cannot_be_used_are_refused(
 
 def test_a_run_takes_no_requirements(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     error = refused(lambda: tiny(tmp_path / "run", f"+requirements.easy={EASY}"), capsys)
-    assert "requirements: must be none in a run" in error
+    assert "requirements: cannot be used in a run" in error

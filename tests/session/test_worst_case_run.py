@@ -123,4 +123,4 @@ def test_the_figure_says_what_was_found(whole: Path, capsys: pytest.CaptureFixtu
 
 def test_a_run_looks_for_no_worst_cases(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert tiny(tmp_path / "run", "worst_cases=search") == INPUT
-    assert "worst_cases: must be none in a run" in capsys.readouterr().err
+    assert "worst_cases: cannot be used in a run" in capsys.readouterr().err
