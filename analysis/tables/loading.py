@@ -45,7 +45,7 @@ def load_study(
         if record.not_run:
             LOGGER.warning("%s: %s", record.path, record.not_run)
         for file in list_strays(record.path):
-            LOGGER.warning("%s: was not written by the run; not read", file)
+            LOGGER.warning("%s: ignored, because the run did not write it", file)
     evaluations = [record for record in records if isinstance(record, EvaluationRecord)]
     runs = [record for record in records if not isinstance(record, EvaluationRecord)]
     if treatments is not None:

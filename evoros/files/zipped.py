@@ -132,7 +132,7 @@ def _check_member(path: Path, name: str, member: ZipInfo) -> None:
     if member.is_dir() and member.file_size:
         raise _refuse(path, "folders without content", f"but {name!r} has some")
     if member.flag_bits & 1 or member.compress_type not in (ZIP_STORED, ZIP_DEFLATED):
-        raise _refuse(path, "stored or deflated files", f"but {name!r} is packed otherwise")
+        raise _refuse(path, "stored or deflated files", f"but {name!r} is compressed differently")
     if member.file_size > LARGE:
         raise _refuse(path, f"files of at most {LARGE >> 20} MiB", f"but {name!r} is larger")
     if member.file_size > max(ANY_RATIO, RATIO * member.compress_size):

@@ -52,9 +52,8 @@ def _check_world(subject: Subject, world: World) -> Iterator[str]:
     if fault is not None:
         yield (
             f"half of the course lies within {fault.usual_m:.2g} m of an obstacle, but {fault.key} "
-            f"is {fault.range_m:g} m, so the robot avoids obstacles most of the time; lower it to "
-            "about "
-            f"{fault.better_m:.2g} m"
+            f"is {fault.range_m:g} m, so the robot avoids obstacles most of the time; lower this "
+            f"range to about {fault.better_m:.2g} m"
         )
 
 

@@ -63,7 +63,7 @@ BAD = [
     (["fitness._target_=builtins.dict"], "fitness._target_: must be a class of evoros or of a"),
     (
         ["fitness._target_=evoros.files.disk.os.getcwd"],
-        "evoros.files.disk.os.getcwd is not the class of a part",
+        "evoros.files.disk.os.getcwd is not a part's class",
     ),
     (["+_partial_=true"], "_target_: must be evoros.evolution.experiment.Experiment"),
     (["--nix"], "unrecognized arguments: --nix"),

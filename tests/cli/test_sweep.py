@@ -176,7 +176,7 @@ def test_a_message_about_a_run_goes_into_its_own_log_and_is_shown_with_its_name(
         assert [line for line in shown if line.startswith(f"{run.name}: ")] == [
             f"{run.name}: {line}" for line in warned
         ]
-    begun = [line for line in shown if line.endswith(": begins")]
+    begun = [line for line in shown if line.endswith(": started")]
     assert len(begun) == 2
     assert len(shown) == sum("simulation_failure" in line for line in shown) + len(begun)
 
@@ -334,7 +334,7 @@ def test_jobs_in_folders_of_the_same_name_keep_their_logs_apart(tmp_path: Path) 
     for folder in folders:
         (line,) = (folder / "log").read_text().splitlines()
         assert line.endswith(f"WARNING from {folder.parent.name}")
-    said = [line for line in shown.getvalue().splitlines() if not line.endswith(": begins")]
+    said = [line for line in shown.getvalue().splitlines() if not line.endswith(": started")]
     assert sorted(said) == ["0: from one", "0: from other"]
 
 

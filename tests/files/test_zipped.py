@@ -62,7 +62,7 @@ def test_no_name_leads_elsewhere(name: str, tmp_path: Path) -> None:
         (entry("x/"), b"content", "'x' has some"),
         (entry("first"), b"", "each file once, but has 'first' twice"),
         (entry("first/x"), b"", "'first' is both"),
-        (entry("x", packing=ZIP_BZIP2), b"x", "'x' is packed otherwise"),
+        (entry("x", packing=ZIP_BZIP2), b"x", "'x' is compressed differently"),
         (entry("x", packing=ZIP_DEFLATED), bytes(2**22), "files packed at most 100 to 1"),
     ],
 )

@@ -203,7 +203,7 @@ def test_a_range_far_beyond_the_free_space_is_told() -> None:
     assert line == (
         "world.hall: half of the course lies within 0.5 m of an obstacle, but "
         "controller.avoidance.range_m is 2 m, so the robot avoids obstacles most of the "
-        "time; lower it to about 1 m"
+        "time; lower this range to about 1 m"
     )
     assert list(check_routes(alone(corridor(1.5)))) == []
 
