@@ -92,6 +92,9 @@ def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) 
             f"set robot.drive.turning_resistance={resistance:g}, with which the robot moves as "
             "commanded"
         )
+    limit = _find_limit(simulator, setting, trial) if only_turns else None
+    if limit is not None:
+        return f"set robot.drive.steering_limit_rad={limit:g}, up to which it turns as commanded"
     general = (
         "compare the drive's wheels, casters and effort limits, the friction, the masses and the "
         "collision shapes with the real robot"
@@ -99,7 +102,7 @@ def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) 
     if isinstance(simulator, Mujoco):
         return general
     advice = advise_mujoco([key], setting, simulator)
-    return advice if advice.endswith(f"mujoco{RIGHT}") else general
+    return advice if advice.endswith(RIGHT) else general
 
 
 def _find_resistance(simulator: Simulator, setting: Setting, trial: TrialDrive) -> float | None:
@@ -118,6 +121,18 @@ def _find_resistance(simulator: Simulator, setting: Setting, trial: TrialDrive) 
     )
     corrected = setting._replace(robot=dataclasses.replace(setting.robot, drive=changed))
     return resistance if moves_right(corrected, simulator, trial) else None
+
+
+def _find_limit(simulator: Simulator, setting: Setting, trial: TrialDrive) -> float | None:
+    """Return a lower limit [rad] up to which a skid-steer robot turns as commanded, or None."""
+    drive = setting.robot.drive
+    for share in (0.75, 0.5) if isinstance(drive, SkidSteer) else ():
+        limit = float(f"{share * drive.steering_limit:.2g}")
+        changed = dataclasses.replace(drive, steering_limit_rad=limit)
+        lower = setting._replace(robot=dataclasses.replace(setting.robot, drive=changed))
+        if moves_right(lower, simulator, trial):
+            return limit
+    return None
 
 
 def choose_mujoco(key: str) -> str:

@@ -388,7 +388,8 @@ class StubSimulation:
         if self.fault == "halt" and speed < 0:
             speed *= 0.7
         rate = speed * math.tan(lock) / self.robot.drive.wheelbase_m
-        turn = rate * duration * (0.8 if self.fault == "slip" else 1.0)
+        slips = self.fault == "slip" or (self.fault == "skid" and abs(command[STEERING]) > 0.5)
+        turn = rate * duration * (0.8 if slips else 1.0)
         heading = self.pose[2] + 0.5 * turn
         self.pose += [*(speed * duration * np.array([np.cos(heading), np.sin(heading)])), turn]
         self.pose[0] += 0.05 * duration if self.fault == "drift" else 0.0
@@ -448,6 +449,15 @@ def test_a_turning_resistance_is_proposed_only_if_it_was_driven_right() -> None:
     assert advice is not None, line
     right = build(*assumed[:2], f"robot.drive.turning_resistance={advice[1]}")
     assert check_drive(replace(right, simulator=Mujoco())) == []
+
+
+def test_a_steering_limit_is_proposed_if_only_tight_turns_are_wrong() -> None:
+    wrong = ["robot=mule", "design=around"]
+    (line,) = check_drive(replace(build(*wrong), simulator=Stub("skid")))
+    assert "slower than commanded at full lock; " in line
+    advice = re.search(r"set (robot\.drive\.steering_limit_rad=\S+),", line)
+    assert advice is not None, line
+    assert check_drive(replace(build(*wrong, advice[1]), simulator=Stub("skid"))) == []
 
 
 def test_a_simulator_without_fault_gives_no_warning() -> None:
