@@ -119,7 +119,7 @@ def test_whatever_states_a_field_of_view_states_this_one(tmp_path: Path) -> None
     rows = [line.split("|") for line in lines if line.startswith(tuple(f"| `{w}_" for w in WIDE))]
     assert [float(row[7]) for row in rows] == [*WIDE.values()]
     plan = plan_mounting(read_champion(record))
-    assert [sensor.fov_deg for sensor in plan.sensors] == [*WIDE.values(), None]
+    assert [sensor.fov_deg for sensor in plan.sensors] == [*WIDE.values()]
     out = tmp_path / "out"
     assert evoros_analyze(["panel", str(run), "--output", str(out)]) == DONE
     panel = pd.read_csv(out / "panel.csv")
