@@ -8,7 +8,8 @@ import numpy as np
 from evoros.compilation.rules import interpret_rule
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
-from evoros.mission.inputs import STAGES, Loop, LoopInputs
+from evoros.mission.compiled_loop import prepare
+from evoros.mission.inputs import STAGES, Loop, LoopCall, LoopInputs, LoopResult, Run
 from evoros.mission.loop import run_loop
 from evoros.mission.mission import Mission
 
@@ -48,12 +49,24 @@ def same(one: Any, other: Any) -> bool:
     return repr(one[0]) == repr(other[0]) and one[1].tobytes() == other[1].tobytes()
 
 
-def prepare_interpreted(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
-    """The interpreted loop, and the rules with the functions that compiled ones have."""
+def watch(seen: list[tuple[Loop, LoopInputs]]) -> Run:
+    """A runner as in missions, which adds each loop and its inputs to ``seen``."""
+
+    def run(call: LoopCall) -> LoopResult:
+        seen.append(prepare(call.inputs))
+        loop, inputs = seen[-1]
+        return loop(inputs, *call[1:])
+
+    return run
+
+
+def run_interpreted(call: LoopCall) -> LoopResult:
+    """Run the interpreted loop, and the rules with the functions that compiled ones have."""
+    inputs = call.inputs
     changed: dict[str, Any] = {
         name: interpret_rule(getattr(inputs, name)) for name in ("observe", "sense", "advance")
     }
     for name in STAGES:
         stages = getattr(inputs, name)
         changed[name] = tuple(stage._replace(rule=interpret_rule(stage.rule)) for stage in stages)
-    return run_loop, inputs._replace(**changed)
+    return run_loop(inputs._replace(**changed), *call[1:])

@@ -7,9 +7,9 @@ import numpy as np
 
 from evoros.base.arrays import STATE_SIZE, Array
 from evoros.base.rng import generator
-from evoros.failure.protocol import Fault
+from evoros.failure.protocol import Fault, number_faults
 from evoros.mission.inputs import FilterStage
-from evoros.mission.participant import Draws, number_faults
+from evoros.mission.participant import Draws
 from evoros.mission.pipeline import list_sensor_targets, start_faults, start_sensors
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount, Sensor

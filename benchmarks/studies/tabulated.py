@@ -27,7 +27,6 @@ from evoros.failure.protocol import make_faults
 from evoros.filter.protocol import Channels
 from evoros.fitness.equation_one import equation_one
 from evoros.mission.mission import Mission, Outcome, Outcomes
-from evoros.mission.participant import describe_sensors
 from evoros.sensor.protocol import Mount
 
 EXPERIMENT = "experiment=redundancy"
@@ -129,7 +128,7 @@ class Tabulated(Recalled):
         places, channels = self._describe(mission.design)
         failure: Any = self._experiment.failure
         if mission.case is not None:
-            faults = make_faults(mission.case, failure.effect, len(places))
+            faults = make_faults(failure, mission.case, len(places))
         else:
             faults = failure.draw(channels, generator(mission.draws, "failure"))
         failed = set(_list_failed([fault.onset for fault in faults]))
@@ -144,7 +143,7 @@ class Tabulated(Recalled):
         if design.mounts not in self._known:
             (member,) = self._experiment.scenario.equip(design)
             places = [self._table.places.index(mount) for mount in member.robot.mounts]
-            self._known[design.mounts] = places, describe_sensors(member.robot)
+            self._known[design.mounts] = places, member.robot.describe_sensors()
         return self._known[design.mounts]
 
     def write_generation(self, generation: Generation) -> None:  # type: ignore[override]

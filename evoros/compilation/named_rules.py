@@ -104,6 +104,17 @@ def _are_started(value: object) -> bool:
 STARTED = Rule("named tuples, the parameters or (parameters, memory), or None", _are_started)
 
 
+def start_rule(
+    rule: Callable[..., Any], names: tuple[str, ...], start: Callable[..., Started], *arguments: Any
+) -> Bound:
+    """Start a part with ``arguments``, and bind its rule, whose kind has arguments of these names.
+
+    Raises:
+        InputError: the start refuses, or does not return what the rule takes.
+    """
+    return bind(rule, names, start_part(start, *arguments))
+
+
 def start_part(start: Callable[..., Started], *arguments: Any) -> Started:
     """Call the ``start`` of a part.
 

@@ -53,7 +53,7 @@ class ExhaustiveFailure(SystematicFailure):
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
         """Return the fault of a case drawn uniformly; none if no sensor fails."""
         number = int(rng.random() * self.count_cases(channels.size))
-        return make_faults(self.state_case(channels.size, number), self.effect, channels.size)
+        return make_faults(self, self.state_case(channels.size, number), channels.size)
 
     def _sizes(self, sensors: int) -> range:
         return range(min(self.least, sensors), min(self.most, sensors) + 1)

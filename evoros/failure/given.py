@@ -60,4 +60,4 @@ class GivenFailure(Failure):
                 f"failure.sensors: must be numbers of the robot's sensors, 0 to "
                 f"{channels.size - 1}, not {beyond[0]}; remove it"
             )
-        return make_faults(self.case, self.effect, channels.size)
+        return make_faults(self, self.case, channels.size)

@@ -2,15 +2,28 @@
 
 import math
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, Self
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.filter.protocol import COMMAND, DRIVE, POSE, READINGS, STRENGTH, Channels, Filter
+from evoros.base.checks import ask, require, sequence_of
+from evoros.base.errors import InputError
+from evoros.filter.protocol import (
+    COMMAND,
+    DRIVE,
+    FILTER_RULES,
+    POSE,
+    READINGS,
+    SIGNALS,
+    STRENGTH,
+    Channels,
+    Filter,
+)
 
 INTACT = "intact"  # string for the case in which no sensor fails
 MODEL, NOMINAL, SCREENED, CONFIRMED = "model", "nominal", "screened", "confirmed"
@@ -145,11 +158,6 @@ class Fault:
         return self.filter.name.lower()
 
 
-def make_faults(case: Case, effect: Filter, sensors: int) -> tuple[Fault, ...]:
-    """Return the fault of a case in a robot with ``sensors`` sensors; none if all are intact."""
-    return (Fault(effect, case.onsets(sensors)),) if case.sensors else ()
-
-
 class Failure(ABC):
     """A failure model: draws the faults of each mission."""
 
@@ -164,6 +172,72 @@ class Failure(ABC):
     @abstractmethod
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
         """Return the faults of one mission; ``channels`` has one value per sensor of the robot."""
+
+
+_FAULTS = sequence_of(Fault, "faults")
+
+
+def draw_faults(
+    failure: Failure, channels: Channels, rng: Generator, earlier: Sequence[Fault] = ()
+) -> tuple[Fault, ...]:
+    """Draw the faults of a mission, and number them after a robot's ``earlier`` ones.
+
+    ``channels`` has one value per sensor.
+
+    Raises:
+        InputError: a fault has an unknown signal, an invalid filter, the wrong number of onsets, or
+            a part that its model does not declare.
+    """
+    faults: tuple[Fault, ...] = ask("failure", failure.draw, _FAULTS, channels, rng)
+    for fault in faults:
+        _check_fault(fault, failure, channels.size)
+    return number_faults(faults, earlier)
+
+
+def make_faults(failure: Failure, case: Case, sensors: int) -> tuple[Fault, ...]:
+    """Return the fault of a case in a robot with ``sensors`` sensors; none if all are intact.
+
+    Raises:
+        InputError: the failure model has no effect.
+    """
+    if failure.effect is None:
+        raise InputError(f"failure: must have an effect for cases; add it to {failure!r}")
+    require(failure.effect, FILTER_RULES)
+    return (Fault(failure.effect, case.onsets(sensors)),) if case.sensors else ()
+
+
+def number_faults(faults: Sequence[Fault], earlier: Sequence[Fault] = ()) -> tuple[Fault, ...]:
+    """Number faults of equal signal and name, after a robot's ``earlier`` ones."""
+    counts = Counter((fault.signal, fault.name) for fault in earlier)
+    numbered = []
+    for fault in faults:
+        kind = fault.signal, fault.name
+        numbered.append(replace(fault, number=counts[kind]))
+        counts[kind] += 1
+    return tuple(numbered)
+
+
+def _check_fault(fault: Fault, failure: Failure, sensors: int) -> None:
+    name = type(failure).__name__
+    if fault.signal not in SIGNALS:
+        signals = ", ".join(SIGNALS)
+        raise InputError(
+            f"failure: {name} must spoil one of the signals {signals}, not {fault.signal!r}; "
+            f"correct its draw"
+        )
+    onset, count = np.asarray(fault.onset), sensors if fault.signal == READINGS else 1
+    if onset.shape != (count,) or onset.dtype.kind != "f" or np.isnan(onset).any():
+        each = f"each of the {count} sensors" if fault.signal == READINGS else f"the {fault.part}"
+        raise InputError(
+            f"failure: {name} must give each fault one onset for {each} [s], infinity for never, "
+            f"not {fault.onset!r}; correct its draw"
+        )
+    if fault.signal != READINGS and fault.part not in failure.parts:
+        raise InputError(
+            f"failure: the parts of {name} must include {fault.part}, which one of its faults "
+            f"affects, not {list(failure.parts)}; add it to the class"
+        )
+    require(fault.filter, FILTER_RULES)
 
 
 class SystematicFailure(Failure):

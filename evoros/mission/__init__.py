@@ -1,1 +1,1 @@
-"""One mission of a design in a world, under random draws."""
+"""Run one mission: a design in a world, with random faults and noise."""

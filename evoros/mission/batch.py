@@ -1,4 +1,4 @@
-"""Missions of one or more scenarios in one kernel launch on a device."""
+"""Run the missions of several scenarios in one kernel launch on a device."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
@@ -23,11 +23,11 @@ Named = tuple[str, Any]  # a kind of rule and a rule
 
 
 class NoKernel(EvorosError):
-    """A kernel cannot run missions, for the stated reason; they run one at a time instead."""
+    """The reason why a kernel cannot run missions, which then run one at a time."""
 
 
 class Batcher:
-    """Runs missions on a device, by a kernel with all rules of the missions so far."""
+    """Runs missions on a device, with a kernel that contains the rules of all missions so far."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -40,7 +40,7 @@ class Batcher:
     ) -> list[list[Rollout] | NoKernel]:
         """Run missions of scenarios in one launch, with the results of ``run_mission``.
 
-        A scenario with a rule that kernels cannot run gets the reason instead.
+        For a scenario with a rule that kernels cannot run, return the reason instead.
 
         Raises:
             DeviceError: the device cannot be used.
@@ -53,7 +53,7 @@ class Batcher:
             return [g.finish(results) if isinstance(g, _Group) else g for g in groups]
 
     def _prepare(self, groups: Sequence["_Group | NoKernel"]) -> list["_Group | NoKernel"]:
-        """Add the rules of groups to the kernel, and replace groups that it cannot run."""
+        """Add all rules to the kernel; replace each group that it cannot run by the reason."""
         prepared: list[_Group | NoKernel] = list(groups)
         opened = {i: group for i, group in enumerate(groups) if isinstance(group, _Group)}
         with suppress(NoKernel):
@@ -67,7 +67,7 @@ class Batcher:
         return prepared
 
     def _launch(self, calls: Sequence[LoopCall]) -> list[LoopResult]:
-        """Run the loops of missions, in halves if the device is full."""
+        """Run the mission loop of each call; split the calls in half if the device is full."""
         if not calls:
             return []
         image = Image(calls, self._numbers)
@@ -84,7 +84,7 @@ class Batcher:
         return [*self._launch(calls[:half]), *self._launch(calls[half:])]
 
     def _learn(self, rules: set[Named]) -> None:
-        """Make a kernel with these additional rules; raise NoKernel if it cannot run one."""
+        """Rebuild the kernel with additional rules; raise NoKernel if it cannot run one of them."""
         new = sorted(rules - self._rules.keys(), key=lambda rule: (rule[0], name_rule(rule[1])))
         if not new:
             return
@@ -108,7 +108,7 @@ class Batcher:
 
 
 class _Group:
-    """The missions of a scenario that are open during a launch."""
+    """The missions of one scenario, kept open during a launch."""
 
     def __init__(self, scenario: Scenario, missions: Sequence[Mission], stack: ExitStack) -> None:
         self._scenario, self._missions = scenario, missions
@@ -122,7 +122,7 @@ class _Group:
         self.calls = [opened.call for opened in self._opened.values()]
 
     def list_rules(self) -> Iterator[Named]:
-        """Yield the rules of the missions.
+        """Yield all rules that the missions call.
 
         Raises:
             NoKernel: a random generator is not PCG64.
@@ -132,25 +132,23 @@ class _Group:
             yield from zip(("observe", "sense", "advance"), inputs[:3], strict=True)
             for stage in (*inputs.filters, *inputs.localization, *inputs.actuation):
                 if type(stage.rng.bit_generator) is not PCG64:
-                    raise NoKernel(f"{name_rule(stage.rule)} does not draw by PCG64")
+                    raise NoKernel(f"{name_rule(stage.rule)} does not draw from a PCG64 generator")
                 yield "filter", stage.rule
             for layer in inputs.layers:
                 yield "layer", layer.rule
 
     def finish(self, results: Iterator[LoopResult]) -> list[Rollout]:
-        """Take the results of the calls, and return the rollouts of all missions."""
+        """Return the rollouts of all missions, given the results of ``calls`` in order."""
         rollouts = dict(self._failed)
         for i, opened in self._opened.items():
             try:
-                opened.finish(next(results))
-                rollouts[i] = opened.outcomes(), opened.trajectory
+                rollouts[i] = opened.finish(next(results))
             except SimulationError as error:
                 rollouts[i] = take_failure(self._scenario, self._missions[i], error)
         return [rollouts[i] for i in range(len(self._missions))]
 
 
 def _open(scenario: Scenario, missions: Sequence[Mission], stack: ExitStack) -> _Group | NoKernel:
-    """Open the missions of a scenario on a stack, unless kernels cannot run them."""
     if scenario.is_live or not isinstance(scenario.simulator, RuleSimulator):
-        return NoKernel("their simulator or a controller is not compiled")
+        return NoKernel("the simulator or a controller cannot be compiled")
     return _Group(scenario, missions, stack)

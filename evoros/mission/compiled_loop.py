@@ -1,7 +1,7 @@
-"""Compilation of whole missions, except the calls of an engine.
+"""Compile and run the mission loop with its rules.
 
-Each rule is compiled separately with the signature of its kind, and passed to the compiled loop as
-a function. One compiled loop serves every combination of parts.
+Each rule is compiled separately, with the signature of its kind, and passed to the compiled loop as
+a function. A single compiled loop therefore serves every combination of parts.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -42,6 +42,7 @@ from evoros.mission.inputs import (
     FilterStage,
     LayerStage,
     Loop,
+    LoopCall,
     LoopInputs,
     LoopResult,
     Timing,
@@ -53,15 +54,15 @@ from evoros.mission.loop import run_loop
 from evoros.simulator.protocol import SimulationRules
 
 TABLE = types.Array(I8, 2, "C")
-"""A table with a row of words for each stage. The word for a rule or a generator is its address."""
+"""The type of a table with one row of words per stage; rules and generators are addresses."""
 KERNEL_TABLE = types.Array(I8, 2, "C", readonly=True)
-"""A table for kernels. The word for a rule is its number, for a generator its state's address.
+"""The type of a kernel's table; rules are numbers, and generators addresses of their states.
 
-It is read-only so that numba distinguishes the two types."""
+Being read-only distinguishes it from ``TABLE`` for numba."""
 
 
 def name_records(motion: Iterable[Any], table: Any) -> dict[Any, Any]:
-    """Return the types of the loop's arguments, given the types of motion rules and of tables."""
+    """Return the numba types of the loop's arguments, for these motion rules and tables."""
     truths, integers = types.Array(types.boolean, 1, "C"), types.Array(I8, 1, "C")
     fields: dict[Any, tuple[Any, ...]] = {
         LoopInputs: (*motion, A1, A1, *(table,) * len(STAGES), I8),
@@ -85,7 +86,7 @@ KERNEL_STAGES = _name_types(RULES["filter"], RULES["layer"])
 
 _BITS = types.NumPyRandomBitGeneratorType("bit_generator")
 
-# A separate prototype, because setting argument types on pythonapi affects the whole process.
+# A separate prototype, because argument types set on pythonapi itself apply to the whole process.
 _find_pointer = PYFUNCTYPE(c_void_p, py_object, c_char_p)(("PyCapsule_GetPointer", pythonapi))
 
 
@@ -101,9 +102,9 @@ def tabulate(
     stages: Sequence[FilterStage | LayerStage],
     name: Callable[[Any], int] = find_address,
 ) -> NDArray[np.int64]:
-    """Return the table of compiled stages, which the caller must keep alive.
+    """Return the table of compiled stages; the caller must keep the stages alive.
 
-    ``name`` returns the word of a rule or a generator.
+    ``name`` returns the word that stands for a rule or a generator.
     """
     types_ = STAGE_TYPES[kind]
     rows = [list(list_words(types_, stage, name)) for stage in stages]
@@ -111,7 +112,7 @@ def tabulate(
 
 
 def tabulate_stages(inputs: LoopInputs, tabulate: Callable[..., Any] = tabulate) -> LoopInputs:
-    """Return the inputs with tables of their stages."""
+    """Return the inputs with their stages replaced by tables."""
     tables = {name: tabulate(kind, getattr(inputs, name)) for name, kind in STAGES.items()}
     return inputs._replace(**tables)
 
@@ -136,7 +137,7 @@ def _get_stage(context: Any, builder: Any, signature: Any, arguments: Any) -> An
 
 
 def _make_generator(context: Any, builder: Any, address: Any) -> Any:
-    """Make a generator from numpy's ``bitgen_t`` (numpy/random/bitgen.h) at an address."""
+    """Build a generator from the ``bitgen_t`` (numpy/random/bitgen.h) at an address."""
     functions = builder.inttoptr(address, WORD.as_pointer())
     rng = create_struct_proxy(RNG)(context, builder)
     bits = create_struct_proxy(_BITS)(context, builder)
@@ -151,8 +152,16 @@ def _make_generator(context: Any, builder: Any, address: Any) -> Any:
 SIGNATURES: dict[type, Any] = {FilterStage: FILTER, LayerStage: LAYER}
 
 
+def run_call(call: LoopCall) -> LoopResult:
+    """Run a call of the loop, compiled if possible."""
+    loop, inputs = prepare(call.inputs)
+    return loop(inputs, *call[1:])
+
+
 def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
-    """Return the compiled loop if all filters can be compiled, otherwise the interpreted loop.
+    """Choose the compiled loop if all filters can be compiled, otherwise the interpreted one.
+
+    Return the loop and the inputs that it takes.
 
     The compiled loop can call interpreted rules of motion and of layers. The interpreted loop calls
     compiled rules where possible.
@@ -174,18 +183,18 @@ def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
         if live or interpreted:
             compile_calls()
             run = run_with_calls
-        loop = partial(run, _Entry(_compile_loop()))
+        loop = partial(run, _run_tabulated)
     return loop, inputs._replace(**({} if live else motion._asdict()), **stages)
 
 
 def _run(loop: Loop, *arguments: Any) -> LoopResult:
-    """Run a compiled loop with deferred signal handlers."""
+    """Run a compiled loop while signal handlers are deferred."""
     with hold_interrupts():
         return loop(*arguments)
 
 
 def explain_interpreted(inputs: LoopInputs) -> list[str]:
-    """Return a line for each rule of a ``RuleSimulation``'s mission that is not compiled."""
+    """Return one line for each rule of a compiled simulator's mission that is not compiled."""
     rules: list[tuple[Any, Any]] = [*zip(inputs[:3], SIMULATION_RULES, strict=True)]
     stages = [stage for name in STAGES for stage in getattr(inputs, name)]
     rules += [(stage.rule, SIGNATURES[type(stage)]) for stage in stages]
@@ -198,18 +207,11 @@ def explain_interpreted(inputs: LoopInputs) -> list[str]:
     return list(dict.fromkeys(reasons))
 
 
-class _Entry:
-    """Calls the compiled loop with tables of the stages, and keeps the tabulated inputs alive."""
-
-    def __init__(self, entry: Any) -> None:
-        self._entry = entry
-        self._inputs: LoopInputs | None = None
-
-    def __call__(self, inputs: LoopInputs, *arguments: Any) -> LoopResult:
-        if inputs is not self._inputs:
-            self._inputs, self._tabulated = inputs, tabulate_stages(inputs)
-        result: LoopResult = self._entry(self._tabulated, *arguments)
-        return result
+def _run_tabulated(inputs: LoopInputs, *arguments: Any) -> LoopResult:
+    """Run the compiled loop with tables of the stages."""
+    tabulated = tabulate_stages(inputs)  # kept alive until the loop has ended
+    result: LoopResult = _compile_loop()(tabulated, *arguments)
+    return result
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The stages, numbers and arrays of the mission loop, and its calls of Python."""
+"""The inputs of the mission loop, and the calls from compiled code back into Python."""
 
 from collections.abc import Callable, Mapping, Sequence
 from ctypes import CFUNCTYPE, c_void_p
@@ -24,26 +24,26 @@ Integers: TypeAlias = NDArray[np.int64]
 Truths: TypeAlias = NDArray[np.bool_]
 
 RUNNING, COMPLETED, COLLISION, TIME_LIMIT = range(4)
-"""Endings of a robot's mission; RUNNING: the mission ended first."""
+"""Endings of a robot's mission. RUNNING means that the whole mission ended first."""
 
 VISITED, COLLISIONS, FIRST_COLLISION, TOUCHING, DECIDED, ENDED, END_TICK, END_ROW = range(8)
-"""Rows of ``Arrays.counts``: waypoints reached; number of contacts and tick of the first (-1:
-none); 1 in contact; mode of the last decision; ending, its tick and its trajectory row."""
+"""Rows of ``Arrays.counts``: waypoints reached; collisions, and the tick of the first (-1: none);
+1 while in contact; mode of the last decision; ending, with its tick and trajectory row."""
 COUNTS = 8
 
 
 class FilterStage(NamedTuple):
-    """A rule of a sensor, a filter or a localization that fills or changes values."""
+    """A rule of a sensor, filter or localization, with the arrays that it reads and changes."""
 
     every: int  # ticks between two samples
     rule: Callable[[Array, Array, Generator, Array, Array, float], None]
     parameters: Array
     memory: Array
     rng: Generator
-    source: Array  # view of the values that it reads
-    values: Array  # view of the values that it changes
-    agent: int = 0  # index of its robot
-    clock: int = 0  # index in ``Arrays.clocks`` of the rule's time
+    source: Array  # view of the values read
+    values: Array  # view of the values changed
+    agent: int = 0  # index of the robot
+    clock: int = 0  # index in ``Arrays.clocks`` of the time passed to the rule
 
 
 class LayerStage(NamedTuple):
@@ -66,12 +66,12 @@ S = TypeVar("S", FilterStage, LayerStage)
 
 
 def get_stage(kind: type[S], stages: Sequence[S], place: int) -> S:
-    """Return a stage; compiled code reads it from a table (``evoros.mission.compiled_loop``)."""
+    """Return the stage at an index. Compiled code reads it from a table (see ``compiled_loop``)."""
     return stages[place]
 
 
 class LoopInputs(NamedTuple):
-    """The rules of a mission with their parameters and memory, robot by robot."""
+    """The rules of a mission with their parameters and memory, ordered by robot."""
 
     observe: ObserveRule
     sense: SenseRule
@@ -93,7 +93,7 @@ class Agents(NamedTuple):
     awaited: Truths  # true if the mission waits until the robot has ended
     sense_every: Integers  # [ticks]
     decide_every: Integers  # [ticks]
-    # The start of each robot's part, and the end of the last part.
+    # Where each robot's part starts, followed by the end of the last part:
     routes: Integers  # rows of ``Arrays.routes``
     layers: Integers  # indices in ``LoopInputs.layers``
     readings: Integers  # indices in ``Arrays.readings``
@@ -101,7 +101,7 @@ class Agents(NamedTuple):
 
 
 class Timing(NamedTuple):
-    """Periods in ticks, and the part of the mission to run."""
+    """The periods of the loop in ticks, and the range of ticks to run."""
 
     tick: float  # [s], common divisor of all periods
     record_every: int
@@ -112,7 +112,7 @@ class Timing(NamedTuple):
 
 
 class Arrays(NamedTuple):
-    """The float64 arrays of the loop, robot by robot."""
+    """The float64 arrays of the loop, each ordered by robot."""
 
     routes: Array  # (legs, 2) waypoints in order [m], constant
     states: Array  # (robots * STATE_SIZE,) true states; then the reports of walkers
@@ -122,15 +122,15 @@ class Arrays(NamedTuple):
     driven: Array  # (robots * COMMAND_SIZE,) drive input; ``commands`` itself without faults
     signals: Array  # simulation output: true ranges [m], signals of other sensors
     readings: Array  # (channels,) filtered readings of all sensors
-    decisions: Array  # (robots + layers,) number by layer, after the number taken by none
+    decisions: Array  # (robots + layers,) for each robot: decisions by no layer, then by each
     counts: Array  # (COUNTS, robots)
-    clocks: Array  # [s] since the start, then since each trigger's event (-1: not yet)
+    clocks: Array  # time [s] since the start, then since each trigger's event (-1: not yet)
     triggers: Array  # (triggers, TRIGGER_SIZE), see ``evoros.mission.triggers``
     trajectory: Array  # (rows, columns)
 
 
 class LoopResult(NamedTuple):
-    """The number of ticks run and trajectory rows written."""
+    """The last tick that ran, and the number of trajectory rows written so far."""
 
     ticks: int
     rows: int
@@ -148,14 +148,14 @@ class LoopCall(NamedTuple):
 
 Loop = Callable[[LoopInputs, Agents, Timing, Arrays], LoopResult]
 
-Prepare = Callable[[LoopInputs], tuple[Loop, LoopInputs]]
-"""Chooses the loop for the inputs, and adapts them to it."""
+Run = Callable[[LoopCall], LoopResult]
+"""Runs a call of the loop."""
 
 
 OBSERVE, SENSE, ADVANCE = range(3)
-"""Indices of the call addresses among the parameters of the simulation."""
+"""Indices of the engine's call addresses in the simulation parameters."""
 TIME, ANSWER = range(2)
-"""Indices in the memory of a layer that calls Python; its only parameter is the call address."""
+"""Indices in the memory of a layer that calls Python. Its only parameter is the address to call."""
 
 CALLBACK = CFUNCTYPE(None)
 Expose: TypeAlias = Callable[[Callable[[], object]], float]
@@ -178,7 +178,7 @@ def advance(parameters: Array, memory: Array, command: Array, duration: float) -
 
 
 ENGINE_RULES = SimulationRules(observe, sense, advance)
-"""The motion rules of every live engine; each calls a Python function bound to its arrays."""
+"""Motion rules for any engine; each calls a Python function that is bound to the loop's arrays."""
 
 
 def decide(
@@ -190,14 +190,14 @@ def decide(
     time: float,
     command: Array,
 ) -> bool:
-    """Call the Python function that decides for a layer; it is bound to the layer's arrays."""
+    """Call the Python function that decides for a layer and is bound to its arrays."""
     memory[TIME] = time
     call_address(int(parameters[0]))
     return bool(memory[ANSWER] != 0.0)
 
 
 def compile_calls() -> tuple[SimulationRules, CompiledRule]:
-    """Return the compiled rules that call an engine, and the rule that calls a layer."""
+    """Compile the rules that call an engine, and the rule that calls a layer."""
     rules = SimulationRules(*map(compile_rule, ENGINE_RULES, SIMULATION_RULES))
     return rules, compile_rule(decide, LAYER)
 
@@ -205,10 +205,10 @@ def compile_calls() -> tuple[SimulationRules, CompiledRule]:
 def run_with_calls(
     loop: Loop, inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays
 ) -> LoopResult:
-    """Run a compiled loop with interpreted rules of motion or of layers.
+    """Run a compiled loop whose motion rules or layers are interpreted.
 
     Raises:
-        Exception: one of these rules raised it, which ends the mission.
+        Exception: the first one that such a rule raised; it ends the mission.
     """
     errors: list[BaseException] = []
     callbacks: list[Any] = []
@@ -235,8 +235,8 @@ def _make_callback(
 ) -> Any:
     """Wrap a Python function as a C function.
 
-    An exception cannot pass through compiled code. It is stored, and every robot is ended, so that
-    the mission ends before its next step.
+    Exceptions cannot pass through compiled code. The first is stored, and every robot is marked as
+    ended, so that the mission stops before the next step.
     """
 
     def call() -> None:
@@ -263,7 +263,7 @@ def _expose_engine(inputs: LoopInputs, timing: Timing, arrays: Arrays, expose: E
 def _expose_layers(
     inputs: LoopInputs, agents: Agents, arrays: Arrays, expose: Expose, call_layer: CompiledRule
 ) -> tuple[LayerStage, ...]:
-    """Replace interpreted layers by the compiled rule that calls them."""
+    """Replace each interpreted layer by a compiled rule that calls it."""
     layers = list(inputs.layers)
     for i in range(inputs.robots):
         for place in range(agents.layers[i], agents.layers[i + 1]):

@@ -1,6 +1,6 @@
 """The mission loop: observe, sense, filter, decide and advance until the mission ends.
 
-It uses only functions, numbers and float64 arrays, and no engine, configuration or file.
+The loop works on functions, numbers and float64 arrays alone, so that it can be compiled.
 """
 
 import math
@@ -50,9 +50,9 @@ from evoros.mission.triggers import update_clocks
 
 
 def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays) -> LoopResult:
-    """Run a mission or a part of it. The first leg of each robot starts at home.
+    """Run a mission, or the part of it that ``timing`` states.
 
-    This is one long function, because compiled code copies rules that it passes on.
+    This is one long function because compiled code copies the rules that it passes to another.
     """
     observe, sense, advance = inputs.observe, inputs.sense, inputs.advance
     parameters, memory, layers = inputs.parameters, inputs.memory, inputs.layers
@@ -123,7 +123,7 @@ def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays)
 def update_agent(agents: Agents, arrays: Arrays, i: int, k: int, row: int, last: bool) -> bool:
     """Count waypoints and contacts of robot ``i`` at tick ``k``; False if its state is not finite.
 
-    A robot that has ended stops, and stays in the world.
+    A robot whose mission has ended stops, but remains in the world.
     """
     states, legs, counts = arrays.states, arrays.legs, arrays.counts
     at, leg = i * STATE_SIZE, i * LEG_SIZE
@@ -160,7 +160,7 @@ def update_agent(agents: Agents, arrays: Arrays, i: int, k: int, row: int, last:
 
 @compilable
 def record(agents: Agents, arrays: Arrays, time: float, row: Array) -> None:
-    """Write a trajectory row: the time, the columns of each robot, the reports of walkers."""
+    """Write a trajectory row: the time, each robot's columns, and the walkers' reports."""
     states, counts = arrays.states, arrays.counts
     row[0], start = time, 1
     for i in range(len(agents.awaited)):

@@ -23,22 +23,22 @@ from evoros.world.course import Course
 class Member:
     """A robot of a scenario, with its parts, course and names.
 
-    The first fields are named like the configuration groups, so that the key of an evolved value,
-    for example ``controller.avoidance.range_m``, is also its path in a member.
+    The first fields have the names of configuration groups, so the key of an evolved value, such as
+    ``controller.avoidance.range_m``, is also an attribute path in the member.
     """
 
     robot: Annotated[Robot, instance_of(Robot, "a robot")]
     design: Annotated[SensorDesign, instance_of(SensorDesign, "a sensor design")]
     controller: Annotated[protocol.Controller | protocol.LiveController, protocol.A_CONTROLLER]
-    name: str = ""  # name in tables of designs
+    name: str = ""  # name in design tables
     column: str = ""  # prefix of its columns in tables, for example "NAME."
-    key: str = ""  # prefix of its keys and random streams, for example "agents.NAME."
+    key: str = ""  # prefix of its configuration keys and random streams, for example "agents.NAME."
     designed: str = ""  # name of the robot whose design it shares
     home: tuple[float, float, float] | None = None  # x, y [m], yaw [rad]; None: the course's
     route: Sequence[Sequence[float]] | None = None  # waypoints [m]; None: the course's
-    scored: bool = True  # true if it counts for the fitness and missions wait for it
+    scored: bool = True  # true if the fitness counts it, and missions wait for it
     meets_cases: bool = True  # true if stated failure cases apply to it
-    records_pose: bool = False  # true to always record its localized pose
+    records_pose: bool = False  # true to record its estimated pose in any case
 
     def place(self, course: Course) -> Course:
         """Return the course of a world with this robot's home and route."""
@@ -52,7 +52,7 @@ class Member:
         return f"{self.key[:-1]}: {message}" if self.key else f"{message}"
 
     def check_parts(self) -> None:
-        """Require that sensors and controller follow their protocols.
+        """Require that the sensors and the controller follow their protocols.
 
         Raises:
             InputError: a part breaks its protocol.
@@ -69,12 +69,12 @@ class Member:
 
     @property
     def has_own_design(self) -> bool:
-        """True if it does not share another robot's design."""
+        """True if the robot has a separate design."""
         return self.designed == self.name
 
     @cached_property
     def space(self) -> DesignSpace:
-        """The search space of its design, including the genes of its controller."""
+        """The search space of the robot's design, including the genes of its controller."""
         return self.design.bind(self.robot, find_declared_genes(self.controller))
 
     def find_design(self, design: Design) -> Design:
@@ -108,7 +108,7 @@ class Member:
         return replace(member, robot=robot)
 
     def name_columns(self, design: Design) -> list[str]:
-        """Return the robot's trajectory columns, even for a design that a part refuses."""
+        """Return the robot's trajectory columns, also for a design that a part refuses."""
         try:
             sensors = self.with_design(design).design.sensors
         except InputError:
@@ -119,7 +119,7 @@ class Member:
 
     @property
     def pose_columns(self) -> tuple[str, ...]:
-        """The trajectory columns of an estimated pose; empty if it is not recorded."""
+        """The trajectory columns of the estimated pose; empty if the pose is not recorded."""
         parts = self.controller.localization.values()
         estimates = any(not isinstance(part, Filter) for part in parts)
         return ESTIMATE if estimates or self.records_pose else ()
@@ -129,7 +129,7 @@ def find_declared_genes(controller: object) -> dict[str, Gene]:
     """Return the genes of a controller and of its parts, such as layers, by name.
 
     Raises:
-        InputError: two have the same name, or a range is invalid.
+        InputError: two genes have the same name, or a range is invalid.
     """
     genes: dict[str, Gene] = {}
     for at, name, value in _list_declared(controller, "controller"):
@@ -144,7 +144,7 @@ def find_declared_genes(controller: object) -> dict[str, Gene]:
 
 
 def _list_declared(part: object, at: str) -> Iterator[tuple[str, str, protocol.EvolvedValue]]:
-    """Yield (key of the declaring part, name of the gene, value)."""
+    """Yield (key of the declaring part, name of the gene, declaration) for each declared gene."""
     if isinstance(part, protocol.ControllerPart):
         for name, value in part.evolved.items():
             yield at, name, value

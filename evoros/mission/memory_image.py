@@ -1,7 +1,7 @@
-"""Missions in the memory of a device, as rows for a loop that reads them by address.
+"""Copy missions to the memory of a device, where a kernel runs the loop on them.
 
-The memory of several missions is copied to the device and back as one block of bytes. Arrays that
-overlap here overlap there, so that views remain views.
+The arrays of several missions are copied to the device and back as one block of bytes, the image.
+Arrays that overlap in this process also overlap in the image, so that views remain views.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -45,7 +45,7 @@ WORD_SIZE = 8  # bytes
 
 
 class Ending(NamedTuple):
-    """The place of a mission's ``LoopResult``, as numbers."""
+    """Memory in which a kernel stores the ``LoopResult`` of a mission, as numbers."""
 
     result: Array  # (3,)
 
@@ -53,16 +53,16 @@ class Ending(NamedTuple):
 _MOTION = RULES["observe"], RULES["sense"], RULES["advance"]
 
 RECORDS = {**name_records(_MOTION, KERNEL_TABLE), Ending: types.NamedTuple((A1,), Ending)}
-"""The records of a mission's row in order."""
+"""The numba types of the records in a mission's row, in order."""
 
 _SIZES = [WORD_SIZE * count_words(record) for record in RECORDS.values()]
 ROW_SIZE = sum(_SIZES)  # bytes
 _, AGENTS, TIMING, ARRAYS, ENDING, _ = accumulate(_SIZES, initial=0)
-"""Offsets of the records after the first in a row [bytes]."""
+"""Offsets [bytes] in a row of the records after the first."""
 
 
 def read_record(kind: Any, address: int) -> Any:
-    """Return a record at an address, in compiled code only."""
+    """Return the record at an address; available in compiled code alone."""
     raise NotImplementedError
 
 
@@ -78,7 +78,7 @@ def _read_record(context: Any, builder: Any, signature: Any, arguments: Any) -> 
 
 
 def run_row(row: int) -> None:
-    """Run the mission with its row at address ``row``."""
+    """Run the mission whose row is at the address ``row``."""
     result: LoopResult = run_loop(
         read_record(LoopInputs, row),
         read_record(Agents, row + AGENTS),
@@ -93,7 +93,7 @@ def run_row(row: int) -> None:
 
 @cache
 def lower_loop() -> machine_code.Lowered:
-    """Return the code of ``run_row`` for kernels."""
+    """Compile ``run_row`` for kernels."""
     signature = types.void(I8)
     machine_code.register(run_loop, run_loop, False)
     with machine_code.compiling() as on_disk:
@@ -106,14 +106,14 @@ def lower_loop() -> machine_code.Lowered:
 _ALIGNED = 16  # bytes
 _WORD_BITS = 64
 GIVEN, KEPT, FILLED = range(3)
-"""Groups of pieces in order: copied to the device only, copied both ways, copied back only (the
+"""Groups of pieces, in order: copied to the device, copied both ways, and copied back alone (the
 trajectories)."""
 
 Words = NDArray[np.int64]
 
 
 class _Pieces:
-    """Pieces of this process's memory, and their offsets in the image."""
+    """Pieces of memory in this process, and their offsets in the image."""
 
     def __init__(self) -> None:
         self._spans: list[tuple[int, int, int]] = []
@@ -140,21 +140,21 @@ class _Pieces:
         self.bounds = [0, *(int(sizes[groups <= group].sum()) for group in (GIVEN, KEPT, FILLED))]
 
     def find(self, addresses: Words) -> Words:
-        """Return the offsets of addresses in the image, arbitrary for empty arrays."""
+        """Return the offset in the image of each address; arbitrary for empty arrays."""
         piece = np.searchsorted(self.starts, addresses, side="right") - 1
         return addresses - self.starts[piece] + self.offsets[piece]
 
     def list(self, groups: Sequence[int]) -> Iterator[tuple[int, int, int]]:
-        """Yield (address, offset in the image, length) for each piece of groups."""
+        """Yield (address, offset in the image, length) for each piece in these groups."""
         chosen = np.isin(self.groups, groups)
         columns = (self.starts[chosen], self.offsets[chosen], self.lengths[chosen])
         yield from zip(*(column.tolist() for column in columns), strict=True)
 
 
 class Image:
-    """The memory of missions with numbered rules.
+    """The image of missions whose rules are numbered.
 
-    ``size`` is the number of bytes, and ``rows`` the offset of the missions' rows.
+    ``size`` is its length [bytes], and ``rows`` is the offset of the missions' rows.
     """
 
     def __init__(self, calls: Sequence[LoopCall], numbers: Mapping[Any, int]) -> None:
@@ -250,4 +250,4 @@ _ROW_ADDRESSES = [
     for record, start in zip(RECORDS.values(), accumulate(_SIZES, initial=0), strict=False)
     for place in find_addresses(record)
 ]
-"""The indices of a row's words that are addresses of arrays."""
+"""The indices of those words in a row that are addresses of arrays."""

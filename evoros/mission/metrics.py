@@ -1,4 +1,4 @@
-"""Mission metrics from the trajectory, computed alike for all simulators."""
+"""Compute mission metrics from the trajectory, in the same way for all simulators."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -47,7 +47,7 @@ def measure(index: int, setup: Setup, result: LoopResult) -> Outcome:
     course, end = participant.course, track[-1, [X, Y]]
     # Obstacles are at their initial places until the first collision.
     untouched = int((~(rows[:, TIME] > first_collision)).sum())
-    triggers, clocks = setup.arrays.triggers, setup.robots[index].clocks.items()
+    triggers, clocks = setup.arrays.triggers, setup.clocks[index].items()
     begun = {AT_START: 0.0} | {one: float(triggers[clock - 1, BEGUN]) for one, clock in clocks}
     failures = list_failures(faults, time, begun)
     parts = list_part_failures(faults, time, begun)
@@ -79,7 +79,7 @@ def measure(index: int, setup: Setup, result: LoopResult) -> Outcome:
 def _measure_track(
     track: Array, time: float, untouched: int, participant: Participant, world: World
 ) -> dict[str, Any]:
-    """Measure a robot's path in ``time`` [s], whose first ``untouched`` rows precede contacts."""
+    """Measure a robot's path in ``time`` [s]; ``untouched`` rows precede the first collision."""
     course, robot = participant.course, participant.robot
     areas = outlines(world, robot.height_m)
     points = np.array([*course.waypoints, course.home[:2]], dtype=np.float64)
@@ -95,7 +95,7 @@ def _measure_track(
 
 
 def _list_touched(index: int, row: Array, world: World) -> tuple[str, ...] | None:
-    """Return the names of the walkers that a robot has touched up to a row of the trajectory."""
+    """Return the names of the walkers that a robot has touched, up to a trajectory row."""
     if world.crowd is None:
         return None
     names = world.crowd.names
@@ -121,11 +121,11 @@ def _share_avoiding(index: int, setup: Setup) -> float:
 
 
 def compute_progress(position: Array, visited: int, route: Array, acceptance: float) -> float:
-    """Compute the completed share of the mission, 0..1.
+    """Return the completed fraction of the mission, 0..1.
 
-    Each of the n waypoints reached counts 1/n. The next waypoint counts 1/n divided by the distance
-    [m] to its circle, at most 1/n. The progress is at most 0.99 until all are reached. For ten
-    waypoints, this is the study's ``10 visited + 10 / max(distance - 1, 1)`` percent.
+    Each of the n waypoints counts 1/n once reached. The next one counts 1/n divided by the distance
+    [m] to its acceptance circle, at most 1/n. Until all are reached, the result is at most 0.99.
+    With ten waypoints, this is the study's ``10 visited + 10 / max(distance - 1, 1)`` percent.
     """
     if visited == len(route):
         return 1.0
@@ -139,7 +139,7 @@ Begun = Mapping[Trigger, float]  # event time [s] of each trigger, infinity if i
 def list_failures(
     faults: Sequence[Fault], end: float, begun: Begun = MappingProxyType({AT_START: 0.0})
 ) -> list[tuple[int, float, str]]:
-    """List (sensor, onset [s], effect) for every sensor fault with an onset up to ``end`` [s]."""
+    """List (sensor, onset [s], effect) for each sensor that fails by ``end`` [s]."""
     return sorted(
         (index, float(begun[fault.trigger] + onset), fault.effect)
         for fault in faults
@@ -152,7 +152,7 @@ def list_failures(
 def list_part_failures(
     faults: Sequence[Fault], end: float, begun: Begun
 ) -> list[tuple[float, str, str]]:
-    """List (onset [s], part, effect) for every other fault with an onset up to ``end`` [s]."""
+    """List (onset [s], part, effect) for each other part that fails by ``end`` [s]."""
     of_parts = [fault for fault in faults if fault.signal != READINGS]
     times = [(begun[fault.trigger] + float(fault.onset[0]), fault) for fault in of_parts]
     return sorted((onset, fault.part, fault.effect) for onset, fault in times if onset <= end)

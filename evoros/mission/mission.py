@@ -1,4 +1,4 @@
-"""A mission of a design, the key of its random draws, and its outcome."""
+"""A mission with the key of its random draws, and its outcome."""
 
 from dataclasses import dataclass, fields
 from typing import Any
@@ -29,7 +29,7 @@ TIME, AT_X, AT_Y, HEADING, PACE, STEER, MODE, VISITED, TOUCHES = range(len(TRAJE
 
 WALKER = "walkers."  # prefix of a walker's name in trajectory columns
 ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
-"""The last columns of a trajectory, if the localization computes the pose or can fail."""
+"""A robot's last trajectory columns, if the localization estimates its pose or can fail."""
 
 
 @dataclass(frozen=True)
@@ -37,17 +37,17 @@ class Outcome:
     """The metrics of a robot in one mission, in the order of the columns of ``missions.csv``.
 
     If the simulation failed, the worker was lost, or a part refused the design, the progress is 0
-    and unmeasured metrics are NaN.
+    and metrics that were not measured are NaN.
     """
 
     ended: str  # completed, collision, time_limit, mission_over, or one of NOT_RUN
-    reason: str  # reason why the mission was not run; otherwise empty
+    reason: str  # why the mission was not run; otherwise empty
     completed: bool
     progress: float  # 0..1
     time_s: float
     time_limit_s: float
     sensors: int
-    price: float  # total of the sensors
+    price: float  # total price of the sensors
     visited: int  # number of waypoints reached, in order
     mean_speed_mps: float
     max_speed_mps: float
@@ -64,7 +64,9 @@ class Outcome:
     failed_parts: tuple[str, ...] = ()
     parts_failed_at_s: tuple[float, ...] = ()
     parts_failed_by: tuple[str, ...] = ()
-    touched_walkers: tuple[str, ...] | None = None  # their names; None: no mission has walkers
+    touched_walkers: tuple[str, ...] | None = (
+        None  # names of the walkers touched; None: no mission has walkers
+    )
     shortest_m: float | None = None  # length of the world's shortest path; None: no world states it
 
     @classmethod
@@ -98,16 +100,18 @@ Outcomes = tuple[Outcome, ...]
 
 
 def judge(outcomes: Outcomes) -> Outcome:
-    """Return the outcome used for certificates, completion rates and worst cases.
+    """Return the outcome that certificates, completion rates and worst cases use.
 
-    It belongs to the first member, the robot at the top level of the configuration.
+    This is the outcome of the first member, the robot at the top level of the configuration.
     """
     return outcomes[0]
 
 
 @dataclass(frozen=True)
 class Mission:
-    """A design in a world under given draws; with a scenario, it determines the outcome."""
+    """A design in a world, with the key of its random draws.
+
+    A mission and a scenario together determine the outcome."""
 
     generation: int
     design_id: int
@@ -117,16 +121,16 @@ class Mission:
     purpose: str  # selection, confirmation, validation, final or evaluation
     draws: str  # key of all random draws
     case: Case | None = None  # stated failure case; None: drawn by the failure model
-    setting: str = ""  # name of its scenario's deviation in an evaluation
+    setting: str = ""  # name of the changed setting in an evaluation
 
     @property
     def conditions(self) -> str:
-        """The key of its draws, with its case or setting."""
+        """The key of the mission's draws, with its case or setting."""
         return name_conditions(self.draws, self.stated)
 
     @property
     def stated(self) -> str:
-        """Its case or setting for the column ``case``; empty if none."""
+        """The mission's case or setting, as in the column ``case``; empty if there is none."""
         return self.setting if self.case is None else self.case.text
 
     @property

@@ -1,4 +1,4 @@
-"""The filters and faults between sensors, controllers and drives in a mission."""
+"""Start the filters and faults between sensors, controller and drive."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,32 +8,74 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import COMMAND_SIZE, NO_VALUES, POSE_SIZE, STRENGTH_SIZE, Array, copy_values
-from evoros.base.checks import require
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
-from evoros.compilation.named_rules import bind, start_part
+from evoros.compilation.named_rules import bind, start_rule
 from evoros.controller.protocol import ESTIMATOR_ARGUMENTS, Controller, LiveController
 from evoros.failure.protocol import NEVER, Fault, Trigger
 from evoros.filter import protocol
-from evoros.mission.inputs import FilterStage
-from evoros.mission.participant import Draws
+from evoros.mission.inputs import FilterStage, LayerStage
+from evoros.mission.participant import Draws, Participant
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import SENSOR_ARGUMENTS, is_signal_sensor
 
 Clocks = Mapping[Trigger, int]  # indices in ``Arrays.clocks`` of a robot's triggers
 
 
+class Pipeline:
+    """The stages of one robot, by the signal that they change.
+
+    Raises:
+        InputError: a filter refuses to start.
+    """
+
+    def __init__(
+        self,
+        participant: Participant,
+        layers: Sequence[LayerStage],
+        signals: Array,
+        readings: Array,
+        pose: Array,
+        tick: float,
+    ) -> None:
+        robot, draws = participant.robot, participant.draws
+        controller = participant.member.controller
+        sensors = list_sensor_targets(robot, readings, tick)
+        place = describe_pose(pose, controller.period_s)
+        self.participant, self.layers = participant, layers
+        self.stages: dict[str, list[FilterStage]] = {signal: [] for signal in protocol.SIGNALS}
+        self.stages[protocol.READINGS] = start_sensors(robot, sensors, signals, draws)
+        self.stages[protocol.POSE] = start_localization(controller, robot, readings, place, draws)
+        self.faults: list[Fault] = []
+        self.actuation: Actuation | None = None  # None: the drive gets the commands directly
+        self._targets = [*sensors, place]
+
+    def connect(self, command: Array) -> None:
+        """Let faults act between the controller's ``command`` and the drive."""
+        if self.actuation is None:
+            robot, controller = self.participant.robot, self.participant.member.controller
+            self.actuation = Actuation(command)
+            self._targets += self.actuation.list_targets(robot, controller.period_s)
+
+    def add_faults(self, faults: Sequence[Fault], clocks: Clocks) -> None:
+        """Start faults after all other stages of their signals."""
+        for target in self._targets:
+            stages = start_faults(faults, target, self.participant.draws, clocks)
+            self.stages[target.channels.signal] += stages
+        self.faults += faults
+
+
 class Target(NamedTuple):
-    """Values that faults can affect, such as the pose or the readings of one sensor type."""
+    """Values that filters and faults change, such as the pose or the readings of a sensor type."""
 
     channels: protocol.Channels
     values: Array
     every: int = 1  # ticks between two samples
-    name: str = ""  # name of the sensor type; empty: another part
+    name: str = ""  # name of the sensor type; empty: not a sensor
     sensors: slice = slice(0)  # indices of the type's sensors, which are consecutive
 
     def spread(self, fault: Fault) -> Array:
-        """Return the onset (channels,) of a fault; all channels of a sensor fail together."""
+        """Return the onset (channels,) [s] of a fault; all channels of a sensor fail together."""
         if self.name:
             onset = fault.onset[self.sensors]
             return np.repeat(onset, self.channels.size // len(onset))
@@ -47,7 +89,7 @@ def start_faults(
 ) -> list[FilterStage]:
     """Start the faults that act on a target.
 
-    Each fault has a random stream, so that faults of other names and signals do not change it.
+    Each fault has a separate random stream, which other faults do not shift.
     """
     stages = []
     for fault in faults:
@@ -62,9 +104,9 @@ def start_faults(
 
 
 def list_sensor_targets(robot: Robot, readings: Array, tick: float) -> list[Target]:
-    """List a robot's sensor types with their part of its ``readings`` (channels,).
+    """List the readings of each sensor type of a robot, as views of ``readings`` (channels,).
 
-    The mission's clock has the period ``tick`` [s].
+    ``tick`` is the period [s] of the mission's clock.
     """
     names = [mount.sensor for mount in robot.mounts]
     targets = []
@@ -79,7 +121,7 @@ def list_sensor_targets(robot: Robot, readings: Array, tick: float) -> list[Targ
 
 
 def _describe_channels(robot: Robot, sensors: slice) -> protocol.Channels:
-    """Describe the channels of consecutive sensors of one type."""
+    """Describe the channels of consecutive sensors, which are of one type."""
     sensor, count = robot.mounted_sensors()[sensors.start], sensors.stop - sensors.start
     channels = sensor.channels
     return protocol.Channels(
@@ -96,30 +138,23 @@ def start_sensors(
 ) -> list[FilterStage]:
     """Start the readings and the filters of each sensor type.
 
-    ``signals`` is the simulation's output for the robot's sensors. Each stage acts on the sensors
-    of one type when they have new readings.
+    ``signals`` is the simulation's output for the robot's sensors. A stage acts on the sensors of
+    one type, whenever they have new readings.
     """
     stages: list[FilterStage] = []
     for target in targets:
-        part = f"sensor.{target.name}"
-        stages += _start_reading(robot, target, signals, draws(part))
-        stages += _start_filters(part, robot.sensors[target.name].filters, target, draws)
-    return stages
-
-
-def _start_reading(
-    robot: Robot, target: Target, signals: Array, rng: Generator
-) -> list[FilterStage]:
-    """Start the readings of one sensor type: ranges are copied, others computed from signals."""
-    every, values = target.every, target.values
-    sensor, parts = robot.sensors[target.name], robot.signal_layout[target.sensors]
-    if not is_signal_sensor(sensor):
-        source = signals[parts[0].start : parts[-1].stop]
-        return [FilterStage(every, *bind(_copy, SENSOR_ARGUMENTS, None), rng, source, values)]
-    stages = []
-    for part, own in zip(parts, np.split(values, len(parts)), strict=True):
-        rule = bind(sensor.rule, SENSOR_ARGUMENTS, start_part(sensor.start))
-        stages.append(FilterStage(every, *rule, rng, signals[part], own))
+        part, sensor = f"sensor.{target.name}", robot.sensors[target.name]
+        parts = robot.signal_layout[target.sensors]
+        if is_signal_sensor(sensor):
+            rng = draws(part)
+            for signal, values in zip(parts, np.split(target.values, len(parts)), strict=True):
+                rule = start_rule(sensor.rule, SENSOR_ARGUMENTS, sensor.start)
+                stages.append(FilterStage(target.every, *rule, rng, signals[signal], values))
+        else:  # ranges are the readings
+            source = signals[parts[0].start : parts[-1].stop]
+            copy = _start_copy(_copy, source, target.values)
+            stages.append(copy._replace(every=target.every))
+        stages += _start_filters(part, sensor.filters, target, draws)
     return stages
 
 
@@ -135,7 +170,7 @@ def start_localization(
     ``readings`` (channels,) belong to all sensors of the robot.
 
     Raises:
-        InputError: an estimator is not the first, or the robot lacks its sensors.
+        InputError: an estimator is not the first stage, or needs sensors that the robot lacks.
     """
     filters = {}
     stages: list[FilterStage] = []
@@ -149,9 +184,10 @@ def start_localization(
                 f"it ignores earlier ones; remove "
                 f"{', '.join(list(controller.localization)[:index])}, or put it after"
             )
-        started = start_part(item.start_estimate, robot, controller.period_s)
-        rule, rng = bind(item.rule, ESTIMATOR_ARGUMENTS, started), draws(f"localization.{name}")
-        stages = [FilterStage(1, *rule, rng, readings, pose.values)]
+        rule = start_rule(
+            item.rule, ESTIMATOR_ARGUMENTS, item.start_estimate, robot, controller.period_s
+        )
+        stages = [FilterStage(1, *rule, draws(f"localization.{name}"), readings, pose.values)]
     return stages + _start_filters("localization", filters, pose, draws)
 
 
@@ -167,7 +203,7 @@ def describe_pose(pose: Array, period: float) -> Target:
 def _start_filters(
     part: str, filters: Mapping[str, protocol.Filter], target: Target, draws: Draws
 ) -> list[FilterStage]:
-    """Start the filters of a part, each with a random stream."""
+    """Start the filters of a part, each with a separate random stream."""
     always = np.zeros(target.channels.size)
     return [
         start_filter(item, target, always, draws(f"{part}.{name}"))
@@ -181,11 +217,9 @@ def start_filter(
     """Start a filter that changes the values of a target after ``onset`` (channels,) [s].
 
     Raises:
-        InputError: ``item`` is not a filter, or refuses to start.
+        InputError: the filter refuses to start.
     """
-    require(item, protocol.FILTER_RULES)  # a failure may draw anything
-    started = start_part(item.start, target.channels, onset, rng)
-    rule = bind(item.rule, protocol.FILTER_ARGUMENTS, started)
+    rule = start_rule(item.rule, protocol.FILTER_ARGUMENTS, item.start, target.channels, onset, rng)
     return FilterStage(target.every, *rule, rng, NO_VALUES, target.values)
 
 
@@ -193,16 +227,11 @@ COMMAND_NAMES = "speed", "steering"
 WHEEL_NAMES = "left wheel", "right wheel"
 
 
-def spoils(faults: Sequence[Fault], *signals: str) -> bool:
-    """Return True if any of the faults changes one of the signals."""
-    return any(fault.signal in signals for fault in faults)
-
-
 class Actuation:
-    """The values between the ``command`` of a robot's controller and its drive.
+    """The values between the controller's ``command`` and the drive.
 
-    Command faults act before drive faults. A silent (NaN) command keeps the previous one in force,
-    and a wheel of silent strength stops.
+    Command faults act before drive faults. If a command is silent (NaN), the previous one applies;
+    if a wheel's strength is silent, the wheel stops.
     """
 
     def __init__(self, command: Array) -> None:
@@ -211,7 +240,7 @@ class Actuation:
         self._shares = np.ones(STRENGTH_SIZE)
 
     def list_targets(self, robot: Robot, period: float) -> list[Target]:
-        """List the values that faults can affect, which change every ``period`` [s]."""
+        """List the values that faults can change; the controller sets them every ``period`` [s]."""
         unlimited, places = np.full(COMMAND_SIZE, np.inf), np.zeros((COMMAND_SIZE, 3))
         stops = np.array([robot.drive.max_speed_mps, robot.drive.steering_limit])
         low, high, full = np.zeros(STRENGTH_SIZE), np.full(STRENGTH_SIZE, np.inf), np.ones(2)
@@ -226,9 +255,9 @@ class Actuation:
     def order(
         self, faults: Mapping[str, Sequence[FilterStage]], driven: Array, strength: Array
     ) -> list[FilterStage]:
-        """Return the stages of faults in order, and the copies between them.
+        """Return the stages of faults in order, with the copies between them.
 
-        ``driven`` (COMMAND_SIZE,) is the drive's input, and ``strength`` its wheels' if any fail.
+        ``driven`` (COMMAND_SIZE,) is the drive's input. ``strength`` is used if a wheel fails.
         """
         stages = [_start_copy(_copy, self._command, driven)]
         if faults[protocol.COMMAND] or faults[protocol.DRIVE]:
@@ -258,7 +287,7 @@ _NO_DRAWS: Generator = generator("", "copy")  # copies draw no numbers
 
 
 def _copy(signal: Array, values: Array) -> None:
-    """Copy all values; also the rule of range sensors."""
+    """Copy all values."""
     copy_values(signal, values)
 
 

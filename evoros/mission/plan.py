@@ -1,4 +1,4 @@
-"""The missions that score a design, and the keys of their random draws."""
+"""Plan the missions that score a design, with the keys of their random draws."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,21 +20,21 @@ ACTIVITIES = {
     VALIDATION: "validating",
     FINAL: "choosing the champion",
 }
-"""The displayed activity by purpose; empty: the default."""
+"""The activity that the progress line shows, by purpose; empty: the default."""
 POLICIES = ("generation", "individual", "run")
 STOP, WORST = "stop", "worst"
-MOST_REPEATS = 1_000_000  # maximum number of trials under one condition, even
+MOST_REPEATS = 1_000_000  # exceeds the trials of any case or setting; even, to keep the parity
 GENERATIONS, TRIALS, VALIDATION_TRIALS = "optimizer.generations", "trials", "validation.trials"
-"""The keys that may increase when a run or an evaluation is resumed."""
+"""The configuration keys whose values may increase when a run or an evaluation is resumed."""
 
 
 def find_growing(values: Mapping[str, Any]) -> str:
-    """Return the key of an evaluation's configuration that may increase."""
+    """Return the key whose value may increase when an evaluation is resumed."""
     return VALIDATION_TRIALS if values.get("evaluation_draws") == VALIDATION else TRIALS
 
 
 def count_growing(values: Mapping[str, Any], key: str) -> int:
-    """Return the value of a key that may increase, from nested mappings."""
+    """Return the value of such a key in a nested configuration."""
     if key == TRIALS:
         return int(values[TRIALS])
     if key == GENERATIONS:
@@ -44,24 +44,24 @@ def count_growing(values: Mapping[str, Any], key: str) -> int:
 
 @dataclass(frozen=True)
 class Plan:
-    """Plans the missions of designs.
+    """Plans the missions of a run or an evaluation.
 
-    The missions of one trial differ only in their world. Missions with equal keys of draws have the
-    same failures, noise and generated worlds.
+    The missions of one trial differ only in their world. Missions whose keys of draws are equal
+    have the same failures, noise and generated worlds.
 
     The cases of a ``systematic`` failure are dealt to the trials of each group of draws. The first
-    trials are a random sample of the cases without replacement. Designs with equally many sensors
-    meet the same cases.
+    trials are thus a random sample of the cases without replacement. Designs with the same number
+    of sensors meet the same cases.
     """
 
     seed: int
     worlds: tuple[str, ...]
     trials: int
     validation_trials: int
-    policy: str  # one of POLICIES, the scope in which selection repeats its draws
+    policy: str  # one of POLICIES: the scope in which selection uses the same draws
     most_trials: int = 0  # maximum per design and generation in selection, if above ``trials``
     most_validation_trials: int = 0  # maximum per champion, if above ``validation_trials``
-    evaluation_draws: str = EVALUATION  # VALIDATION: the draws of a run's validation
+    evaluation_draws: str = EVALUATION  # VALIDATION: use the draws of a run's validation
     revalidation_trials: int = 0  # number of trials if ``evaluation_draws`` is VALIDATION
     systematic: SystematicFailure | None = None  # failure model, if it has cases
 
@@ -90,7 +90,7 @@ class Plan:
 
         ``trials`` numbers the trials of this generation, by default a new design's trials.
         ``earlier`` counts the design's trials in earlier generations, whose draws are not repeated.
-        With ``cases``, trial 0 of a generation meets the first, and so on.
+        With ``cases``, trial 0 of a generation meets the first case, trial 1 the second, and so on.
         """
         groups = {
             "generation": f"{generation}",
@@ -110,10 +110,10 @@ class Plan:
     def validation(
         self, generation: int, design_id: int, design: Design, count: int | None = None
     ) -> list[Mission]:
-        """Return missions on fresh draws, which no selection uses, equal for every design.
+        """Return missions on fresh draws, which no selection uses and all designs share.
 
-        Their trials are numbered after the selection's. Trials of a ``count`` beyond
-        ``validation_trials`` are numbered after the confirmation's.
+        Their trials are numbered after those for selection; trials beyond ``validation_trials`` are
+        numbered after those for confirmation.
         """
         count = self.validation_trials if count is None else count
         trials = range(self._selected, self._selected + min(count, self.validation_trials))
@@ -124,7 +124,7 @@ class Plan:
     def final(
         self, generation: int, design_id: int, design: Design, trials: range
     ) -> list[Mission]:
-        """Return missions of the final choice under fresh draws, the same for all designs.
+        """Return missions of the final choice on fresh draws, which all designs share.
 
         Their trials are numbered after all others.
         """
@@ -141,9 +141,9 @@ class Plan:
         earlier: int = 0,
         cases: Sequence[Case] = (),
     ) -> list[Mission]:
-        """Return the missions of ``selection`` with the same draws, for another simulator.
+        """Return the missions of ``selection`` for another simulator, on the same draws.
 
-        Their trials are numbered after the validation's.
+        Their trials are numbered after those for validation.
         """
         after = self._selected + self.validation_trials
         return [
@@ -154,7 +154,7 @@ class Plan:
     def evaluation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
         """Return the missions of a design in an evaluation.
 
-        No run uses their draws, unless ``evaluation_draws`` asks for the draws of its validation.
+        No run uses the same draws, except its validation if ``evaluation_draws`` is VALIDATION.
         """
         if self.evaluation_draws == VALIDATION:
             return self.validation(generation, design_id, design, self.revalidation_trials)
@@ -176,11 +176,11 @@ class Plan:
         case: Case | None = None,
         setting: str = "",
     ) -> list[Mission]:
-        """Return missions of an evaluation under a case or setting, with its first draws.
+        """Return an evaluation's missions with a case or a setting, on its first draws.
 
-        ``number`` counts the conditions from 1, and ``repeats`` their missions in each world from
-        0. Trial ``MOST_REPEATS * number + repeat`` has the draws and the parity of the evaluation's
-        trial ``repeat``.
+        ``number`` counts cases and settings from 1, and ``repeats`` the missions of one in each
+        world from 0. Trial ``MOST_REPEATS * number + repeat`` has the draws and the parity of the
+        evaluation's trial ``repeat``.
         """
         missions = self._missions(0, design_id, design, EVALUATION, "0", repeats)
         first = number * MOST_REPEATS
@@ -209,7 +209,7 @@ class Plan:
         place: int = 0,
         skipped: int = 0,
     ) -> list[Mission]:
-        """Return missions in all worlds; ``place`` counts the earlier trials of the ``group``."""
+        """Return missions in all worlds; ``place`` trials of the ``group`` were earlier."""
         key = f"{self.seed}/{purpose}/{group}"
         cases = islice(self._deal_cases(key, len(design.mounts)), place, None)
         missions = []
@@ -221,7 +221,7 @@ class Plan:
         return missions
 
     def _deal_cases(self, key: str, sensors: int) -> Iterator[Case | None]:
-        """Yield the cases of a group's trials; None if the failure model draws."""
+        """Yield the case of each trial in a group; None if the failure model draws its faults."""
         if self.systematic is None:
             return repeat(None)
         numbers = deal(key, self.systematic.count_cases(sensors))
@@ -231,8 +231,9 @@ class Plan:
 def count_round(purpose: str, generation: int, trial: int) -> int:
     """Return a mission's round number, whose parity sets the direction of some courses.
 
-    A selection counts generations, as the original runs did. Validations and evaluations compare
-    designs of all generations, so they count trials, and each design meets both directions.
+    Missions for selection count generations, as in the original runs. Validations and the final
+    choice compare designs of all generations, so they count trials, and each design drives in both
+    directions. Evaluations count both.
     """
     if purpose in (SELECTION, CONFIRMATION):
         return generation

@@ -1,4 +1,4 @@
-"""One mission, from a design to its outcome."""
+"""Run one mission: open it, run the loop, and compute the outcome."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -7,39 +7,32 @@ from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
-from numpy.random import Generator
 
 from evoros.base.arrays import DRIVE_SPEED, STATE_SIZE, STEERING, Array
 from evoros.base.errors import InputError, LaunchError, SimulationError
-from evoros.failure.protocol import AT_START, Failure, Fault
+from evoros.failure.protocol import AT_START, Failure, Fault, draw_faults
 from evoros.filter.protocol import READINGS
 from evoros.mission import mission as missions
-from evoros.mission.compiled_loop import prepare
-from evoros.mission.inputs import (
-    ENDED,
-    RUNNING,
-    VISITED,
-    Loop,
-    LoopCall,
-    LoopInputs,
-    LoopResult,
-    Prepare,
-)
+from evoros.mission.compiled_loop import run_call
+from evoros.mission.inputs import ENDED, RUNNING, VISITED, LoopCall, LoopResult, Run
 from evoros.mission.metrics import ENDINGS, measure
 from evoros.mission.mission import STEER, TIME, Mission, Outcome, Outcomes
-from evoros.mission.participant import draw_faults, enter, number_faults, open_layers
+from evoros.mission.participant import enter, open_layers
 from evoros.mission.scenario import Scenario
 from evoros.mission.setup import Setup
 from evoros.robot.model import Robot
 from evoros.simulator.protocol import PlacedRobot, Simulation
 
+Rollout: TypeAlias = tuple[Outcomes, Array]
+"""The outcomes of a mission, and its trajectory (rows, columns) with ``Scenario.name_columns``."""
+
 
 class RefusedDesign(InputError):
-    """The robots of a scenario cannot have a design."""
+    """A design does not fit the robots of the scenario."""
 
 
 def delay_faults(faults: Sequence[Fault], time: float) -> tuple[Fault, ...]:
-    """Return faults with onsets and events counted from mission time ``time`` [s]."""
+    """Return faults whose onsets and events count from the mission time ``time`` [s]."""
     return tuple(
         replace(fault, onset=fault.onset + time)
         if fault.trigger == AT_START
@@ -49,13 +42,11 @@ def delay_faults(faults: Sequence[Fault], time: float) -> tuple[Fault, ...]:
 
 
 @contextmanager
-def open_mission(
-    scenario: Scenario, mission: Mission, prepare: Prepare = prepare
-) -> Iterator["OpenMission"]:
-    """Open a mission.
+def open_mission(scenario: Scenario, mission: Mission) -> Iterator["OpenMission"]:
+    """Draw and start everything that a mission needs, and keep it open.
 
     Raises:
-        RefusedDesign: the robots cannot have their designs.
+        RefusedDesign: the design does not fit the robots.
         InputError: a part refuses to start.
         PilotLost: a controller outside of this process ended or did not answer.
         SimulationError: the engine cannot simulate these robots or this world.
@@ -65,29 +56,66 @@ def open_mission(
     except InputError as error:
         raise RefusedDesign(str(error)) from error
     course = scenario.world[mission.world].course
-    placed = [PlacedRobot(member.robot, member.place(course).home) for member in members]
+    participants = [enter(member, scenario.failure, course, mission) for member in members]
+    placed = [PlacedRobot(one.robot, one.course.home) for one in participants]
     try:
         world = scenario.draw_world(mission.world, mission.draws, placed)
     except InputError as error:
         raise SimulationError(str(error)) from error
-    participants = [enter(member, scenario.failure, world, mission) for member in members]
     with ExitStack() as stack:
         layers = [stack.enter_context(open_layers(participant)) for participant in participants]
         setup = Setup(scenario, participants, layers, world)
         simulation = stack.enter_context(scenario.simulator.open(placed, world))
-        yield OpenMission(setup, simulation, prepare)
+        yield OpenMission(setup, simulation)
 
 
 class OpenMission:
-    """A running mission, which advances only in ``run``."""
+    """A mission that is ready to run, as a whole or in parts."""
 
-    def __init__(self, setup: Setup, simulation: Simulation, prepare: Prepare) -> None:
-        self._setup, self._simulation, self._prepare = setup, simulation, prepare
+    def __init__(self, setup: Setup, simulation: Simulation) -> None:
+        self._setup, self._simulation = setup, simulation
         self._inputs = setup.collect_inputs(simulation)
-        self._prepared: tuple[Loop, LoopInputs] | None = None
         self._result = LoopResult(-1, 0, True)
         self.is_over = False  # true once every awaited robot has ended
         self._awaited = np.flatnonzero(setup.agents.awaited).tolist()
+
+    @property
+    def call(self) -> LoopCall:
+        """The arguments of the loop for the rest of the mission, with interpreted rules."""
+        setup, done = self._setup, self._result
+        timing = setup.timing._replace(first=done.ticks + 1, row=done.rows)
+        return LoopCall(self._inputs, setup.agents, timing, setup.arrays)
+
+    def finish(self, result: LoopResult) -> Rollout:
+        """Return the rollout, given the result of the loop.
+
+        Raises:
+            SimulationError: the state is no longer finite.
+        """
+        self._advance(result)
+        return self.outcomes(), self.trajectory
+
+    def run(self, ticks: int | None = None, run: Run = run_call) -> None:
+        """Run the next ``ticks`` ticks, or up to the end of the mission.
+
+        The first tick is the start of the mission, at time 0.
+
+        Raises:
+            SimulationError: the state is no longer finite, or the engine failed.
+            PilotLost: a controller outside of this process ended or did not answer.
+        """
+        if not self.is_over:
+            call = self.call
+            last = call.timing.limit if ticks is None else call.timing.first - 1 + ticks
+            timing = call.timing._replace(last=min(call.timing.limit, last))
+            self._advance(run(call._replace(timing=timing)))
+
+    def _advance(self, result: LoopResult) -> None:
+        self._result = result
+        if not result.finite:
+            raise SimulationError(f"the state is not finite after {self.time_s:g} s")
+        ended = self._setup.arrays.counts[ENDED].tolist()
+        self.is_over = all(ended[robot] != RUNNING for robot in self._awaited)
 
     @property
     def tick_s(self) -> float:
@@ -104,67 +132,29 @@ class OpenMission:
         """The rows so far, (rows, columns); ``Scenario.name_columns`` names the columns."""
         return self._setup.arrays.trajectory[: self._result.rows]
 
-    @property
-    def call(self) -> LoopCall:
-        """The arguments of the loop for the whole mission, with rules that are not compiled."""
-        setup = self._setup
-        return LoopCall(self._inputs, setup.agents, setup.timing, setup.arrays)
-
-    def run(self, ticks: int | None = None) -> None:
-        """Run at most ``ticks`` ticks, None for all, to the end of the mission.
-
-        The first tick is the start, at time 0.
-
-        Raises:
-            SimulationError: the state is no longer finite, or the engine failed.
-            PilotLost: a controller outside of this process ended or did not answer.
-        """
-        if self.is_over:
-            return
-        loop, inputs = self._prepared = self._prepared or self._prepare(self._inputs)
-        setup, done = self._setup, self._result
-        last = setup.timing.limit if ticks is None else min(setup.timing.limit, done.ticks + ticks)
-        part = setup.timing._replace(first=done.ticks + 1, last=last, row=done.rows)
-        self.finish(loop(inputs, setup.agents, part, setup.arrays))
-
-    def finish(self, result: LoopResult) -> None:
-        """Store the result of the loop.
-
-        Raises:
-            SimulationError: the state is no longer finite.
-        """
-        self._result = result
-        if not result.finite:
-            raise SimulationError(f"the state is not finite after {self.time_s:g} s")
-        ended = self._setup.arrays.counts[ENDED].tolist()
-        self.is_over = all(ended[robot] != RUNNING for robot in self._awaited)
-
     def outcomes(self) -> Outcomes:
-        """Compute the outcome of each robot so far; a running mission counts as cut off."""
+        """Compute the outcome of each robot, as if the mission ended now."""
         robots = range(len(self._setup.robots))
         return tuple(measure(index, self._setup, self._result) for index in robots)
 
     def add_failure(self, failure: Failure) -> tuple[Fault, ...]:
-        """Add faults of the first robot, effective from the next tick, and return them.
+        """Draw and start faults of the first robot, from the next tick on, and return them.
 
-        Times and events of the model count from that tick. The columns of the trajectory do not
-        change, so a localized pose is recorded only if it was before.
+        Onsets count from that tick. The trajectory keeps its columns, so an estimated pose is
+        recorded only if it was recorded before.
 
         Raises:
             InputError: the model has sensors that the robot lacks, a fault refuses to start, or
                 wheels fail that the simulator cannot weaken.
         """
-        participant, earlier = self._setup.robots[0].participant, self._setup.robots[0].faults
-
-        def draws(name: str) -> Generator:
-            return participant.draws(f"later.{len(earlier)}.{name}")
-
+        robot = self._setup.robots[0]
+        draws, earlier = robot.participant.draws, robot.faults
         later = (self._result.ticks + 1) * self.tick_s
-        drawn = draw_faults(failure, participant.robot, draws)
-        added = number_faults(delay_faults(drawn, later), earlier)
+        rng = draws(f"later.{len(earlier)}.failure")
+        drawn = draw_faults(failure, self.robot.describe_sensors(), rng, earlier)
+        added = delay_faults(drawn, later)
         self._setup.add_faults(0, added, self.state.tolist())
         self._inputs = self._setup.collect_inputs(self._simulation)
-        self._prepared = None
         return added
 
     @property
@@ -184,7 +174,7 @@ class OpenMission:
 
     @property
     def state(self) -> Array:
-        """The true state of the first robot, (STATE_SIZE,)."""
+        """The true state (STATE_SIZE,) of the first robot."""
         return self._setup.arrays.states[:STATE_SIZE]
 
     @property
@@ -199,10 +189,10 @@ class OpenMission:
         return "" if ended == RUNNING else ENDINGS[ended]
 
     def command(self, speed: float, steering: float) -> None:
-        """Replace the first robot's command, speed [m/s] and steering [rad], until its next one.
+        """Set the first robot's speed [m/s] and steering [rad] until its controller decides again.
 
         Raises:
-            InputError: the mission has faults between commands and drives.
+            InputError: faults act between the commands and the drive.
         """
         if self._setup.arrays.driven is not self._setup.arrays.commands:
             raise InputError(
@@ -220,24 +210,19 @@ class OpenMission:
             rows[-1, STEER] = steering
 
 
-Rollout: TypeAlias = tuple[Outcomes, Array]
-"""A mission's outcomes and trajectory (rows, columns), with ``Scenario.name_columns``."""
-
-
-def run_mission(scenario: Scenario, mission: Mission, prepare: Prepare = prepare) -> Rollout:
+def run_mission(scenario: Scenario, mission: Mission, run: Run = run_call) -> Rollout:
     """Run a mission.
 
-    A simulation failure is an outcome, because it would recur. A part's refusal of evolved values
-    is an outcome, too, because other designs can still be evaluated.
+    A failed simulation is an outcome, because it would fail again. A design that a part refuses is
+    an outcome, too, because other designs can still be evaluated.
 
     Raises:
         InputError: a part refuses to start for a reason other than an evolved value.
         PilotLost: a controller outside of this process ended or did not answer.
     """
     try:
-        with open_mission(scenario, mission, prepare) as opened:
-            opened.run()
-            return opened.outcomes(), opened.trajectory
+        with open_mission(scenario, mission) as opened:
+            return opened.finish(run(opened.call))
     except (InputError, SimulationError) as error:
         return take_failure(scenario, mission, error)
 
@@ -245,7 +230,7 @@ def run_mission(scenario: Scenario, mission: Mission, prepare: Prepare = prepare
 def take_failure(
     scenario: Scenario, mission: Mission, error: InputError | SimulationError
 ) -> Rollout:
-    """Return the rollout of a mission ended by an error.
+    """Return the rollout of a mission that an error ended.
 
     Raises:
         InputError: the error is not due to the design.
@@ -272,5 +257,5 @@ def failed_mission(scenario: Scenario, mission: Mission, ended: str, reason: str
 
 
 def empty_trajectory(scenario: Scenario, mission: Mission) -> Array:
-    """Create the trajectory of a mission that could not be run, (0, columns)."""
+    """Create the trajectory (0, columns) of a mission that could not be run."""
     return np.empty((0, len(scenario.name_columns(mission.design, mission.world))))

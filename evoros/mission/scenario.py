@@ -1,4 +1,4 @@
-"""The parts shared by all missions of an experiment, checked to fit together."""
+"""The parts that all missions of an experiment share, checked to fit together."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -112,7 +112,7 @@ class Scenario:
                 )
 
     def draw_world(self, name: str, draws: str, robots: Sequence[PlacedRobot]) -> World:
-        """Return the world of a mission under a key of draws, with its walkers.
+        """Return the world of a mission with this key of draws, and with walkers.
 
         Raises:
             InputError: there is no room for the walkers.
@@ -136,11 +136,11 @@ class Scenario:
 
     @property
     def states_shortest(self) -> bool:
-        """True if any world states the length of its shortest path."""
+        """True if the length of the shortest path is known in any world."""
         return any(world.shortest_m is not None for world in self.world.values())
 
     def place_worlds(self, member: Member) -> dict[str, World]:
-        """Return the worlds with the course of a robot.
+        """Return the worlds by name, each with the course of this robot.
 
         Raises:
             InputError: its home or its route is inside an obstacle.
@@ -175,7 +175,7 @@ class Scenario:
             )
 
     def count_steps(self, key: str, period: float) -> int:
-        """Return the number of time steps in a period [s]; messages name its ``key``.
+        """Return the number of time steps in a period [s]; ``key`` names it in messages.
 
         Raises:
             InputError: the period is not a whole multiple of the time step.
@@ -196,7 +196,7 @@ class Scenario:
         return any(isinstance(member.controller, LiveController) for member in self.members)
 
     def equip(self, design: Design) -> tuple[Member, ...]:
-        """Return the robots with the sensors and the evolved values of their designs.
+        """Return the robots with the sensors and the evolved values of the design.
 
         Raises:
             InputError: see ``Member.with_design`` and ``Member.find_design``.

@@ -1,7 +1,7 @@
-"""The setup of a mission: its clock, arrays, stages and loop inputs."""
+"""Set up a mission: its timing, arrays, stages and loop inputs."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from itertools import accumulate, chain
 from typing import Any
 
@@ -11,20 +11,12 @@ from evoros.base.arrays import COMMAND_SIZE, NO_VALUES, POSE_SIZE, STATE_SIZE, S
 from evoros.base.errors import InputError
 from evoros.compilation.named_rules import name_rule
 from evoros.failure.protocol import AT_START, Fault, Trigger
-from evoros.filter.protocol import COMMAND, DRIVE, POSE, READINGS, SIGNALS, STRENGTH
+from evoros.filter.protocol import COMMAND, DRIVE, POSE, READINGS, STRENGTH
 from evoros.mission import inputs
 from evoros.mission.member import Member
 from evoros.mission.mission import ROBOT_COLUMNS
 from evoros.mission.participant import Participant
-from evoros.mission.pipeline import (
-    Actuation,
-    describe_pose,
-    list_sensor_targets,
-    spoils,
-    start_faults,
-    start_localization,
-    start_sensors,
-)
+from evoros.mission.pipeline import Pipeline
 from evoros.mission.scenario import Scenario
 from evoros.mission.triggers import TRIGGER_SIZE, make_row
 from evoros.simulator.protocol import RuleSimulation, Simulation
@@ -32,56 +24,11 @@ from evoros.walkers.layout import REPORT_SIZE
 from evoros.world.model import World
 
 MIN_RECORD_S = 0.05
-"""The minimum time [s] between trajectory rows, which are otherwise one per decision."""
-
-
-class RobotStages:
-    """The stages of one robot by changed signal, and the targets of its faults.
-
-    Raises:
-        InputError: a filter refuses to start.
-    """
-
-    def __init__(
-        self,
-        participant: Participant,
-        layers: Sequence[inputs.LayerStage],
-        signals: Array,
-        readings: Array,
-        pose: Array,
-        tick: float,
-    ) -> None:
-        robot, draws = participant.robot, participant.draws
-        controller = participant.member.controller
-        sensors = list_sensor_targets(robot, readings, tick)
-        place = describe_pose(pose, controller.period_s)
-        localization = start_localization(controller, robot, readings, place, draws)
-        self.participant, self.layers = participant, layers
-        self.stages: dict[str, list[inputs.FilterStage]] = {signal: [] for signal in SIGNALS}
-        self.stages[READINGS] = start_sensors(robot, sensors, signals, draws)
-        self.stages[POSE] = localization
-        self.faults: list[Fault] = []
-        self.clocks: dict[Trigger, int] = {}
-        self.actuation: Actuation | None = None  # None: its drive gets the commands directly
-        self._targets = [*sensors, place]
-
-    def connect(self, command: Array) -> None:
-        """Insert fault targets between the controller's ``command`` and the drive."""
-        if self.actuation is None:
-            robot, controller = self.participant.robot, self.participant.member.controller
-            self.actuation = Actuation(command)
-            self._targets += self.actuation.list_targets(robot, controller.period_s)
-
-    def start_faults(self, faults: Sequence[Fault]) -> None:
-        """Start faults after all other stages of their signals."""
-        for target in self._targets:
-            started = start_faults(faults, target, self.participant.draws, self.clocks)
-            self.stages[target.channels.signal] += started
-        self.faults += faults
+"""The minimum time [s] between trajectory rows; otherwise each decision has a row."""
 
 
 class Setup:
-    """A mission without its engine; ``layers`` are listed per robot.
+    """Everything that a mission needs except its engine; ``layers`` has one list per robot.
 
     Raises:
         InputError: a filter or a fault refuses to start.
@@ -100,17 +47,20 @@ class Setup:
         self.agents = _describe_agents(participants, layers, periods)
         walkers = 0 if world.crowd is None else len(world.crowd.names)
         self.arrays = _create_arrays(participants, self.agents, self.timing, walkers * REPORT_SIZE)
+        self.clocks: list[dict[Trigger, int]] = [{} for _ in participants]
+        for index, participant in enumerate(participants):
+            self._extend_arrays(index, participant, participant.faults, participant.course.home)
         self.robots = self._start_robots(participants, layers)
         for index, participant in enumerate(participants):
-            self.add_faults(index, participant.faults, participant.course.home)
+            self._start_faults(index, participant.faults)
 
     def _start_robots(
         self, participants: Sequence[Participant], layers: Sequence[Sequence[inputs.LayerStage]]
-    ) -> list[RobotStages]:
+    ) -> list[Pipeline]:
         arrays, readings = self.arrays, self.agents.readings
         signals = _add_up([participant.robot.signal_count for participant in participants])
         return [
-            RobotStages(
+            Pipeline(
                 participant,
                 layers[i],
                 arrays.signals[signals[i] : signals[i + 1]],
@@ -122,55 +72,61 @@ class Setup:
         ]
 
     def add_faults(self, index: int, faults: Sequence[Fault], place: Sequence[float]) -> None:
-        """Start faults of a robot at a place (x, y, ...) [m].
+        """Start further faults of a robot at a place (x, y, ...) [m].
 
         Raises:
             InputError: a fault refuses to start, or wheels fail that the simulator cannot weaken.
         """
+        self._extend_arrays(index, self.robots[index].participant, faults, place)
+        self._start_faults(index, faults)
+
+    def _start_faults(self, index: int, faults: Sequence[Fault]) -> None:
+        if self.arrays.driven is not self.arrays.commands:
+            for i, robot in enumerate(self.robots):
+                robot.connect(self.arrays.commands[i * COMMAND_SIZE :][:COMMAND_SIZE])
         if faults:
-            self._add_clocks(index, faults, place)
-            self._connect_drives(faults)
-            self.robots[index].start_faults(faults)
+            self.robots[index].add_faults(faults, self.clocks[index])
 
-    def _add_clocks(self, index: int, faults: Sequence[Fault], place: Sequence[float]) -> None:
-        """Add a clock for each trigger of these faults."""
-        robot = self.robots[index]
-        course, route = robot.participant.course, robot.participant.route
-        known = {AT_START, *robot.clocks}
-        triggers = [t for t in dict.fromkeys(fault.trigger for fault in faults) if t not in known]
-        for trigger in triggers:
-            row = np.array([make_row(index, trigger, course.home, route, place)], dtype=float)
-            robot.clocks[trigger] = len(self.arrays.clocks)
-            self.arrays = self.arrays._replace(
-                clocks=np.append(self.arrays.clocks, -1.0),
-                triggers=np.concatenate([self.arrays.triggers, row]),
-            )
+    def _extend_arrays(
+        self,
+        index: int,
+        participant: Participant,
+        faults: Sequence[Fault],
+        place: Sequence[float],
+    ) -> None:
+        """Add the clocks and the drive inputs that faults of a robot at a place need."""
+        course, clocks, arrays = participant.course, self.clocks[index], self.arrays
+        for trigger in dict.fromkeys(fault.trigger for fault in faults):
+            if trigger != AT_START and trigger not in clocks:
+                row = make_row(index, trigger, course.home, participant.route, place)
+                clocks[trigger] = len(arrays.clocks)
+                arrays = arrays._replace(
+                    clocks=np.append(arrays.clocks, -1.0),
+                    triggers=np.concatenate([arrays.triggers, np.array([row], dtype=float)]),
+                )
+        self.arrays = arrays._replace(driven=self._choose_driven({f.signal for f in faults}))
 
-    def _connect_drives(self, faults: Sequence[Fault]) -> None:
-        """Insert fault targets between controllers and drives if these faults need them."""
-        arrays, size = self.arrays, len(self.arrays.commands)
-        driven = arrays.driven
-        if spoils(faults, STRENGTH):
+    def _choose_driven(self, failing: Set[str]) -> Array:
+        """Return the drive inputs, which are the commands unless faults act between the two."""
+        driven, commands = self.arrays.driven, self.arrays.commands
+        if STRENGTH in failing:
             if not self._weakens_wheels:
                 raise InputError(
                     "failure: must leave the wheels alone with this simulator, which has no weak "
                     "wheels (weakens_wheels); choose another failure, for example failure=drive, "
                     "or use another simulator, for example simulator=planar"
                 )
-            if len(driven) == size:
-                driven = np.concatenate([driven, np.ones(len(self.robots) * STRENGTH_SIZE)])
-        elif spoils(faults, COMMAND, DRIVE) and driven is arrays.commands:
-            driven = driven.copy()
-        if driven is not arrays.driven:
-            self.arrays = arrays._replace(driven=driven)
-            for index, robot in enumerate(self.robots):
-                robot.connect(arrays.commands[index * COMMAND_SIZE :][:COMMAND_SIZE])
+            if len(driven) == len(commands):
+                return np.concatenate([driven, np.ones(self.agents.awaited.size * STRENGTH_SIZE)])
+        elif failing & {COMMAND, DRIVE} and driven is commands:
+            return driven.copy()
+        return driven
 
     def collect_inputs(self, simulation: Simulation) -> inputs.LoopInputs:
-        """Collect the rules of the mission, or the methods of a live engine.
+        """Collect the rules of the mission; the methods of an engine replace motion rules.
 
         Raises:
-            InputError: rules cannot use the parameters or the memory of a simulation.
+            InputError: the simulation's parameters or memory are not valid arrays.
         """
         stages: tuple[Any, ...] = (
             _number([robot.stages[READINGS] for robot in self.robots]),
@@ -213,7 +169,7 @@ def _number(robots: Sequence[Sequence[inputs.FilterStage]]) -> tuple[inputs.Filt
 
 
 def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array) -> None:
-    """Check the arrays of a rule, because compiled code checks none."""
+    """Check the arrays of a rule here, because compiled code does not."""
     for name, array in (("parameters", parameters), ("memory", memory)):
         fits = isinstance(array, np.ndarray) and array.dtype == np.dtype(float) and array.ndim == 1
         if not (fits and array.flags.c_contiguous and array.flags.writeable):
@@ -226,7 +182,7 @@ def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array)
 def _plan_ticks(
     scenario: Scenario, participants: Sequence[Participant]
 ) -> tuple[inputs.Timing, inputs.Integers]:
-    """Return a mission's timing, and the ticks (2, robots) between readings and decisions."""
+    """Return the timing, and the periods (2, robots) of readings and decisions in ticks."""
     steps = [_count_steps(scenario, participant.member) for participant in participants]
     common = math.gcd(*chain(*steps))
     tick = common * scenario.simulator.time_step
@@ -242,7 +198,7 @@ def _describe_agents(
     layers: Sequence[Sequence[inputs.LayerStage]],
     periods: inputs.Integers,
 ) -> inputs.Agents:
-    """Describe robots to the loop; ``periods`` (2, robots) has the sensing and deciding ticks."""
+    """Describe the robots to the loop; ``periods`` (2, robots) is from ``_plan_ticks``."""
     return inputs.Agents(
         acceptance=np.array([item.course.acceptance_m for item in participants], dtype=float),
         end_on_collision=np.array([item.course.end_on_collision for item in participants]),
@@ -266,7 +222,7 @@ def _count_steps(scenario: Scenario, member: Member) -> tuple[int, int]:
 
 
 def _add_up(sizes: Sequence[int]) -> inputs.Integers:
-    """Return the start of each part, and the end of the last one."""
+    """Return the start index of each part, and the end of the last part."""
     return np.array(list(accumulate(sizes, initial=0)))
 
 

@@ -1,4 +1,4 @@
-"""The clocks of a mission, since its start and since the events that trigger faults."""
+"""Update the clocks of a mission, which count from its start and from fault triggers."""
 
 import math
 from collections.abc import Sequence
@@ -15,18 +15,18 @@ from evoros.geometry.clearance import WAY_SIZE, add_driven
 ROBOT, KIND, FIRST, SECOND, THIRD, USED, WAY = range(7)
 BEGUN = WAY + WAY_SIZE
 TRIGGER_SIZE = BEGUN + 1
-"""The columns of ``Arrays.triggers``: the robot; a kind below and its three numbers; the use so
-far, and the memory of the path; the time of the event [s], infinity before it."""
+"""Columns of ``Arrays.triggers``: index of the robot; kind of event and its three numbers; use so
+far; memory of the driven path; time of the event [s], infinity before it occurs."""
 
 NEAR, ALONG, SPENT = range(3)
-"""Kinds of events and their numbers: within a distance of a place (x, y, distance); a position on
-the route (complete legs, distance on the next); use (amount, rate per second, rate per metre)."""
+"""Kinds of events, with their numbers: near a place (x, y, distance), at a position on the route
+(complete legs, distance on the next), or a supply used up (amount, use per second, per metre)."""
 
 
 def make_row(
     robot: int, trigger: Trigger, home: Sequence[float], route: Array, place: Sequence[float]
 ) -> list[float]:
-    """Return the row of a trigger for a robot at a place, on a route from home, (legs, 2) [m].
+    """Return the row of a trigger for a robot at a ``place``, on a route (legs, 2) [m] from home.
 
     An event beyond the route never occurs.
     """
@@ -63,7 +63,7 @@ def _describe(trigger: Trigger, lengths: Sequence[float]) -> tuple[int, Sequence
 def update_clocks(
     clocks: Array, triggers: Array, visited: Array, states: Array, legs: Array, time: float
 ) -> None:
-    """Update all clocks at mission time ``time`` [s]; start those whose event has occurred."""
+    """Update all clocks at mission time ``time`` [s], and start those whose event has occurred."""
     clocks[0] = time
     for n in range(len(triggers)):
         if triggers[n, BEGUN] == math.inf and _has_come(triggers[n], visited, states, legs, time):
@@ -74,7 +74,7 @@ def update_clocks(
 
 @compilable
 def _has_come(row: Array, visited: Array, states: Array, legs: Array, time: float) -> bool:
-    """Return True if a trigger's event has occurred; adds up its robot's use until ``time`` [s]."""
+    """Return True if a trigger's event has occurred; add up the robot's use until ``time`` [s]."""
     i, kind = int(row[ROBOT]), row[KIND]
     at, leg = i * STATE_SIZE, i * LEG_SIZE
     x, y = float(states[at + X]), float(states[at + Y])

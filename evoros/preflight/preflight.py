@@ -66,13 +66,13 @@ def _set_up(key: str, scenario: Scenario, member: Member, plan: Plan) -> Setup:
     (mission, *_) = plan.selection(0, 0, Design(mounts), range(1))
     world = scenario.world[mission.world].at(mission.draws)
     try:
-        participant = enter(member, scenario.failure, world, mission)
+        participant = enter(member, scenario.failure, world.course, mission)
         layers = _open_controller(participant)
         lacking = member.design.sensors.keys() - {mount.sensor for mount in mounts}
         if lacking:
             further = [replace(mount, sensor=kind) for mount in mounts[:1] for kind in lacking]
             whole = member.with_design(Design((*mounts, *further)))
-            participant = enter(whole, scenario.failure, world, mission)
+            participant = enter(whole, scenario.failure, world.course, mission)
         faults = [replace(fault, onset=np.zeros_like(fault.onset)) for fault in participant.faults]
         participant = replace(participant, faults=faults)
         return Setup(scenario, [participant], [layers], world)

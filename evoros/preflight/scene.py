@@ -15,10 +15,9 @@ from evoros.design.design import Design
 from evoros.design.space import DesignSpace
 from evoros.design.team import TeamSpace
 from evoros.evolution.experiment import Experiment
-from evoros.failure.protocol import DISTANCE, PLACE, WAYPOINT, Fault, Trigger
+from evoros.failure.protocol import DISTANCE, PLACE, WAYPOINT, Fault, Trigger, draw_faults
 from evoros.geometry.footprint import find_bounds, project_bodies, top_height
 from evoros.mission.member import Member
-from evoros.mission.participant import draw_faults
 from evoros.mission.scenario import Scenario
 from evoros.mission.triggers import measure_legs
 from evoros.robot.model import Robot
@@ -256,11 +255,8 @@ def _list_triggers(subject: Subject) -> list[Trigger]:
     (member,) = subject.scenario.equip(choose_middle(subject.space))
     faults: list[Fault] = []
     for index in range(DRAWS):
-
-        def draws(part: str, index: int = index) -> np.random.Generator:
-            return generator(f"preflight/onsets/{index}", part)
-
-        faults += draw_faults(subject.scenario.failure, member.robot, draws)
+        rng = generator(f"preflight/onsets/{index}", "failure")
+        faults += draw_faults(subject.scenario.failure, member.robot.describe_sensors(), rng)
     return list(dict.fromkeys(fault.trigger for fault in faults))
 
 

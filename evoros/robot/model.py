@@ -19,6 +19,7 @@ from evoros.base.checks import is_number
 from evoros.base.errors import InputError
 from evoros.compilation.elementary_arrays import atan2_all
 from evoros.drive.protocol import Drive
+from evoros.filter.protocol import Channels
 from evoros.formats.strict_xml import list_names
 from evoros.formats.urdf.tree import UrdfDocument
 from evoros.robot.mounting import level_pitch, make_frames, place_on_links
@@ -176,6 +177,16 @@ class Robot:
     def mounted_sensors(self) -> list[Sensor]:
         """Return the sensor of each mount."""
         return [self.sensors[mount.sensor] for mount in self.mounts]
+
+    def describe_sensors(self) -> Channels:
+        """Describe the sensors as failures see them, each as one value."""
+        sensors = self.mounted_sensors()
+        return Channels(
+            low=np.array([min(channel.low for channel in sensor.channels) for sensor in sensors]),
+            high=np.array([max(channel.high for channel in sensor.channels) for sensor in sensors]),
+            position=np.ascontiguousarray(self.sensor_poses[:, :3]),
+            period=min((sensor.period_s for sensor in sensors), default=0.0),
+        )
 
     def default_pitch(self, sensors: Iterable[Sensor]) -> float:
         """Return the pitch [deg] of the default mount for these sensors."""

@@ -24,7 +24,6 @@ from evoros.fitness.naming import FitnessName, name_fitness
 from evoros.geometry.footprint import project_shape, top_height
 from evoros.measure.fitness import FitnessMeasure
 from evoros.measure.protocol import DESCRIPTORS, OBJECTIVES
-from evoros.mission.participant import describe_sensors
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount, RangeSensor, Sensor, find_field, sees, sensor_bearings
 from evoros.storage.file_reading import read_bytes
@@ -65,7 +64,7 @@ def describe_failure(experiment: "Experiment", member: "Member") -> FailureConte
     """Describe the failure model of an experiment for the design at the centre of the space."""
     middle = member.space.decode(np.full(member.space.size, 0.5))
     robot = member.with_design(middle).robot
-    channels = describe_sensors(robot)
+    channels = robot.describe_sensors()
     failure = experiment.failure
     filters = sorted(_list_filters(failure, channels), key=lambda item: item.name)
     effects = {item.name.lower(): item.effect for item in filters}

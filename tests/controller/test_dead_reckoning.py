@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from mission_cases import prepare_interpreted
+from mission_cases import run_interpreted
 
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
@@ -124,7 +124,7 @@ def test_missions_are_the_same_compiled_and_have_the_estimate() -> None:
     experiment = compose(["experiment=reckoning", *failing]).build()
     mission = Mission(0, 0, middle(experiment), "maze", 0, "evaluation", "b")
     (outcome,), track = run_mission(experiment.scenario, mission)
-    _, stepwise = run_mission(experiment.scenario, mission, prepare_interpreted)
+    _, stepwise = run_mission(experiment.scenario, mission, run_interpreted)
     assert np.array_equal(track, stepwise, equal_nan=True)
     names = experiment.scenario.name_columns(mission.design, mission.world)
     assert names[-3:] == list(ESTIMATE)

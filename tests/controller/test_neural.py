@@ -12,7 +12,7 @@ import pytest
 from helpers import content, copied, cut, resume, scored, tiny
 from hypothesis import given
 from hypothesis import strategies as st
-from mission_cases import prepare_interpreted
+from mission_cases import run_interpreted
 
 from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
 from evoros.base.errors import InputError
@@ -184,7 +184,7 @@ def test_compiled_and_interpreted_bits_are_the_same(recurrent: bool, symmetric: 
     (mission,) = experiment.plan.evaluation(0, 0, design)
     (whole, track), (stepped, steps) = (
         run_mission(experiment.scenario, mission),
-        run_mission(experiment.scenario, mission, prepare_interpreted),
+        run_mission(experiment.scenario, mission, run_interpreted),
     )
     assert repr(whole) == repr(stepped)
     assert track.tobytes() == steps.tobytes()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from mission_cases import prepare_interpreted
+from mission_cases import run_interpreted
 
 import evoros
 from evoros.base.errors import EvorosError, InputError
@@ -58,7 +58,7 @@ def test_a_robot_out_of_sight_changes_nothing_for_the_first() -> None:
 def test_the_compiled_mission_of_two_is_the_interpreted_one() -> None:
     experiment = build("failure=combined")
     whole = run_mission(experiment.scenario, middle_mission(experiment))
-    stepped = run_mission(experiment.scenario, middle_mission(experiment), prepare_interpreted)
+    stepped = run_mission(experiment.scenario, middle_mission(experiment), run_interpreted)
     assert repr(whole[0]) == repr(stepped[0])
     assert whole[1].tobytes() == stepped[1].tobytes()
 

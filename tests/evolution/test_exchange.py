@@ -20,9 +20,15 @@ from evoros.evolution.experiment import Experiment
 from evoros.evolution.scores import Opposition
 from evoros.failure.adversarial import AdversarialFailure
 from evoros.failure.exhaustive import ExhaustiveFailure
-from evoros.failure.protocol import Case, Failure, Fault, SystematicFailure, make_faults
+from evoros.failure.protocol import (
+    Case,
+    Failure,
+    Fault,
+    SystematicFailure,
+    draw_faults,
+    make_faults,
+)
 from evoros.mission.mission import Mission
-from evoros.mission.participant import describe_sensors, draw_faults
 from evoros.mission.plan import POLICIES, Plan
 from evoros.requirement.bets import count_to_proof
 from evoros.robot.model import Robot
@@ -64,9 +70,11 @@ def score_missions(failure: Failure) -> Score:
 
     def score(mission: Mission) -> float:
         if mission.conditions not in known:
-            faults = draw_faults(
-                failure, robot, lambda part: generator(mission.draws, part), mission.case
-            )
+            rng = generator(mission.draws, "failure")
+            if mission.case is None:
+                faults = draw_faults(failure, robot.describe_sensors(), rng)
+            else:
+                faults = make_faults(failure, mission.case, len(robot.mounts))
             known[mission.conditions] = rate(faults)
         return known[mission.conditions]
 
@@ -75,11 +83,11 @@ def score_missions(failure: Failure) -> Score:
 
 def draw_model(failure: Failure) -> list[float]:
     """The ratings of all cases of a model, or of many independent draws."""
-    channels = describe_sensors(find_robot()[1])
+    channels = find_robot()[1].describe_sensors()
     if isinstance(failure, SystematicFailure):
         every = range(failure.count_cases(channels.size))
         cases = [failure.state_case(channels.size, number) for number in every]
-        return [rate(make_faults(case, failure.effect, channels.size)) for case in cases]
+        return [rate(make_faults(failure, case, channels.size)) for case in cases]
     return [rate(failure.draw(channels, generator(f"{i}", "model"))) for i in range(DRAWS)]
 
 

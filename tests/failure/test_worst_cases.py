@@ -66,7 +66,7 @@ def test_a_case_is_repeated_by_stating_it() -> None:
 def test_a_draw_chooses_a_case_uniformly() -> None:
     failure, count = ExhaustiveFailure(most=2, times_s=(0.0, 5.0)), 3
     total = failure.count_cases(count)
-    cases = [make_faults(failure.state_case(count, i), failure.effect, count) for i in range(total)]
+    cases = [make_faults(failure, failure.state_case(count, i), count) for i in range(total)]
     draws = (
         failure.draw(channels(count), generator(f"{i}", "failure")) for i in range(200 * total)
     )

@@ -177,7 +177,7 @@ def test_missions_with_odd_rules_have_no_kernel(rule: Callable[..., None], reaso
 
 def test_so_have_missions_in_a_live_engine() -> None:
     experiment = experiment_of("simulator=physics")
-    with pytest.raises(NoKernel, match="their simulator or a controller is not compiled"):
+    with pytest.raises(NoKernel, match="the simulator or a controller cannot be compiled"):
         run(batcher(), experiment, missions(experiment, 1))
 
 

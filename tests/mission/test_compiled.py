@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from helpers import ROOT, content
-from mission_cases import COMBINATIONS, experiment_of, missions, prepare_interpreted, same
+from mission_cases import COMBINATIONS, experiment_of, missions, run_interpreted, same, watch
 from numpy.random import Generator
 
 from evoros.base.arrays import NO_VALUES, Array
@@ -30,8 +30,7 @@ from evoros.controller.protocol import Estimator, Layer
 from evoros.evolution.experiment import Experiment
 from evoros.files.resources import PACKAGE
 from evoros.filter.protocol import FILTER_ARGUMENTS, Channels, Filter
-from evoros.mission.compiled_loop import _compile_loop, prepare
-from evoros.mission.inputs import LoopInputs
+from evoros.mission.compiled_loop import _compile_loop
 from evoros.mission.loop import run_loop
 from evoros.mission.rollout import run_mission
 from evoros.preflight.preflight import preflight
@@ -48,7 +47,7 @@ def test_the_compiled_mission_is_the_interpreted_one(overrides: list[str]) -> No
     experiment = experiment_of(*overrides)
     for mission in missions(experiment, 1):
         whole = run_mission(experiment.scenario, mission)
-        stepped = run_mission(experiment.scenario, mission, prepare_interpreted)
+        stepped = run_mission(experiment.scenario, mission, run_interpreted)
         assert same(whole, stepped)
 
 
@@ -59,7 +58,7 @@ def test_one_compiled_loop_serves_any_number_of_robots_and_filters() -> None:
         experiment = experiment_of(*overrides, "course.time_limit_s=3")
         mission = missions(experiment, 1)[0]
         whole = run_mission(experiment.scenario, mission)
-        assert same(whole, run_mission(experiment.scenario, mission, prepare_interpreted))
+        assert same(whole, run_mission(experiment.scenario, mission, run_interpreted))
     assert _compile_loop() is before
     assert _compile_loop.cache_info().currsize == 1
 
@@ -79,24 +78,15 @@ def test_bodies_of_all_kinds_and_bumps_are_compiled_alike() -> None:
     for mission in missions(experiment, 2):
         whole = run_mission(experiment.scenario, mission)
         bumps += whole[0][0].collisions
-        assert same(whole, run_mission(experiment.scenario, mission, prepare_interpreted))
+        assert same(whole, run_mission(experiment.scenario, mission, run_interpreted))
     assert bumps > 0
-
-
-def watched(prepare: Callable[[LoopInputs], Any], seen: list[Any]) -> Callable[[LoopInputs], Any]:
-    def choose(parts: LoopInputs) -> Any:
-        chosen = prepare(parts)
-        seen.append(chosen)
-        return chosen
-
-    return choose
 
 
 def test_bundled_parts_are_compiled_from_start_to_end() -> None:
     seen: list[Any] = []
     for overrides in COMBINATIONS:
         experiment = experiment_of(*overrides)
-        run_mission(experiment.scenario, missions(experiment, 1)[0], watched(prepare, seen))
+        run_mission(experiment.scenario, missions(experiment, 1)[0], watch(seen))
     loops = [loop for loop, _ in seen]
     assert run_loop not in loops
     for _, parts in seen:
@@ -187,8 +177,8 @@ def test_a_plain_python_rule_works_and_is_named(
     assert "slower" in line
     for mission in missions(compilable, 1):
         seen: list[Any] = []
-        one = run_mission(compilable.scenario, mission, watched(prepare, seen))
-        other = run_mission(interpreted.scenario, mission, watched(prepare, seen))
+        one = run_mission(compilable.scenario, mission, watch(seen))
+        other = run_mission(interpreted.scenario, mission, watch(seen))
         assert same(one, other)
         assert seen[0][0] is not run_loop
         assert seen[1][0] is run_loop

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mission_cases import prepare_interpreted
+from mission_cases import run_interpreted
 
 from evoros.base.arrays import YAW
 from evoros.base.errors import InputError
@@ -32,8 +32,8 @@ from evoros.filter.pose_jump import PoseJump
 from evoros.filter.protocol import Filter
 from evoros.filter.silence import Silence
 from evoros.filter.stuck import Stuck
-from evoros.mission.compiled_loop import prepare
-from evoros.mission.inputs import Prepare
+from evoros.mission.compiled_loop import run_call
+from evoros.mission.inputs import Run
 from evoros.mission.mission import AT_X, AT_Y, STEER, TIME, VISITED, Mission
 from evoros.mission.rollout import open_mission, run_mission
 from evoros.mission.scenario import Scenario
@@ -86,14 +86,14 @@ def test_parts_have_the_bits_of_the_whole(parts: list[int]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("simulator", "loop"), [("physics", prepare), ("planar", prepare_interpreted)]
+    ("simulator", "loop"), [("physics", run_call), ("planar", run_interpreted)]
 )
-def test_parts_of_any_loop_have_the_bits_of_the_whole(simulator: str, loop: Prepare) -> None:
+def test_parts_of_any_loop_have_the_bits_of_the_whole(simulator: str, loop: Run) -> None:
     scenario, mission = flight_of(f"simulator={simulator}", "course.time_limit_s=3")
     _, whole = run_mission(scenario, mission)
-    with open_mission(scenario, mission, loop) as flown:
+    with open_mission(scenario, mission) as flown:
         while not flown.is_over:
-            flown.run(7)
+            flown.run(7, loop)
         assert flown.trajectory.tobytes() == whole.tobytes()
 
 
@@ -150,17 +150,17 @@ def test_a_command_from_outside_holds_until_the_next_decision() -> None:
         assert flown.trajectory[20, STEER] == decided  # the controller's again
 
 
-@pytest.mark.parametrize("loop", [prepare, prepare_interpreted])
+@pytest.mark.parametrize("loop", [run_call, run_interpreted])
 @pytest.mark.parametrize("part", [*PARTS])
 def test_a_part_that_fails_on_the_way_fails_as_if_it_was_stated_before(
-    part: str, loop: Prepare
+    part: str, loop: Run
 ) -> None:
     scenario, mission = flight_of("robot=two_wheeler", "course.time_limit_s=20")
-    with open_mission(scenario, mission, loop) as flown:
-        flown.run(48)
+    with open_mission(scenario, mission) as flown:
+        flown.run(48, loop)
         (fault,) = flown.add_failure(PartFailure(part, 1.0, TimeOnset(0.0, 0.0), PARTS[part]))
         assert flown.fails_parts
-        flown.run()
+        flown.run(run=loop)
         later, rows = flown.outcomes(), flown.trajectory.copy()
     onset = float(fault.onset[0])
     assert onset == pytest.approx(4.8)

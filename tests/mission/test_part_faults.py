@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fault_cases import NOW, configured, first_mission, fly, measure_circle
-from mission_cases import prepare_interpreted
+from mission_cases import run_interpreted
 from rigid_cases import ENGINES, Rigid
 from world_cases import GROUND, square, world_of
 
@@ -319,7 +319,7 @@ def test_the_compiled_mission_is_the_interpreted_one(overrides: list[str]) -> No
     experiment = compose(["simulator=planar", "course.time_limit_s=4", *overrides]).build()
     mission = first_mission(experiment)
     outcomes, track = run_mission(experiment.scenario, mission)
-    again, track_again = run_mission(experiment.scenario, mission, prepare_interpreted)
+    again, track_again = run_mission(experiment.scenario, mission, run_interpreted)
     assert repr(outcomes) == repr(again)
     assert track.tobytes() == track_again.tobytes()
     if "combined" not in overrides[0]:

@@ -17,7 +17,6 @@ from evoros.failure.random import RandomFailure
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import Channels, Filter
 from evoros.filter.silence import Silence
-from evoros.mission.participant import describe_sensors
 
 
 def failing(effect: Filter, count: int = 1) -> RandomFailure:
@@ -45,7 +44,7 @@ def heard(experiment: Experiment, failure: Failure, seconds: float = 3.0) -> Arr
     design = space.decode(np.full(space.size, 0.5))
     robot = experiment.robot.with_sensors(design.mounts, experiment.design.sensors)
     draws = partial(generator, "test")
-    faults = failure.draw(describe_sensors(robot), draws("failure"))
+    faults = failure.draw(robot.describe_sensors(), draws("failure"))
     raw, readings = np.full(len(robot.mounts), 2.0), np.zeros(len(robot.mounts))
     chain = start_chain(robot, faults, raw, readings, draws)
     rows = []

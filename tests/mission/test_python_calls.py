@@ -17,14 +17,14 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers import with_parts
-from mission_cases import prepare_interpreted
+from mission_cases import run_interpreted, watch
 
 from evoros.base.arrays import DRIVE_SPEED, SPEED, STEERING, YAW, Array
 from evoros.base.errors import PilotLost, SimulationError
 from evoros.config.compose import compose
 from evoros.controller.protocol import Briefing, LiveController
 from evoros.evolution.experiment import Experiment
-from evoros.mission.compiled_loop import prepare
+from evoros.mission.compiled_loop import run_call
 from evoros.mission.loop import run_loop
 from evoros.mission.mission import SIMULATION_FAILURE, Mission
 from evoros.mission.rollout import run_mission
@@ -93,13 +93,8 @@ def test_a_mission_has_the_bits_of_the_interpreted_one(engine: str) -> None:
     experiment = experiment_of(f"simulator={engine}")
     mission = first_mission(experiment)
     loops: list[Any] = []
-
-    def watch(inputs: Any) -> Any:
-        loops.append(prepare(inputs))
-        return loops[-1]
-
-    (outcome,), whole = run_mission(experiment.scenario, mission, watch)
-    (stepped,), track = run_mission(experiment.scenario, mission, prepare_interpreted)
+    (outcome,), whole = run_mission(experiment.scenario, mission, watch(loops))
+    (stepped,), track = run_mission(experiment.scenario, mission, run_interpreted)
     assert loops[0][0] is not run_loop
     assert repr(outcome) == repr(stepped)
     assert whole.tobytes() == track.tobytes()
@@ -111,7 +106,7 @@ def test_an_error_of_the_engine_ends_the_mission_as_in_the_interpreted_loop(
     call: str, count: int
 ) -> None:
     said = []
-    for loop in (prepare, prepare_interpreted):
+    for loop in (run_call, run_interpreted):
         wreck = Wreck(call, count)
         scenario, mission = with_engine(wreck)
         (outcome,), rows = run_mission(scenario, mission, loop)
@@ -162,14 +157,9 @@ class Swerving(LiveController):
 def test_a_live_controller_drives_compiled_missions_as_interpreted_ones(simulator: str) -> None:
     experiment = experiment_of(f"simulator={simulator}")
     scenario = with_parts(experiment.scenario, controller=Swerving())
-    mission, loops = first_mission(experiment), []
-
-    def watch(inputs: Any) -> Any:
-        loops.append(prepare(inputs))
-        return loops[-1]
-
-    (outcome,), whole = run_mission(scenario, mission, watch)
-    (stepped,), track = run_mission(scenario, mission, prepare_interpreted)
+    mission, loops = first_mission(experiment), list[Any]()
+    (outcome,), whole = run_mission(scenario, mission, watch(loops))
+    (stepped,), track = run_mission(scenario, mission, run_interpreted)
     assert loops[0][0] is not run_loop
     assert set(whole[:, 6].tolist()) == {0.0, 1.0, 2.0}
     assert repr(outcome) == repr(stepped)

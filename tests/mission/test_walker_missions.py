@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mission_cases import prepare_interpreted
+from mission_cases import run_interpreted
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
@@ -58,7 +58,7 @@ def select(experiment: Experiment, track: Array, ending: str) -> Array:
 def test_a_mission_has_the_same_bits_again_and_interpreted() -> None:
     experiment = build("walkers.people.stops_for_robots=true", "course.time_limit_s=12")
     first, again = run(experiment), run(experiment)
-    stepped = run(experiment, prepare_interpreted)
+    stepped = run(experiment, run_interpreted)
     for outcomes, track in (again, stepped):
         assert repr(outcomes) == repr(first[0])
         assert track.tobytes() == first[1].tobytes()

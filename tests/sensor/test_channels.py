@@ -22,7 +22,6 @@ from evoros.controller.protocol import Briefing
 from evoros.controller.weighted_voting import WeightedVoting
 from evoros.failure.random import RandomFailure
 from evoros.filter.protocol import Filter
-from evoros.mission.participant import describe_sensors
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import (
     Channel,
@@ -130,7 +129,7 @@ def test_a_failure_silences_all_channels_of_a_sensor_and_no_other() -> None:
     hit = set()
     for seed in range(20):
         failure = RandomFailure(1, 0.0, 1.0)
-        faults = failure.draw(describe_sensors(robot), generator(f"{seed}", "failure"))
+        faults = failure.draw(robot.describe_sensors(), generator(f"{seed}", "failure"))
         assert len(faults[0].onset) == 3
         ranges, readings = np.arange(1.0, 8.0), np.zeros(7)
         for stage in start_chain(robot, faults, ranges, readings, draws):

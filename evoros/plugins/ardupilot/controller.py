@@ -19,7 +19,7 @@ from evoros.base.arrays import COMMAND_SIZE, DRIVE_SPEED, STEERING, Array
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.bridge.process import OutsideProcess, start_process
-from evoros.compilation.named_rules import bind, start_part
+from evoros.compilation.named_rules import start_rule
 from evoros.compilation.rules import LAYER, compile_if_possible
 from evoros.controller import ardupilot_parameters
 from evoros.controller.protocol import LAYER_ARGUMENTS, Briefing, Pilot
@@ -71,8 +71,8 @@ class ArduPilotPilot:
         self._avoid_every = round(settings.avoidance_period_s / settings.period_s)
         rng = generator(str(briefing.seed), "avoidance")
         avoidance = settings.avoidance
-        started = start_part(avoidance.start, robot, settings.avoidance_period_s, rng)
-        bound = bind(avoidance.rule, LAYER_ARGUMENTS, started)
+        period = settings.avoidance_period_s
+        bound = start_rule(avoidance.rule, LAYER_ARGUMENTS, avoidance.start, robot, period, rng)
         self._rule = bound._replace(rule=compile_if_possible(bound.rule, LAYER))
         self._wish = np.zeros(COMMAND_SIZE)
         self._radio = (RELEASED, RELEASED)
