@@ -56,7 +56,7 @@ class Certificate:
     precision_trials: int | None
     worlds: Mapping[str, Rate]
     rivals: Sequence[Rival]
-    # The upper bound of any rival's advantage at the confidence; NaN if unknown.
+    # Upper bound on any rival's advantage at this confidence; NaN if unknown.
     rival_advantage: float
     finalists: Sequence[Finalist]  # best first; empty without a final choice
     # Completion rates of missions with a failed part other than a sensor, by part and effect, for
@@ -86,7 +86,7 @@ class Certificate:
 
 
 def _nulls(value: Any) -> Any:
-    """Replace NaN by None, because JSON has no NaN."""
+    """Replace NaN with None, because JSON has no NaN."""
     if isinstance(value, dict):
         return {key: _nulls(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -1,10 +1,10 @@
 """Confidence intervals of a rate, of the difference between two rates, and of bounded scores.
 
-Student's interval over five trials without a failure is much too narrow, because their spread does
-not reveal future failures. The interval of a mean adds the minimum score to the observed scores for
-its lower end, and the maximum score for its upper end. The scores are weighted by random weights
-(n + 1,) that sum to 1 (uniform Dirichlet distribution). The ends are quantiles of the weighted
-mean.
+Student's interval over five trials without a failure is much too narrow, because the spread of
+such scores does not reveal future failures. The interval of a mean adds the minimum score to the
+observed scores for its lower end, and the maximum score for its upper end. The scores are weighted
+by random weights (n + 1,) that sum to 1 (uniform Dirichlet distribution). The ends are quantiles of
+the weighted mean.
 
 Source: Gaffke, Three test statistics for a nonparametric one-sided hypothesis on the mean of a
 nonnegative variable, Mathematical Methods of Statistics 14, 2005; Learned-Miller and Thomas, A new

@@ -1,6 +1,6 @@
 """Compose configurations from ``conf/``, the user's folder and overrides.
 
-No part is built here. All errors are InputErrors of one line (``messages.py``).
+No part is built here. All errors are one-line InputErrors (``messages.py``).
 """
 
 import copyreg

@@ -11,7 +11,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from hydra._internal.callbacks import Callbacks  # HydraContext, which is public, needs one
+from hydra._internal.callbacks import Callbacks  # needed by HydraContext, which is public
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.plugins import Plugins

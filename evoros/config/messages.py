@@ -119,7 +119,7 @@ def find_unresolved(config: DictConfig | ListConfig, above: str = "") -> str:
 
 
 def _keyed(key: str, message: str) -> str:
-    """Replace ``Class.field: ...`` in a message by the dotted key of the field below ``key``."""
+    """Replace ``Class.field: ...`` in a message with the dotted key of the field below ``key``."""
     field = re.match(r"[A-Z]\w*\.(\w+): ", message)
     if field:
         rest = message[field.end() :]

@@ -83,7 +83,7 @@ def register_resolver(name: str, resolver: Any) -> None:
 
 
 def _settle(config: DictConfig) -> None:
-    """Replace references by values, beginning with references that do not contain ``${key}``."""
+    """Replace references with values, starting with references that do not contain ``${key}``."""
     raw = OmegaConf.to_container(config, resolve=False)
     places = sorted(_list_places(config, raw), key=lambda place: bool(_KEY.search(place[3])))
     secrets: list[_Place] = []

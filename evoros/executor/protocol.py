@@ -115,14 +115,14 @@ KEPT = 16
 """Maximum number of shared contents cached in a process; the longest unused is dropped first."""
 
 MISSING, RETURNED, RAISED, PILOT_LOST = range(4)
-"""Kinds of answers; after ``MISSING``, the call is repeated with its shared contents."""
+"""Kinds of ``Answer``; after ``MISSING``, the call is repeated with its shared contents."""
 
 
 @dataclass(frozen=True)
 class Shared:
     """Bytes that are an argument of many calls.
 
-    A direct argument is sent as a digest; the content goes only to a process that lacks it.
+    If passed directly, they are sent as a digest; the content goes only to a process that lacks it.
     """
 
     digest: bytes  # SHA-256, so that comparisons need 32 bytes and not megabytes

@@ -225,7 +225,7 @@ def report_drive(experiment: Experiment, pool: Pool) -> None:
         warnings = pool.submit(check_drive, experiment).result()
     except CancelledError:  # the pool was closed, because the run is interrupted
         raise
-    except Exception as error:  # any error of an engine or a user's simulator
+    except Exception as error:  # any error from an engine or a user's simulator
         warnings = [
             f"a short drive before the run failed ({single_line(error)}); missions may fail, too"
         ]

@@ -46,7 +46,7 @@ class Rest(NamedTuple):
     """The motion and posture of a robot that is commanded to stand."""
 
     drift_mps: float
-    sunk_m: float  # below the described height; 0 if unknown
+    sunk_m: float  # depth below the height in the description; 0 if unknown
     tilt_deg: float
 
 

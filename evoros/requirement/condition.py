@@ -14,7 +14,7 @@ PARTS = ("failure", "walkers", "simulator", "controller")
 class Condition:
     """A given case of failed sensors, or a part that replaces a part of the experiment.
 
-    Without either, missions run under the evaluation's own conditions.
+    Without either, missions are run under the evaluation's conditions.
     """
 
     case: Case | None = None  # the only failures
