@@ -4,13 +4,10 @@ import pytest
 from prose import RULES, Passage, list_breaches, list_passages
 
 REMAINING = {
-    "minimum or maximum": 1,
     "the number of": 1,
-    "a noun in place of that of, those of": 21,
-    "its own": 4,
-    "plain adverbs": 1,
-    "next to": 3,
-    "one whose in a sentence": 1,
+    "a noun in place of that of, those of": 4,
+    "its own": 1,
+    "next to": 1,
 }
 """Passages that still break a rule. A number may only fall; a rule without one has no breaches."""
 
