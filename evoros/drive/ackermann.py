@@ -34,11 +34,12 @@ MAX_DEFAULT_STEERING_RAD = 0.8  # even if the joints state wider limits
 @dataclass(frozen=True)
 @checked
 class Ackermann:
-    """All axles meet in the instant centre of rotation, about which every wheel rolls.
+    """A drive in which every wheel rolls about the point where the lines of all axles meet.
 
-    The centre lies on the line of the fixed axle, ``wheelbase / tan(steering)`` to the left of its
-    middle, where ``steering`` is the bicycle model's angle. Each wheel stands perpendicular to its
-    line to the centre, and its speed is proportional to its distance from the centre.
+    This instant centre of rotation lies on the line of the fixed axle, ``wheelbase /
+    tan(steering)`` to the left of the axle's middle, where ``steering`` is the bicycle model's
+    angle. Each wheel is perpendicular to its line to the centre, and its speed is proportional to
+    its distance from the centre.
     """
 
     speed_limit_offset_m: ClassVar[float] = 0.0  # the limit applies to the middle of the fixed axle
@@ -51,19 +52,19 @@ class Ackermann:
     fixed_track_m: Annotated[float, POSITIVE]
     steered_radius_m: Annotated[float, POSITIVE]
     fixed_radius_m: Annotated[float, POSITIVE]
-    rear_axle_x_m: Annotated[float, NUMBER]  # x of the fixed axle, plus ``slide_m``
+    rear_axle_x_m: Annotated[float, NUMBER]  # x of the turning point: the fixed axle, plus slide_m
     steering_stop_rad: Annotated[float, POSITIVE]  # mechanical limit of the steering joints
     steering_limit_rad: Annotated[float, ANGLE]  # permitted angle of each steering joint
     max_speed_mps: Annotated[float, POSITIVE]  # speed limit of the middle of the fixed axle
     caster_links: tuple[str, ...] = ()
     slide_m: Annotated[float, NUMBER] = 0.0
     """Distance from the fixed axle forward to the turning point, which moves along the heading.
-    Rolling wheels do not slide, so only the planar simulator uses it."""
-    steers_rear: bool = False  # forklifts: the rear wheels turn right in a left turn
+    Only the planar simulator uses it, because wheels that roll in an engine do not slide."""
+    steers_rear: bool = False  # as on forklifts: the rear wheels turn right in a left turn
 
     def __post_init__(self) -> None:
         if self.steering_limit_rad > self.steering_stop_rad:
-            rule = f"must be at most {self.steering_stop_rad:g}, the stop of the steering joints"
+            rule = f"must be at most {self.steering_stop_rad:g}, where the steering joints stop"
             raise invalid(self, "steering_limit_rad", self.steering_limit_rad, rule)
 
     @cached_property
@@ -77,9 +78,9 @@ class Ackermann:
         """Return angles [rad] (left, right) and rates [rad/s] (steered left, right, fixed ...).
 
         ``speed`` [m/s] of the fixed axle's middle and ``steering`` [rad] of the bicycle model are
-        clipped to the limits. Using the curvature instead of the radius avoids a division by zero
-        straight ahead. In units of the radius, a steering axis is ``1 -+ kingpin`` to the side of
-        the centre of rotation and ``tangent`` ahead of it, or behind it.
+        clipped to the limits. The calculation uses the curvature instead of the radius to avoid a
+        division by zero straight ahead. In units of the radius, a steering axis is ``1 -+ kingpin``
+        to the side of the centre of rotation and ``tangent`` ahead of or behind the centre.
         """
         fastest, lock, limit = self.max_speed_mps, self.steering_limit, self.steering_limit_rad
         speed = min(max(speed, -fastest), fastest)
@@ -107,17 +108,17 @@ class Ackermann:
 @dataclass(frozen=True)
 @checked
 class AckermannDescription(DriveDescription):
-    """The joints of a robot that form an Ackermann drive, and its limits."""
+    """The joints of a robot that form an Ackermann drive, and the drive's limits."""
 
     steering_joints: Annotated[Sequence[str], PAIR]  # left, right: revolute, axis up
-    front_wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis to the left
-    rear_wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis to the left
+    front_wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis points left
+    rear_wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis points left
     steering_limit_rad: Annotated[float, ANGLE]  # limit of each steered wheel
     max_speed_mps: Annotated[float, POSITIVE]  # speed limit of the middle of the fixed axle
     caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction
     turning_x_m: Annotated[float | None, NUMBER] = None
     """x of the turning point, which moves along the heading; None: on the fixed axle.
-    A robot whose rear slides outwards turns about a point ahead of that axle."""
+    If the rear slides outwards in turns, this point is ahead of the fixed axle."""
 
     @property
     def wheel_joints(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -128,7 +129,7 @@ class AckermannDescription(DriveDescription):
     def recognise(
         cls, steered: Sequence[Pair], others: Sequence[Pair], given: Mapping[str, Any]
     ) -> Self | None:
-        """Return the drive formed by one steered axle and one fixed axle, or None."""
+        """Return the drive formed by one steered and one fixed axle, or None if there is none."""
         if not len(steered) == len(others) == 1:
             return None
         steering = [wheel.steering for wheel in steered[0] if wheel.steering is not None]
@@ -147,12 +148,14 @@ class AckermannDescription(DriveDescription):
         return cls.build(found, given)
 
     def fit(self, urdf: Urdf) -> Ackermann:
-        """Return the drive with the wheelbase, tracks, radii and stops of this robot."""
+        """Return the drive, with the wheelbase, tracks, radii and stops of a robot."""
         pairs = (self.front_wheel_joints, self.rear_wheel_joints)
         front, rear = axles = [(measure_axle(urdf, names), names) for names in pairs]
         if front[0].x <= rear[0].x:
-            places = f"x = {front[0].x:g} and {rear[0].x:g} m"
-            rule = f"front wheels must be ahead of the rear wheels, not at {places}"
+            places = (
+                f"the front wheels are at x = {front[0].x:g} m, the rear wheels at {rear[0].x:g} m"
+            )
+            rule = f"front wheels must be ahead of the rear wheels, but are {places}"
             raise urdf.error(rule, "swap robot.drive.front_wheel_joints and rear_wheel_joints")
         above = urdf.joints_above(urdf.joints[self.rear_wheel_joints[0]].child)
         steers_rear = any(joint.name in self.steering_joints for joint in above)
@@ -180,19 +183,21 @@ class AckermannDescription(DriveDescription):
         )
 
     def _steering(self, urdf: Urdf, wheels: Sequence[str], axle: Axle) -> tuple[float, float]:
-        """Return track [m] and stop [rad] of the joints that steer the wheels of an axle."""
+        """Return the track [m] of the joints that steer an axle's wheels, and their stop [rad]."""
         joints = [driven_joint(urdf, name, "revolute", UP) for name in self.steering_joints]
         for joint, name in zip(joints, wheels, strict=True):
             if joint not in urdf.joints_above(urdf.joints[name].child):
-                rule = f"joint {name!r} must be steered by {joint.name!r}"
-                raise urdf.error(rule, "swap the names or change its <parent>")
+                rule = f"wheel joint {name!r} must be below the steering joint {joint.name!r}"
+                raise urdf.error(rule, "swap the steering joints or correct the wheel's <parent>")
         places = [np.array(urdf.poses[joint.child].position) for joint in joints]
         stop = min(min(joint.upper, -joint.lower) for joint in joints)
         if stop <= 0:
-            raise urdf.error("steering joints must turn to both sides", "widen their <limit>")
+            raise urdf.error(
+                "steering joints must be able to turn both left and right", "widen their <limit>"
+            )
         x, track = place_axle(urdf, self.steering_joints, places, axle.radius)
         if abs(x - axle.x) > tolerated(axle.radius):
-            axes = f"at x = {axle.x:g} m with the axes at {x:g} m"
-            rule = f"steered wheels must be on their steering axes, not {axes}"
-            raise urdf.error(rule, "align the joints' <origin>")
+            axes = f"the wheels are at x = {axle.x:g} m, the axes at {x:g} m"
+            rule = f"steered wheels must be on their steering axes, but {axes}"
+            raise urdf.error(rule, "correct the joints' <origin>")
         return track, stop

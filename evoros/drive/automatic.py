@@ -1,4 +1,4 @@
-"""Detects the drive of a robot from its joints, their names and Gazebo plugins; refuses others."""
+"""Detects a robot's drive from its joints, names and Gazebo plugins; rejects unsupported drives."""
 
 import logging
 import math
@@ -38,16 +38,16 @@ _KINDS = {
 _PUSHING_PLUGIN = re.compile(r"planar_?move", re.IGNORECASE)
 _SIDEWAYS_PLUGIN = re.compile(r"planar_?move|mecanum|omni|holonomic", re.IGNORECASE)
 HOLD_STRAIGHT = "set robot.drive.kind={} to lock the steering and turn by wheel speed differences"
-_MIN_ROLLERS = 3  # minimum number of joints that turn on a wheel with rollers
+_MIN_ROLLERS = 3  # minimum number of turning joints on a wheel with rollers
 _DIAGONAL = (elementary.cos(math.radians(60.0)), elementary.cos(math.radians(30.0)))
-"""Cosine range between the axle of a mecanum wheel and <fdir1>."""
+"""Range of the cosine between a mecanum wheel's axle and <fdir1>."""
 
 
 def refuse_articulated(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
-    """Reject a machine that steers by turning a whole axle, or the frame above it.
+    """Reject a machine that steers by turning a whole axle, or the frame above the axle.
 
     Raises:
-        InputError: the machine steers so; the error names the joint and its wheels.
+        InputError: the machine steers in this way; the error names the joint and its wheels.
     """
     turned: dict[str, list[Candidate]] = {}
     for wheel in wheels:
@@ -58,11 +58,11 @@ def refuse_articulated(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
             continue
         pivot = urdf.poses[urdf.joints[name].child].position[0]
         far = min(abs(wheel.x - pivot) for wheel in carried) > carried[0].wheel.radius
-        kind = "an articulated machine, whose frame bends" if far else "steered by a whole axle"
+        kind = "bends its frame" if far else "steers a whole axle"
         names = ", ".join(wheel.joint.name for wheel in carried)
         raise urdf.error(
-            f"the robot is {kind} at {name!r}, which carries the wheels {names}, and no drive "
-            f"models this",
+            f"the robot {kind} at joint {name!r}, which turns the wheels {names} "
+            f"together; no drive models this",
             HOLD_STRAIGHT.format(_choose_kind(pair_up(wheels))),
         )
 
@@ -70,7 +70,7 @@ def refuse_articulated(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
 def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
     """Reject a robot whose wheels, rollers or controller also move it sideways.
 
-    A Gazebo plugin that pushes a robot on plain wheels sideways is only logged.
+    If a robot has plain wheels and only a Gazebo plugin pushes it sideways, this is just logged.
 
     Raises:
         InputError: the robot moves sideways; the error names the joints and an alternative drive.
@@ -82,16 +82,16 @@ def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
     plugin = _name_sideways_plugin(urdf.plugins)
     if not reason and plugin and (len(pairs) == 1 or (pairs and _PUSHING_PLUGIN.search(plugin))):
         _LOG.warning(
-            "%s: Gazebo's plugin %s also pushes it sideways, which missions never command",
+            "%s: the Gazebo plugin %s can also push the robot sideways; missions never command it",
             urdf.source,
             plugin,
         )
     elif reason or plugin:
         kind = _choose_kind(pairs)
         names = ", ".join(joint.name for joint in joints) or "none that turn"
-        reason = reason or f"Gazebo's plugin {plugin}"
+        reason = reason or f"Gazebo plugin {plugin}"
         raise urdf.error(
-            f"the robot also moves sideways ({reason}), which no drive does; wheels: {names}",
+            f"the robot also moves sideways ({reason}), which no drive models; wheels: {names}",
             f"set robot.drive.kind={kind} to drive it as if on plain wheels"
             if kind
             else "write a drive for it (docs/parts/drive.md)",
@@ -104,7 +104,7 @@ def refuse_facing_sideways(urdf: Urdf) -> None:
     wheels = [j for j in turning if is_called_wheel(j)]
     if len(wheels) > 1 and all(abs(urdf.axis_of(j)[FORWARD]) > NEARLY_ALIGNED for j in wheels):
         raise urdf.error(
-            f"the robot must face along x (REP 103), but these wheels roll along y: "
+            f"the robot must drive forward along x (REP 103), but these wheels roll along y: "
             f"{', '.join(joint.name for joint in wheels)}",
             f"attach its root link {urdf.root} to a new root by a fixed joint with "
             f'rpy="0 0 -1.5708" (or "0 0 1.5708" if it faces along -y)',
@@ -112,13 +112,13 @@ def refuse_facing_sideways(urdf: Urdf) -> None:
 
 
 def refuse_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
-    """Reject a robot with wheels whose joints do not point across it."""
+    """Reject a robot with wheels whose axes do not point across the robot."""
     joints = find_misaligned(urdf, wheels)
     if joints:
         pairs = pair_up([wheel for wheel in wheels if wheel.steering is None])
         kind = _choose_kind(pairs)
         rolled = _name_wheels([read_wheel(urdf, joint.name) for joint in joints] + [*wheels])
-        fixes = ["turn its <axis>", HOLD_STRAIGHT.format(kind) if kind else "", rolled]
+        fixes = ["correct the <axis>", HOLD_STRAIGHT.format(kind) if kind else "", rolled]
         raise misaligned_error(urdf, joints, ", or ".join(filter(None, fixes)))
 
 
@@ -128,40 +128,40 @@ def _name_wheels(wheels: Sequence[Candidate]) -> str:
         f"'robot.drive.{side}_wheel_joints=[{','.join(wheel.joint.name for wheel in named)}]'"
         for side, named in zip(("left", "right"), sides, strict=False)
     ]
-    return f"let them roll about the left (y) with {' '.join(words)}" if words else ""
+    return f"let them roll about the lateral axis (y) with {' '.join(words)}" if words else ""
 
 
 def misaligned_error(urdf: Urdf, joints: Sequence[Joint], fix: str) -> InputError:
-    """Create the error for wheels whose joints do not point across the robot."""
+    """Create the error for wheels whose axes do not point across the robot."""
     names = ", ".join(joint.name for joint in joints)
     if all(abs(float(urdf.axis_of(joint)[UP])) > NEARLY_ALIGNED for joint in joints):
-        problem = "a joint about the vertical steers its wheel instead of rolling it"
-        return urdf.error(f"{problem}: {names}", f"attach it to another joint below; {fix}")
+        problem = "joints with a vertical axis steer their wheels instead of rolling them"
+        return urdf.error(f"{problem}: {names}", f"add a joint below for each wheel; {fix}")
     cosines = [min(abs(float(urdf.axis_of(joint)[LEFT])), 1.0) for joint in joints]
     angles = ", ".join(f"{math.degrees(elementary.acos(cosine)):.0f}" for cosine in cosines)
-    rule = f"the axis of a wheel must point to the left (y), not {angles} deg away: {names}"
-    hint = "a wheel that steers needs the drive ackermann, and no drive has omni wheels"
+    rule = f"wheel axes must point left (y), but deviate by {angles} deg: {names}"
+    hint = "steered wheels need the drive ackermann; no drive supports omni wheels"
     return urdf.error(rule, f"{fix} ({hint})")
 
 
 def _find_rollers(urdf: Urdf, joint: Joint) -> str:
-    """Return the reason why a wheel has rollers; empty if it is a plain wheel."""
+    """Return why a wheel is known to have rollers; empty if it is a plain wheel."""
     group = urdf.rigid_group(joint.child)
     names = [joint.name, *group, *(mesh for link in group for mesh in urdf.meshes.get(link, ()))]
     for kind, pattern in _KINDS.items():
         named = next(filter(pattern.search, names), "")
         if named:
-            return f"{kind} wheels, as {named!r} says"
+            return f"{kind} wheels, according to the name {named!r}"
     rollers = [j for link in group for j in urdf.children_of(link) if j.type in TURNING]
     if len(rollers) >= _MIN_ROLLERS:
-        return f"wheels with rollers, of which {joint.child!r} has {len(rollers)}"
+        return f"wheels with rollers; {joint.child!r} has {len(rollers)}"
     return ""
 
 
 def find_diagonal(urdf: Urdf, wheels: Sequence[Candidate]) -> list[str]:
-    """Return the joints of wheels to which Gazebo gives roller-like friction at 45 deg.
+    """Return the joints of wheels whose friction in Gazebo is at 45 deg, as with rollers.
 
-    Some robots on plain wheels use it too, because they turn better with it in Gazebo.
+    Some robots with plain wheels use this setting too, because it makes them turn better in Gazebo.
     """
     joints = [wheel.joint for wheel in wheels]
     return [
@@ -203,20 +203,20 @@ DRIVES: Mapping[str, type[DriveDescription]] = {
     "differential": DifferentialDescription,
     "skid_steer": SkidSteerDescription,
 }
-"""The drives that can be recognised, by the value of ``kind``."""
+"""The drives that can be detected, by the value of ``kind``."""
 GIVEN = (
     *("max_speed_mps", "steering_limit_rad", "wheelbase_m", "caster_links"),
     *("wheel_separation_multiplier", "turning_resistance"),
 )
-"""Fields that the user may set; the drive uses them instead of the robot's values."""
+"""Fields that the user may set, in place of the values detected on the robot."""
 
 
 @dataclass(frozen=True)
 @checked
 class AutomaticDescription(DriveDescription):
-    """Detects wheels, steering joints and casters; values that are not null are used as given."""
+    """Detects wheels, steering joints and casters, except for values that the user gives."""
 
-    steering_joints = ()  # unknown until ``choose``, like the wheels
+    steering_joints = ()  # unknown until choose, as are the wheels
     wheel_joints = ()
     kind: Annotated[str, one_of("auto", *DRIVES)] = "auto"
     left_wheel_joints: Annotated[Sequence[str], JOINTS] = ()  # front to rear; empty: detected
@@ -229,11 +229,11 @@ class AutomaticDescription(DriveDescription):
     caster_links: Annotated[Sequence[str], LINKS] = ()
 
     def fit(self, urdf: Urdf) -> Drive:
-        """Return the drive detected on this robot."""
+        """Return the drive detected on a robot."""
         return self.choose(urdf).fit(urdf)
 
     def choose(self, urdf: Urdf) -> DriveDescription:
-        """Detect the joints and return the description of the drive that they form.
+        """Detect the joints, and return the description of the drive that they form.
 
         Raises:
             InputError: the drive is ambiguous or unknown; the error lists the candidates.
@@ -253,12 +253,12 @@ class AutomaticDescription(DriveDescription):
         return chosen
 
     def _find_pairs(self, urdf: Urdf) -> list[Pair]:
-        """Find pairs of drive wheels; reject machines that only look like this kind of drive."""
+        """Find pairs of drive wheels; reject machines that only look as if they fitted."""
         wheels = select_driven(urdf, find_candidates(urdf))
         fixed = pair_up([wheel for wheel in wheels if wheel.steering is None])
         if self.kind == "differential":
             return fixed
-        if self.kind == "skid_steer":  # all wheels are driven, and their steering is held
+        if self.kind == "skid_steer":  # all wheels are driven, and their steering is fixed
             return pair_up(wheels)
         refuse_misaligned(urdf, wheels)
         refuse_articulated(urdf, wheels)
@@ -276,9 +276,9 @@ class AutomaticDescription(DriveDescription):
 
     def _error(self, urdf: Urdf, steered: int, others: int) -> Exception:
         if steered > 1 or (steered and others > 1):
-            axles = f"it has {steered} steered and {others} other axles"
+            axles = f"the robot has {steered} steered and {others} other axles"
             return urdf.error(
-                f"no drive steers more than one of two axles (Ackermann), and {axles}",
+                f"drives with steering have one steered and one fixed axle, but {axles}",
                 HOLD_STRAIGHT.format("skid_steer"),
             )
         candidates = find_candidates(urdf)
@@ -286,7 +286,7 @@ class AutomaticDescription(DriveDescription):
             refuse_facing_sideways(urdf)
         names = ", ".join(wheel.joint.name for wheel in candidates) or "none"
         turning = [
-            f"{joint.name} (about the vertical)"
+            f"{joint.name} (vertical axis)"
             if abs(float(urdf.axis_of(joint)[UP])) > NEARLY_ALIGNED
             else joint.name
             for joint in urdf.joints.values()
@@ -294,12 +294,12 @@ class AutomaticDescription(DriveDescription):
         ]
         if not candidates and not turning:
             raise urdf.error(
-                "a drive must have wheels, but no joint turns and no round part is on the ground",
-                "add the links and joints of the wheels",
+                "no wheels found: no joint turns, and no round part is on the ground",
+                "add links and joints for the wheels",
             )
         wanted = "" if self.kind == "auto" else f" {self.kind}"
         return urdf.error(
-            f"the{wanted} drive must be clear from pairs of wheels on the ground; wheels found: "
+            f"no{wanted} drive could be detected from pairs of wheels on the ground; wheels found: "
             f"{names}; turning joints: {', '.join(turning) or 'none'}",
             "name the joints of all wheels, front to rear, with "
             "'robot.drive.left_wheel_joints=[LEFT]' 'robot.drive.right_wheel_joints=[RIGHT]'",
@@ -316,11 +316,11 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
     ]
     steering = f"; steering {', '.join(chosen.steering_joints)}" if chosen.steering_joints else ""
     drive = f"{kind}; wheels {', '.join(chosen.wheel_joints)}{steering}; {', '.join(limits)}"
-    _LOG.warning("%s: drive found: %s (keys of robot.drive)", urdf.source, drive)
+    _LOG.warning("%s: drive found: %s (set robot.drive to change it)", urdf.source, drive)
     diagonal = find_diagonal(urdf, wheels)
     if diagonal:
         _LOG.warning(
-            "%s: Gazebo rotates the friction of these wheels by 45 deg (<fdir1>), like mecanum "
+            "%s: friction of these wheels is rotated by 45 deg in Gazebo (<fdir1>), as for mecanum "
             "wheels; they are treated as plain wheels; set robot.drive if they have rollers: %s",
             urdf.source,
             ", ".join(diagonal),
@@ -328,7 +328,7 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
     driven = urdf.actuated - {*chosen.wheel_joints, *chosen.steering_joints}
     called = (joint for joint in urdf.joints.values() if is_called_wheel(joint))
     left_out = ", ".join(joint.name for joint in called if joint.name in driven)
-    if left_out:  # such as wheels in the air
+    if left_out:  # such as wheels that do not touch the ground
         _LOG.warning("%s: driven wheels are not part of the drive: %s", urdf.source, left_out)
     fixed = [wheel.joint.name for wheel in wheels if not wheel.turns]
     if fixed:

@@ -13,7 +13,7 @@ from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
 
 ALIGNED = elementary.cos(math.radians(5.0))
-"""Minimum cosine between two axes that count as the same."""
+"""Minimum cosine between two axes that count as parallel."""
 
 NEARLY_ALIGNED = elementary.cos(math.radians(20.0))
 """Minimum cosine between a wheel's axis and the robot's lateral axis."""
@@ -24,29 +24,29 @@ CASTER = re.compile(r"caster|castor|swivel|omni|ball", re.IGNORECASE)
 _OMNI = re.compile(r"omni", re.IGNORECASE)
 _DRIVE_PLUGIN = re.compile(r"diff|skid|acker|drive", re.IGNORECASE)
 _JOINT_TAG = re.compile(r"joint", re.IGNORECASE)
-_SEPARATOR = re.compile(r"[,\s]+")  # separator of joint names in a plugin
+_SEPARATOR = re.compile(r"[,\s]+")  # between joint names in a plugin
 _WHEEL = re.compile(r"wheel|whl|tire|tyre|hub(?!cap)", re.IGNORECASE)
 _STEERING = re.compile(r"steer|hinge|knuckle|kingpin|ackermann", re.IGNORECASE)
-MAX_LACK = 0.15  # maximum ``roundness`` of a part that may be a wheel
+MAX_LACK = 0.15  # maximum roundness (deviation from round) of a part that may be a wheel
 _MIN_RADIUS_M = 0.01
-DEFAULT_SPEED_MPS = 0.5  # if the wheels state no maximum rate
-MAX_DEFAULT_SPEED_MPS = 1.0  # even if the wheels state a higher rate
-DEFAULT_BICYCLE_STEERING_RAD = 0.9  # if nothing steers: a radius of 0.79 tracks
+DEFAULT_SPEED_MPS = 0.5  # if the wheels state no velocity limit
+MAX_DEFAULT_SPEED_MPS = 1.0  # even if the wheels state a higher velocity limit
+DEFAULT_BICYCLE_STEERING_RAD = 0.9  # if nothing steers; gives a turning radius of 0.79 tracks
 
 
 def read_wheel(urdf: Urdf, name: str) -> Candidate:
-    """Return the wheel on a joint that the user names."""
+    """Return the wheel on a joint that the user named."""
     joint = urdf.find_joint(name, *TURNING, "fixed")
     wheel = measure_link(urdf, joint.child)
     if wheel is None:
         problem = f"wheel {joint.child!r} must have a <collision> or a <visual>"
-        raise urdf.error(problem, "give it a cylinder for <collision>")
+        raise urdf.error(problem, "add a <collision> with a cylinder")
     above = list(urdf.joints_above(joint.child))
     return Candidate(joint, wheel, joint.type in TURNING, _find_steering(urdf, above[1:]))
 
 
 def _list_round(urdf: Urdf) -> Iterator[tuple[Joint, float, Wheel]]:
-    """Yield (joint, |cosine| of its axis to the lateral axis, wheel) of round non-casters."""
+    """Yield (joint, |cosine| of its axis and the lateral axis, wheel) of round non-casters."""
     for joint in urdf.joints.values():
         if not _is_caster(urdf, joint, list(urdf.joints_above(joint.child))):
             wheel = measure_link(urdf, joint.child)
@@ -75,8 +75,8 @@ def find_candidates(urdf: Urdf) -> list[Candidate]:
 def find_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> list[Joint]:
     """Return the joints of wheels on the ground that do not turn about the lateral axis.
 
-    A part counts as a wheel if it is named one or has the size of one. Spheres are left out,
-    because they roll about every axis.
+    A part counts as a wheel if it is named or sized like one. Spheres are left out because they can
+    roll about every axis.
     """
     ground = min((wheel.wheel.bottom for wheel in wheels), default=None)
     found: dict[Joint, Wheel] = {}
@@ -98,7 +98,7 @@ def is_called_wheel(joint: Joint) -> bool:
 
 
 def _is_caster(urdf: Urdf, joint: Joint, above: Sequence[Joint]) -> bool:
-    """Return True if a part or its carrier is named a caster, except driven omni wheels."""
+    """Return True if the part or a link above it has a caster's name; driven omni wheels pass."""
     driven = joint.name in urdf.actuated
     names = [name for j in above for name in (j.name, j.child)]
     return any(CASTER.search(_OMNI.sub("", name) if driven else name) for name in names)
@@ -124,7 +124,7 @@ def measure_link(urdf: Urdf, link: str) -> Wheel | None:
 
 
 def _find_steering(urdf: Urdf, above: Sequence[Joint]) -> Joint | None:
-    """Find the joint that steers a wheel: one about the vertical, or a fixed one named so."""
+    """Find the joint that steers a wheel: a vertical one, or a fixed one with a steering name."""
     for joint in above:
         if joint.type in TURNING and abs(float(urdf.axis_of(joint)[UP])) > ALIGNED:
             return joint
@@ -135,7 +135,7 @@ def _find_steering(urdf: Urdf, above: Sequence[Joint]) -> Joint | None:
 
 
 def _inside_another(urdf: Urdf, candidate: Candidate, others: Mapping[str, Candidate]) -> bool:
-    """Return True if another candidate is the wheel: the last turning or the first fixed joint."""
+    """Return True if the candidate belongs to another: a later turning or earlier fixed one."""
     above = list(urdf.joints_above(candidate.joint.child))[1:]
     for other in others.values():
         carried = other is not candidate and candidate.joint in urdf.joints_above(other.joint.child)
@@ -164,7 +164,7 @@ def _are_opposite(left: Candidate, right: Candidate) -> bool:
 
 
 def select_driven(urdf: Urdf, candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Select the wheels that a drive plugin names; otherwise the actuated or turning ones.
+    """Select the wheels that a drive plugin names, or else the actuated or turning ones.
 
     Steered wheels count as driven. Fixed wheels are included if the others form no drive.
     """
@@ -189,13 +189,13 @@ def select_driven(urdf: Urdf, candidates: Sequence[Candidate]) -> list[Candidate
 
 
 def default_speed(wheels: Sequence[Candidate]) -> float:
-    """Return the default maximum speed [m/s], which the slowest wheel determines."""
+    """Return the default maximum speed [m/s], set by the slowest wheel."""
     speed = min(wheel.joint.velocity * wheel.wheel.radius for wheel in wheels)
     return DEFAULT_SPEED_MPS if math.isinf(speed) else round(min(speed, MAX_DEFAULT_SPEED_MPS), 6)
 
 
 def default_bicycle(pairs: Sequence[Pair]) -> dict[str, float]:
-    """Return default limits and wheelbase of the bicycle model for a robot without steering."""
+    """Return the default limits and wheelbase of the bicycle model for a robot without steering."""
     left, right = pairs[0]
     return {
         "wheelbase_m": round(left.y - right.y, 6),

@@ -15,10 +15,11 @@ from evoros.formats.urdf.tree import Urdf
 @dataclass(frozen=True)
 @checked
 class Differential(SkidSteer):
-    """The robot turns about a point on the axle's line; casters carry the rest of it.
+    """A drive with two wheels on one axle; the robot turns about a point on the axle's line.
 
-    The wheels roll without slipping, so the track alone determines the turn. There is no physical
-    wheelbase; the bicycle model has one only to map steering angles to curvatures.
+    The wheels roll without slipping, so the track alone determines the turn. Casters carry the rest
+    of the robot. There is no physical wheelbase; the bicycle model has one only to map steering
+    angles to curvatures.
     """
 
     wheel_separation_multiplier: Annotated[float, POSITIVE] = 1.0
@@ -28,11 +29,11 @@ class Differential(SkidSteer):
 @dataclass(frozen=True)
 @checked
 class DifferentialDescription(DriveDescription):
-    """The joints and links of a robot that form a differential drive, and its limits."""
+    """The joints and links of a robot that form a differential drive, and the drive's limits."""
 
     steering_joints = ()  # nothing is steered
-    wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis to the left
-    caster_links: Annotated[Sequence[str], LINKS]  # slide on the ground without friction
+    wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis points left
+    caster_links: Annotated[Sequence[str], LINKS]  # links that slide on the ground without friction
     wheelbase_m: Annotated[float, POSITIVE]  # bicycle model: curvature = tan(steering) / wheelbase
     steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
     max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
@@ -41,14 +42,14 @@ class DifferentialDescription(DriveDescription):
     def recognise(
         cls, steered: Sequence[Pair], others: Sequence[Pair], given: Mapping[str, Any]
     ) -> Self | None:
-        """Return the drive formed by one axle that is not steered, or None."""
+        """Return the drive formed by a single unsteered axle, or None if there is none."""
         if steered or len(others) != 1:
             return None
         joints = tuple(wheel.joint.name for wheel in others[0])
         return cls.build({"wheel_joints": joints, **default_bicycle(others)}, given)
 
     def fit(self, urdf: Urdf) -> Differential:
-        """Return the drive with the track and radius of this robot."""
+        """Return the drive, with the track and radius of a robot."""
         axle = measure_axle(urdf, self.wheel_joints)
         for link in self.caster_links:
             check_caster(urdf, link, self.wheel_joints)

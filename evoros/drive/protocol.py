@@ -1,4 +1,4 @@
-"""The base class of drives, checks of wheels and casters, and the targets of their joints."""
+"""The base class of drives, checks for wheels and casters, and the targets of their joints."""
 
 import logging
 import math
@@ -30,9 +30,9 @@ class Drive(Protocol):
     def speed_limit_offset_m(self) -> float:
         """Lateral distance [m] from the turning point to the point that the speed limit applies to.
 
-        In a turn the speed of the turning point is at most
-        ``max_speed_mps / (1 + |curvature| * speed_limit_offset_m)``. The offset is 0 if the turning
-        point has the limit, and half the track if each of two wheels has one.
+        In a turn, the speed of the turning point is at most ``max_speed_mps / (1 + |curvature| *
+        speed_limit_offset_m)``. The offset is 0 if the limit applies to the turning point, and half
+        the track if it applies to each of two wheels.
         """
 
     @property
@@ -45,16 +45,13 @@ class Drive(Protocol):
 
     @property
     def turn_ratio(self) -> float:
-        """Actual curvature on level ground divided by the commanded one.
-
-        It is 1 unless the wheels slip in turns.
-        """
+        """Actual curvature on level ground divided by the commanded one; 1 if no wheel slips."""
 
     @property
     def rear_axle_x_m(self) -> float:
         """x [m] of the turning point, which moves along the robot's heading.
 
-        It is on the axle that is not steered, the rear one of most robots, unless that axle slides.
+        It is on the unsteered axle, the rear one of most robots, unless that axle slides.
         """
 
     @property
@@ -63,7 +60,7 @@ class Drive(Protocol):
 
     @property
     def wheel_joints(self) -> tuple[str, ...]:
-        """Joints controlled by velocity; their links touch the ground and nothing else.
+        """Joints controlled by velocity; their links touch only the ground.
 
         If ``speed_limit_offset_m`` is above 0, each side has a motor, and the first half of the
         joints is on the left.
@@ -78,7 +75,7 @@ class Drive(Protocol):
 
 
 class DriveDescription(ABC):
-    """Names the joints of a drive and sets its limits."""
+    """The joints that form a drive, and the drive's limits."""
 
     steering_joints: Sequence[str]
     """Steering joints; empty if nothing steers."""
@@ -91,10 +88,10 @@ class DriveDescription(ABC):
     def recognise(
         cls, steered: Sequence[Pair], others: Sequence[Pair], given: Mapping[str, Any]
     ) -> Self | None:
-        """Return the drive that pairs of wheels form; None, the default, if they form none.
+        """Return the drive that pairs of wheels form, or None (the default) if they form none.
 
-        Both lists of pairs are ordered from front to rear. ``given`` has the fields that the user
-        sets.
+        The pairs in each list are ordered from front to rear. ``given`` holds the fields that the
+        user set.
         """
         return None
 
@@ -106,7 +103,7 @@ class DriveDescription(ABC):
 
     @abstractmethod
     def fit(self, urdf: Urdf) -> Drive:
-        """Return the drive bound to this robot.
+        """Return the drive bound to a robot.
 
         Raises:
             InputError: a joint is missing or does not fit this drive.
@@ -125,7 +122,7 @@ TOLERATED_SKEW = 0.02
 """Maximum misalignment of an axle's wheels, as a fraction of its track."""
 
 CASTER_GAP_M = 12e-3
-"""Maximum distance [m] of a caster's lowest point from the ground."""
+"""Maximum distance [m] between a caster's lowest point and the ground."""
 
 FORWARD, LEFT, UP = range(3)
 
@@ -151,38 +148,38 @@ def _names(minimum: int, maximum: float, text: str) -> Rule:
     )
 
 
-PAIR = _names(2, 2, "a list of the names of two joints, left and right")
-SIDE = _names(2, math.inf, "a list of the names of two or more joints")
-JOINTS = _names(0, math.inf, "a list of the names of joints")
-LINKS = _names(0, math.inf, "a list of the names of links")
+PAIR = _names(2, 2, "a list of two joint names, left and right")
+SIDE = _names(2, math.inf, "a list of two or more joint names")
+JOINTS = _names(0, math.inf, "a list of joint names")
+LINKS = _names(0, math.inf, "a list of link names")
 
 
 def tolerated(radius: float) -> float:
-    """Return the maximum deviation [m] of a wheel's position, from its radius [m]."""
+    """Return the maximum deviation [m] of a wheel's position, given its radius [m]."""
     return max(TOLERATED_M, TOLERATED_SHARE * radius)
 
 
 def reach(radius: float) -> float:
-    """Return the maximum gap [m] between the ground and a wheel that stands on it."""
+    """Return the maximum gap [m] below a wheel that counts as standing on the ground."""
     return max(CASTER_GAP_M, 2.0 * tolerated(radius))
 
 
 def tell_offset(urdf: Urdf, offset: float, what: str) -> None:
-    """Warn of an offset [m] that exceeds rounding and is kept."""
+    """Warn about an offset [m] that is larger than rounding errors but accepted."""
     if abs(offset) > TOLERANCE_M:
-        _LOG.warning("%s: %s by %.1f mm, which is kept", urdf.source, what, 1e3 * offset)
+        _LOG.warning("%s: %s by %.1f mm; this is not corrected", urdf.source, what, 1e3 * offset)
 
 
 def driven_joint(urdf: Urdf, name: str, kind: str, axis: int) -> Joint:
-    """Return a joint that can be driven, about the robot's axis FORWARD, LEFT or UP."""
+    """Return a joint that can be driven about the robot's axis FORWARD, LEFT or UP."""
     joint = urdf.find_joint(name, kind)
     if math.isinf(joint.effort):
-        fix = 'give it <limit effort="..." velocity="..."/>'
+        fix = 'add <limit effort="..." velocity="..."/>'
         raise urdf.error(f"joint {name!r} must have an effort limit above 0", fix)
     if urdf.axis_of(joint)[axis] < 1.0 - 1e-6:
-        direction = ("forward (x)", "to the left (y)", "up (z)")[axis]
+        direction = ("forward (x)", "left (y)", "up (z)")[axis]
         fix = "turn its <axis> or its <origin>"
-        raise urdf.error(f"joint {name!r} must have its axis point {direction}", fix)
+        raise urdf.error(f"the axis of joint {name!r} must point {direction}", fix)
     return joint
 
 
@@ -192,16 +189,19 @@ def wheel(urdf: Urdf, name: str) -> tuple[Array, float]:
     shapes = urdf.shapes[link]
     if len(shapes) != 1 or shapes[0].kind not in ("cylinder", "sphere"):
         rule = f"wheel {link!r} must have one collision shape, a cylinder or a sphere"
-        raise urdf.error(rule, "give it such a <collision>")
+        raise urdf.error(rule, "replace its <collision> elements by one of these")
     pose, radius = urdf.poses[link] @ shapes[0].pose, shapes[0].size[0]
     if shapes[0].kind == "cylinder" and abs(pose.rotation[LEFT, 2]) < 1.0 - 1e-6:
         fix = 'turn its <origin>, for example by rpy="1.5707963 0 0"'
-        raise urdf.error(f"wheel {link!r} must have its cylinder along the joint's axis", fix)
+        raise urdf.error(f"the cylinder of wheel {link!r} must lie along the joint's axis", fix)
     axle, center = urdf.poses[link].position, pose.position
     if abs(center[0] - axle[0]) + abs(center[2] - axle[2]) > tolerated(radius):
-        raise urdf.error(f"wheel {link!r} must be centred on its joint", "move its <origin> there")
+        raise urdf.error(
+            f"wheel {link!r} must be centred on its joint",
+            "move its <origin> onto the joint's axis",
+        )
     if abs(center[2] - radius) > reach(radius):
-        rule = f"wheel {link!r} must touch the ground, which is at the height 0 of {urdf.root!r}"
+        rule = f"wheel {link!r} must touch the ground, which is at z = 0 of {urdf.root!r}"
         heights = f"its centre is at {center[2]:g} m, its radius {radius:g} m"
         raise urdf.error(f"{rule}, but {heights}", "change the z of its joints' <origin>")
     tell_offset(urdf, center[2] - radius, f"wheel {link!r} is above the ground")
@@ -226,8 +226,8 @@ def measure_axle(urdf: Urdf, names: Sequence[str]) -> Axle:
     radius = math.fsum(radii) / len(radii)
     if max(radii) - min(radii) > tolerated(radius):
         sizes = " and ".join(f"{radius:g}" for radius in radii)
-        axle = f"wheels of an axle must have equal radii, not {sizes} m ({' and '.join(names)})"
-        raise urdf.error(axle, "give both <collision> shapes one radius")
+        axle = f"the wheels of an axle must have equal radii, not {sizes} m ({' and '.join(names)})"
+        raise urdf.error(axle, "give both <collision> shapes the same radius")
     tell_offset(urdf, max(radii) - min(radii), "the radii of the wheels of an axle differ")
     return Axle(*place_axle(urdf, names, centres, radius), radius)
 
@@ -238,18 +238,20 @@ def place_axle(
     """Return x [m] and track [m] of two positions, left then right, opposite each other.
 
     Raises:
-        InputError: the positions of the joints ``names`` are not opposite, within a tolerance that
-            the wheels' ``radius`` [m] sets.
+        InputError: the positions of the joints ``names`` are not opposite each other, within a
+            tolerance that depends on the wheels' ``radius`` [m].
     """
     (left_x, left_y, _), (right_x, right_y, _) = (place.tolist() for place in places)
     if left_y <= right_y:
-        raise urdf.error(f"joint {names[0]!r} must be left of {names[1]!r}", "swap the two names")
+        raise urdf.error(
+            f"joint {names[0]!r} must be to the left of {names[1]!r}", "swap the two names"
+        )
     offset = max(abs(left_x - right_x), abs(left_y + right_y))
     if offset > max(tolerated(radius), TOLERATED_SKEW * (left_y - right_y)):
         places_m = f"({left_x:g}, {left_y:g}) and ({right_x:g}, {right_y:g})"
-        rule = f"joints {names[0]!r} and {names[1]!r} must lie opposite each other"
+        rule = f"joints {names[0]!r} and {names[1]!r} must be opposite each other"
         raise urdf.error(f"{rule}, not at {places_m}", "match their <origin>")
-    tell_offset(urdf, offset, f"joints {names[0]!r} and {names[1]!r} are not opposite")
+    tell_offset(urdf, offset, f"joints {names[0]!r} and {names[1]!r} are offset")
     return 0.5 * (left_x + right_x), left_y - right_y
 
 
@@ -259,14 +261,14 @@ def check_caster(urdf: Urdf, link: str, wheels: Sequence[str]) -> None:
         raise urdf.error(f"caster {link!r} must not be a driven wheel", "name another link")
     if link not in urdf.poses:
         known = list_names(sorted(urdf.poses))
-        raise urdf.error(f"caster link {link!r} was not found", f"name one of: {known}")
+        raise urdf.error(f"caster link {link!r} not found", f"name one of: {known}")
     shapes, pose = urdf.shapes[link], urdf.poses[link]
     if not shapes or link == urdf.root:
         rule = f"caster {link!r} must be a separate link with a collision shape"
-        raise urdf.error(rule, "give it a <link> with a sphere for <collision>")
+        raise urdf.error(rule, "add a <link> with a sphere as <collision>")
     height = min(bottom_height(shape, pose @ shape.pose) for shape in shapes)
     if abs(height) > CASTER_GAP_M:
-        rule = f"caster {link!r} must touch the ground, which is at the height 0 of {urdf.root!r}"
+        rule = f"caster {link!r} must touch the ground, which is at z = 0 of {urdf.root!r}"
         fix = "change the z of its joint's <origin>"
         raise urdf.error(f"{rule}, but its lowest point is at {height:g} m", fix)
 
@@ -274,11 +276,12 @@ def check_caster(urdf: Urdf, link: str, wheels: Sequence[str]) -> None:
 def find_targets(
     drive: Drive, speed: float, steering: float, left: float = 1.0, right: float = 1.0
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the angles and rates of a drive's joints; each side has a strength from 0 to 1.
+    """Return the angles and rates of a drive's joints, with motors weakened on either side.
 
-    With a motor on each side, the strength scales the rates of that side. Otherwise one motor
-    drives all wheels through open differentials, which equalise the torques of both sides. The
-    weaker side then scales the speed, and the robot keeps its curve.
+    ``left`` and ``right`` are strengths from 0 to 1. If each side has a motor, its strength scales
+    the rates of that side. Otherwise one motor drives all wheels through open differentials, which
+    equalise the torques of both sides, so the weaker side limits the speed and the robot stays on
+    its curve.
     """
     angles, rates = drive.targets(speed, steering)
     if left == right == 1.0:
@@ -298,7 +301,7 @@ def lag_gain(step: float, lag: float) -> float:
 
 
 def lag_mean(step: float, lag: float) -> float:
-    """Return the mean progress of a first-order lag [s] over a step [s], relative to its change.
+    """Return a first-order lag's mean over a step [s] as a fraction of the change in that step.
 
     The value ``a + c (1 - exp(-t / lag))`` has the mean ``a + c (1 - lag / step * gain)`` and the
     change ``c * gain``.

@@ -1,4 +1,4 @@
-"""Measures round parts: radius and width of a wheel, from its shapes."""
+"""Measures wheels: radius, width and roundness, from their shapes."""
 
 import math
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.shapes import Pose, Shape
 
 _RIM = 64  # number of points on a cylinder's rim
-_ALONG = 1.0 - 1e-6  # minimum cosine between two axes that count as the same
+_ALONG = 1.0 - 1e-6  # minimum cosine between two axes that count as parallel
 
 
 class Wheel(NamedTuple):
@@ -24,7 +24,7 @@ class Wheel(NamedTuple):
     centre: Array  # (3,) [m]
     radius: float  # [m]
     width: float  # [m]
-    roundness: float  # 0: round; else the missing fraction of the radius in some direction
+    roundness: float  # 0: round; otherwise the missing fraction of the radius in some direction
 
     @property
     def bottom(self) -> float:
@@ -37,18 +37,18 @@ class Candidate:
     """A joint whose child link looks like a wheel on the ground."""
 
     joint: Joint
-    wheel: Wheel  # pose relative to the root link
+    wheel: Wheel  # in the root link's frame
     turns: bool  # False if the joint is fixed
-    steering: Joint | None  # joint that turns it about the vertical
+    steering: Joint | None  # joint that turns the wheel about the vertical
 
     @property
     def x(self) -> float:
-        """Position along the robot [m]."""
+        """Longitudinal position [m] in the robot's frame."""
         return float(self.wheel.centre[0])
 
     @property
     def y(self) -> float:
-        """Position across the robot [m], left positive."""
+        """Lateral position [m] in the robot's frame, left positive."""
         return float(self.wheel.centre[1])
 
 
@@ -57,7 +57,7 @@ Pair = tuple[Candidate, Candidate]
 
 
 def group_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
-    """Return the shapes of a link and of all links fixed to it, with poses in its frame."""
+    """Return the shapes of a link and of all links fixed to it, with poses in the link's frame."""
     return [
         (shape, pose @ shape.pose)
         for name, pose in urdf.rigid_group(link).items()
@@ -66,7 +66,7 @@ def group_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
 
 
 def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
-    """Measure shapes about the direction ``axis`` (3,) through their middle.
+    """Measure the wheel that shapes form about the direction ``axis`` (3,) through their middle.
 
     The poses and the result are in the frame of ``axis``.
     """
@@ -93,7 +93,7 @@ def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
 
 
 def shape_points(shape: Shape, pose: Pose) -> Array:
-    """Return points (n, 3) that span the shape's hull, approximately if it is round."""
+    """Return points (n, 3) whose hull is the shape's, approximately if the shape is round."""
     if shape.kind == "convex":
         local = np.array(shape.corners)
     elif shape.kind == "box":

@@ -27,22 +27,23 @@ RADII = Rule("numbers greater than 0", lambda v: bool(v) and all(map(POSITIVE.ho
 
 
 def compute_turning_resistance(wheel_x_m: Sequence[float], tracks_m: Sequence[float]) -> float:
-    """Return the effective track in a steady turn, divided by the geometric one.
+    """Return the effective track in a steady turn, divided by the geometric track.
 
-    ``wheel_x_m`` are the axle positions along the robot [m], ``tracks_m`` the axle widths [m].
+    ``wheel_x_m`` are the axle positions along the robot [m], ``tracks_m`` the tracks of the axles
+    [m].
 
     All wheels carry the same load and have isotropic Coulomb friction. In a turn at the rate w
     about the middle of the wheels, the wheel at x slides sideways at ``x w`` and, because its rim
-    moves faster than the ground, lengthwise at ``s``. On an axle of the mean track, ``s = q w``; on
-    others, ``s = (q + (mean - track) / 2) w``. Each force opposes its slip, so that the turning
+    moves faster than the ground, lengthwise at ``s``. On an axle with the mean track, ``s = q w``;
+    on others, ``s = (q + (mean - track) / 2) w``. Each force opposes its slip, so the turning
     moment of the wheels vanishes if
 
-        sum_i [(track_i / 2) s_i - x_i^2 w] / sqrt(s_i^2 + x_i^2 w^2) = 0.
+    sum_i [(track_i / 2) s_i - x_i^2 w] / sqrt(s_i^2 + x_i^2 w^2) = 0.
 
-    The sum grows with q, so it has one root. The wheels then turn as on a robot with the track
-    ``mean + 2 q`` that does not slip. For two wheels per side at the distance L on axles of equal
-    track, ``q = L^2 / (2 track)``, so the result is ``1 + (L / track)^2`` for any coefficient of
-    friction and any speed.
+    The sum increases with q, so it has one root. The robot then turns like one with the track
+    ``mean + 2 q`` whose wheels do not slip lengthwise. For two wheels per side, at the distance L
+    on axles of equal track, ``q = L^2 / (2 track)``, so the result is ``1 + (L / track)^2`` for any
+    coefficient of friction and any speed.
     """
     places, track = np.array(wheel_x_m, dtype=np.float64), math.fsum(tracks_m) / len(tracks_m)
     narrower = 0.5 * np.round(track - np.array(tracks_m), 9)  # exactly 0 if all tracks are equal
@@ -64,7 +65,7 @@ def compute_turning_resistance(wheel_x_m: Sequence[float], tracks_m: Sequence[fl
 @dataclass(frozen=True)
 @checked
 class SkidSteer:
-    """The wheels of each side roll at one speed; the robot turns as if its track were wider.
+    """A drive whose wheels roll at one speed per side; the robot turns as if its track were wider.
 
     Commands follow the bicycle model: a speed of the wheels' middle and a steering angle, with
     curvature = tan(steering) / wheelbase. At speed 0 the robot does not turn.
@@ -80,7 +81,7 @@ class SkidSteer:
     steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
     max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
     wheel_separation_multiplier: Annotated[float, POSITIVE]  # effective track that commands assume
-    turning_resistance: Annotated[float, AT_LEAST_ONE]  # actual effective track
+    turning_resistance: Annotated[float, AT_LEAST_ONE]  # actual
 
     @property
     def steering_limit(self) -> float:
@@ -89,19 +90,19 @@ class SkidSteer:
 
     @property
     def turn_ratio(self) -> float:
-        """Actual curvature divided by the commanded one: 1 if commands allow for all resistance."""
+        """Actual curvature divided by the commanded one; 1 if commands compensate all slip."""
         return self.wheel_separation_multiplier / self.turning_resistance
 
     @property
     def speed_limit_offset_m(self) -> float:
-        """Half the effective track, where the rim of the outer wheels is."""
+        """Half the effective track, at which the ground moves as fast as the outer rims."""
         return 0.5 * self.track_m * self.turning_resistance
 
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return no angles, and the wheel rates [rad/s].
 
         ``steering`` [rad] is clipped to full lock, then ``speed`` [m/s] to the limit of the outer
-        wheels, so that the robot keeps to its curve.
+        wheels, so that the robot stays on its curve.
         """
         lock = self.steering_limit_rad
         curvature = elementary.tan(min(max(steering, -lock), lock)) / self.wheelbase_m
@@ -116,7 +117,7 @@ class SkidSteer:
 @dataclass(frozen=True)
 @checked
 class SkidSteerDescription(DriveDescription):
-    """The joints of a robot that form a skid-steer drive, its limits and its turning resistance."""
+    """The joints of a robot that form a skid-steer drive, with limits and turning resistance."""
 
     steering_joints = ()  # nothing is steered
     left_wheel_joints: Annotated[Sequence[str], SIDE]  # front to rear
@@ -125,9 +126,9 @@ class SkidSteerDescription(DriveDescription):
     steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
     max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
     wheel_separation_multiplier: Annotated[float | None, POSITIVE] = None
-    """Effective track that commands assume, over the geometric one; None: the actual one."""
+    """Effective track that commands assume, divided by the geometric one; None: the actual one."""
     turning_resistance: Annotated[float | None, AT_LEAST_ONE] = None
-    """Actual effective track over the geometric one; None: ``compute_turning_resistance``."""
+    """Actual effective track divided by the geometric one; None: ``compute_turning_resistance``."""
     caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction
 
     @property
@@ -139,7 +140,7 @@ class SkidSteerDescription(DriveDescription):
     def recognise(
         cls, steered: Sequence[Pair], others: Sequence[Pair], given: Mapping[str, Any]
     ) -> Self | None:
-        """Return the drive formed by several axles that are not steered, or None."""
+        """Return the drive formed by several unsteered axles, or None if there is none."""
         if steered or len(others) < 2:
             return None
         left, right = (
@@ -149,7 +150,7 @@ class SkidSteerDescription(DriveDescription):
         return cls.build(found, given)
 
     def fit(self, urdf: Urdf) -> SkidSteer:
-        """Return the drive with the tracks, radii and turning resistance of this robot."""
+        """Return the drive, with the tracks, radii and turning resistance of a robot."""
         pairs = list(zip(self.left_wheel_joints, self.right_wheel_joints, strict=False))
         if not len(pairs) == len(self.left_wheel_joints) == len(self.right_wheel_joints):
             rule = "both sides must have the same number of wheels"

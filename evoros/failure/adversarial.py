@@ -20,22 +20,22 @@ A_FAILURE = instance_of(Failure, "a failure model (a subclass of evoros.parts.Fa
 @dataclass(frozen=True)
 @checked
 class AdversarialFailure(AdaptiveFailure):
-    """Cases of failed sensors and times that evolve from generation to generation.
+    """Sensor failure cases that evolve from generation to generation.
 
     In the selection, each trial of a generation has one case, the same for all designs. The fitness
-    of a case is the score that designs lose to it compared with their other trials. The better half
-    survives, and its mutants replace the rest. ``fame`` trials repeat the hardest cases of earlier
-    generations, so that designs do not forget them (Rosin and Belew, New methods for competitive
-    coevolution, Evolutionary Computation 5, 1997; parasites against sorting networks: Hillis,
-    Physica D 42, 1990). All other missions, such as the validation, use the failures that
-    ``validation`` draws.
+    of a case is the score that designs lose in that trial, compared with their other trials. The
+    better half of the cases survives, and their mutants replace the rest. ``fame`` trials repeat
+    the hardest cases of earlier generations, so that designs do not forget them (Rosin and Belew,
+    New methods for competitive coevolution, Evolutionary Computation 5, 1997; parasites against
+    sorting networks: Hillis, Physica D 42, 1990). All other missions, such as the validation, use
+    the failures that ``validation`` draws.
     """
 
     validation: Annotated[Failure, A_FAILURE] = field(default_factory=RandomFailure)
     most: Annotated[int, COUNT] = 1  # maximum number of failed sensors in a case
     earliest_s: Annotated[float, NOT_NEGATIVE] = 40.0
     latest_s: Annotated[float, NOT_NEGATIVE] = 80.0
-    fame: Annotated[int, WHOLE] = 1  # trials per generation, fewer than half
+    fame: Annotated[int, WHOLE] = 1  # trials per generation with old cases, fewer than half
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # applied to the readings
 
     def __post_init__(self) -> None:
@@ -73,7 +73,7 @@ class EvolvingCases:
 
     def list_cases(self) -> list[Case]:
         """Return the cases of the next generation, the evolving ones first."""
-        famous = self._famous or self._evolving  # empty in the first generation
+        famous = self._famous or self._evolving  # none are famous in the first generation
         chosen = [famous[self._choose(len(famous))] for _ in range(self._replayed)]
         return [*self._evolving, *chosen]
 

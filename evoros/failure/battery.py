@@ -19,7 +19,7 @@ JOULES = 3600.0  # per watt hour
 @dataclass(frozen=True)
 @checked
 class BatteryFailure(Failure):
-    """Idle power and driving use up the charge; the drive fails when none is left."""
+    """A battery drained by idle power and driving; the drive fails when it is empty."""
 
     charge_wh: Annotated[float, POSITIVE] = 2.0  # mean initial charge
     sd_wh: Annotated[float, NOT_NEGATIVE] = 0.0  # standard deviation between missions

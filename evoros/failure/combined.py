@@ -30,8 +30,8 @@ class CombinedFailure(Failure):
             if isinstance(failure, SystematicFailure | AdaptiveFailure):
                 raise InputError(
                     f"failure.failures.{name}: must be drawn for each mission, but "
-                    f"{type(failure).__name__} has cases for trials; use it alone (failure=...), "
-                    f"or remove it"
+                    f"{type(failure).__name__} spreads cases over trials; use it alone "
+                    f"(failure=...), or remove it"
                 )
 
     @property
@@ -41,10 +41,10 @@ class CombinedFailure(Failure):
         return tuple(dict.fromkeys(parts))
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return the faults of all failures; each fault's name begins with the failure's.
+        """Return the faults of all failures; each fault's name begins with the failure's name.
 
-        Each failure has a generator made from one draw and its name, so that adding a failure
-        never shifts the draws of another.
+        Each failure's generator is made from one common draw and the failure's name, so adding a
+        failure never shifts the draws of another.
         """
         key = rng.bytes(16).hex()
         return tuple(

@@ -16,15 +16,15 @@ from evoros.filter.silence import Silence
 @dataclass(frozen=True)
 @checked
 class ExhaustiveFailure(SystematicFailure):
-    """All sets of sensors that fail together at one time.
+    """All sets of sensors, which fail together at one of the given times.
 
     Cases are ordered by the number of failing sensors, then by the sensors, then by ``times_s``;
-    the case without a failure has no time. Trials run through all cases in a random order, then
-    again in a new one.
+    the case without a failure has no time. Trials run through all cases in random order, then again
+    in a new order.
     """
 
     least: Annotated[int, WHOLE] = 0  # minimum number of failing sensors
-    most: Annotated[int, WHOLE] = 6  # maximum number, limited to all sensors of the robot
+    most: Annotated[int, WHOLE] = 6  # maximum number, at most all sensors of the robot
     times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # applied to the readings
 
@@ -36,7 +36,7 @@ class ExhaustiveFailure(SystematicFailure):
         return sum(self._count(sensors, size) for size in self._sizes(sensors))
 
     def state_case(self, sensors: int, number: int) -> Case:
-        """Return the case with this number.
+        """Return the case with this number, counted from 0.
 
         Raises:
             ValueError: the number exceeds the number of cases.

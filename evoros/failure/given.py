@@ -30,10 +30,10 @@ TIMES = Rule(
 @dataclass(frozen=True)
 @checked
 class GivenFailure(Failure):
-    """The sensors with these indices fail in every mission, together or each at a given time."""
+    """The sensors with given indices fail in every mission, together or each at a given time."""
 
     sensors: Annotated[Sequence[int], SENSORS] = ()
-    time_s: Annotated[float | Sequence[float], TIMES] = 0.0  # one for all sensors, or one each
+    time_s: Annotated[float | Sequence[float], TIMES] = 0.0  # for all sensors, or one per sensor
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # applied to the readings
 
     def __post_init__(self) -> None:
@@ -49,7 +49,7 @@ class GivenFailure(Failure):
         return Case.of(zip(self.sensors, self.time_s, strict=True))
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return one fault with the onsets of these sensors; none without sensors.
+        """Return one fault with the onsets of these sensors; none if no sensors are given.
 
         Raises:
             InputError: the robot has fewer sensors.
@@ -57,7 +57,7 @@ class GivenFailure(Failure):
         beyond = [sensor for sensor in self.sensors if sensor >= channels.size]
         if beyond:
             raise InputError(
-                f"failure.sensors: must be numbers of the robot's sensors, 0 to "
+                f"failure.sensors: must be indices of the robot's sensors, 0 to "
                 f"{channels.size - 1}, not {beyond[0]}; remove it"
             )
         return make_faults(self, self.case, channels.size)

@@ -16,7 +16,7 @@ from evoros.filter.silence import Silence
 @dataclass(frozen=True)
 @checked
 class IndependentFailure(Failure):
-    """Each sensor fails with ``probability``, at a time uniform from earliest_s to latest_s.
+    """Each sensor fails with ``probability``, at a uniform time from earliest_s to latest_s.
 
     By default a failed sensor is silent from the start, as if the robot did not have it.
     """
@@ -30,7 +30,7 @@ class IndependentFailure(Failure):
         check_order(self, "earliest_s", "latest_s")
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return one fault with the onsets of all failing sensors; none without sensors.
+        """Return one fault with the onsets of all failing sensors; none if there are no sensors.
 
         With the same generator, sensors of the same index fail at the same times in every robot.
         """

@@ -25,10 +25,11 @@ from evoros.filter.protocol import (
     Filter,
 )
 
-INTACT = "intact"  # string for the case in which no sensor fails
+INTACT = "intact"  # text of the case in which no sensor fails
 MODEL, NOMINAL, SCREENED, CONFIRMED = "model", "nominal", "screened", "confirmed"
-"""The purposes of trials: estimating the risk under the failure model, measuring the undamaged
-design, finding bad cases, and confirming them."""
+"""Purposes of trials: to estimate the risk under the failure model, to measure the undamaged
+design, to find bad cases, and to confirm them.
+"""
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Case:
 
     @classmethod
     def of(cls, failures: Iterable[tuple[int, float]]) -> "Case":
-        """Return the case of (sensor, time) pairs in any order."""
+        """Return the case with these (sensor, time) pairs, given in any order."""
         ordered = sorted(failures)
         return cls(tuple(n for n, _ in ordered), tuple(float(time) for _, time in ordered))
 
@@ -76,7 +77,7 @@ course, reaches a waypoint, or uses up a supply."""
 
 @dataclass(frozen=True)
 class Trigger:
-    """An event of a mission, by default its start; only its first occurrence counts."""
+    """A mission event, by default the start; only its first occurrence counts."""
 
     kind: int = START
     values: tuple[float, ...] = ()  # arguments of the constructors below
@@ -84,27 +85,27 @@ class Trigger:
 
     @classmethod
     def at_place(cls, x_m: float, y_m: float, radius_m: float) -> Self:
-        """The robot's origin comes within ``radius_m`` of a place."""
+        """Return the event: the robot's origin comes within ``radius_m`` of a place."""
         return cls(PLACE, (x_m, y_m, radius_m))
 
     @classmethod
     def on_course(cls, share: float) -> Self:
-        """The robot has covered this share of its route's length, 0 to 1."""
+        """Return the event: the robot has covered this share of its route's length, 0 to 1."""
         return cls(COURSE, (share,))
 
     @classmethod
     def after_distance(cls, distance_m: float) -> Self:
-        """The robot has covered this length of its route."""
+        """Return the event: the robot has covered this length of its route."""
         return cls(DISTANCE, (distance_m,))
 
     @classmethod
     def at_waypoint(cls, number: int) -> Self:
-        """The robot reaches a waypoint, numbered from 1; home is the last."""
+        """Return the event: the robot reaches a waypoint, numbered from 1; home is the last."""
         return cls(WAYPOINT, (float(number),))
 
     @classmethod
     def by_use(cls, amount: float, per_s: float, per_m: float) -> Self:
-        """The robot has used ``amount``, at these rates per second and per metre driven."""
+        """Return the event: ``amount`` is used, at these rates per second and per metre driven."""
         return cls(USE, (amount, per_s, per_m))
 
 
@@ -126,15 +127,15 @@ PARTS: Mapping[str, str] = {
     DRIVE: "drive",
     STRENGTH: "wheels",
 }
-"""The name of the failed part, by the signal that a fault affects."""
+"""The default name of the failed part, by the signal that the fault affects."""
 
 
 @dataclass(frozen=True)
 class Fault:
     """A filter on a signal of the mission that starts at an onset.
 
-    The fault's name and number select its random stream. A sensor fault has one onset per sensor;
-    any other fault has one onset.
+    The fault's name and number select a random stream. A sensor fault has one onset per sensor; any
+    other fault has one onset.
     """
 
     filter: Filter
@@ -142,7 +143,7 @@ class Fault:
     name: str = ""  # empty: the filter's name
     signal: str = READINGS  # affected signal
     trigger: Trigger = AT_START
-    part: str = ""  # name in the column ``failed_parts``; empty: by the signal
+    part: str = ""  # name in the column failed_parts; empty: from the signal
     values: tuple[int, ...] = ()  # indices of the affected values; empty: all
     number: int = 0  # index among faults of the same signal and name, set by the mission
 
@@ -166,7 +167,7 @@ class Failure(ABC):
 
     @property
     def parts(self) -> Sequence[str]:
-        """The parts besides sensors that can fail, by their names in the faults."""
+        """The parts, besides sensors, that can fail, by their names in the faults."""
         return ()
 
     @abstractmethod
@@ -241,9 +242,9 @@ def _check_fault(fault: Fault, failure: Failure, sensors: int) -> None:
 
 
 class SystematicFailure(Failure):
-    """A failure model with countable cases and an ``effect``.
+    """A failure model with a finite number of cases and an ``effect``.
 
-    The trials of a design run through the cases in a random order; ``draw`` picks one uniformly.
+    The trials of a design run through the cases in random order; ``draw`` draws one case uniformly.
     """
 
     effect: Filter
@@ -267,7 +268,7 @@ class Adversary(Protocol):
         """
 
     def tell(self, scores: Mapping[int, Mapping[int, float]]) -> None:
-        """Take that generation's scores, keyed by design and then by the case's index.
+        """Receive the generation's scores, keyed by design and then by the case's index.
 
         A design may have met only some of the cases, or none.
         """

@@ -16,7 +16,7 @@ from evoros.filter.silence import Silence
 @dataclass(frozen=True)
 @checked
 class RandomFailure(Failure):
-    """``count`` sensors fail, chosen uniformly, at times uniform from earliest_s to latest_s.
+    """Failures of ``count`` uniformly chosen sensors, at uniform times from earliest_s to latest_s.
 
     A robot with fewer sensors loses all. The defaults are the 2018 paper's ``random`` (Evo-ROS).
     """
@@ -30,7 +30,7 @@ class RandomFailure(Failure):
         check_order(self, "earliest_s", "latest_s")
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return one fault with the onsets of all chosen sensors; none without sensors.
+        """Return one fault with the onsets of all chosen sensors; none if there are no sensors.
 
         The number of draws does not depend on the number of sensors. With the same generator, all
         robots get the same times, and those with the same number of sensors the same choices.

@@ -22,11 +22,11 @@ PROBABILITIES = checks.Rule(
 @dataclass(frozen=True)
 @checks.checked
 class SpatialFailure(Failure):
-    """Damage around a sensor chosen uniformly; all failing sensors fail at one time.
+    """Damage around a uniformly chosen sensor; all failing sensors fail at the same time.
 
-    Each sensor fails independently, with the probability of the smallest radius around the centre
-    that contains it (Euclidean distance). No sensor outside the last radius fails. The defaults are
-    the treatment ``spatial`` of the 2018 paper (Evo-ROS).
+    Each sensor fails independently, with the probability of the smallest radius about the chosen
+    sensor that includes it (Euclidean distance). No sensor outside the last radius fails. The
+    defaults are the treatment ``spatial`` of the 2018 paper (Evo-ROS).
     """
 
     radii_m: Annotated[Sequence[float], checks.NOT_NEGATIVES] = (0.03, 0.06, 0.09)  # increasing
@@ -45,7 +45,7 @@ class SpatialFailure(Failure):
             raise checks.invalid(self, "probabilities", probabilities, rule)
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return one fault with the onsets of all sensors hit; none without sensors.
+        """Return one fault with the onsets of all sensors hit; none if there are no sensors.
 
         The draws do not depend on the positions of the sensors, so robots with the same generator
         receive the same impact.

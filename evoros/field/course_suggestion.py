@@ -1,4 +1,4 @@
-"""Suggestion of a course for a world without one: straight legs free of obstacles."""
+"""Suggests a course for a world without one: straight legs clear of obstacles."""
 
 import math
 from collections.abc import Sequence
@@ -18,9 +18,9 @@ from evoros.geometry.shapes import Pose, Shape
 from evoros.world.course import Course
 
 MAX_SLOPE = 0.25  # maximum slope, rise over run, of the ground under a course
-_MOST_CELLS = 64  # maximum number of cells per side; a finer field is coarsened
+_MOST_CELLS = 64  # maximum number of cells per side; finer height fields are coarsened
 AROUND_M = 3.0
-"""Maximum distance of a course outside the area of all obstacles, if that lacks room."""
+"""Maximum distance of a course from the area of all obstacles, if there is no room inside it."""
 
 
 class Attempt(NamedTuple):
@@ -49,7 +49,7 @@ ATTEMPTS = (
     Attempt(AROUND_M, 0.05),
     Attempt(AROUND_M, 0.2, 60.0),
 )
-OPEN_SIDE_M = 3.0  # half the side of the square suggested without obstacles
+OPEN_SIDE_M = 3.0  # half the side of the square suggested for open ground
 LOOP = 4  # minimum number of corners, home included, of a loop
 SHORTEST_LEG_M, LONGEST_LEG_M = 1.5, 8.0
 SHORTER = 2.0  # leg length in acceptance radii, used if longer legs form no loop
@@ -58,7 +58,8 @@ LARGE_ENOUGH_M = 24.0  # size of a loop below which other homes are tried
 ROOM_M = 12.0  # size of a loop below which other attempts are made
 SHARES = np.linspace(0.0, 1.0, 9)  # fractions of a leg at which obstacles are looked up
 MEETING_M, MISSING = 2.0, 0.2
-"""A loop without an obstacle within this distance gets this weight: avoidance is not exercised."""
+"""Distance within which loops should have an obstacle, and weight of loops that have none, because
+they do not exercise avoidance."""
 DETOUR = 3.0  # required growth of a loop per metre between home and the origin
 HEIGHT_M = 0.02  # height of the robot's frame above the ground at the start
 CRUISE_MPS = 0.15  # average speed, with avoidance, that the time limit assumes
@@ -70,13 +71,12 @@ def suggest_course(
     ground: Sequence[Footprint] | None = None,
     home: tuple[float, float] | None = None,
 ) -> Suggestion | None:
-    """Suggest home and up to four waypoints connected by free straight lines.
+    """Suggest home and up to four waypoints connected by clear straight legs.
 
-    ``footprints`` are the obstacles that the robot can touch. The course stays on ``ground``, which
-    is unbounded if it is None, and starts at ``home`` if given. It lies in the largest enclosed
-    free region, if one has room. The suggestion is deterministic. It is a small square around the
-    origin in an empty unbounded world, and None if there is no room for two mutually visible
-    points.
+    ``footprints`` are the obstacles that the robot can touch. The course stays on ``ground`` (None:
+    unbounded), and starts at ``home`` if given. It lies in the largest enclosed free region if that
+    has room. In an empty unbounded world, it is a small square around the origin. If there is no
+    room for two mutually visible points, None is returned. The result is deterministic.
     """
     found = _find_widest_route(footprints, robot_radius_m, ground, home)
     if found is None:
@@ -93,14 +93,15 @@ class _Route(NamedTuple):
 
 
 def _accept_within(radius_m: float) -> float:
-    """Return the acceptance radius [m] of waypoints for a robot of a radius [m]."""
+    """Return the acceptance radius [m] of waypoints for a robot of this radius [m]."""
     return round(min(1.0, max(0.3, radius_m)), 2)
 
 
 def create_course(route: Sequence[Sequence[float]], robot_radius_m: float) -> Course:
     """Return a course along a route (n, 2) [m] that starts at home.
 
-    Its other values allow for a slow robot of this radius, which starts facing the first corner.
+    The course's other values suit a slow robot of this radius, which starts facing the first
+    corner.
     """
     (home_x, home_y), (x, y) = route[0], route[1]
     length = 2.0 * sum(math.dist(a, b) for a, b in pairwise([*route, route[0]]))
@@ -123,7 +124,7 @@ def _find_widest_route(
     ground: Sequence[Footprint] | None,
     home: tuple[float, float] | None,
 ) -> _Route | None:
-    """Find a route inside walls, else among the obstacles, or around them if room is lacking."""
+    """Find a route inside walls, or else among the obstacles, or else around them."""
     if not footprints and ground is None:
         corners = OPEN_SIDE_M * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]])
         square = np.vstack(((0.0, 0.0) if home is None else home, corners))
@@ -141,7 +142,7 @@ def _find_widest_route(
         route = _find_route(FreeSpace(space.low, free), home, spacings, np.random.default_rng(0))
         if route is None:
             continue
-        # A line with less room on each side is no improvement on a loop, however long it is.
+        # A line with less room on each side is no improvement on a loop, no matter how long it is.
         is_open = best is None or len(route.corners) >= min(len(best.corners), LOOP)
         if is_open and (best is None or route.value > best.value):
             where = _describe(attempt, float(free.sum()))
@@ -152,7 +153,7 @@ def _find_widest_route(
 def _describe(attempt: Attempt, cells: float) -> str:
     if attempt.inside:
         area = f"{cells * CELL_M * CELL_M:.3g} m2 for the robot's centre"
-        return f"in the largest free region that is enclosed ({area})"
+        return f"in the largest enclosed free region ({area})"
     if not attempt.around_m:
         return "among the obstacles: no enclosed free region is large enough"
     return f"among the obstacles and up to {attempt.around_m:g} m around them, for lack of room"

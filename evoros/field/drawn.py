@@ -1,4 +1,4 @@
-"""Drawn worlds: their SDF, with a comment that suffices to draw them again."""
+"""Randomly drawn worlds: their SDF, with a comment from which they can be drawn again."""
 
 import hashlib
 import json
@@ -28,7 +28,7 @@ class Noted(Protocol):
 
 
 class Distribution(Noted, Protocol):
-    """A distribution of worlds that are read from their SDF."""
+    """A distribution of worlds, each read back from its SDF."""
 
     world_name: ClassVar[str]
 
@@ -41,7 +41,7 @@ class Distribution(Noted, Protocol):
         """The seed of the draws."""
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
-        """Draw the ground and all obstacles under a key of random draws."""
+        """Draw the ground and all obstacles for a key of random draws."""
 
 
 @lru_cache(maxsize=KEPT_WORLDS)
@@ -66,7 +66,7 @@ def draw_example(sampler: WorldSampler, renew: bool, function: str) -> World:
     """Draw the world of a fixed key; with ``renew``, each mission draws a new one.
 
     Raises:
-        InputError: ``renew`` is not a flag; the message names the function that takes it.
+        InputError: ``renew`` is not a flag; the message names the ``function``.
     """
     if not FLAG.holds(renew):
         raise InputError(f"{function}.renew: must be {FLAG.text}, not {renew!r}; write one of them")
@@ -82,5 +82,5 @@ def _write_note(kind: str, values: Mapping[str, object]) -> str:
 
 
 def _describe(part: object) -> dict[str, object]:
-    """Return a part's values and its type by name, which keeps module paths out of files."""
+    """Return a part's values and its type's name; module paths stay out of files."""
     return {"type": type(part).__name__.lower(), **vars(part)}

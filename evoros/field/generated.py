@@ -26,7 +26,7 @@ from evoros.world.floors import GROUND
 from evoros.world.model import World
 
 MAX_ATTEMPTS = 50
-"""Maximum number of times that a field is restarted because an obstacle found no room."""
+"""Maximum number of times that placement is restarted because an obstacle does not fit."""
 MIN_SHARE = 0.5
 """Fraction of placed obstacles below which no further attempt is made."""
 
@@ -101,7 +101,7 @@ class Field:
         """Return a field of the same extent that also keeps the routes of other robots free.
 
         Raises:
-            InputError: the extent does not reach beyond their courses.
+            InputError: the extent does not reach beyond the other robots' courses.
         """
         return replace(self, others=tuple(courses))
 
@@ -127,8 +127,8 @@ class Field:
             max_placed = max(max_placed, len(obstacles))
             if len(obstacles) < MIN_SHARE * count:
                 break
-        rule = f"must leave room for all obstacles, but only {max_placed} of {count} found room"
-        fix = "lower it, gap_m, clearing_m or the sizes of the kinds"
+        rule = f"must leave room for all obstacles, but only {max_placed} of {count} fit"
+        fix = "lower density, gap_m, clearing_m or the obstacles' sizes"
         raise checks.invalid(self, "density", self.density, rule, fix)
 
     def _surround(self, walls: Sequence[Body]) -> PlacedObstacles:

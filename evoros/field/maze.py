@@ -1,4 +1,4 @@
-"""Mazes: square cells in rows and columns, with walls between cells without a door."""
+"""Mazes: square cells in rows and columns, with walls between cells that no door connects."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -24,11 +24,11 @@ MAX_ATTEMPTS = 10_000
 OFF_CENTRE = 0.1
 """Maximum distance of a waypoint from its cell's centre, as a fraction of the corridor's width."""
 Cell = tuple[int, int]
-"""A cell: column, along x, and row, along y."""
+"""The column (along x) and row (along y) of a cell."""
 Doors = dict[Cell, set[Cell]]
 """The neighbours to which each cell has a door."""
 Run = tuple[int, int, int]
-"""A wall: the index of its grid line, and of the lines at which it begins and ends."""
+"""A wall: the index of its grid line, and the indices of the lines at which it starts and ends."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class Maze:
     """A distribution of mazes, centred on the course; home and waypoints are centres of cells.
 
     ``seed`` and the key of the random draws determine the bytes of the SDF. A random depth-first
-    search connects all cells without a loop. Then dead ends, the cells with one door, are kept; or
-    each gets another door, which creates loops; or they are filled repeatedly until one corridor is
-    left, which leads from home through all waypoints in order.
+    search connects all cells without a loop. Then dead ends (cells with one door) are kept, opened
+    or filled. An opened dead end gets another door, which creates loops. Filling is repeated until
+    one corridor is left, which leads from home through all waypoints in order.
     """
 
     kind: ClassVar[str] = "maze"
@@ -62,7 +62,7 @@ class Maze:
             inside = 0 <= cell[0] < self.columns and 0 <= cell[1] < self.rows
             if not inside or np.abs(point - centre).max() > OFF_CENTRE * self.corridor_m:
                 rule = "must have home and waypoints at centres of cells"
-                fix = f"move it to the nearest centre, {np.round(centre, 3).tolist()}"
+                fix = f"move this point to the nearest centre, {np.round(centre, 3).tolist()}"
                 raise invalid(self, "course", point.tolist(), rule, fix)
 
     @property
@@ -124,7 +124,7 @@ class Maze:
             if min(places) >= 0 and places == sorted(set(places)):
                 return _leave_corridor(doors, way)
             doors = self._connect(rng)
-        rule = f"must lie in this order on a corridor, but {MAX_ATTEMPTS} mazes had none"
+        rule = f"must lie in this order on a corridor of one of {MAX_ATTEMPTS} drawn mazes"
         fix = "give fewer waypoints, or set dead_ends to keep or open"
         raise invalid(self, "course.waypoints", [*self.course.waypoints], rule, fix)
 
@@ -134,7 +134,7 @@ class Maze:
         return [(x, y) for x, y in near if 0 <= x < self.columns and 0 <= y < self.rows]
 
     def _connect(self, rng: Generator) -> Doors:
-        """Connect all cells without a loop: from home to a random unvisited neighbour, or back."""
+        """Connect all cells without a loop, by a random depth-first search from home."""
         doors: Doors = {(x, y): set() for x in range(self.columns) for y in range(self.rows)}
         stack, seen = [self.route[0]], {self.route[0]}
         while stack:

@@ -21,7 +21,7 @@ from evoros.world.model import World
 MAX_ATTEMPTS = 1000
 """Maximum number of positions drawn for one decoy."""
 BEHIND_M = 0.1
-"""Distance from a waypoint, which must be free, to the nearest point of its object."""
+"""Distance between a waypoint, which must be free, and the nearest point of the object behind."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Objects:
     """A distribution of upright cylinders: a narrow one behind each waypoint, and wide decoys.
 
     "Behind" is as seen from home. ``seed`` and the key of the random draws determine the bytes of
-    the SDF. The distance of a decoy from home is uniform in ``distance_m``, and so is its bearing,
-    except that it differs by at least ``apart_deg`` from every other object's. No decoy covers the
+    the SDF. The distance of a decoy from home is uniform in ``distance_m``. Its bearing is uniform
+    as well, but at least ``apart_deg`` away from every other object's. No decoy covers the
     acceptance area of a waypoint.
     """
 
@@ -104,7 +104,7 @@ class Objects:
             if gaps.min() > self.course.acceptance_m:
                 return bearing, place
         rule = f"must leave room for {self.decoys} decoys and all waypoints"
-        raise checks.invalid(self, "apart_deg", self.apart_deg, rule, "lower it or decoys")
+        raise checks.invalid(self, "apart_deg", self.apart_deg, rule, "lower apart_deg or decoys")
 
     def _build(self, name: str, diameter: float, x: float, y: float) -> Body:
         pose = Pose((x, y, self.height_m / 2))

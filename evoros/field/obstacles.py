@@ -19,10 +19,10 @@ from evoros.geometry.polyhedron import solid_moments
 from evoros.geometry.shapes import MASS, Body, Pose, Shape
 
 _MIN_SIZE_M = 0.001
-"""Step to which sizes are rounded."""
+"""Minimum size, and step to which sizes are rounded."""
 
 SIZE = checks.Rule(
-    f"a number of at least {_MIN_SIZE_M:g}, or [low, high] of such numbers with low at most high",
+    f"a number of at least {_MIN_SIZE_M:g}, or [low, high] of such numbers with low <= high",
     lambda v: checks.INTERVAL.holds(v) and checks.bounds(v)[0] >= _MIN_SIZE_M,
 )
 
@@ -85,10 +85,10 @@ def _draw_size(interval: checks.Interval, rng: Generator) -> float:
 
 CELL_M = 0.2
 MARGIN_M = 0.1415
-"""Maximum distance [m] from a point between two neighbouring cell centres to the nearer one.
+"""Maximum distance [m] from a point between two neighbouring cell centres to the nearer centre.
 
 This is 0.2 / sqrt(2), rounded up. A disc that is free by this margin at all cell centres of a path
-is therefore free all along it.
+is therefore free all along the path.
 """
 
 
@@ -109,7 +109,7 @@ class Passage:
         self._legs = [leg for places in cells for leg in pairwise(map(tuple, places))]
 
     def add(self, footprint: Footprint) -> bool:
-        """Add an obstacle if every leg keeps a path, and return True if so."""
+        """Add an obstacle if every leg keeps a path, and return True if it was added."""
         free = self._space.free
         window, blocked = self._space.find_near(footprint, self._radius)
         before = free[window].copy()
@@ -163,7 +163,7 @@ class PlacedObstacles:
         return None
 
     def add(self, footprint: Footprint) -> bool:
-        """Add an obstacle if there is room for it, and return True if so."""
+        """Add an obstacle if there is room for it, and return True if it was added."""
         corners, radius = footprint.vertices, footprint.radius
         low, high = self.low + self.inset, self.high - self.inset
         inside = (corners - radius >= low) & (corners + radius <= high)
@@ -178,7 +178,7 @@ class PlacedObstacles:
         return True
 
     def _is_near_another(self, footprint: Footprint) -> bool:
-        """Return True if another obstacle is within the gap; circles exclude the distant ones."""
+        """Return True if another obstacle is within the gap; bounding circles rule out most."""
         x, y, radius = bounding_circle(footprint)
         apart = np.sqrt(((self._centres - (x, y)) ** 2).sum(axis=1)) - self._radii - radius
         near = (self.footprints[i] for i in np.flatnonzero(apart < self.gap))
@@ -200,7 +200,7 @@ WALL_WIDTH_M, WALL_HEIGHT_M = 0.2, 1.0
 def draw_obstacles(
     kinds: Mapping[str, ObstacleKind], count: int, placed: PlacedObstacles, rng: Generator
 ) -> Iterator[Body]:
-    """Yield ``count`` obstacles among those already placed; fewer if one finds no room."""
+    """Yield ``count`` obstacles among the ones already placed, or fewer if one does not fit."""
     names = list(kinds)
     shares = np.cumsum([kind.share for kind in kinds.values()])
     for rank in range(1, count + 1):

@@ -45,7 +45,7 @@ class Dropout(Filter):
     def rule(
         parameters: Parameters, memory: Held, rng: Generator, values: Array, time: float
     ) -> None:
-        """Drop samples; every channel draws each time, so that none shifts another's outages."""
+        """Drop samples; every channel always draws, so the onset of one does not shift others."""
         for i in range(len(values)):
             starts = rng.random() < parameters.probability and time >= parameters.onset[i]
             # An outage continues with one sample fewer, or a new one starts.

@@ -15,7 +15,7 @@ from evoros.filter.protocol import Channels, Filter, add_within
 class GrowingNoise(Filter):
     """Adds a normal deviate to every sample and clips the sum to the limits.
 
-    Its standard deviation at a range r is ``sigma_m`` + ``growth_per_m`` r², as for sensors that
+    The standard deviation at a range r is ``sigma_m`` + ``growth_per_m`` r², as for sensors that
     triangulate. A value at ``high`` is unchanged because it means that the sensor sees nothing.
     """
 
@@ -36,7 +36,7 @@ class GrowingNoise(Filter):
 
     @staticmethod
     def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
-        """Add the noise; every channel draws each time, so that none shifts another's noise."""
+        """Add the noise; every channel always draws, so the onset of one does not shift others."""
         sigma, growth, onset, low, high = parameters
         for i in range(len(values)):
             deviate = rng.standard_normal()

@@ -15,9 +15,9 @@ from evoros.filter.protocol import Channels, Filter
 @dataclass(frozen=True)
 @checked
 class Hold(Filter):
-    """Samples at each multiple of ``period_s``, or at the first call after it.
+    """Samples values at each multiple of ``period_s``, or at the first call after it.
 
-    A silent sample (NaN) is held like any other; silence between two samples is not noticed.
+    A silent sample (NaN) is held like any other; silence between two samples goes unnoticed.
     """
 
     name = "Hold"
@@ -28,7 +28,7 @@ class Hold(Filter):
         onset: Array
 
     class Memory(NamedTuple):
-        period: Array  # (1,) number of the last period
+        period: Array  # (1,) index of the last period
         value: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Memory]:

@@ -1,4 +1,4 @@
-"""A limit, for example of a drive's speed or of the steering angle."""
+"""A limit, for example on a drive's speed or the steering angle."""
 
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple

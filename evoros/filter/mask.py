@@ -1,4 +1,4 @@
-"""A beam mask, as laser scan filters use for beams that hit the robot itself."""
+"""A beam mask, as laser scan filters apply to beams that hit the robot itself."""
 
 import math
 from collections.abc import Sequence
@@ -48,7 +48,7 @@ class Mask(Filter):
         if channels.size % self.scan:
             raise InputError(
                 f"Mask.scan: {channels.size} readings are not a multiple of {self.scan}; set it "
-                f"to the number of beams of the sensor"
+                f"to the sensor's number of beams"
             )
         last = max((span[1] for span in self.beams), default=0)
         if last >= self.scan:

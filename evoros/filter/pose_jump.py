@@ -12,7 +12,7 @@ from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, NUMBER, checked
 from evoros.filter.protocol import Channels, Filter, require_pose
 
-INSTEAD = "use it for failure=localization or in the controller's localization, or bias here"
+INSTEAD = "use it with failure=localization or in the controller's localization; here, use bias"
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class PoseJump(Filter):
 
 
 def move(distance: float, direction_deg: float | None, yaw_deg: float, rng: Generator) -> Array:
-    """Return an error in x, y, yaw [rad] and speed; one number is always drawn."""
+    """Return an error in x, y, yaw [rad] and speed; one random number is drawn in any case."""
     share = float(rng.random())
     angle = 2.0 * math.pi * share if direction_deg is None else math.radians(direction_deg)
     sin, cos = elementary.sin_cos(angle)

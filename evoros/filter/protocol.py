@@ -23,7 +23,7 @@ the command as the actuators carry it out, and the wheel strengths."""
 
 @dataclass(frozen=True)
 class Channels:
-    """The n values that a filter changes."""
+    """The n values that a filter changes, with their limits and meaning."""
 
     low: Array  # (n,) minimum value, -inf if there is none
     high: Array  # (n,) maximum value, reported by a range sensor that sees nothing
@@ -54,9 +54,9 @@ def select_channels(channels: Channels, onset: Array, of: str | None, part: str)
         return onset
     chosen = [name.startswith(of) for name in channels.names]
     if not any(chosen):
-        known = ", ".join(dict.fromkeys(channels.names)) or "none has a name here"
+        known = ", ".join(dict.fromkeys(channels.names)) or "none here"
         raise InputError(
-            f"{part}.of: must begin the name of a channel ({known}), not {of!r}; name one of them, "
+            f"{part}.of: must be a prefix of a channel name ({known}), not {of!r}; choose one, "
             f"or set it to null for all"
         )
     return np.where(chosen, onset, math.inf)
@@ -108,10 +108,10 @@ def hold_nothing(channels: Channels) -> Held:
 
 
 FILTER_ARGUMENTS = "parameters", "memory", "rng", UNUSED, "values", "time"
-"""The rule of a filter changes ``values`` (n,) in place at ``time`` [s]; NaN is silence."""
+"""Parameters that a filter's rule can have; it changes ``values`` in place; NaN is silence."""
 
 ENDS, ALTERS, GROWS = EFFECTS = "ends", "alters", "grows"
-"""Readings stop depending on the surroundings, depend on them differently, or ever less."""
+"""Readings stop depending on the surroundings, depend on them differently, or less and less."""
 
 FILTER_RULES = {"effect": one_of(*EFFECTS), "name": TEXT}
 

@@ -15,9 +15,9 @@ from evoros.filter.protocol import Channels, Filter, select_channels
 class Scale(Filter):
     """Multiplies every sample of a channel by 1 + ``mean`` + two normal deviates.
 
-    One, with the standard deviation ``sd``, is drawn for each channel at the start of the mission;
-    the other, with ``slip_sd``, for each sample. The product is clipped to the channel's limits. A
-    value at ``high`` is unchanged because it means that a range sensor sees nothing.
+    One deviate, with the standard deviation ``sd``, is drawn for each channel at the start of the
+    mission; the other, with ``slip_sd``, for each sample. The product is clipped to the channel's
+    limits. A value at ``high`` is unchanged because it means that a range sensor sees nothing.
     """
 
     name = "Scale"
@@ -41,7 +41,7 @@ class Scale(Filter):
 
     @staticmethod
     def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
-        """Scale the values; every channel draws each time, so that none shifts another's draws."""
+        """Scale the values; every channel always draws, so no onset shifts another's draws."""
         factor, slip, onset, low, high = parameters
         for i in range(len(values)):
             scale = factor[i] + slip * rng.standard_normal()

@@ -1,4 +1,4 @@
-"""XML as Gazebo reads it, with unambiguous errors repaired.
+"""Parses XML as leniently as Gazebo, and repairs unambiguous errors.
 
 Gazebo Classic reads XML with TinyXML 1, which is more lenient than the standard. Each repair keeps
 the line number of every element. A DOCTYPE and a repeated attribute remain errors.
@@ -43,7 +43,7 @@ def is_xacro(file: Path, content: bytes) -> bool:
 def parse_leniently(content: bytes, source: str) -> Element:
     """Parse a document like ``strict_xml.parse``, with repairs if necessary.
 
-    Repairs, reported in one line, concern text, comments or a byte order mark before
+    Repairs are reported in one line. They concern text, comments or a byte order mark before
     the XML declaration, anything after the root element, ``--`` in comments, attributes without
     quotes or without a value, undeclared prefixes, ``::`` in a tag, and unescaped ampersands.
 
@@ -59,7 +59,7 @@ def parse_leniently(content: bytes, source: str) -> Element:
         if not repairs:
             raise
     root = parse(text.encode(), source)
-    _LOG.warning("%s: not well-formed XML, read as in Gazebo: it has %s",
+    _LOG.warning("%s: not well-formed XML, read as in Gazebo; the file has %s",
                  source, ", ".join(repairs))  # fmt: skip
     return root
 
@@ -88,17 +88,17 @@ def _repair(text: str) -> tuple[str, list[str]]:
     declaration = _DECLARATION.search(text)
     if declaration is not None and declaration.start() > 0:
         before, after = text[: declaration.start()], text[declaration.end() :]
-        apply(before + _lines(declaration[0]) + after, "content before its XML declaration")
+        apply(before + _lines(declaration[0]) + after, "content before the XML declaration")
     elif declaration is not None:  # the stated encoding no longer applies to the decoded string
         text = _lines(declaration[0]) + text[declaration.end() :]
     if any("--" in comment[0][4:-3] for comment in _COMMENT.finditer(text) if not comment[1]):
         repairs.append("-- in a comment")
     text = _COMMENT.sub(lambda match: match[1] or _lines(match[0]), text)
-    apply(_cut_after_root(text), "content after its root element")
-    apply(_AMPERSAND.sub("&amp;", text), "& in place of &amp;")
+    apply(_cut_after_root(text), "content after the root element")
+    apply(_AMPERSAND.sub("&amp;", text), "& instead of &amp;")
     quoted = _ATTRIBUTES.sub(lambda tag: tag[1] or _PAIR.sub(_quote_value, tag[0]), text)
     apply(quoted, "attributes without quotes")
-    apply(_DOUBLE_COLON.sub(r"\1:", text), ":: in the name of an element")
+    apply(_DOUBLE_COLON.sub(r"\1:", text), ":: in an element name")
     prefixes = _undeclared_prefixes(text)
     if prefixes:
         spaces = "".join(f' xmlns:{p}="{_KNOWN.get(p, f"undeclared:{p}")}"' for p in prefixes)

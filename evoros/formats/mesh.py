@@ -1,6 +1,7 @@
-"""Reading of mesh files as convex shapes, with one cached file per mesh in the user's cache folder.
+"""Reads mesh files as convex shapes, which are cached in the user's cache folder, one file per
+mesh.
 
-If the cache is missing, damaged or read-only, reading only takes longer.
+If the cache is missing, damaged or read-only, reading just takes longer.
 """
 
 import hashlib
@@ -26,8 +27,8 @@ from evoros.terminal.activity import announce
 
 TOLD_M = 0.01  # minimum deviation that is reported
 WORK = 3e6
-"""Maximum work per mesh, see ``divide_mesh``; it takes about 15 s on one core."""
-_VERSION = 2  # increases with changes of the algorithm
+"""Maximum work per mesh (see ``divide_mesh``), which takes about 15 s on one core."""
+_VERSION = 2  # to be increased when the algorithm changes
 
 Corners = tuple[Vector, ...]
 
@@ -39,7 +40,7 @@ class Mesh:
     shapes: tuple[Shape, ...]
     deviation_m: float  # maximum distance of the mesh's surface from the shapes
     remarks: tuple[str, ...]  # omitted parts and ignored settings
-    work: float  # work spent on the shapes, see ``divide_mesh``
+    work: float  # work spent on the shapes (see divide_mesh)
     is_cut_short: bool  # True: more work would give better shapes
 
     @property
@@ -48,9 +49,9 @@ class Mesh:
         if self.deviation_m <= TOLD_M:
             return self.remarks
         count = len(self.shapes)
-        parts = "its convex hull stands" if count == 1 else f"{count} convex parts stand"
+        parts = "its convex hull" if count == 1 else f"{count} convex parts"
         deviation = f"up to {1e3 * self.deviation_m:.0f} mm off its surface"
-        return (f"{parts} for the mesh, {deviation}", *self.remarks)
+        return (f"the mesh is replaced by {parts}, {deviation}", *self.remarks)
 
 
 def read_mesh(
@@ -65,7 +66,7 @@ def read_mesh(
 
     ``submesh`` selects a part of the file by name, and ``center`` moves the middle of its bounding
     box to the origin. ``up_axis`` rotates a DAE according to its ``<up_axis>``. ``work`` limits the
-    time, see ``divide_mesh``. Results are cached in the user's cache folder.
+    time (see ``divide_mesh``). Results are cached in the user's cache folder.
 
     Raises:
         InputError: the file cannot be read, is empty, or has no such submesh.
@@ -79,7 +80,7 @@ def read_mesh(
 
 @lru_cache(maxsize=256)
 def read_hull(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> Shape:
-    """Read the convex hull of a whole STL, OBJ or DAE file, which takes little time.
+    """Read the convex hull of a whole STL, OBJ or DAE file, which is fast.
 
     Raises:
         InputError: the file cannot be read, is empty, or is too small for a hull.

@@ -1,4 +1,4 @@
-"""Reading of the surfaces of a COLLADA file (DAE), with its unit and the poses of its scene.
+"""Reads the surfaces of a COLLADA file (DAE), with the file's unit and the poses of its scene.
 
 By default, coordinates are used unchanged, with z up, regardless of ``<up_axis>``. Gazebo Classic
 and RViz do the same, models are made for these programs, and some exporters always write ``Y_UP``.
@@ -55,7 +55,7 @@ def read_dae(path: Path, up_axis: bool = False) -> list[Submesh]:
     try:
         root = etree.parse(path, parser).getroot()
         if root is None or etree.QName(root).localname != "COLLADA":
-            raise ValueError("it has no <COLLADA>")
+            raise ValueError("there is no <COLLADA>")
         with np.errstate(all="ignore"):  # an invisible object may have an invalid pose
             return list(_Document(root).surfaces(up_axis))
     except (etree.XMLSyntaxError, ValueError, LookupError, OverflowError, RecursionError) as error:
@@ -90,7 +90,7 @@ class _Document:
             yield from self._node(node, base, 0)
 
     def _target(self, element: Element, tag: str) -> Element:
-        """Return the element with this tag that an element's ``url`` or ``source`` names."""
+        """Return the element with this tag that an element's ``url`` or ``source`` refers to."""
         address = element.get("url") or element.get("source") or ""
         target = self.by_id.get((tag, address.removeprefix("#")))
         if target is None:
@@ -99,7 +99,7 @@ class _Document:
 
     def _node(self, node: Element, pose: Array, depth: int) -> Iterator[Submesh]:
         if depth > _DEEPEST:
-            raise ValueError("its nodes contain each other")
+            raise ValueError("nodes contain each other")
         pose = pose @ _transform(node)
         names = _names_of(node)
         for child in node.iterfind("{*}*"):
@@ -177,7 +177,7 @@ def _find_input(inputs: Iterable[Element], semantic: str) -> Element:
     for entry in inputs:
         if entry.get("semantic") == semantic:
             return entry
-    raise ValueError(f"it has no <input> of semantic {semantic}")
+    raise ValueError(f"there is no <input> with semantic {semantic}")
 
 
 def _names_of(element: Element) -> tuple[str, ...]:

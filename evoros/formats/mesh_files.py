@@ -1,4 +1,4 @@
-"""Reading of a mesh file's faces and their colours."""
+"""Reads a mesh file's faces and their colours."""
 
 import logging
 from contextlib import suppress
@@ -25,14 +25,14 @@ _NO_MATERIAL = "material_0"  # name of trimesh's substitute for a missing materi
 
 
 def read_content(path: Path) -> bytes:
-    """Return the content of a mesh file of a known format."""
+    """Return the content of a complete mesh file in a known format."""
     if path.suffix.lower() not in FORMATS:
         known = ", ".join(FORMATS)
-        raise InputError(f"{path}: must be a mesh of a known format ({known}); convert it to one")
+        raise InputError(f"{path}: must be a mesh in a known format ({known}); convert it")
     content = read_file(path)
     problem = _find_cut(path.suffix.lower(), content)
     if problem:
-        raise InputError(f"{path}: must be complete, but is truncated: {problem}; copy it again")
+        raise InputError(f"{path}: is truncated, because {problem}; copy it again")
     return content
 
 
@@ -44,7 +44,7 @@ def _find_cut(suffix: str, content: bytes) -> str:
         whole = 84 + 50 * int.from_bytes(content[80:84], "little")
         return f"it has {len(content)} of {whole} bytes" if len(content) < whole else ""
     cut = is_text and end.encode() not in content[-_SHORT:].lower()
-    return f"its end is not {end}" if cut else ""
+    return f"it does not end with {end}" if cut else ""
 
 
 def _to_utf8(content: bytes) -> bytes:
@@ -143,5 +143,5 @@ def _select(path: Path, parts: list[Submesh], submesh: str) -> list[Submesh]:
     chosen = [part for part in parts if not submesh or submesh in part.names]
     if submesh and not chosen:
         names = list_names(dict.fromkeys(name for part in parts for name in part.names))
-        raise InputError(f"{path}: submesh {submesh!r} must exist; name one of: {names}")
+        raise InputError(f"{path}: there is no submesh {submesh!r}; name one of: {names}")
     return chosen

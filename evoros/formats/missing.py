@@ -1,4 +1,4 @@
-"""Missing files, models and packages of a description, collected into one message."""
+"""Collects missing files, models and packages of a description into one message."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from evoros.base.checks import one_of
 from evoros.base.errors import InputError
 
 MISSING = ("error", "leave_out", "box")
-"""Treatments of missing models and meshes; ``box`` puts a box in place of a mesh of known size."""
+"""Options for missing models and meshes; ``box`` puts a box in place of a mesh of known size."""
 
 MISSING_RULE = one_of(*MISSING)
 
@@ -18,7 +18,7 @@ class MissingFileError(InputError):
 
 @dataclass(frozen=True)
 class Remedy:
-    """Instruction for getting a missing file; ``{}`` in ``text`` is a subject, such as a folder."""
+    """Advice on getting a missing file; ``{}`` in ``text`` is the subject, such as a folder."""
 
     text: str
     subject: str = ""
@@ -55,7 +55,7 @@ class Absences:
         self._absences.append(absence)
 
     def require_none(self, choices: str) -> None:
-        """Check that nothing is missing; ``choices``, if any, are the keys to set instead.
+        """Check that nothing is missing; ``choices`` are the keys that can be set instead, if any.
 
         Raises:
             InputError: something is missing; the message lists everything.
@@ -81,7 +81,7 @@ class Absences:
         raise InputError(f"{problem}; {'; '.join(fixes)}{instead}")
 
     def _list(self) -> Iterator[str]:
-        """Yield each name with its first place and the number of its occurrences."""
+        """Yield each name with the first place where it occurs and the number of occurrences."""
         places: dict[str, list[str]] = {}
         for absence in self._absences:
             places.setdefault(absence.name, []).append(absence.place)

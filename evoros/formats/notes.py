@@ -1,4 +1,4 @@
-"""Readers' notes on omissions and assumptions: the terminal gets a line per kind, the log all."""
+"""Readers' notes on omissions and assumptions: a line per kind on the terminal, all in the log."""
 
 import logging
 import math
@@ -13,7 +13,7 @@ _NAMED = 3  # number of further names in a kind's line
 
 
 class Notes:
-    """Collects lines about the input, which ``report`` logs in the order of their kinds."""
+    """Collects notes about the input, which ``report`` logs kind by kind."""
 
     def __init__(self, log: logging.Logger) -> None:
         self._log = log
@@ -22,8 +22,8 @@ class Notes:
     def add(self, element: Element, problem: str, kind: str = "", name: str = "") -> None:
         """Note an omitted or completed element; ``problem`` is the predicate of the sentence.
 
-        Notes of one ``kind``, by default of one tag with one problem, are merged into one line.
-        The line calls the element ``name``, by default the name of its model or robot.
+        Notes of the same ``kind`` (by default, with the same tag and problem) are merged into one
+        line. It refers to the element by ``name``, by default the name of its model or robot.
         """
         kind = kind or f"{local_tag(element)} {problem}"
         line = f"{locate(element)} {problem}", name or name_of(element)
@@ -36,7 +36,7 @@ class Notes:
             lines.append((text, name))
 
     def add_file(self, path: Path, remark: str) -> None:
-        """Note the use of a file that is not XML; remarks that differ just in numbers share a kind.
+        """Note the use of a file that is not XML; remarks that differ only in numbers share a kind.
 
         ``remark`` is a sentence about the file.
         """
@@ -68,15 +68,15 @@ _LOOKS = ("gui", "light", "scene", "plugin")  # elements whose poses are not use
 
 
 def note_degrees(root: Element, notes: Notes) -> None:
-    """Note each ``<origin>`` of URDF and ``<pose>`` of SDF that turns by more than a full turn."""
+    """Note each ``<origin>`` of URDF and ``<pose>`` of SDF that rotates by over a full turn."""
     for element in root.iter("origin", "pose"):
         words = _list_angles(element)
         # Words that are not numbers count as NaN, which does not exceed a full turn.
         exceeds = any(LARGEST_RAD < abs(parse_number(word)) < math.inf for word in words)
         if exceeds and not any(owner.tag in _LOOKS for owner in walk_up(element)):
             problem = (
-                f"turns by {' '.join(words)} rad, more than a full turn, as if they were degrees; "
-                f"write radians"
+                f"rotates by {' '.join(words)} rad, more than a full turn; if these are degrees, "
+                f"convert them to radians"
             )
             notes.add(element, problem, "degrees")
 

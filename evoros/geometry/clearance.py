@@ -1,4 +1,4 @@
-"""Compiled measures of a driven track: its length and its distances to points and obstacles."""
+"""Compiled measures of a driven track: its length, and its distances to points and obstacles."""
 
 import math
 from collections.abc import Sequence
@@ -28,19 +28,21 @@ _SUMMARY = types.void(A2, A2, A2, A2, A2, I8, A1)
 
 LAST_X, LAST_Y, LAST_TOUCH, ALONG = range(4)
 WAY_SIZE = 4
-"""Memory of ``add_driven``: the last position [m], whether it was in contact (0 or 1), and the
-signed distance along the heading in contact that has not been counted yet [m]."""
+"""Memory of ``add_driven``: the last position [m], 1 if it was in contact (else 0), and the signed
+distance [m] along the heading, driven in contact, that has not been counted yet.
+"""
 SHAKE_M = 0.01
-"""Upper bound of a robot's jitter while it drives against a wall: within 10 s, MuJoCo moves it by
-up to 5 mm along its heading and PyBullet by 1 mm."""
+"""Upper bound [m] on a robot's jitter while it drives against a wall. Within 10 s, MuJoCo moves the
+robot by up to 5 mm along its heading, and PyBullet by 1 mm.
+"""
 
 
 class TrackSummary(NamedTuple):
-    """Distances of a driven track."""
+    """The length of a driven track, and its distances to points and obstacles."""
 
-    length: float  # driven [m]
+    length: float  # driven distance [m]
     point_distances: tuple[float, ...]  # minimum distance [m] to each point
-    clearance: float  # minimum distance [m] from the robot's outline to an obstacle; inf: none
+    clearance: float  # minimum distance [m] from the robot's outline to an obstacle, or infinity
 
 
 def summarize_track(
@@ -127,9 +129,9 @@ def _fill_clearances(
 def _min_clearance(track: Array, outline: Array, rows: Array, corners: Array) -> float:
     """Return the minimum of all clearances, of which only a few are computed.
 
-    Between two poses, no point of the robot moves farther than its origin does plus its reach times
-    the turn. Until these motions add up to the excess of the last clearance over the minimum so
-    far, the clearance cannot fall below that minimum.
+    Between two poses, no point of the robot moves farther than the origin does, plus the reach
+    times the turn. Until these motions add up to the excess of the last clearance over the minimum
+    so far, the clearance cannot fall below that minimum.
     """
     reach = _reach(outline)
     placed = outline.copy()

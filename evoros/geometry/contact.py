@@ -50,7 +50,7 @@ def polygon_contact(
 
 @compilable
 def _widest_gap(polygon: Array, points: Array) -> tuple[float, float, float]:
-    """Return the largest gap [m] from a polygon's edge to all points, and the edge's normal."""
+    """Return the largest gap [m] between a polygon's edge and all points, and the edge's normal."""
     gap, i = find_separation(polygon, points, math.inf)
     if i < 0:
         return gap, 0.0, 0.0
@@ -61,7 +61,7 @@ def _widest_gap(polygon: Array, points: Array) -> tuple[float, float, float]:
 
 @compilable
 def _nearest(first: Array, second: Array) -> tuple[float, float, float]:
-    """Return the distance [m] of two disjoint polygons, and the direction of the shortest path."""
+    """Return the distance [m] between two disjoint polygons, and the shortest path's direction."""
     best, nx, ny = _from_corners(second, first)
     other, ox, oy = _from_corners(first, second)
     if other < best:

@@ -1,7 +1,7 @@
-"""Divide solids into convex parts by planes, exactly if their faces are flat.
+"""Divides solids into convex parts by plane cuts, exactly if the faces are flat.
 
-No engine uses the mesh itself. MuJoCo collides with a mesh's convex hull, PyBullet with an exact
-mesh only if the body never moves, and both would differ from the plane.
+No engine uses the mesh itself. MuJoCo collides with a mesh's convex hull, and PyBullet with an
+exact mesh only if the body never moves; both would differ from the planar simulator.
 
 ``manifold3d`` cuts and closes the cuts. ``coacd`` would do all of this, but for a room with a door
 it takes 4.6 s and returns 6 parts that fill 0.4 % too much; 13 exact parts take 5.6 s.
@@ -20,13 +20,13 @@ from evoros.geometry.hull import make_hull
 from evoros.geometry.triangles import Surface, find_normals, separate
 
 Plane = tuple[Array, float]
-"""A unit normal (3,) and the plane's offset [m] from the origin along it."""
+"""A plane's unit normal (3,), and its offset [m] from the origin along the normal."""
 
 _SUSPECTS = 64  # number of faces in hollows that are examined
 _FINE = 300  # number of faces above which fewer cuts are tried
 _CUT_WORK = 200  # number of faces whose handling takes as long as the fixed cost of a cut
 _GOOD = 0.95  # fraction of a hull that the pieces' hulls may fill after a good cut along a face
-_ROUNDING = 1e-5  # relative change of a volume by rounded cuts
+_ROUNDING = 1e-5  # relative change in volume from rounding in cuts
 _SLIVER_M = 1e-5  # mean thickness of parts that only rounding has cut off
 
 
@@ -128,7 +128,7 @@ def _cut(piece: Piece) -> tuple[list[Piece], int]:
 
 
 def _try_planes(piece: Piece, planes: list[Plane]) -> tuple[float, list[Piece]]:
-    """Return the smallest volume of hulls, as a fraction of the piece's hull, and the pieces."""
+    """Return the smallest total volume of hulls, relative to the piece's hull, and the pieces."""
     best, chosen = (np.inf, 0), []
     for normal, offset in planes:
         pieces = _split(*piece.solid.split_by_plane(normal, offset))
@@ -141,7 +141,7 @@ def _try_planes(piece: Piece, planes: list[Plane]) -> tuple[float, list[Piece]]:
 
 
 def _merge(pieces: list[Piece]) -> list[Piece]:
-    """Merge pieces that are convex together, which the cut of another piece has separated."""
+    """Merge pieces that are convex together but were separated by the cut of another piece."""
     waiting, done = list(pieces), []
     while waiting:
         piece = waiting.pop(0)
@@ -156,7 +156,7 @@ def _merge(pieces: list[Piece]) -> list[Piece]:
 
 
 def _unite(first: Piece, second: Piece) -> Piece | None:
-    """Return the union of two pieces if their hulls fill its hull, otherwise None."""
+    """Return the union of two pieces if their hulls fill the union's hull, otherwise None."""
     a, b = np.reshape(first.hull.bounding_box(), (2, 3)), second.hull.bounding_box()
     c, d = np.reshape(b, (2, 3))
     if (a[0] > d + 1e-6).any() or (c > a[1] + 1e-6).any():

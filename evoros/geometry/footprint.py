@@ -30,8 +30,9 @@ def project_shape(
     """Project a shape other than a plane, at ``pose`` in the world, onto the ground.
 
     A convex polyhedron is projected only between the two heights [m], any other shape as a whole.
-    The projection is exact, except for a cylinder that neither stands nor lies. Its discs project
-    to ellipses, and the polygons around these exceed them by at most 0.13 % of the radius.
+    The projection is exact, except for a cylinder that neither stands nor lies. Its end discs
+    project to ellipses, which are replaced by polygons that exceed them by at most 0.13 % of the
+    radius.
     """
     if shape.kind in ("convex", "heightfield"):
         return Footprint(convex_hull(_extreme_points(shape, pose, low_m, high_m)[:, :2]))
@@ -83,7 +84,7 @@ def _project_cylinder(radius: float, length: float, axis: Array) -> tuple[Array,
 
 
 def _circumscribe(along: float, across: float) -> Array:
-    """Return the corners of a polygon around an ellipse with half axes [m]; 4 if very narrow."""
+    """Return the corners of a polygon around an ellipse with half axes [m]; 4 if it is narrow."""
     if along < _EXCESS * across:
         return np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (along, across)
     angles = np.arange(_ELLIPSE_CORNERS) * (2 * math.pi / _ELLIPSE_CORNERS)
@@ -169,7 +170,7 @@ def convex_hull(points: Array) -> Array:
 
 
 def _apart(a: tuple[int, int], b: tuple[int, int]) -> bool:
-    """Return True if two cells are not neighbours, into which rounding may put one point."""
+    """Return True if two cells are not neighbours; rounding may put a point into either of two."""
     return abs(a[0] - b[0]) > 1 or abs(a[1] - b[1]) > 1
 
 
@@ -204,8 +205,9 @@ def _polygon_distances(polygon: Array, points: Array) -> Array:
 
 # A footprint is a row of FOOTPRINT_SIZE values; one separate array holds all corners.
 CENTRE_X, CENTRE_Y, CIRCLE, RADIUS, START, END = range(6)
-"""Centre and radius [m] of its bounding circle, its ``Footprint.radius`` [m], and the indices of
-its first corner and of the one after its last."""
+"""Columns: centre and radius [m] of the bounding circle, ``Footprint.radius`` [m], index of the
+first corner, and index after the last corner.
+"""
 FOOTPRINT_SIZE = 6
 
 
@@ -218,7 +220,7 @@ class Outlines:
 
     @classmethod
     def of(cls, footprints: Sequence[Footprint]) -> "Outlines":
-        """Pack footprints into arrays, in their order."""
+        """Pack footprints into arrays, in order."""
         rows, start = np.empty((len(footprints), FOOTPRINT_SIZE)), 0
         for row, footprint in zip(rows, footprints, strict=True):
             end = start + len(footprint.vertices)

@@ -22,7 +22,7 @@ def find_connected(free: Cells, start: tuple[int, int]) -> Cells:
 
 
 def label_regions(free: Cells, diagonals: bool = False) -> NDArray[np.int64]:
-    """Number the regions of free cells that share sides from 1; other cells are 0.
+    """Label the regions of free cells that share sides, from 1; blocked cells are 0.
 
     With ``diagonals``, a shared corner connects two cells as well.
     """
@@ -59,7 +59,7 @@ class FreeSpace:
     ) -> "FreeSpace":
         """Return the positions between two corners [m] that clear footprints by a radius [m].
 
-        Free positions must also lie on ``ground``, which is unbounded if it is None.
+        Free positions must also lie on ``ground`` (None: unbounded).
         """
         columns, rows = np.ceil((np.maximum(high, low + 1.0) - low) / cell_m).astype(int)
         space = cls(low, np.ones((rows, columns), dtype=np.bool_), cell_m)
@@ -71,7 +71,7 @@ class FreeSpace:
         return space
 
     def _keep_on(self, ground: Sequence[Footprint], radius_m: float) -> None:
-        """Keep the positions that have ground all around within a radius."""
+        """Block the positions that do not have ground all around within a radius."""
         reach = radius_m / self.cell_m + 1.0  # a cell without ground begins before its centre
         pad = math.ceil(reach)  # the ground may end just outside the grid
         none = np.pad(np.zeros_like(self.free), pad)
@@ -127,9 +127,11 @@ DIRECTIONS = (
 )
 """Sixteen directions, about 22.5 deg apart."""
 SHELTERED = 13
-"""Minimum number of directions blocked inside walls; deep in an outside corner, twelve are."""
+"""Minimum number of blocked directions that counts as inside walls; deep in an outside corner,
+twelve are blocked.
+"""
 WALLED = 0.7
-"""Minimum fraction of an enclosed region's border that is obstacles; the rest is doors and gaps."""
+"""Minimum fraction of obstacles on an enclosed region's border; the rest is doors and gaps."""
 LARGE_SHARE, ONE_SHARE, LEAST_SHARE = 0.2, 0.5, 0.01
 """Sizes from which an enclosed region counts: either the first, as a fraction of all free cells, or
 the second, as a fraction of all enclosed cells. Regions below the third, as a fraction of all free
@@ -178,7 +180,7 @@ def _look(free: Cells, x: int, y: int) -> Cells:
 
 
 def _measure_walls(region: Cells, free: Cells) -> float:
-    """Return the fraction of a region's outer border that is obstacles."""
+    """Return the fraction of a region's outer border that consists of obstacles."""
     padded = np.pad(ndimage.binary_fill_holes(region), 1)
     around = np.pad(free, 1, constant_values=True)
     walls = sides = 0

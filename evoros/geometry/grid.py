@@ -31,7 +31,7 @@ class Grid:
 
     @classmethod
     def around(cls, footprints: Sequence[Footprint], reach: float) -> "Grid":
-        """Cover all points within ``reach`` [m] of a footprint; one cell if there are none."""
+        """Cover all points within ``reach`` [m] of a footprint; one cell without footprints."""
         if not footprints:
             return cls(np.zeros(2), CELL_M, (1, 1))
         low, high = find_bounds(*footprints)
@@ -58,7 +58,7 @@ class Grid:
         return starts.astype(np.float64), entries.astype(np.float64)
 
     def _cells_near(self, footprint: Footprint, reach: float) -> NDArray[np.intp]:
-        """Return the cells with a point within ``reach`` [m] of a footprint, and a few others."""
+        """Return all cells with a point within ``reach`` [m] of a footprint, and a few more."""
         low, high = find_bounds(footprint)
         columns, rows = (
             np.arange(max(0, int(start // self.cell)), min(count, int(end // self.cell) + 1))

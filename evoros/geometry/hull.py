@@ -99,7 +99,7 @@ def simplify(hull: Hull) -> tuple[Hull, float]:
 
 
 def _without_flat_corners(hull: Hull) -> Hull:
-    """Return the hull without corners inside a face or an edge, which cuts leave behind."""
+    """Return the hull without the corners inside faces or edges that cuts leave behind."""
     _, first = np.unique(np.round(hull.planes[:, :3], 5), axis=0, return_index=True)
     planes = hull.planes[first]
     touched = np.abs(product(hull.corners, planes[:, :3].T) + planes[:, 3]) < 1e-6

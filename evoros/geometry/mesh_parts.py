@@ -1,4 +1,4 @@
-"""Convex parts of any surface: hulls if they fit, pieces of solids, plates of sheets."""
+"""Divides any surface into convex parts: hulls if they fit, pieces of solids, plates of sheets."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -28,11 +28,11 @@ TOLERANCE_M = 0.02
 
 
 class Sections(NamedTuple):
-    """Maximum areas [m2] over all heights."""
+    """Areas [m2] of sections of a surface and its parts, each the maximum over all heights."""
 
     false: float  # inside the shapes, but outside the surface's solids and sheets
-    missed: float  # the opposite
-    footprint: float  # convex hull of the surface, seen from above
+    missed: float  # inside the surface's solids and sheets, but outside the shapes
+    footprint: float  # convex hull of the surface in top view
 
 
 def compare_sections(
@@ -97,7 +97,7 @@ def _cut(triangles: Array, height: float) -> Array:
 class _Limits:
     """Maximum numbers of elements that represent a mesh."""
 
-    surfaces: int  # connected parts; small neighbours are joined beyond this
+    surfaces: int  # connected parts; beyond this number, small neighbours are joined
     plates: int  # plates of all open surfaces together
     parts: int  # parts of one solid
 
@@ -105,7 +105,7 @@ class _Limits:
 _SMALL, _LARGE = _Limits(256, 128, 64), _Limits(2048, 4096, 256)
 _LARGE_M = 5.0  # extent from which a mesh counts as a building or a landscape
 _MOST_FACES = 2000  # maximum number of faces of a solid that is cut; a finer one is coarsened
-_FULL = 0.9  # fraction of its hull that a solid must fill to be replaced by it
+_FULL = 0.9  # fraction of its hull that a solid must fill to be replaced by the hull
 _FACE_WORK = 100  # work of merging one face with others in its plane, in faces examined by cuts
 
 
@@ -121,7 +121,7 @@ class Parts:
 
 
 def divide_mesh(triangles: Array, work: float = math.inf) -> Parts:
-    """Divide triangles (n, 3, 3) [m] into convex parts with roughly at most ``work``.
+    """Divide triangles (n, 3, 3) [m] into convex parts, with at most about ``work``.
 
     Work counts the faces examined, not time, so that the parts are the same on every machine.
     """
@@ -212,7 +212,7 @@ class _Divider:
 
 
 def list_surfaces(surface: Surface) -> list[Surface]:
-    """List the connected parts; a closed part that lines another one's cavity joins that part."""
+    """List the connected parts; a closed part that lines a cavity joins the part around it."""
     surfaces = [orient(part) for part in split_by_edges(surface)]
     volumes = [surface.volume if is_closed(surface) else 0.0 for surface in surfaces]
     order = sorted(range(len(surfaces)), key=lambda i: (-abs(volumes[i]), i))

@@ -1,8 +1,8 @@
 """Penetration depth of two solid shapes, and the lift that clears one of the other.
 
-Two convex solids overlap if the origin lies in the solid of the differences of their points, and
-the nearest face of this solid gives the shortest translation that separates them. Its hull starts
-from some points of each shape. It is refined by the farthest points along the normals of the
+Two convex solids overlap if the origin lies in their Minkowski difference, and the nearest face of
+the difference gives the shortest translation that separates the solids. The hull of the difference
+starts from some points of each shape. It is refined by the farthest points along the normals of the
 relevant faces, as in the expanding polytope algorithm (van den Bergen, Proximity queries and
 penetration depth computation on 3D game objects, Game Developers Conference, 2001). Round shapes
 are therefore exact, too.
@@ -21,9 +21,9 @@ from evoros.geometry.polyhedron import box_corners, convex_polyhedron, hull_plan
 from evoros.geometry.shapes import Pose, Shape
 
 _EXACT_M = 1e-4
-"""Distance within which a face is exact: no point of the shapes lies farther beyond it."""
+"""Maximum distance [m] of the shapes' points beyond a face that counts as exact."""
 
-_EXACT = 0.02  # the same for deep overlaps, as a fraction of the depth
+_EXACT = 0.02  # for deep overlaps: the same distance as a fraction of the depth
 
 _ROUNDS = 50  # maximum number of refinements; most pairs need fewer than ten
 
@@ -31,7 +31,7 @@ _AT_ONCE = 8  # number of faces refined at a time
 
 _SIDES = 16  # number of corners of the polygon in a circle before refinement
 
-SIDEWAYS = 1e-9  # a face whose unit normal rises by less is vertical
+SIDEWAYS = 1e-9  # upward component of a unit normal below which a face counts as vertical
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class Solid:
 
 
 class Clearance(NamedTuple):
-    """The range of lifts [m] in which a solid overlaps another one."""
+    """The range of lifts [m] in which a solid overlaps another."""
 
     low: float
     high: float
@@ -116,8 +116,8 @@ def overlap_depth(first: Solid, second: Solid) -> float:
 def clearance(first: Solid, second: Solid) -> Clearance | None:
     """Return the lifts of the first solid at which it overlaps the second; None if there are none.
 
-    The lifts are the heights at which the vertical line through the origin leaves the hull of the
-    differences.
+    Their limits are the heights at which the vertical line through the origin crosses the hull of
+    the Minkowski difference.
     """
     points = _differences(first, second)
     lifts = None
@@ -143,9 +143,9 @@ def clearance(first: Solid, second: Solid) -> Clearance | None:
 
 
 def _cross(planes: Array) -> tuple[Clearance | None, list[Array]]:
-    """Intersect a hull with the vertical line; return the lifts and the normals of both faces.
+    """Intersect a hull with the vertical axis; return the lifts and the normals of both faces.
 
-    If the line misses the hull, the only normal is horizontal and separates the two.
+    If the axis misses the hull, the only normal is horizontal and separates the two solids.
     """
     rise, offset = planes[:, 2], planes[:, 3]
     aside = np.flatnonzero(np.abs(rise) <= SIDEWAYS)

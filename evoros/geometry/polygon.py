@@ -13,7 +13,7 @@ from evoros.base.compilable import compilable
 def transform_polygon(
     polygon: Array, x: float, y: float, cos: float, sin: float, result: Array
 ) -> None:
-    """Rotate the corners ``polygon`` (k, 2) [m] and move them by x, y [m] into ``result``."""
+    """Write the corners ``polygon`` (k, 2) [m], rotated and moved by x, y [m], into ``result``."""
     for i in range(len(polygon)):
         a = polygon[i, 0]
         b = polygon[i, 1]
@@ -23,10 +23,10 @@ def transform_polygon(
 
 @compilable
 def polygon_distance(first: Array, second: Array, cutoff: float) -> float:
-    """Return the distance [m] of two convex counter-clockwise polygons (k, 2); 0 if they overlap.
+    """Return the distance [m] between convex counter-clockwise polygons (k, 2); 0 if they overlap.
 
     A polygon may be a segment or a point. Most pairs are far apart, so if an edge proves that the
-    distance exceeds ``cutoff``, its lower bound is returned instead.
+    distance exceeds ``cutoff``, a lower bound is returned instead.
     """
     apart, _ = find_separation(first, second, cutoff)
     if apart <= cutoff:
@@ -50,7 +50,7 @@ def find_edge(polygon: Array, i: int) -> tuple[float, float, float, float]:
 def find_separation(polygon: Array, points: Array, enough: float) -> tuple[float, int]:
     """Return the largest separation [m] of points from an edge of a polygon, and the edge, or -1.
 
-    The search ends at the first edge that separates them by more than ``enough``.
+    The search ends at the first edge that separates the points by more than ``enough``.
     """
     best = -math.inf
     edge = -1

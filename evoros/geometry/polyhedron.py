@@ -53,7 +53,10 @@ def hull_planes(points: Array) -> tuple[Array, Array]:
 
 
 def _hull(points: Array) -> Any:
-    from scipy.spatial import ConvexHull, QhullError  # importing takes longer than most worlds
+    from scipy.spatial import (
+        ConvexHull,
+        QhullError,
+    )  # slower than loading most worlds
 
     try:
         return ConvexHull(points)
@@ -107,7 +110,7 @@ def solid_properties(corners: tuple[Vector, ...]) -> tuple[float, Array, Array]:
     """
     solid = convex_polyhedron(corners)
     inside = solid.corners.mean(axis=0)
-    tetrahedra = solid.corners[solid.triangles] - inside  # ``inside`` is each one's fourth corner
+    tetrahedra = solid.corners[solid.triangles] - inside  # the fourth corner of each is inside
     volumes = determinant(tetrahedra) / 6.0
     volume = float(volumes.sum())
     centre = product(volumes, tetrahedra.sum(axis=1)) / 4.0 / volume
@@ -238,9 +241,10 @@ def decompose(rings: Sequence[Ring]) -> list[Ring]:
 
 
 def solid_moments(shape: Shape, mass: float) -> Vector:
-    """Return the principal moments [kg m2] of a homogeneous solid of a mass [kg] about its centre.
+    """Return the principal moments [kg m2] of a homogeneous solid of this mass [kg].
 
-    The axes are the shape's, which are principal axes of all shapes except polyhedra.
+    They are about the shape's axes through its centre of mass, which are principal axes except for
+    polyhedra.
     """
     if shape.kind == "box":
         x, y, z = shape.size
@@ -262,7 +266,7 @@ def solid_moments(shape: Shape, mass: float) -> Vector:
 
 
 def joint_moments(shapes: Sequence[Shape], mass: float) -> Vector:
-    """Return the moments [kg m2] of shapes with one density and a total mass [kg]."""
+    """Return the moments [kg m2] of shapes with a common density and a total mass [kg]."""
     volumes = [solid_volume(shape) for shape in shapes]
     total = np.zeros((3, 3))
     for shape, volume in zip(shapes, volumes, strict=True):
@@ -303,7 +307,8 @@ def _solid_tensor(shape: Shape, mass: float) -> Array:
 def point_tensor(mass: float, offset: Array) -> Array:
     """Return the inertia tensor (3, 3) [kg m2] of a point mass at ``offset`` (3,) [m].
 
-    A tensor about a point gains this term if the centre of mass is ``offset`` away (parallel axes).
+    A tensor about a point gains this term if the centre of mass is ``offset`` away (parallel axis
+    theorem).
     """
     tensor: Array = mass * (product(offset, offset) * np.eye(3) - np.outer(offset, offset))
     return tensor

@@ -87,14 +87,14 @@ class Pose:
         )
 
     def inverse(self) -> "Pose":
-        """Return the pose of the other frame in this one."""
+        """Return the pose of the parent frame in this frame."""
         x, y, z, w = self.quaternion
         conjugate = Pose(quaternion=(-x, -y, -z, w))
         px, py, pz = conjugate.transform(self.position)
         return Pose((-px, -py, -pz), conjugate.quaternion)
 
     def transform(self, point: Vector) -> Vector:
-        """Return a point [m] given in this frame in the parent frame."""
+        """Express a point [m] of this frame in the parent frame."""
         x, y, z = (product(self.rotation, np.array(point)) + self.position).tolist()
         return (x, y, z)
 
@@ -129,7 +129,7 @@ _SIZES = {"box": 3, "cylinder": 2, "sphere": 1, "plane": 3, "convex": 0, "height
 
 @dataclass(frozen=True)
 class MeshFile:
-    """The mesh file of a shape and the options of reading it; see ``evoros.formats.mesh``."""
+    """The mesh file of a shape, and the options for reading it; see ``evoros.formats.mesh``."""
 
     path: str
     scale: Vector
@@ -156,7 +156,7 @@ class Shape:
     heights: tuple[tuple[float, ...], ...] = ()
     """Heights [m] above the origin: row i from -y to +y, column j from -x to +x, at equal steps."""
     mesh: MeshFile | None = field(default=None, compare=False, repr=False)
-    """The mesh of which the shape approximates a part; None if it fits or has no mesh."""
+    """The mesh of which the shape approximates a part; None if it is exact or has no mesh."""
 
     def __post_init__(self) -> None:
         sizes = _numbers(_SIZES[self.kind])
@@ -164,7 +164,7 @@ class Shape:
             raise checks.invalid(self, "size", self.size, f"must be {sizes.text}")
         if self.kind == "plane":
             if math.sqrt(sum(n * n for n in self.size)) < 1e-9:
-                raise checks.invalid(self, "size", self.size, "must not be 0 0 0 for a plane")
+                raise checks.invalid(self, "size", self.size, "must be a normal other than 0 0 0")
         elif self.size and min(self.size) <= 0:
             raise checks.invalid(self, "size", self.size, f"must be above 0 for a {self.kind}")
         if self.kind == "convex":
@@ -180,7 +180,7 @@ def _check_corners(shape: Shape) -> None:
             shape, "corners", shape.corners, "must be four or more points [x, y, z]"
         )
     if is_flat(corners):
-        raise checks.invalid(shape, "corners", shape.corners, "must not lie in one plane")
+        raise checks.invalid(shape, "corners", shape.corners, "must not all lie in one plane")
 
 
 def is_flat(corners: Array) -> bool:
@@ -217,7 +217,7 @@ class Body:
 
     def __post_init__(self) -> None:
         if not self.shapes:
-            raise checks.invalid(self, "shapes", self.shapes, "must not be empty")
+            raise checks.invalid(self, "shapes", self.shapes, "must have at least one shape")
         kinds = {shape.kind for shape in self.shapes}
         if self.mass is not None and (self.floor or kinds & {"plane", "heightfield"}):
             rule = "must be null for a floor and for a body with a plane or a height field"

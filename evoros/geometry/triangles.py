@@ -44,7 +44,7 @@ def weld(triangles: Array) -> Surface:
     Faces without an area and repeated faces are left out.
     """
     corners = triangles.reshape(-1, 3)
-    # Whole micrometres would split half ones, which 1/16 inch has, by rounding.
+    # Whole micrometres would split coordinates that end in half ones, as 1/16 inch does.
     first, indices = unique_rows(np.round(corners * 1.03e6))
     points, faces = corners[first], indices.reshape(-1, 3)
     distinct_corners = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
@@ -78,9 +78,9 @@ def find_normals(triangles: Array) -> Array:
 
 
 def unique_rows(rows: NDArray[Any]) -> tuple[Indices, Indices]:
-    """Return the first index of each distinct row, in sorted order, and each row's position there.
+    """Return the first index of each distinct row, sorted by row, and each row's rank among these.
 
-    It takes a fraction of the time of ``numpy.unique``.
+    This takes a fraction of the time of ``numpy.unique``.
     """
     order = np.lexsort(rows.T[::-1])
     new = np.ones(len(rows), dtype=bool)
@@ -154,8 +154,9 @@ def orient(surface: Surface) -> Surface:
 def separate(surface: Surface) -> Surface | None:
     """Return a closed surface, facing outwards, with points duplicated where parts only touch.
 
-    An edge at which a ring touches itself keeps its two ends, so midpoints tell its copies apart.
-    Returns None if it is not closed, or if its faces do not agree on which side is outside.
+    The copies of an edge at which a ring touches itself have the same ends, so midpoints tell them
+    apart. The result is None if the surface is not closed, or if its faces do not agree on which
+    side is outside.
     """
     found = _separate(surface)
     if found is None:
@@ -192,7 +193,7 @@ def _number_edges(edges: Indices, size: int) -> Indices:
 
 
 def _separate(surface: Surface) -> tuple[Surface, Indices] | None:
-    """Return the surface with separated points, edges not halved, and each one's old point."""
+    """Return the surface with separated points, edges not halved, and each point's old index."""
     faces, count = surface.faces, len(surface.faces)
     starts, ends = faces.T.ravel(), np.roll(faces, -1, axis=1).T.ravel()
     low, high = np.minimum(starts, ends), np.maximum(starts, ends)
@@ -225,7 +226,7 @@ def _separate(surface: Surface) -> tuple[Surface, Indices] | None:
 
 
 def _find_turns(low: Array, high: Array, apexes: Array, edges: Indices) -> Array:
-    """Return numbers from 0 to 4 that grow with the angle of faces around their edges (n, 3)."""
+    """Return numbers from 0 to 4 that increase with the angle of faces about their edges (n, 3)."""
     along = high - low
     along /= np.linalg.norm(along, axis=1)[:, None]
     across = apexes - low

@@ -19,14 +19,14 @@ from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.shapes import Pose, Shape
 
 GROUND_LINK = "evoros_ground"
-"""The new root link of a robot whose root is not on the ground between its wheels."""
+"""Root link added to a robot whose root is not on the ground between its wheels."""
 
-_MIN_CLEARANCE_M = 0.02  # minimum height of a hull that replaces collision shapes
+_MIN_CLEARANCE_M = 0.02  # minimum ground clearance of a hull that replaces collision shapes
 _MIN_SHARE = 0.4  # minimum fraction of the area between the wheels that the body covers
 
 
 def hold_joints(elements: Element, urdf: Urdf, driven: Collection[str]) -> list[str]:
-    """Make every joint outside the drive fixed."""
+    """Fix every joint outside the drive at zero, and return notes for the log."""
     held = [n for n, j in urdf.joints.items() if j.type != "fixed" and n not in driven]
     excluded = []
     for joint in elements.findall("joint"):
@@ -39,12 +39,12 @@ def hold_joints(elements: Element, urdf: Urdf, driven: Collection[str]) -> list[
                 joint.remove(part)
     notes = [f"{len(held)} joints outside the drive are held at zero: {', '.join(held)}"]
     if excluded:
-        notes.append(f"joints held at zero exclude that position: {', '.join(excluded)}")
+        notes.append(f"joints held at zero cannot be there: {', '.join(excluded)}")
     return notes if held else []
 
 
 def _exclude_zero(element: Element, joint: Joint) -> list[str]:
-    """Return [joint name with the reason why it cannot be at 0], or [] if it can."""
+    """Return [the joint's name and why it cannot be at zero], or [] if it can."""
     if not joint.lower <= 0.0 <= joint.upper:
         return [f"{joint.name} (from {joint.lower:g} to {joint.upper:g})"]
     mimic = element.find("mimic")
@@ -53,7 +53,7 @@ def _exclude_zero(element: Element, joint: Joint) -> list[str]:
 
 
 def place_on_ground(elements: Element, urdf: Urdf, wheels: Sequence[Wheel]) -> list[str]:
-    """Put the root on the ground between the wheels, by a new root link if necessary."""
+    """Put the root on the ground between the wheels, adding a root link if necessary."""
     ground = min(wheel.bottom for wheel in wheels)
     middle = (max(w.centre[1] for w in wheels) + min(w.centre[1] for w in wheels)) / 2
     down = ground if abs(ground) > TOLERANCE_M else 0.0
@@ -67,8 +67,9 @@ def place_on_ground(elements: Element, urdf: Urdf, wheels: Sequence[Wheel]) -> l
     add_fixed_joint(elements, f"{GROUND_LINK}_joint", GROUND_LINK, urdf.root, pose)
     where = f"{abs(down):.4g} m {'below' if down < 0.0 else 'above'}"
     hand = "left" if side > 0.0 else "right"
-    sideways = f", and {abs(side):.4g} m to the {hand} of it" if side else ""
-    return [f"the wheels stand {where} the root link {urdf.root}{sideways}; the ground is there"]
+    sideways = f" and {abs(side):.4g} m to the {hand} of" if side else ""
+    place = f"{where}{sideways} the root link {urdf.root}"
+    return [f"the wheels touch the ground {place}; the robot's frame is put there"]
 
 
 def complete_body(
@@ -78,7 +79,7 @@ def complete_body(
     reader: SolidsReader,
     wheels: Sequence[Wheel],
 ) -> list[str]:
-    """Give a body whose collision shapes are missing or too small the hull of its visuals."""
+    """Replace missing or too small collision shapes of the body by the hull of its visuals."""
     body = _list_body(urdf, rolling)
     solid = collision_points(urdf, body)
     if len(solid) and not _is_small(solid, wheels):
@@ -106,7 +107,7 @@ def complete_body(
     inverse = urdf.poses[base].inverse()
     links[base].append(build_collision(replace(hull, pose=inverse)))
     lack = "only small collision shapes" if len(solid) else "no collision shapes"
-    return [f"the body has {lack}, so the hull of its visuals collides"]
+    return [f"the body has {lack}, so the hull of its visuals is used"]
 
 
 def replace_lost_body(
@@ -116,9 +117,9 @@ def replace_lost_body(
     reader: SolidsReader,
     wheels: Sequence[Wheel],
 ) -> list[str]:
-    """Replace a body that lost too much to missing meshes by a box around the wheels.
+    """Add a box around the wheels if missing meshes leave too little of the body.
 
-    ``rolling`` has all wheels and casters.
+    ``rolling`` names the links of all wheels and casters.
     """
     solid = collision_points(urdf, _list_body(urdf, rolling))
     if not reader.lacks_meshes or (len(solid) and not _is_small(solid, wheels)):
@@ -134,11 +135,11 @@ def replace_lost_body(
     link = next(link for link in elements.findall("link") if link.get("name") == base)
     link.append(build_collision(Shape("box", (length, width, height), pose)))
     size = f"{length:.2f} x {width:.2f} x {height:.2f} m"
-    return [f"meshes of the body are missing; a box around its wheels replaces it, {size}"]
+    return [f"the body's meshes are missing; a {size} box around the wheels takes their place"]
 
 
 def _list_body(urdf: Urdf, rolling: Collection[str]) -> list[str]:
-    """Return the links that are neither wheels nor casters, in the drive or not."""
+    """Return the links that are neither wheels, driven or not, nor casters."""
     free = [name for name in urdf.poses if name not in rolling and not CASTER.search(name)]
     return [name for name in free if not ("wheel" in name.lower() and _is_round(urdf, name))]
 
@@ -149,7 +150,7 @@ def _is_round(urdf: Urdf, name: str) -> bool:
 
 
 def collision_points(urdf: Urdf, links: Iterable[str]) -> Array:
-    """Return points (n, 3) [m] of the collision shapes of links, in the root's frame."""
+    """Return points (n, 3) [m] of the links' collision shapes, in the root's frame."""
     return _points([(s, urdf.poses[link] @ s.pose) for link in links for s in urdf.shapes[link]])
 
 
@@ -178,7 +179,7 @@ def _points(shapes: Sequence[tuple[Shape, Pose]]) -> Array:
 
 
 def show_as_collisions(elements: Element, urdf: Urdf, reader: SolidsReader) -> list[str]:
-    """Give wheels and casters without collision shapes their visual shapes."""
+    """Use the visuals of wheels and casters as collision shapes if these are missing."""
     changed = []
     for link in elements.findall("link"):
         name = str(link.get("name"))
@@ -196,7 +197,7 @@ def show_as_collisions(elements: Element, urdf: Urdf, reader: SolidsReader) -> l
             raise faults[0]
         link.extend([build_collision(shape) for shape in shapes])
         changed += [name] if shapes else []
-    note = f"links without collision shapes collide with their visuals: {', '.join(changed)}"
+    note = f"links without collision shapes use their visuals instead: {', '.join(changed)}"
     return [note] if changed else []
 
 

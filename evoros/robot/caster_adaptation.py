@@ -1,4 +1,4 @@
-"""Finds the parts that a robot slides on, and completes them."""
+"""Finds the parts that a robot slides on, and adds missing masses and supports."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -24,7 +24,7 @@ from evoros.geometry.shapes import Pose, Shape
 
 CASTER_MASS_KG = 0.01  # mass of a caster that is split off or assumed
 CLEARANCE_M = 0.02  # height above the ground at which shapes are cut
-_MAX_DEPTH_M = 0.02  # maximum depth below the ground of a shape that is raised
+_MAX_DEPTH_M = 0.02  # maximum depth below the ground at which a shape is raised, not cut
 _ASSUMED_RADIUS_M = 0.01
 
 
@@ -32,14 +32,14 @@ class Casters(NamedTuple):
     """Links that slide on the ground."""
 
     links: tuple[str, ...]
-    exposed: Mapping[str, str]  # split-off body parts, with their former links
+    exposed: Mapping[str, str]  # former link of each split-off body part, by new link
     notes: tuple[str, ...]
 
 
 def find_casters(
     elements: Element, urdf: Urdf, rolling: Collection[str], given: Sequence[str]
 ) -> Casters:
-    """Find the non-wheel parts that reach the ground, and make separate links of them."""
+    """Find the non-wheel parts that reach the ground, and make them separate links."""
     links = {str(link.get("name")): link for link in elements.findall("link")}
     casters, raised, split = list(given), [], {}
     gaps: dict[str, float] = {}
@@ -67,7 +67,7 @@ def find_casters(
     if raised:
         notes.append(f"parts below the ground are raised onto it: {', '.join(raised)}")
     if cut:
-        notes.append(f"parts far below the ground are cut off above it: {', '.join(cut)}")
+        notes.append(f"parts far below the ground are cut off just above it: {', '.join(cut)}")
     _complete(links, [name for name in casters if name in links])
     return Casters((*casters, *split), split, tuple(notes))
 
@@ -77,7 +77,7 @@ def _with_gap(name: str, gap: float) -> str:
 
 
 def _gap(collision: Element, link: Pose) -> float:
-    """Return the height [m] of a collision shape above the ground; ``link`` is its link's pose."""
+    """Return the height [m] of a collision shape above the ground, given its link's pose."""
     shape = read_shape(collision)
     return bottom_height(shape, link @ shape.pose)
 
@@ -130,9 +130,10 @@ _SIZE: Array = np.full(3, 2.0 * _ASSUMED_RADIUS_M)
 def add_supports(
     elements: Element, urdf: Urdf, axle_x_m: float, casters: Sequence[str], corners: Array
 ) -> Casters:
-    """Support a robot on two wheels at each side of the axle that needs it and has no caster.
+    """Add a ball in front of or behind the axle of a two-wheeled robot that would tip over.
 
-    The body has ``corners`` (n, 3) [m]. With casters, only the side of the weight needs support.
+    ``corners`` (n, 3) [m] are points of the body. If there are casters, a ball is added only on a
+    side that has none and that the weight leans to.
     """
     mass, centre = centre_of_mass(elements, urdf)
     places = [
@@ -158,9 +159,10 @@ def add_supports(
         names.append(name)
     if not names:
         return Casters((), {}, ())
-    why = "no caster holds it up" if not places else "its weight is not between axle and casters"
+    why = "the weight is not between axle and casters" if places else "no caster supports it"
     where = " and ".join(name.rpartition("_")[2] for name in names)
-    return Casters(tuple(names), {}, (f"{why}, so it slides on an assumed ball at the {where}",))
+    note = f"the robot slides on an assumed ball at the {where}, because {why}"
+    return Casters(tuple(names), {}, (note,))
 
 
 def centre_of_mass(elements: Element, urdf: Urdf) -> tuple[float, Array]:

@@ -1,4 +1,4 @@
-"""The housings of sensors: boxes that must not overlap."""
+"""Sensor housings: boxes that must not overlap."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ class Housing:
 class Overlap(NamedTuple):
     """Two housings that overlap."""
 
-    depth_m: float  # distance by which one of them must move
+    depth_m: float  # distance that one of them must move to clear the other
     first: str
     second: str
 
@@ -50,9 +50,10 @@ def find_overlaps(housings: Sequence[Housing]) -> Iterator[Overlap]:
 
 
 def _measure_overlap(first: Housing, second: Housing) -> float:
-    """Return the distance [m] that one box must move to clear the other; at most 0 if it is clear.
+    """Return the distance [m] that one box must move to clear the other; at most 0 if clear.
 
-    Boxes are separated along a face normal or a cross product of edges (separating axes).
+    By the separating axis theorem, disjoint boxes are separated along a face normal or a cross
+    product of edges.
     """
     gap = np.subtract(second.position_m, first.position_m)
     reach = 0.5 * (arrays.length(np.array(first.size_m)) + arrays.length(np.array(second.size_m)))

@@ -1,6 +1,7 @@
 """Reads a robot from a URDF or xacro file, rewritten into the form that engines and drives need.
 
-Stated values are kept, and each assumption is logged. A description in this form stays as it is.
+Stated values are kept, and each assumption is logged. A description that is already in this form is
+not changed.
 """
 
 import logging
@@ -50,17 +51,17 @@ STEERING_STOP_RAD = 0.8  # limit of steering joints that state none
 
 @dataclass(frozen=True, eq=False)
 class AdaptedRobot:
-    """A description that engines accept, and the description of its drive."""
+    """A robot description that engines accept, and its drive."""
 
     elements: Element
     urdf: Urdf
     drive: DriveDescription
     exposed_casters: Mapping[str, str]
-    """Body parts that slide on the ground, now links, each with the link it was split from."""
+    """The link that each sliding body part was split from, by the part's new link."""
 
 
 def adapt(description: Element, source: str, drive: DriveDescription, missing: str) -> AdaptedRobot:
-    """Rewrite a copy of a ``<robot>`` for a drive.
+    """Rewrite a copy of a ``<robot>`` element for a drive.
 
     Raises:
         InputError: a part cannot be interpreted, or the drive does not fit.
@@ -99,7 +100,7 @@ def adapt(description: Element, source: str, drive: DriveDescription, missing: s
 def _adapt_drive(
     elements: Element, urdf: Urdf, drive: DriveDescription
 ) -> tuple[DriveDescription, list[Wheel], list[str]]:
-    """Choose the drive and rewrite its joints and wheels; the wheels are in the root's frame."""
+    """Choose the drive and rewrite its joints and wheels; return the wheels in the root's frame."""
     automatic, notes = isinstance(drive, AutomaticDescription), Notes(*([] for _ in Notes._fields))
     chosen = drive.choose(urdf) if isinstance(drive, AutomaticDescription) else drive
     named = isinstance(drive, AutomaticDescription) and bool(drive.left_wheel_joints)
@@ -112,17 +113,17 @@ def _adapt_drive(
     lines = {
         "joint axes that point right or down are reversed": notes.turned_round,
         "skewed wheels are aligned with the robot's lateral axis": notes.straightened,
-        "wheels are replaced by one cylinder": notes.reshaped,
+        "wheels are replaced by one cylinder each": notes.reshaped,
         "wheels that mimic another joint get their own motor": notes.mimics,
         f"steering joints without limits stop at {stop:g} rad": notes.stops,
-        "steering joints have swapped limits, which are exchanged": (notes.switched),
+        "swapped lower and upper limits of steering joints are exchanged": notes.switched,
         "steering limits exceed half a turn and may be in degrees": notes.spins,
     }
     return chosen, wheels, [f"{text}: {', '.join(names)}" for text, names in lines.items() if names]
 
 
 def _extent(urdf: Urdf, wheels: Sequence[Wheel]) -> float:
-    """Return the diagonal [m] of the robot's bounding box, the maximum distance between masses."""
+    """Return the diagonal [m] of the robot's bounding box, which bounds distances of masses."""
     points = [wheel.centre[None] for wheel in wheels]
     points += [np.array([pose.position]) for pose in urdf.poses.values()]
     points.append(body_adaptation.collision_points(urdf, urdf.shapes))
@@ -139,7 +140,7 @@ def _complete_masses(
         if any(links[part].find("inertial") is not None for part in urdf.rigid_group(child)):
             continue
         shapes = [(shape, shape.pose) for shape in urdf.shapes[child]]
-        if name in drive.steering_joints:  # small part: cube with the wheel radius as edge
+        if name in drive.steering_joints:  # small part: a cube with the wheel radius as edge
             shapes = [(Shape("box", (wheels[0].radius,) * 3), Pose())]
         give_mass(links[child], shapes)
         given.append(child)
@@ -150,12 +151,12 @@ def _complete_masses(
         if shapes:
             give_mass(links[urdf.root], shapes)
             given.append(urdf.root)
-    note = f"masses are assumed from the size (500 kg/m3) for {', '.join(given)}"
+    note = f"masses are estimated from the size (500 kg/m3) for {', '.join(given)}"
     return [note] if given else []
 
 
 def _tell_dense(elements: Element, urdf: Urdf) -> list[str]:
-    """Report links whose mass exceeds any metal's in the bounding box of their shapes."""
+    """Report links that are denser than any metal if they fill the bounding box of their shapes."""
     dense = []
     for link in elements.findall("link"):
         name, mass = str(link.get("name")), link.find("inertial/mass")
@@ -194,7 +195,7 @@ def _adapt_casters(
 def _complete_motors(
     elements: Element, urdf: Urdf, drive: DriveDescription, wheels: Sequence[Wheel]
 ) -> list[str]:
-    """Limit the effort of drive joints without a limit to the weight times the wheel radius."""
+    """Limit the effort of drive joints that state no limit to weight times wheel radius."""
     mass, _ = centre_of_mass(elements, urdf)
     radii = {name: wheel.radius for name, wheel in zip(drive.wheel_joints, wheels, strict=True)}
     radii |= dict.fromkeys(drive.steering_joints, wheels[0].radius)
@@ -230,12 +231,12 @@ def load_robot(
     """Load the robot that a xacro or URDF file describes.
 
     ``description`` is a path, which may be relative to the bundled robots, and ``arguments`` are
-    for xacro. ``packages`` are further folders for files that it names; ``ignored_packages`` are
-    skipped. ``environment`` has the variables of ``$(env)``. ``mount`` None is chosen for the
-    robot. ``missing`` (``error``, ``leave_out`` or ``box``) handles absent meshes. If
-    ``wheels_touch``, obstacles can touch wheels and casters that stick out of the body.
-    ``self_occlusion`` selects the shapes that block the robot's own sensors, ``collisions`` or
-    ``visuals``.
+    passed to xacro. Files that it names are also searched for in the folders ``packages``; elements
+    from ``ignored_packages`` are left out. ``environment`` holds the variables for ``$(env)``. If
+    ``mount`` is None, a default is derived from the robot. ``missing`` (``error``, ``leave_out`` or
+    ``box``) says what to do if a mesh is missing. If ``wheels_touch``, obstacles can touch wheels
+    and casters that stick out of the body. ``self_occlusion`` selects the shapes that block the
+    robot's own sensors, ``collisions`` or ``visuals``.
 
     Raises:
         InputError: the file cannot be used, or ``drive`` or ``mount`` does not fit it.
@@ -264,7 +265,7 @@ def _build_robot(
     wheels_touch: bool,
     visuals: Mapping[str, Sequence[Shape]] | None,
 ) -> Robot:
-    """Build a robot; ``visuals`` by link, or the collision shapes if None, block its sensors."""
+    """Build a robot whose sensors are blocked by ``visuals``, or by collision shapes if None."""
     urdf, drive = adapted.urdf, adapted.drive.fit(adapted.urdf)
     wheels = {urdf.joints[name].child for name in drive.wheel_joints}
     rolling = wheels | set(drive.caster_links)
@@ -311,12 +312,12 @@ def _build_robot(
 def _check_types(description: object, drive: object, mount: object, options: ReadOptions) -> None:
     lists: Any = list | tuple
     for name, value, expected, what in (
-        ("description", description, str, "the path of a file"),
-        ("drive", drive, DriveDescription, "the description of a drive"),
+        ("description", description, str, "a file path"),
+        ("drive", drive, DriveDescription, "a drive description"),
         ("mount", mount, MountDefaults, "a default mount (MountDefaults)"),
         ("arguments", options.arguments, Mapping, "a mapping from names to values"),
         ("packages", options.packages, lists, "a list of folders"),
-        ("ignored_packages", options.ignored_packages, lists, "a list of names of packages"),
+        ("ignored_packages", options.ignored_packages, lists, "a list of package names"),
         ("environment", options.environment, Mapping, "a mapping from names to values"),
     ):
         if not isinstance(value, expected):
@@ -335,12 +336,12 @@ def _find_body(
     ]
     if not solids:
         problem = "a link other than the wheels and casters must have a <collision>"
-        raise urdf.error(problem, "give it a box")
+        raise urdf.error(problem, "add a box to one of them")
     return solids
 
 
 def _find_sensor_links(urdf: Urdf, root: Element) -> dict[str, tuple[float, float, float, float]]:
-    """Find the upright links fixed to the root: x, y, z [m] and yaw [rad] by name."""
+    """Map each upright link fixed to the root to its x, y, z [m] and yaw [rad]."""
     described = {link.get("name") for link in root.findall("link")}
     sensor_links = {}
     for link, pose in urdf.poses.items():

@@ -1,4 +1,4 @@
-"""The robot: its outline, its drive and its sensors, also as URDF elements."""
+"""The robot model: outline, drive and sensors, also as URDF elements."""
 
 import math
 import re
@@ -63,36 +63,36 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 class Robot:
     """A robot, with or without sensors.
 
-    Its frame is the root link of ``urdf_elements``: on the ground at rest, x forward, y left.
+    The robot's frame is the root link of ``urdf_elements``: on the ground, x forward, y left.
     """
 
     name: str
-    base_urdf: UrdfDocument  # content of its file, without sensors
+    base_urdf: UrdfDocument  # content of the robot's file, without sensors
     drive: Drive
-    outline: Array  # (k, 2) [m], convex, counter-clockwise footprint of its collision shapes
-    height_m: float  # top of its collision shapes, above the ground
+    outline: Array  # (k, 2) [m], convex footprint of the collision shapes, counter-clockwise
+    height_m: float  # top of the collision shapes above the ground
     mount_link: str
     mount_z_m: float
-    mount_pitch_deg: float | None  # None: levels the lowest ray of the sensors
+    mount_pitch_deg: float | None  # None: the lowest ray of the sensors is level
     sensor_links: Mapping[str, tuple[float, float, float, float]]
-    """Links that can carry sensors: x, y, z [m], yaw [rad] in the robot's frame."""
-    visuals: tuple[SolidShape, ...] = ()  # visual shapes of its links, without sensors
+    """Poses of the links that can carry sensors, in the robot's frame: x, y, z [m], yaw [rad]."""
+    visuals: tuple[SolidShape, ...] = ()  # visual shapes of the links, without sensors
     solids: tuple[SolidShape, ...] = ()  # collision shapes of links that do not roll
     chosen_mount: tuple[str, ...] = ()  # keys of the default mount that the configuration left open
-    reserved_names: frozenset[str] = frozenset()  # names of its links and joints
+    reserved_names: frozenset[str] = frozenset()  # names of links and joints
     exposed_links: frozenset[str] = frozenset()
-    """Protruding wheels and casters, which obstacles can touch and the outline includes."""
+    """Wheels and casters that stick out of the body; obstacles can touch them."""
     engine_urdf: UrdfDocument | None = None
     """The description for engines if it differs from ``base_urdf``: joints outside the drive are
     held, wheels are cylinders, meshes are convex parts, moving links have masses, and the root is
     on the ground."""
-    occluders: Occluders = field(default_factory=Occluders)  # parts that its own sensors see
+    occluders: Occluders = field(default_factory=Occluders)  # parts that block its sensors
     mounts: tuple[Mount, ...] = ()  # mounts of one sensor type are contiguous
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
 
     @property
     def urdf(self) -> str:
-        """The whole description as XML, with a link, joint and Gazebo sensor for each mount."""
+        """The complete description as XML, with a link, joint and Gazebo sensor for each mount."""
         head, _, _ = self.base_urdf.text.rpartition("</robot>")
         parts = [head]
         for name, mount in self.named_mounts():
@@ -126,7 +126,7 @@ class Robot:
             yield f"{prefix}{mount.sensor}_{index}", mount
 
     def with_sensors(self, mounts: Sequence[Mount], sensors: Mapping[str, Sensor]) -> "Robot":
-        """Return this robot with these sensors instead, sorted by type as in ``sensors``.
+        """Return a copy with only these sensors, sorted by type in the order of ``sensors``.
 
         Raises:
             InputError: a sensor type or link is unknown, or a number is not finite.
@@ -139,18 +139,18 @@ class Robot:
 
     @cached_property
     def layout(self) -> tuple[slice, ...]:
-        """Each mount's part of the flat readings: one value per channel."""
+        """The slice of the flat readings that belongs to each mount: one value per channel."""
         return _place([len(sensor.channels) for sensor in self.mounted_sensors()])
 
     @cached_property
     def beam_layout(self) -> tuple[slice, ...]:
-        """Each mount's part of the true ranges; empty if it casts no rays."""
+        """The slice of the true ranges that belongs to each mount; empty without rays."""
         sensors = self.mounted_sensors()
         return _place([len(sensor.channels) if sees(sensor) else 0 for sensor in sensors])
 
     @cached_property
     def signal_layout(self) -> tuple[slice, ...]:
-        """Each mount's part of the sensed values: true ranges, then other signals."""
+        """The slice of the sensed values (true ranges, then other signals) of each mount."""
         sensors = self.mounted_sensors()
         sizes = [SIGNAL_SIZES.get(sensor.measures, 0) for sensor in sensors]
         signals = _place([self.beam_count, *sizes])[1:]
@@ -194,7 +194,7 @@ class Robot:
 
     @cached_property
     def sensor_poses(self) -> Array:
-        """The poses (n, 5): x, y, z [m], yaw (left positive), pitch (nose up) [rad]."""
+        """The sensor poses (n, 5): x, y, z [m], yaw (left positive), pitch (nose up) [rad]."""
         links = np.array([self.sensor_links[mount.link] for mount in self.mounts])
         poses = place_on_links(
             links.reshape(-1, 4),
@@ -206,7 +206,7 @@ class Robot:
     def channel_yaws(self) -> list[float]:
         """Return the yaw [rad] of each reading, left positive; NaN if its sensor casts no rays.
 
-        With several channels, it is the mean direction of the channel's rays.
+        If a sensor has several channels, each yaw is the mean direction of the channel's rays.
         """
         yaws: list[float] = []
         parts = zip(self.mounted_sensors(), self.sensor_poses, self.sensor_frames, strict=True)
@@ -272,9 +272,10 @@ def _place(sizes: Sequence[int]) -> tuple[slice, ...]:
     return tuple(slice(end - size, end) for size, end in zip(sizes, ends, strict=True))
 
 
-# A ray is a row of RAY_SIZE values.
 DIRECTION, ORIGIN, HOUSING, LIMIT = 0, 3, 6, 7
-"""Columns: unit vector (3,), origin (3,) [m], exit from the sensor's housing [m], range [m]."""
+"""Columns of a ray: unit vector (3,), origin (3,) [m], distance to the exit from the sensor's
+housing [m], maximum range [m].
+"""
 RAY_SIZE = 8
 
 
@@ -282,14 +283,14 @@ class SortedRays(NamedTuple):
     """The rays of a sensor type, sorted by channel."""
 
     directions: Array  # (k, 3), in the sensor's frame
-    ends: list[int]  # one per channel, cumulative
+    ends: list[int]  # cumulative number of rays, one per channel
 
 
 class RayTable(NamedTuple):
     """The rays of all range sensors of a robot, by beam."""
 
     rows: Array  # (r, RAY_SIZE)
-    starts: NDArray[np.int64]  # (n + 1,) first ray of each beam, then the total
+    starts: NDArray[np.int64]  # (n + 1,) index of each beam's first ray, then the number of rays
 
 
 def sort_rays(sensor: RangeSensor) -> SortedRays:
@@ -304,7 +305,7 @@ def sort_rays(sensor: RangeSensor) -> SortedRays:
         raise InputError(
             f"{type(sensor).__name__}.channel_of: must return a channel from 0 to "
             f"{len(sensor.channels) - 1} for each of the {len(rays)} rays, and each channel at "
-            f"least once; change the channels or the rays that it returns"
+            f"least once; correct channel_of or rays"
         )
     return SortedRays(rays[np.argsort(channels, kind="stable")], np.cumsum(counts).tolist())
 
@@ -315,7 +316,7 @@ def tabulate_rays(
     sensors: Mapping[str, RangeSensor],
     rays: Mapping[str, SortedRays],
 ) -> "RayTable":
-    """Return the rays of mounted sensors; ``frames`` (n, 4, 4) are one per mount."""
+    """Return the rays of mounted sensors, given one frame (n, 4, 4) per mount."""
     tables, counts = [np.zeros((0, RAY_SIZE))], [0]
     for name, (directions, ends) in rays.items():  # mounts of one type are contiguous
         chosen = [index for index, mount in enumerate(mounts) if mount.sensor == name]
@@ -326,14 +327,15 @@ def tabulate_rays(
 
 
 def lay_out_rays(sensor: RangeSensor, rays: Array, frames: Array) -> Array:
-    """Return rows (n * k, RAY_SIZE) of a sensor's ``rays`` (k, 3) at ``frames`` (n, 4, 4)."""
+    """Return rows (n * k, RAY_SIZE) of a sensor's ``rays`` (k, 3) in ``frames`` (n, 4, 4)."""
     rows = np.empty((len(frames), len(rays), RAY_SIZE))
     axes = frames[:, None, :3, :3]
     turned = rays[:, :1] * axes[..., 0]
     turned = turned + rays[:, 1:2] * axes[..., 1] + rays[:, 2:] * axes[..., 2]
     rows[..., DIRECTION : DIRECTION + 3] = turned
     rows[..., ORIGIN : ORIGIN + 3] = frames[:, None, :3, 3]
-    steep = np.maximum(np.abs(rays), 1e-12)  # avoids dividing by 0; such a ray exits elsewhere
+    # Avoids division by 0; a ray parallel to one face exits through another.
+    steep = np.maximum(np.abs(rays), 1e-12)
     rows[..., HOUSING] = (0.5 * np.array(sensor.size_m) / steep).min(axis=1)
     rows[..., LIMIT] = sensor.range_max_m
     return rows.reshape(-1, RAY_SIZE)

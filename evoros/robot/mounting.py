@@ -1,4 +1,4 @@
-"""Mounting of a robot's sensors: the default mount, poses and frames."""
+"""Sensor mounting: the default mount, poses and frames."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,16 +14,17 @@ from evoros.robot.outline import SolidShape, compute_outline
 from evoros.sensor.protocol import RangeSensor, Sensor, sees
 
 Places = Mapping[str, tuple[float, float, float, float]]
-"""Links that can carry sensors: x, y, z [m], yaw [rad] in the robot's frame."""
+"""Poses of the links that can carry sensors, in the robot's frame: x, y, z [m], yaw [rad]."""
 
 
 @dataclass(frozen=True)
 @checked
 class MountDefaults:
-    """The default mount of a sensor, for values that its region leaves open.
+    """Default values for the mount parameters that a design region leaves open.
 
-    None values follow from the robot: the link that carries most of the chassis, the middle height
-    of its collision shapes, and the pitch that levels the lowest ray of the sensors.
+    Values that are None are derived from the robot: the link with the largest area in top view, the
+    middle height of that link's collision shapes, and the pitch that levels the sensors' lowest
+    ray.
     """
 
     link: Annotated[str | None, TEXT] = None
@@ -32,12 +33,12 @@ class MountDefaults:
 
 
 class FittedMount(NamedTuple):
-    """The default mount of a given robot."""
+    """The default mount, fitted to a robot."""
 
     link: str
     z_m: float
     pitch_deg: float | None  # None: depends on the sensors
-    chosen: tuple[str, ...]  # the keys that were None
+    chosen: tuple[str, ...]  # keys of MountDefaults that were None
 
 
 def fit_mount(mount: MountDefaults, places: Places, solids: Sequence[SolidShape]) -> FittedMount:
@@ -55,7 +56,8 @@ def fit_mount(mount: MountDefaults, places: Places, solids: Sequence[SolidShape]
 def level_pitch(sensors: Iterable[Sensor]) -> float:
     """Return the minimum pitch [deg], nose up, at which no ray of any sensor points down.
 
-    Sensors that see behind themselves need 0, because tilting would point them at the ground.
+    The pitch is 0 for sensors that also see backwards, because tilting them would point their rear
+    rays at the ground.
     """
     return max((_level_pitch(sensor) for sensor in sensors if sees(sensor)), default=0.0)
 
@@ -68,7 +70,7 @@ def _level_pitch(sensor: RangeSensor) -> float:
 
 
 def _find_carrier(places: Places, solids: Sequence[SolidShape]) -> str:
-    """Return the link with the largest area seen from above; the first if none has shapes."""
+    """Return the link with the largest area in top view, or the first link if none has shapes."""
 
     def area(link: str) -> float:
         shapes = [(solid.shape, solid.pose) for solid in solids if solid.link == link]

@@ -25,8 +25,8 @@ from evoros.geometry.ray import AT_X, AT_Y, BOUND, place_obstacle
 from evoros.geometry.shapes import Pose, Shape
 from evoros.world.standing import sight_rows
 
-_CIRCLE_CORNERS = 64  # number of corners of a polygon around a circle
-_OVERHANG_M = 1e-3  # maximum overhang of a wheel that the body still covers
+_CIRCLE_CORNERS = 64  # corners of the polygon that circumscribes a circle
+_OVERHANG_M = 1e-3  # maximum overhang of a wheel that still counts as covered by the body
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,12 @@ class SolidShape:
 
     @property
     def height_range(self) -> tuple[float, float]:
-        """The heights [m] of its lowest and highest point."""
+        """The heights [m] of the lowest and highest points."""
         return bottom_height(self.shape, self.pose), top_height(self.shape, self.pose)
 
 
 def compute_outline(solids: Iterable[tuple[Shape, Pose]]) -> Array:
-    """Return the hull (k, 2) [m] of shapes seen from above; polygons replace circles."""
+    """Return the convex hull (k, 2) [m] of shapes in top view; circles become polygons."""
     turn = np.arange(_CIRCLE_CORNERS) * (2.0 * math.pi / _CIRCLE_CORNERS)
     disc = np.stack([cos_all(turn), sin_all(turn)], axis=1) / elementary.cos(
         math.pi / _CIRCLE_CORNERS
@@ -59,7 +59,7 @@ def compute_outline(solids: Iterable[tuple[Shape, Pose]]) -> Array:
 
 
 def compute_outline_at(solids: Sequence[SolidShape], height: float) -> Array | None:
-    """Return the outline (k, 2) [m] of the shapes at a height [m]; None if there are none."""
+    """Return the outline (k, 2) [m] of the shapes that reach a height [m]; None if none does."""
     reaching = [
         (solid.shape, solid.pose)
         for solid in solids
@@ -71,7 +71,7 @@ def compute_outline_at(solids: Sequence[SolidShape], height: float) -> Array | N
 def rolling_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
     """Return the shapes of a wheel or caster, in the robot's frame.
 
-    A sphere is replaced by its visual if that is a narrower cylinder, as on passive wheels.
+    Spheres are replaced by the link's visual cylinders, if any, as on passive wheels.
     """
     shapes, shown = urdf.shapes[link], urdf.visuals[link]
     balls = [shape for shape in shapes if shape.kind == "sphere"]
@@ -91,12 +91,12 @@ def find_exposed(urdf: Urdf, rolling: Collection[str], outline: Array) -> frozen
 
 
 SWEEP = 17
-"""The number of steering angles, from lock to lock, at which a check places steered wheels."""
+"""Number of steering angles, from lock to lock, at which checks place steered wheels."""
 
 BURIED_M = 0.1
-"""Maximum length of a ray inside the shape it starts in; a check counts longer ones as hidden.
+"""Length [m] inside the shape it starts in beyond which checks count a ray as hidden.
 
-Housings that descriptions give to their own sensors, such as lidars, are shorter.
+Housings of sensors in descriptions, such as lidars, are smaller.
 """
 
 
@@ -104,50 +104,50 @@ class Steering(NamedTuple):
     """The steering joint that turns a shape."""
 
     joint: int  # index in drive.steering_joints
-    pivot: tuple[float, float]  # x, y [m] of its vertical axis, in the robot's frame
+    pivot: tuple[float, float]  # x, y [m] of the joint's vertical axis, in the robot's frame
 
 
 @dataclass(frozen=True)
 class Occluder(SolidShape):
-    """A shape that moves with the chassis, a wheel or a steered wheel."""
+    """A shape of a robot that can block the robot's sensors."""
 
     steering: Steering | None = None
 
 
 class OccluderRows(NamedTuple):
-    """Shapes as rows for rays, in the robot's frame."""
+    """Shapes as table rows for ray casting, in the robot's frame."""
 
     rows: Array  # (s, OBSTACLE_SIZE), as in evoros.geometry.ray
     faces: Array  # (f, FACE_SIZE), of all polyhedra
-    inside: Array  # (s,) [m], length in the shape from which a ray that starts inside is blocked
+    inside: Array  # (s,) [m], how far a ray that starts in the shape may pass through it
     rolls: Array  # (s,) 1 for wheels and casters, else 0
-    numbers: Array  # (s,) index of the occluder
-    heights: Array  # (s, 2) [m], lowest and highest point
+    numbers: Array  # (s,) index in Occluders.shapes
+    heights: Array  # (s, 2) [m], of the lowest and highest points
 
 
 @dataclass(frozen=True, eq=False)
 class Occluders:
-    """All shapes with which a robot can block its sensors."""
+    """All shapes of a robot that can block its sensors."""
 
     shapes: tuple[Occluder, ...] = ()
 
     @cached_property
     def fixed(self) -> OccluderRows:
-        """The shapes that no steering moves, as missions see them.
+        """The unsteered shapes, as missions treat them.
 
-        A ray that starts inside the chassis does not see it, as with any other shape. A ray that
-        starts inside a wheel is blocked.
+        A ray that starts inside the chassis does not see the chassis, as with any other shape. A
+        ray that starts inside a wheel is blocked.
         """
         return self._select(False, np.inf)
 
     @cached_property
     def steered(self) -> OccluderRows:
-        """The shapes that steering moves, with the wheels straight ahead."""
+        """The steered shapes, with the wheels straight ahead."""
         return self._select(True, np.inf)
 
     @cached_property
     def sweep_volumes(self) -> list[OccluderRows]:
-        """An upright cylinder for each steered shape, which contains it at all angles."""
+        """An upright cylinder around each steered shape that contains it at all angles."""
         volumes = []
         for row, index in zip(self.steered.rows, self.steered.numbers, strict=True):
             pivot = self.steering_of(int(index)).pivot
@@ -160,7 +160,7 @@ class Occluders:
         return volumes
 
     def sweep(self, drive: Drive) -> OccluderRows:
-        """Return all shapes for checks, with steered ones at ``SWEEP`` angles from lock to lock."""
+        """Return all shapes for checks, steered ones at ``SWEEP`` angles from lock to lock."""
         parts, faces = [self._select(False, BURIED_M)], self._arrays[1]
         steered = self._select(True, BURIED_M)
         if len(steered.rows):
@@ -180,7 +180,7 @@ class Occluders:
         return turned
 
     def steering_of(self, index: int) -> Steering:
-        """Return the steering of a steered shape."""
+        """Return the steering joint of a steered shape."""
         steering = self.shapes[index].steering
         assert steering is not None
         return steering
@@ -215,8 +215,8 @@ def find_occluders(
 ) -> Occluders:
     """Find the shapes of a robot that its sensors can see.
 
-    These are the collision shapes, or the ``visuals`` by link if given. The ``rolling`` links,
-    wheels and casters, always use their collision shapes.
+    These are the collision shapes, or the ``visuals`` by link if given. The ``rolling`` links
+    (wheels and casters) always use their collision shapes.
     """
     occluders = []
     for link, shapes in urdf.shapes.items():

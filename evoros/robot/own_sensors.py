@@ -1,4 +1,4 @@
-"""The sensors that a robot's description already has, on links that can carry sensors."""
+"""Sensors already in a robot's description, expressed on links that can carry sensors."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -19,7 +19,7 @@ _ROLL_RAD = 1e-6
 
 @dataclass(frozen=True)
 class OwnSensor:
-    """A described sensor and its position, rounded to micrometres and 1e-4 degrees."""
+    """A sensor of the description and its pose, rounded to micrometres and 1e-4 degrees."""
 
     described: DescribedSensor
     link: str  # a link that can carry sensors
@@ -31,7 +31,7 @@ class OwnSensor:
 
 @dataclass(frozen=True)
 class OwnSensors:
-    """The sensors of a description, and a line for each difference from the description."""
+    """The sensors in a description, and a note on each way in which they differ from it."""
 
     sensors: Sequence[OwnSensor]
     notes: Sequence[str]
@@ -86,4 +86,4 @@ def _describe(sensor: OwnSensor, roll: float) -> Iterator[str]:
     if sensor.link != sensor.described.link:
         yield f"is mounted on {sensor.link}, because {sensor.described.link} cannot carry sensors"
     if abs(roll) > _ROLL_RAD:
-        yield f"is rolled by {math.degrees(roll):.1f} deg, which evoros ignores"
+        yield f"has a roll of {math.degrees(roll):.1f} deg, which evoros ignores"

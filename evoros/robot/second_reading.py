@@ -1,6 +1,6 @@
-"""Cross-check of a robot's description by yourdfpy, which shares no code with this package.
+"""Cross-checks a robot description with yourdfpy, which shares no code with this package.
 
-Only ``evoros inspect`` uses it. Runs do not, because yourdfpy
+Only ``evoros inspect`` uses this module. Runs do not, because yourdfpy
 - takes 2.1 s of processor time to import (trimesh, networkx, scipy), while a command needs the
   robot within 0.8 s for its first line;
 - uses the platform's sine and cosine: 80 of 359 origins of 27 public robots differ in the last bits
@@ -42,5 +42,5 @@ def read_again(robot: Robot) -> str:
     inertials = (link.inertial for link in urdf.robot.links)
     mass = sum(inertial.mass or 0.0 for inertial in inertials if inertial is not None)
     if gaps[farthest] > TOLERANCE_M:
-        return f"yourdfpy places {farthest} {1e3 * gaps[farthest]:.3g} mm elsewhere"
-    return f"yourdfpy finds all {len(gaps)} links of the file at the same places, and {mass:.3g} kg"
+        return f"yourdfpy disagrees on the position of {farthest} by {1e3 * gaps[farthest]:.3g} mm"
+    return f"yourdfpy agrees on the positions of all {len(gaps)} links, and reads {mass:.3g} kg"

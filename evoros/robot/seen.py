@@ -13,19 +13,20 @@ from evoros.sensor.protocol import RAY_DEG, RangeSensor, find_field, sees
 
 COUNT = 360
 BEARINGS_DEG: Array = np.arange(COUNT, dtype=np.float64) - (COUNT - 1) / 2
-"""Left positive, 0 ahead: the middles of 360 one-degree steps from -180 to 180."""
+"""Centres of 360 one-degree sectors from -180 to 180; left positive, 0 ahead."""
 _EDGE = 1e-9  # [rad], tolerance at the edges of a beam
 
 Mask = NDArray[np.bool_]
 
 
 def find_seen(robot: Robot, distance_m: float) -> Mask:
-    """Return (sensors, 360) True for each of ``BEARINGS_DEG`` that a range sensor sees.
+    """Return a mask (sensors, 360), True for each of ``BEARINGS_DEG`` that a range sensor sees.
 
-    Each bearing stands for a point at ``distance_m`` [m] from the middle of the robot's outline. A
-    sensor sees points within its ranges and field of view, from above, and the robot hides none of
-    them. A beam narrower than ``RAY_DEG``, such as a single ray, also sees the point of the degree
-    in which its middle meets the circle. Other sensors see nothing.
+    Each bearing stands for a point at ``distance_m`` [m] from the middle of the robot's outline. In
+    top view, a sensor sees the points within its ranges and field of view; the robot hides none of
+    them. A beam narrower than ``RAY_DEG``, such as a single ray, also sees the point whose
+    one-degree sector contains the beam's centre line at that distance. Sensors without rays see
+    nothing.
     """
     middle = (robot.outline.min(axis=0) + robot.outline.max(axis=0)) / 2
     points, borders = (distance_m * directions + middle for directions in (_DIRECTIONS, _BORDERS))
@@ -39,7 +40,7 @@ def find_seen(robot: Robot, distance_m: float) -> Mask:
 
 
 def choose_sector(bearing_deg: float, width_deg: float, both_sides: bool) -> Mask:
-    """Return (360,) True for bearings in a sector about ``bearing_deg``, or in its mirror image."""
+    """Return a mask (360,) of a sector about a bearing, mirrored as well if ``both_sides``."""
     chosen: Mask = np.zeros(COUNT, dtype=bool)
     for middle in (bearing_deg, -bearing_deg) if both_sides else (bearing_deg,):
         off = np.abs((BEARINGS_DEG - middle + 180.0) % 360.0 - 180.0)
@@ -50,7 +51,7 @@ def choose_sector(bearing_deg: float, width_deg: float, both_sides: bool) -> Mas
 def _find_inside(sensor: RangeSensor, points: Array, borders: Array, yaw: float) -> Mask:
     """Return True for each point in a sensor's beam.
 
-    ``points`` and ``borders`` (n, 2) are offsets [m] from the sensor, each border before its point.
+    ``points`` (n, 2) and the ``borders`` (n, 2) that precede them are offsets [m] from the sensor.
     """
     low, high = find_field(sensor)
     ahead, left = _turn(points, yaw)

@@ -20,12 +20,12 @@ from evoros.robot.outline import OccluderRows
 from evoros.sensor.protocol import Mount, RangeSensor, sees
 
 SURFACE_M = 1e-3
-"""Depth [m] below a surface at which a sensor still sits on it rather than inside the shape."""
+"""Depth [m] below a surface up to which a sensor counts as on it rather than inside the shape."""
 MAX_DIRECTIONS = 36
-"""Maximum number of directions of a scanning sensor in a check of many poses."""
+"""Maximum number of directions sampled per scanning sensor when many poses are checked."""
 
 _OUTSIDE_M = 100.0
-"""A distance at which any ray has left the robot."""
+"""A distance [m] at which any ray has left the robot."""
 
 
 class SelfSight(NamedTuple):
@@ -33,15 +33,15 @@ class SelfSight(NamedTuple):
 
     name: str  # name of the sensor's link
     mount: Mount
-    distance_m: float  # nearest part in any direction of the sensor
+    distance_m: float  # to the nearest part in any direction of the sensor
     link: str  # link of that part
-    hidden_share: float  # fraction of the sensor's rays
+    hidden_share: float  # fraction of the sensor's rays that see the robot
 
 
 def measure_clear_ranges(robot: Robot) -> Array:
-    """Return the range (n,) [m] of each beam without obstacles.
+    """Return the range (n,) [m] that each beam reads if there are no obstacles.
 
-    It is the sensor's maximum, or the distance to the nearest part that does not steer.
+    This is the sensor's maximum range, or the distance to the nearest unsteered part of the robot.
     """
     rays, starts = robot.ray_table
     farthest: Array = rays[starts[:-1], LIMIT]
@@ -53,7 +53,7 @@ def measure_clear_ranges(robot: Robot) -> Array:
 
 
 def find_seeing_beams(robot: Robot) -> list[NDArray[np.bool_]]:
-    """Return, for each mount, which beams see the robot in missions, at any steering angle."""
+    """Return each mount's mask of beams that see the robot in missions at any steering angle."""
     swept = robot.occluders.sweep(robot.drive)
     swept = swept._replace(inside=np.where(swept.rolls > 0.0, 0.0, math.inf))
     rays, starts = robot.ray_table
@@ -71,7 +71,7 @@ def list_spans(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def find_self_sights(robot: Robot) -> Iterator[SelfSight]:
-    """Yield the nearest part of the robot for each range sensor that sees one."""
+    """Yield the nearest visible part of the robot for each range sensor that sees the robot."""
     swept = robot.occluders.sweep(robot.drive)
     for (name, mount), frame in zip(robot.named_mounts(), robot.sensor_frames, strict=True):
         sensor = robot.sensors[mount.sensor]
@@ -87,7 +87,7 @@ def find_self_sights(robot: Robot) -> Iterator[SelfSight]:
 
 
 class BlindShares:
-    """The fractions of a sensor's channels in which it sees ``robot``, from any place.
+    """The fractions of a sensor's channels that see ``robot``, for any poses of the sensor.
 
     Sensors with many directions are sampled.
     """
@@ -133,7 +133,7 @@ def meet_shapes(
 ) -> None:
     """Update each ray's distance [m] and index of the shape hit, where a shape is nearer.
 
-    ``backward`` (k, 3) has the opposite directions of the rays.
+    ``backward`` (k, 3) holds the reversed directions of the rays.
     """
     for s in range(len(rows)):
         row = rows[s]
@@ -182,10 +182,10 @@ def meet_shape(
     inside: float,
     rolls: bool,
 ) -> float:
-    """Return the distance [m] at which ray ``i`` sees a shape of its robot, or infinity.
+    """Return the distance [m] at which ray ``i`` sees a shape of the robot, or infinity.
 
     The ray's ``origin`` [m] is relative to the centre of the shape. The body that carries the
-    sensor may reach into its housing; wheels and casters (``rolls``) do not.
+    sensor may reach into the sensor's housing; wheels and casters (``rolls``) do not.
     """
     housing = 0.0 if rolls else rays[i, HOUSING]
     behind = 0.0 if rolls else SURFACE_M

@@ -1,4 +1,4 @@
-"""Rewrites the wheels and steering joints of a robot as drives expect them."""
+"""Rewrites a robot's wheels and steering joints into the form that drives expect."""
 
 import math
 from typing import NamedTuple
@@ -19,11 +19,11 @@ from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.shapes import Pose, Shape
 
 _SAME = 1.0 - 1e-6  # minimum cosine between two axes that count as the same
-MOTOR_VELOCITY = 100.0  # [rad/s], if a joint states none
+MOTOR_VELOCITY = 100.0  # [rad/s], upper bound on a joint's velocity limit
 
 
 class Notes(NamedTuple):
-    """The names of joints and links, by the assumption made."""
+    """The names of the joints and links that each assumption concerns."""
 
     turned_round: list[str]
     straightened: list[str]
@@ -39,19 +39,20 @@ def adapt_wheel(
 ) -> Wheel:
     """Make a joint's axis point left and its wheel a single cylinder; return the wheel.
 
-    ``fixed`` permits a fixed joint, which then turns; ``named``, any axis. The frame is the root's.
+    If ``fixed``, a fixed joint is accepted and made to turn; if ``named``, any axis is accepted.
+    The wheel is returned in the root's frame.
     """
     joint = urdf.find_joint(name, *TURNING, *(("fixed",) if fixed else ()))
     rotation, shapes = urdf.poses[joint.child].rotation, group_shapes(urdf, joint.child)
     if not shapes:
         problem = f"wheel {joint.child!r} must have a <collision> or a <visual>"
-        raise urdf.error(problem, "give it a cylinder for <collision>")
+        raise urdf.error(problem, "add a <collision> with a cylinder")
     axis = _point_left(urdf, joint, named, notes)
     wheel = measure_wheel(shapes, axis)
     offset = float(length(wheel.centre - float(product(wheel.centre, axis)) * axis))
     if offset > tolerated(wheel.radius):
         problem = f"wheel {joint.child!r} must be centred on its joint, not {offset:g} m away"
-        raise urdf.error(problem, "move its <origin> there")
+        raise urdf.error(problem, "move its <origin> onto the joint's axis")
     element = find_joint(elements, name)
     for mimic in element.findall("mimic"):
         element.remove(mimic)
@@ -77,7 +78,7 @@ def _point_left(urdf: Urdf, joint: Joint, named: bool, notes: Notes) -> Array:
     if abs(along) > _SAME:
         return joint.axis if along > 0.0 else -joint.axis
     if abs(along) < NEARLY_ALIGNED and not named:
-        raise misaligned_error(urdf, [joint], "turn its <axis> or its <origin>")
+        raise misaligned_error(urdf, [joint], "correct the <axis> or the <origin>")
     if abs(along) < 1.0 - 4e-5:  # half a degree
         angle = math.degrees(elementary.acos(abs(along)))
         notes.straightened.append(f"{joint.name} ({angle:.1f} deg)")
@@ -116,13 +117,13 @@ def _frame_along(axis: Array) -> Array:
 def adapt_steering(
     elements: Element, urdf: Urdf, name: str, fixed: bool, stop: float, notes: Notes
 ) -> None:
-    """Make a joint turn left about the vertical, up to ``stop`` [rad] if it states no limits."""
+    """Make positive angles of a joint steer left, up to ``stop`` [rad] if it states no limits."""
     joint = urdf.find_joint(name, *TURNING, *(("fixed",) if fixed else ()))
     rotation = urdf.poses[joint.child].rotation
     up: Array = rotation.T[:, UP]
     along = 1.0 if joint.type == "fixed" else float(urdf.axis_of(joint)[UP])
     if abs(along) < ALIGNED:
-        problem = f"joint {name!r} must have its axis point up (z)"
+        problem = f"joint {name!r} must have a vertical axis (z)"
         raise urdf.error(problem, "turn its <axis> or its <origin>")
     lower, upper = joint.lower, joint.upper
     stated = find_joint(elements, name).find("limit")

@@ -23,15 +23,15 @@ _CONTACT = """\
 @dataclass(frozen=True)
 @checked
 class Bumper(ContactSensor):
-    """Reads 1 if something has touched the robot in its zone since the last reading, else 0.
+    """A sensor that reads 1 if something has touched its zone of the robot since the last reading.
 
-    Seen from above, the zone is a strip along the direction in which the bumper faces, ``width_m``
-    wide, that begins ``depth_m`` behind the mount. It covers the robot's outline around and ahead
-    of the mount, at any height. Contact with the ground does not count.
+    In top view, the zone is a strip, ``width_m`` wide, that runs in the direction that the bumper
+    faces and begins ``depth_m`` behind the mount. It covers the robot's outline around and ahead of
+    the mount, at any height. Contact with the ground does not count.
     """
 
-    width_m: Annotated[float, POSITIVE] = 0.4  # width of the zone, left to right edge
-    depth_m: Annotated[float, NOT_NEGATIVE] = 0.05  # distance of its start behind the mount
+    width_m: Annotated[float, POSITIVE] = 0.4  # width of the zone
+    depth_m: Annotated[float, NOT_NEGATIVE] = 0.05  # from the mount back to the start of the zone
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
     size_m: Annotated[Sequence[float], BOX] = (0.02, 0.4, 0.05)
     mass_kg: Annotated[float, POSITIVE] = 0.1
@@ -57,8 +57,8 @@ class Bumper(ContactSensor):
         memory.touches[0] = signal[TOUCHES]
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>`` called ``name``, which is also its topic.
+        """Return the SDF ``<sensor>``; ``name`` is its name and topic.
 
-        Gazebo needs a collision shape called ``NAME_collision``, which evoros does not write.
+        Gazebo needs a collision shape called ``NAME_collision``, which evoros does not add.
         """
         return gazebo_sensor(name, "contact", self.period_s, _CONTACT.format(name=name))

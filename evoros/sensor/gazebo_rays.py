@@ -1,4 +1,4 @@
-"""The SDF ``<sensor>`` elements with which Gazebo simulates sensors."""
+"""SDF ``<sensor>`` elements that make Gazebo simulate sensors."""
 
 import math
 from collections.abc import Iterable
@@ -61,9 +61,9 @@ def gazebo_rays(
     vertical: Fan | None = None,
     noise: Iterable[Filter] = (),
 ) -> str:
-    """Return the SDF ``<sensor>`` called ``name``, which is also its topic.
+    """Return the SDF ``<sensor>``; ``name`` is its name and topic.
 
-    Gazebo simulates only the Gaussian noise among the filters in ``noise``.
+    Of the filters in ``noise``, Gazebo simulates only Gaussian noise.
     """
     fans = [("horizontal", horizontal), *([("vertical", vertical)] if vertical else [])]
     sigmas = [part.sigma_m for part in noise if isinstance(part, GaussianNoise)]
@@ -78,7 +78,7 @@ def gazebo_rays(
 
 
 def gazebo_sensor(name: str, kind: str, period_s: float, content: str = "") -> str:
-    """Return the SDF ``<sensor>`` of a Gazebo type; ``name`` is its name and its topic."""
+    """Return the SDF ``<sensor>`` of a Gazebo type; ``name`` is its name and topic."""
     return _SENSOR.format(
         name=quoteattr(name), kind=kind, topic=escape(name), rate=1 / period_s, content=content
     )

@@ -23,11 +23,12 @@ _SMALL_RAD = 1e-9  # half angle of a rotation below which its axis is undefined
 @dataclass(frozen=True)
 @checked
 class Imu(SignalSensor):
-    """Angular rates and accelerations along the axes of its frame, x forward and z up.
+    """Angular rates and accelerations along the axes of the sensor's frame, x forward and z up.
 
-    A reading is the mean over the time since the last one. The acceleration is the specific force:
-    at rest on level ground, it equals gravity and points up. The first reading contains the current
-    rate and only gravity as acceleration. The defaults are close to InvenSense's MPU-9250.
+    A reading is the mean over the time since the last reading. The acceleration is the specific
+    force: at rest on level ground, it equals gravity and points up. The first reading contains the
+    current rate and, as acceleration, only gravity. The defaults are close to InvenSense's
+    MPU-9250.
     """
 
     measures = MOTION
@@ -84,7 +85,7 @@ class Imu(SignalSensor):
         for i in range(3):
             felt = weight[i]
             if moves:
-                # A constant velocity changes its direction in rotating axes.
+                # In rotating axes, a constant velocity changes its direction.
                 j = (i + 1) % 3
                 k = (i + 2) % 3
                 turned = rates[j] * (speeds[k] + memory.speeds[k])
@@ -101,7 +102,7 @@ class Imu(SignalSensor):
             memory.weight[i] = weight[i]
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>`` called ``name``, which is also its topic, without noise."""
+        """Return the SDF ``<sensor>`` without noise; ``name`` is also the topic."""
         return gazebo_sensor(name, "imu", self.period_s)
 
 
@@ -127,13 +128,13 @@ def to_axes(
 def turn_between(
     before: Array, qw: float, qx: float, qy: float, qz: float, elapsed: float
 ) -> tuple[float, float, float]:
-    """Return the mean rates [rad/s] since orientation ``before``, along the present axes."""
+    """Return the mean rates [rad/s] since orientation ``before``, along the current axes."""
     w, x, y, z = before[0], before[1], before[2], before[3]
     dw = w * qw + x * qx + y * qy + z * qz
     dx = w * qx - x * qw - y * qz + z * qy
     dy = w * qy + x * qz - y * qw - z * qx
     dz = w * qz - x * qy + y * qx - z * qw
-    if dw < 0.0:  # The negated quaternion is the same rotation, by the shorter way.
+    if dw < 0.0:  # The negated quaternion is the same rotation, but by the shorter way.
         dw = -dw
         dx = -dx
         dy = -dy

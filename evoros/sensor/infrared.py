@@ -17,7 +17,7 @@ from evoros.sensor.gazebo_rays import Fan, gazebo_rays
 from evoros.sensor.protocol import BEAM, BOX, Channel, RangeSensor, check_limits, find_field
 
 RIM = 8
-"""Number of rays on the edge of the cone, in addition to the one in its middle."""
+"""Number of rays on the edge of the cone, in addition to the central ray."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,8 @@ class Infrared(RangeSensor):
         return np.vstack(([1.0, 0.0, 0.0], rim / np.linalg.norm(rim, axis=1, keepdims=True)))
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>`` called ``name``, which is also its topic.
+        """Return the SDF ``<sensor>``; ``name`` is its name and topic.
 
-        Gazebo casts the three rays in the middle, and has no noise that grows with the range.
+        Gazebo casts a horizontal fan of three rays; it has no noise that grows with the range.
         """
         return gazebo_rays(name, self, Fan(3, *find_field(self)))

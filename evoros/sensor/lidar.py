@@ -23,8 +23,8 @@ FIELD = Rule("an angle greater than 0 and at most 360", lambda v: is_number(v) a
 class Lidar(RangeSensor):
     """A range sensor with ``beams`` evenly spaced rays in its x-y plane.
 
-    Rays are ordered from the right edge of the field of view to the left, both included. A field of
-    360 deg has no edges, so no direction is read twice. The defaults, with
+    Rays are ordered from the right edge of the field of view to the left edge, both included. At
+    360 deg there are no edges, so no direction is read twice. The defaults, with
     ``conf/sensor/lidar.yaml``, match small scanners for indoor robots.
     """
 
@@ -63,9 +63,9 @@ class Lidar(RangeSensor):
         return steps * half_space
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>`` called ``name``, which is also its topic.
+        """Return the SDF ``<sensor>``; ``name`` is its name and topic.
 
-        Gazebo simulates only the Gaussian noise among the filters.
+        Of the filters, Gazebo simulates only Gaussian noise.
         """
         angles = self._angles()
         fan = Fan(self.beams, angles[0], angles[-1])

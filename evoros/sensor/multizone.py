@@ -19,10 +19,10 @@ from evoros.sensor.protocol import BEAM, BOX, Channel, RangeSensor, check_limits
 @dataclass(frozen=True)
 @checked
 class Multizone(RangeSensor):
-    """A range sensor with a field of view in its x-y plane that is divided into equal ``zones``.
+    """A range sensor whose field of view in the x-y plane is divided into equal ``zones``.
 
-    It works like an eye with one pixel per zone, ordered from right to left. The zones leave no
-    gaps, so a wide zone sees everything in it but not its bearing. With
+    It works like a camera with a single row of pixels, one per zone, ordered from right to left.
+    The zones leave no gaps, so a wide zone detects everything in it, but not the bearing. With
     ``conf/sensor/multizone.yaml``, the defaults are close to the middle row of ST's VL53L5CX.
     """
 
@@ -69,10 +69,10 @@ class Multizone(RangeSensor):
         return steps * half_space
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>`` called ``name``, which is also its topic.
+        """Return the SDF ``<sensor>``; ``name`` is its name and topic.
 
-        Gazebo publishes all rays, spread from edge to edge of the field, each in its zone. It
-        simulates only the Gaussian noise among the filters.
+        Gazebo publishes all rays, spread from edge to edge of the field, so each ray stays in its
+        zone. Of the filters, Gazebo simulates only Gaussian noise.
         """
         fan = Fan(self.zones * self.rays_per_zone, *find_field(self))
         return gazebo_rays(name, self, fan, noise=self.filters.values())

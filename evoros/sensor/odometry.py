@@ -33,7 +33,7 @@ class Odometry(SignalSensor):
 
     @property
     def channels(self) -> tuple[Channel, Channel]:
-        """The speed, and the yaw rate, left positive."""
+        """The speed and the yaw rate (left positive)."""
         return (
             Channel("speed", "mps", -math.inf, math.inf),
             Channel("yaw_rate", "radps", -math.inf, math.inf),

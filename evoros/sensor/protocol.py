@@ -1,7 +1,7 @@
-"""Base classes of sensors, their mounts, their names, and the names of their readings.
+"""Base classes of sensors, with their mounts, names and the names of their readings.
 
-A mounted sensor is named in a robot description by type and number, such as ``sonar_0``. If the
-robot already has such a name, all its mounted sensors get a prefix.
+In a robot description, a mounted sensor is named by type and number, such as ``sonar_0``. If the
+robot already uses such a name, all mounted sensors get a prefix.
 """
 
 import math
@@ -36,20 +36,20 @@ _PREFIX = "evoros_"
 
 
 def choose_prefix(taken: Iterable[str], types: Collection[str]) -> str:
-    """Return the shortest prefix that keeps the names of sensors of these types out of ``taken``.
+    """Return the shortest prefix with which no sensor name of these types is in ``taken``.
 
-    It depends only on the robot and the types, so all designs use the same names.
+    The prefix depends only on the robot and the types, so all designs use the same names.
     """
     return _PREFIX * (_highest_level(taken, types) + 1)
 
 
 def find_prefix(links: Iterable[str], types: Collection[str]) -> str:
-    """Return the prefix of the sensors of these types on a robot."""
+    """Return the prefix that sensors of these types have on a robot with these ``links``."""
     return _PREFIX * max(_highest_level(links, types), 0)
 
 
 def _highest_level(names: Iterable[str], types: Collection[str]) -> int:
-    """Return the maximum number of prefixes on a sensor name among ``names``; -1 without any."""
+    """Return the maximum number of prefixes on a sensor name among ``names``; -1 if none is."""
     pattern = rf"((?:{_PREFIX})*)(?:{'|'.join(map(re.escape, types))})_[0-9]+(?:_joint)?"
     matches = (re.fullmatch(pattern, name) for name in names) if types else ()
     return max((len(match[1]) // len(_PREFIX) for match in matches if match), default=-1)
@@ -57,7 +57,7 @@ def _highest_level(names: Iterable[str], types: Collection[str]) -> int:
 
 @dataclass(frozen=True)
 class Mount:
-    """A sensor mounted on the robot: its type, and its frame's pose in the frame of ``link``."""
+    """A sensor mounted on the robot: its type and its pose in the frame of ``link``."""
 
     sensor: str  # sensor type, a key of the design's ``sensors``
     link: str  # link of the robot that carries the sensor
@@ -80,9 +80,9 @@ BOX = Rule(
 BEAM = Rule("an angle greater than 0 and less than 180", lambda v: is_number(v) and 0 < v < 180)
 
 RAY_DEG = 1.0
-"""Width [deg] with which a single ray, or a narrower beam, counts for coverage.
+"""Width [deg] that coverage assumes for a single ray or a narrower beam.
 
-A ray has no width, but a sensor with one ray sees along it. Pictures show it as a line.
+A ray has no width, but a sensor with one ray sees along it. Figures show it as a line.
 """
 
 RANGE, MOTION, WHEELS, CONTACT = "range", "motion", "wheels", "contact"
@@ -94,16 +94,16 @@ SIGNAL_SIZES = {MOTION: 14, WHEELS: 2, CONTACT: 1}
 
 
 SENSOR_ARGUMENTS = "parameters", "memory", "rng", "signal", "values", "time"
-"""The ``rule`` of a signal sensor fills ``values``, one per channel, at ``time`` [s]."""
+"""Parameters that a signal sensor's ``rule`` can have; it fills ``values`` at ``time`` [s]."""
 
 
 class Channel(NamedTuple):
     """One value of a sensor's reading."""
 
-    name: str  # quantity, and prefix of the columns, such as range
-    unit: str  # suffix of the columns, such as m; empty if it has none
+    name: str  # quantity and column prefix, such as range
+    unit: str  # unit and column suffix, such as m; empty if there is none
     low: float  # minimum reading, -inf if unlimited
-    high: float  # maximum reading, which a range sensor reads if it sees nothing
+    high: float  # maximum reading; a range sensor also reads it if it sees nothing
 
 
 class Sensor(ABC):
@@ -116,7 +116,7 @@ class Sensor(ABC):
     filters: Mapping[str, Filter] = MappingProxyType({})
     """Filters by name, applied in order to the readings, with noise first."""
     size_m: Sequence[float]
-    """Lengths (3,) [m] of the body, a box centred on its frame, which collides with nothing."""
+    """Side lengths (3,) [m] of the body, a box centred on the sensor frame that never collides."""
     mass_kg: float
     """Mass of the body [kg], greater than 0, because simulators drop a body without mass."""
     price: float = 0.0
@@ -131,7 +131,7 @@ class Sensor(ABC):
         """Return the ``<sensor>`` element (SDF) that makes Gazebo simulate this sensor.
 
         Raises:
-            InputError: Gazebo cannot simulate the sensor, which is the default.
+            InputError: Gazebo cannot simulate the sensor (the default).
         """
         raise InputError(
             f"{type(self).__name__}: must have a method gazebo for simulator=gazebo; add it, or "
@@ -142,7 +142,7 @@ class Sensor(ABC):
 class RangeSensor(Sensor):
     """A type of sensor that measures distances along rays, all with the same limits.
 
-    ``fov_deg``, if present, is the full width of its field of view; see ``find_field``.
+    ``fov_deg``, if present, is the full width of the field of view; see ``find_field``.
     """
 
     measures = RANGE
@@ -159,7 +159,7 @@ class RangeSensor(Sensor):
 
     @abstractmethod
     def channel_of(self) -> NDArray[np.int64]:
-        """Return (k,) the channel of each ray; a channel reads the nearest hit of its rays."""
+        """Return the channel of each ray (k,); each channel reads the nearest hit of its rays."""
 
 
 class SignalSensor(Sensor):
@@ -178,13 +178,13 @@ class SignalSensor(Sensor):
 class ContactSensor(SignalSensor):
     """A type of sensor that detects contacts of the robot in a zone at its mount.
 
-    Seen from above, the zone begins ``depth_m`` behind the mount, is unbounded forward, and is
+    In top view, the zone begins ``depth_m`` behind the mount, is unbounded forward, and is
     ``width_m`` wide. It includes all heights.
     """
 
     measures = CONTACT
     width_m: float
-    """The distance [m] between the left and right edge of the zone, centred on the mount."""
+    """The distance [m] between the left and right edges of the zone, centred on the mount."""
     depth_m: float
     """The distance [m] behind the mount at which the zone begins."""
 
@@ -214,23 +214,28 @@ def _are_rays(value: object) -> bool:
 RULES = {
     "period_s": POSITIVE,
     "measures": TEXT,
-    "channels": Rule("a list of Channel(name, unit, low, high), low at most high", _are_channels),
+    "channels": Rule("a list of Channel(name, unit, low, high) with low <= high", _are_channels),
     "filters": FILTERS,
     "size_m": BOX,
     "mass_kg": POSITIVE,
     "price": NOT_NEGATIVE,
 }
-RAYS = Rule("an array (k, 3) of unit vectors of float64, k at least 1", _are_rays)
+RAYS = Rule("a float64 array (k, 3) of unit vectors, k at least 1", _are_rays)
 
 
 def check_sensor(sensor: Sensor) -> None:
-    """Check that a sensor type follows its protocol; users may have written it.
+    """Check that a sensor type, possibly the user's, follows its protocol.
 
     Raises:
         InputError: a value breaks its rule.
     """
     require(sensor, RULES)
-    ask("", sensor.gazebo, Rule("an SDF element as text", lambda v: isinstance(v, str)), "sensor")
+    ask(
+        "",
+        sensor.gazebo,
+        Rule("an SDF element as a string", lambda v: isinstance(v, str)),
+        "sensor",
+    )
     if is_signal_sensor(sensor):
         start_part(sensor.start)
     if not sees(sensor):
@@ -247,7 +252,7 @@ def check_sensor(sensor: Sensor) -> None:
 
 
 def check_limits(sensor: RangeSensor) -> None:
-    """Check that the minimum range is below the maximum, in ``__post_init__``.
+    """Check that the minimum range is below the maximum; for use in ``__post_init__``.
 
     Raises:
         InputError: the minimum is not below the maximum.
@@ -278,11 +283,11 @@ def is_signal_sensor(sensor: Sensor) -> TypeGuard[SignalSensor]:
 
 
 def find_field(sensor: RangeSensor) -> tuple[float, float]:
-    """Return the right and left edge [rad] of a sensor's field of view in its x-y plane.
+    """Return the right and left edges [rad] of a sensor's field of view in its x-y plane.
 
-    This is the single source for everything that states, exports or draws a field of view. The
-    field is as wide as ``fov_deg``. Without ``fov_deg``, it lies between the outermost rays, or
-    covers the full circle if they leave no gap behind. A single ray has no width.
+    All code that states, exports or draws a field of view uses this function. The field is as wide
+    as ``fov_deg``. Without ``fov_deg``, it lies between the outermost rays, or covers the full
+    circle if they leave no gap behind the sensor. A single ray has no width.
     """
     rays = np.asarray(sensor.rays())
     azimuths = np.unique(atan2_all(rays[:, 1], rays[:, 0]))
@@ -299,7 +304,7 @@ def find_field(sensor: RangeSensor) -> tuple[float, float]:
 
 
 def sensor_bearings(sensor: RangeSensor) -> list[float]:
-    """Return the bearing [rad] of the middle of each channel's rays in the sensor's frame."""
+    """Return the bearing [rad] of the mean of each channel's rays, in the sensor's frame."""
     middles = np.zeros((len(sensor.channels), 3))
     np.add.at(middles, sensor.channel_of(), sensor.rays())
     bearings: list[float] = atan2_all(middles[:, 1], middles[:, 0]).tolist()
@@ -307,10 +312,10 @@ def sensor_bearings(sensor: RangeSensor) -> list[float]:
 
 
 def name_channels(sensors: Iterable[Sensor]) -> Iterator[str]:
-    """Yield the column of each channel of mounted sensors, in their order.
+    """Yield the column name of each channel of mounted sensors, in order.
 
-    ``range_N_m`` is the range of sensor N. If a sensor has several channels with one name, these
-    are numbered as well: ``range_N_K_m``.
+    ``range_N_m`` is the range of sensor N. If a sensor has several channels with the same name,
+    these are numbered as well: ``range_N_K_m``.
     """
     for index, sensor in enumerate(sensors):
         channels = [(channel.name, channel.unit) for channel in sensor.channels]
@@ -318,7 +323,7 @@ def name_channels(sensors: Iterable[Sensor]) -> Iterator[str]:
 
 
 def name_readings(index: int, channels: Sequence[tuple[str, str]]) -> Iterator[str]:
-    """Yield the columns of a sensor from its number and its channels' names and units."""
+    """Yield a sensor's column names, given its index and its channels' names and units."""
     sizes = Counter(name for name, _ in channels)
     seen = Counter[str]()
     for name, unit in channels:

@@ -1,6 +1,6 @@
 """The signals that simulators provide to sensors that cast no rays.
 
-They do not depend on the time of reading, so each sensor computes its readings at its own period.
+Signals do not depend on when they are read, so each sensor computes its readings at its own period.
 ``SIGNAL_SIZES`` gives the number of values of each signal.
 """
 
@@ -10,10 +10,11 @@ POSITION, ORIENTATION, VELOCITY, TURNING, GRAVITY = 0, 3, 7, 10, 13
 velocity (3,) [m/s] and angular velocity (3,) [rad/s], both along the world axes; the world's
 gravity [m/s2], which points down."""
 
-# WHEELS: rolling of the wheels that are not steered since the start, slip included
+# WHEELS: rolling of the unsteered wheels since the start, including slip
 DISTANCE, TURN = 0, 1
-"""Distance [m] that the midpoint of their axle would have covered, and the robot's rotation [rad,
-left positive], both without slip."""
+"""Distance [m] covered by the midpoint of the unsteered axle, and rotation [rad, left positive] of
+the robot, both computed as if the wheels did not slip.
+"""
 
 # CONTACT: contacts of the robot in the zone of a ``ContactSensor``
 TOUCHES = 0

@@ -21,9 +21,10 @@ from evoros.sensor.protocol import BEAM, BOX, Channel, RangeSensor, check_limits
 class Sonar(RangeSensor):
     """A range sensor with a square beam, sampled by ``rays_per_axis`` squared rays.
 
-    It misses objects between the rays. The plane could intersect whole cones with footprints, at a
-    fifteenth of the cost of 25 rays. However, engines cast only rays, so readings would depend on
-    the simulator, and footprints have no height. Preflight warns of narrow obstacles.
+    Objects between the rays are missed; preflight warns about narrow obstacles. The planar
+    simulator could intersect whole cones with footprints, at a fifteenth of the cost of 25 rays.
+    However, engines cast only rays, so readings would depend on the simulator, and footprints have
+    no height.
 
     The defaults, with ``conf/sensor/sonar.yaml``, match the sonar of the 2018 paper (Evo-ROS).
     """
@@ -53,8 +54,9 @@ class Sonar(RangeSensor):
     def rays(self) -> Array:
         """Return (rays_per_axis squared, 3) unit vectors in the sensor's frame, x forward and z up.
 
-        Each is ``(cos a cos b, sin a cos b, sin b)`` for azimuth a (left positive) and elevation b,
-        both evenly spaced over the beam with its edges included. A single ray points forward.
+        Each vector is ``(cos a cos b, sin a cos b, sin b)`` for azimuth a (left positive) and
+        elevation b, both evenly spaced over the beam with its edges included. A single ray
+        points forward.
         """
         # Left and right rays from linspace would not be mirror images to the last bit.
         spaces = self.rays_per_axis - 1
@@ -64,10 +66,10 @@ class Sonar(RangeSensor):
         return np.column_stack((cos_all(a) * cos_all(b), sin_all(a) * cos_all(b), sin_all(b)))
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>`` called ``name``, which is also its topic.
+        """Return the SDF ``<sensor>``; ``name`` is its name and topic.
 
-        Gazebo publishes all rays, and the reader takes their minimum. Gazebo simulates only the
-        Gaussian noise among the filters.
+        Gazebo publishes all rays, and the reader takes their minimum. Of the filters, Gazebo
+        simulates only Gaussian noise.
         """
         fan = Fan(self.rays_per_axis, *find_field(self))
         return gazebo_rays(name, self, fan, fan, self.filters.values())

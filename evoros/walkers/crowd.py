@@ -33,7 +33,7 @@ MOST_WALKERS = 200
 
 
 def _is_range(value: object, holds: Rule) -> bool:
-    """Return True if a value satisfies a rule, or is a list [low, high] of two that do."""
+    """Return True if a value satisfies a rule, or is a list [low, high] of two values that do."""
     if isinstance(value, list | tuple):
         return len(value) == 2 and all(map(holds.holds, value)) and value[0] <= value[1]
     return holds.holds(value)
@@ -105,7 +105,9 @@ class Walkers:
             corners = tuple((float(x), float(y)) for x, y in self.route)
             ends = zip(corners, (*corners[1:], corners[0]), strict=True)
             if any(start == end for start, end in ends):
-                raise invalid(self, "route", self.route, "must not repeat a corner in succession")
+                raise invalid(
+                    self, "route", self.route, "must have different corners in succession"
+                )
             object.__setattr__(self, "route", corners)
 
     @property
@@ -139,8 +141,8 @@ class Walker(NamedTuple):
     goal: int = 0  # index of the corner to which the walker walks
     pace: float = 0.0  # [m/s]
     group: Walkers | None = None  # None: an actor, which follows a script
-    delay: float = 0.0  # [s] before each repetition of its script
-    loops: bool = False  # True if its script repeats
+    delay: float = 0.0  # [s] before each repetition of the script
+    loops: bool = False  # True if the script repeats
     present: bool = True
 
 
@@ -162,7 +164,7 @@ class Crowd:
 
     @classmethod
     def of(cls, walkers: Sequence[Walker], around: Surroundings) -> "Crowd":
-        """Pack walkers into arrays, in their order."""
+        """Pack walkers into arrays, in order."""
         rows = np.zeros((len(walkers), at.WALKER_SIZE))
         places = np.zeros((len(walkers), 2))
         motions = np.zeros((len(walkers), at.MOTION_SIZE))

@@ -19,17 +19,17 @@ from evoros.walkers import layout as at
 from evoros.walkers.layout import Walk, Walking
 
 AHEAD_M = 1.0
-"""Distance along its leg of the point that a walker heads for, so that it returns to its leg."""
+"""Distance along the leg of the point that a walker heads for, so that it returns to the leg."""
 REACHED_M, PASSED_M = 0.3, 1.0
 """Distances at which a corner counts as reached: before and after the walker passes it."""
 FOREIGN_REACH_M = 2.5
-"""Distance beyond which obstacles have no effect: e**-12 of their potential."""
+"""Distance beyond which obstacles have no effect, as their potential has fallen to e**-12."""
 STRIDE_S = 2.0
 """Time ahead for which others keep clear of a walker's path, as in the paper."""
 SIGHT_COS, UNSEEN = -0.17364817766693033, 0.5
-"""The paper's cosine of half the field of view (100 degrees) and weight of forces from behind."""
+"""The paper's cosine of half the field of view (100 degrees) and weight of unseen forces."""
 SLOW, BLOCKED_S = 0.1, 3.0
-"""Minimum fraction of its pace that is progress, and time without it until a walker turns."""
+"""Minimum fraction of the pace that counts as progress, and time [s] without it until a turn."""
 FASTEST = 1.3  # maximum speed relative to the pace, as in the paper
 RIGHTWARDS = 0.3  # fraction of a force from ahead that acts to the right
 PERSON_M = 0.25  # radius at which distances match the paper
@@ -75,7 +75,7 @@ def steer(parameters: Array, memory: Array, robots: Array, i: int, step: float) 
 
 @compilable
 def find_heading(parameters: Array, memory: Array, i: int) -> tuple[float, float]:
-    """Return the unit vector to the point on its route that a walker heads for."""
+    """Return the unit vector from a walker to the point on its route that it heads for."""
     crowd, now = unpack(Walk, parameters), unpack(Walking, memory)
     first, end = int(crowd.walkers[i, at.FIRST]), int(crowd.walkers[i, at.END])
     x = now.places[i, 0]

@@ -8,12 +8,12 @@ from evoros.base.arrays import Array, Matrix
     RADIUS, PACE, FIRST, END, KIND, AVOIDS, STOP_GAP, PATIENCE, RELAXATION, REPULSION, RANGE,
     BORDER_REPULSION, BORDER_RANGE, DELAY, LOOPS,
 ) = range(15)  # fmt: skip
-"""A walker: radius [m]; pace [m/s]; first corner and end of its corners; kind; 1 if robots repel
-it; gap [m] to a robot at which it stops, or 0, and maximum wait [s]; its ``SocialForce``; for an
-actor, the time [s] before each round, and 1 if there are several rounds."""
+"""A walker: radius [m]; pace [m/s]; indices of the first corner and the end of the corners; kind;
+1 if robots repel it; gap [m] to a robot at which it stops, or 0, and maximum wait [s]; its
+``SocialForce``; for an actor, the time [s] before each round, and 1 if there are several rounds."""
 WALKER_SIZE = 15
 ABSENT, WALKING, ACTING = range(3)
-"""Kinds: not in this mission; walks by forces; follows the times of a script."""
+"""Kinds: not in this mission; walks by forces; follows a script."""
 
 VELOCITY_X, VELOCITY_Y, NEXT_X, NEXT_Y, GOAL, BACKWARDS, BLOCKED, CLOCK, WAITED, TOUCHED = range(10)
 """Motion of a walker: current and next velocity [m/s]; the corner it walks to; 1 if it follows its
@@ -32,7 +32,7 @@ REPORT_COLUMNS = ("x_m", "y_m", "touched_by")
 
 
 class Walk(NamedTuple):
-    """Walkers among obstacles and robots: the parameters of their rule."""
+    """The parameters of the walkers' rule: walkers, robots and obstacles."""
 
     walkers: Matrix  # (n, WALKER_SIZE)
     corners: Matrix  # (c, CORNER_SIZE)
@@ -46,7 +46,7 @@ class Walk(NamedTuple):
 
 
 class Walking(NamedTuple):
-    """The positions and motions of walkers: the memory of their rule."""
+    """The memory of the walkers' rule: positions and motions."""
 
     places: Matrix  # (n, 2) [m]
     motions: Matrix  # (n, MOTION_SIZE)

@@ -67,7 +67,7 @@ def find_barrier(
 ) -> tuple[float, float]:
     """Return the direction away from whatever blocks a position, or zeros if it is free.
 
-    A robot blocks it if the walker overlaps the robot and would move deeper into it.
+    A robot blocks the position if the walker overlaps the robot and would move deeper into it.
     """
     crowd, now = unpack(Walk, parameters), unpack(Walking, memory)
     radius = crowd.walkers[i, at.RADIUS]

@@ -18,9 +18,9 @@ DIRECTION = checks.one_of("random", "forward", "backward", "parity", ONE_WAY)
 @dataclass(frozen=True)
 @checks.checked
 class Course:
-    """A route in two phases: the corners and back home, then the same in reverse.
+    """A route in two phases: along the corners and back home, then the same in reverse.
 
-    With the direction ``one_way``, it ends at the last corner.
+    With the direction ``one_way``, the route ends at the last corner.
     """
 
     home_x_m: Annotated[float, checks.NUMBER]
@@ -32,7 +32,7 @@ class Course:
         float, checks.POSITIVE
     ]  # radius [m] within which a waypoint counts as reached
     time_limit_s: Annotated[float, checks.POSITIVE]
-    direction: Annotated[str, DIRECTION]  # first phase; parity: forward in even rounds
+    direction: Annotated[str, DIRECTION]  # of the first phase; parity: forward in even rounds
     end_on_collision: Annotated[bool, checks.FLAG]
 
     def __post_init__(self) -> None:
@@ -43,7 +43,7 @@ class Course:
         for point in self.waypoints:
             if len(point) != 2 or not all(map(checks.is_number, point)):
                 raise checks.invalid(self, "waypoints", point, "each must be two numbers [x, y]")
-        # Tuples keep a frozen course from changing, and make equal courses compare equal.
+        # Tuples make a frozen course immutable, and equal courses compare equal.
         corners = tuple((float(x), float(y)) for x, y in self.waypoints)
         object.__setattr__(self, "waypoints", corners)
 
@@ -64,7 +64,7 @@ class Course:
         return np.array([self.home[:2], *self.waypoints, *end], dtype=np.float64)
 
     def goes_forward(self, round_index: int, rng: Generator) -> bool:
-        """Return True if the first phase of a round visits the corners in their order.
+        """Return True if the first phase of a round visits the corners in order.
 
         Only a random direction draws a number from ``rng``.
         """

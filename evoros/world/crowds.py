@@ -1,4 +1,4 @@
-"""Random draws of a mission's walkers."""
+"""Draws a mission's walkers at random."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -25,12 +25,12 @@ from evoros.world.standing import standing_obstacles
 MARGIN_M = 0.1
 """Minimum distance of drawn routes from obstacles."""
 AROUND_M = 2.0
-"""Maximum distance of walkers outside the area of the obstacles and the course."""
+"""Maximum distance of walkers from the area of the obstacles and the course."""
 
 
 @lru_cache(maxsize=64)
 def lay_out_borders(world: World, height: float) -> tuple[Array, ...]:
-    """Return the obstacles below a height [m] in the arrays of the walkers' rule."""
+    """Return the obstacles below a height [m] as arrays for the walkers' rule."""
     areas = project_bodies(standing_obstacles(world), height)
     grid, outlines = Grid.around(areas, FOREIGN_REACH_M), Outlines.of(areas)
     return grid.to_array(), *grid.list_near(areas, FOREIGN_REACH_M), outlines.rows, outlines.corners
@@ -38,7 +38,7 @@ def lay_out_borders(world: World, height: float) -> tuple[Array, ...]:
 
 @lru_cache(maxsize=64)
 def find_free_space(world: World, radius: float, height: float) -> FreeSpace:
-    """Return the free positions of a walker's centre that are connected with home.
+    """Return the free positions of a walker's centre that are connected to home.
 
     Raises:
         InputError: there is no such position.
@@ -63,7 +63,7 @@ def find_free_space(world: World, radius: float, height: float) -> FreeSpace:
 def find_blocking(
     world: World, legs: Sequence[Sequence[Sequence[float]]], radius: float, height: float
 ) -> tuple[str, Sequence[Sequence[float]]] | None:
-    """Return the first obstacle that blocks one of the straight ``legs``, by name, and the leg."""
+    """Return the name of the first obstacle that blocks a straight leg, and that leg, or None."""
     for body in standing_obstacles(world):
         for area in project_bodies([body], height):
             reach = radius + area.radius
@@ -76,16 +76,16 @@ def find_blocking(
 
 
 def measure_legs(corners: Array) -> Array:
-    """Return the leg lengths [m] of a closed route (n, 2), including the leg back."""
+    """Return the leg lengths [m] of a closed route (n, 2), including the closing leg."""
     legs = np.roll(corners, -1, axis=0) - corners
     return np.array([math.hypot(x, y) for x, y in legs.tolist()])
 
 
 MAX_DRAWS = 200
-"""Maximum number of routes or positions that are drawn for a walker until one fits."""
+"""Maximum number of routes or positions that are drawn for a walker before giving up."""
 MIN_LEG_M = 1.0
 CORNERS = 2, 4
-"""Minimum and maximum number of corners of a drawn route on the way out."""
+"""Minimum and maximum number of corners on the way out of a drawn route."""
 CLEAR_M = 0.5
 """Minimum distance of a walker's surface from a robot at the start."""
 APART_M = 0.05
@@ -93,9 +93,9 @@ APART_M = 0.05
 
 
 class Standing(NamedTuple):
-    """A robot at home, seen from above."""
+    """The outline and home pose of a robot, in top view."""
 
-    outline: Array  # (k, 2) [m], in its frame
+    outline: Array  # (k, 2) [m], in the robot's frame
     home: tuple[float, float, float]  # x, y [m], yaw [rad]
 
 
@@ -115,17 +115,17 @@ def check_walkers(world: World, name: str, walkers: Mapping[str, Walkers]) -> No
             continue
         if world.sampler is not None:
             raise InputError(
-                f"walkers.{group}.route: must be null, because world.{name} is drawn for each "
-                f"mission, not {[*map(list, part.route)]}; set it to null to draw the routes, too"
+                f"walkers.{group}.route: must be null, not {[*map(list, part.route)]}, because "
+                f"world.{name} is drawn for each mission; set it to null to draw the routes as well"
             )
         legs = [*zip(part.route, [*part.route[1:], part.route[0]], strict=True)]
         blocked = find_blocking(world, legs, part.radius_m, part.height_m)
         if blocked is not None:
             body, ((ax, ay), (bx, by)) = blocked
             raise InputError(
-                f"walkers.{group}.route: each leg must be free for a radius of "
-                f"{part.radius_m:g} m, but from ({ax:g}, {ay:g}) to ({bx:g}, {by:g}) the obstacle "
-                f"{body!r} of world.{name} is in the way; move a corner"
+                f"walkers.{group}.route: each leg must be clear for a radius of "
+                f"{part.radius_m:g} m, but the obstacle {body!r} of world.{name} blocks the leg "
+                f"from ({ax:g}, {ay:g}) to ({bx:g}, {by:g}); move a corner"
             )
 
 
@@ -157,7 +157,7 @@ def draw_crowd(
 
 
 def name_walkers(walkers: Mapping[str, Walkers], world: World) -> list[str]:
-    """Return the names of all walkers that a mission can have, in their order."""
+    """Return the names of all walkers that a mission can have, in order."""
     groups = [f"{name}_{i}" for name, group in walkers.items() for i in range(group.numbers[1])]
     return [*groups, *(actor.name for actor in world.actors)]
 
@@ -187,9 +187,9 @@ def _draw_group(
         found = next(fits, None)
         if found is None:
             raise InputError(
-                f"walkers.{name}.number: must leave room for all walkers to start apart from each "
-                f"other and from the robots in the world {world.name!r}, but only {i} of {count} "
-                f"found room; lower it or walkers.{name}.radius_m, or move walkers.{name}.route"
+                f"walkers.{name}.number: the world {world.name!r} has room for only {i} of {count} "
+                f"walkers to start apart from each other and from the robots; lower this number "
+                f"or walkers.{name}.radius_m, or move walkers.{name}.route"
             )
         corners, goal, place = found
         placed.append(Walker(f"{name}_{i}", *size, corners, place, goal, pace, group))
@@ -197,7 +197,7 @@ def _draw_group(
 
 
 _Start = tuple[Array, int, tuple[float, float]]
-"""The corners of a route, the first corner a walker walks to, and its position [m]."""
+"""The corners of a route, the index of a walker's first goal, and the walker's position [m]."""
 
 
 def _propose(
@@ -217,7 +217,7 @@ def _propose(
 
 
 def _start_at(corners: Array, share: float) -> tuple[int, tuple[float, float]]:
-    """Return the next corner and the position at a fraction of the way around a route."""
+    """Return the index of the next corner, and the position at a fraction of a closed route."""
     lengths = measure_legs(corners)
     left = share * float(lengths.sum())
     for i, length in enumerate(lengths.tolist()):

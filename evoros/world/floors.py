@@ -1,7 +1,7 @@
 """Floors: the surfaces that carry a course, and the height of the ground at a point.
 
-A fixed body with a level top at the height of home, such as a slab or a mat, is a floor. A world
-with a floor at home that is not at z = 0 is shifted vertically.
+A fixed body with a level top at the height of home, such as a slab or a mat, is a floor. If the
+floor at home is not at z = 0, the world is shifted vertically.
 """
 
 import logging
@@ -21,13 +21,13 @@ _LOG = logging.getLogger(__name__)
 GROUND = Body("ground", Pose(), (Shape("plane", (0.0, 0.0, 1.0)),))
 
 MAT_M = 0.015
-"""Maximum height of a level top above the floor that still belongs to the floor, such as a mat."""
+"""Maximum height above the floor of a level top, such as a mat's, that still counts as floor."""
 
 STAGE_M = 1.0
-"""Maximum height above the ground of a level top that is the floor if the course is on it."""
+"""Maximum height above the ground of a level top that is the floor if it carries the course."""
 
 STEP_M = 0.1
-"""Distance between the sample points on a course that distinguish a floor from posts."""
+"""Spacing of the sample points along a course that distinguish a floor from posts."""
 
 _LEVEL = 1e-6
 
@@ -60,7 +60,7 @@ def ground_shapes(bodies: Sequence[Body]) -> Iterator[tuple[Shape, Pose]]:
 
 
 def project_ground(bodies: Sequence[Body]) -> list[footprint.Footprint] | None:
-    """Return the footprints of the ground; None if it is unbounded."""
+    """Return the footprints of the ground; None if the ground is unbounded."""
     shapes = [*ground_shapes(bodies)]
     endless = any(shape.kind == "plane" for shape, _ in shapes)
     return None if endless else [footprint.project_shape(*solid) for solid in shapes]
@@ -101,7 +101,7 @@ def _height_at(shape: Shape, pose: Pose, point: Sequence[float]) -> float | None
 
 
 def interpolate_heights(heights: Array, size: Sequence[float], x: float, y: float) -> float | None:
-    """Interpolate a field's heights (rows, columns) [m]; None outside the field's size [m]."""
+    """Return the height [m] of a field at a point [m]; None outside the field's ``size`` [m]."""
     rows, columns = heights.shape
     row = (y / size[1] + 0.5) * (rows - 1)
     column = (x / size[0] + 0.5) * (columns - 1)
@@ -114,7 +114,7 @@ def interpolate_heights(heights: Array, size: Sequence[float], x: float, y: floa
 
 
 def _level_top(shape: Shape, pose: Pose) -> tuple[float, footprint.Footprint] | None:
-    """Return the height [m] and the area of a solid shape's level top; None if it has none."""
+    """Return the height [m] and area of a solid shape's level top; None if there is none."""
     up = np.abs(pose.rotation[2])
     upright = {"box": up.max(), "cylinder": up[2]}.get(shape.kind, 0.0)
     if upright > 1 - _LEVEL:
@@ -130,7 +130,8 @@ def _level_top(shape: Shape, pose: Pose) -> tuple[float, footprint.Footprint] | 
 def settle(bodies: Sequence[Body], course: Course, source: str) -> tuple[Body, ...]:
     """Return the bodies with floors marked, shifted so that the floor at home is at z = 0.
 
-    Level ground is added where home or a waypoint has none. ``source`` names the world in messages.
+    If home or a waypoint has no ground, level ground is added. ``source`` names the world in
+    messages.
     """
     points = [(course.home_x_m, course.home_y_m), *course.waypoints]
     tops = list(_find_tops(bodies))
@@ -170,7 +171,7 @@ def _find_level(
     grounds = [_find_height(solids, point) for point in along.tolist()]
 
     def carries_all(height: float) -> bool:
-        """Return True if this height carries all waypoints and most of the path between them."""
+        """Return True if floors at this height carry all waypoints and most of the path between."""
         carried = np.array([g is not None and abs(g - height) <= MAT_M for g in grounds])
         for top in tops:
             if abs(top.height - height) <= MAT_M:

@@ -1,4 +1,4 @@
-"""Depths of movable bodies in the ground, and the lifts that set them on it."""
+"""Finds how deep movable bodies are in the ground or each other, and the lifts that free them."""
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -20,9 +20,9 @@ from evoros.world.floors import ground_shapes, interpolate_heights, plane_normal
 SLACK_M = 0.002
 """Maximum overlap that is left to the engines, which treat it as a contact.
 
-Engines separate two bodies by up to 100 times the depth per second, at their finest usual step of
-2.5 ms. Up to 2 mm, this is slower than a free fall from the same height. A robot also drives
-over obstacles of this height, and a body this close to the ground counts as standing.
+At their shortest usual step of 2.5 ms, engines separate two bodies at up to 100 times the depth per
+second. At 2 mm, this is about the final speed of a free fall from the same height. A robot also
+drives over obstacles of this height, and a body this close to the ground counts as standing.
 """
 
 
@@ -49,7 +49,7 @@ class Solids:
         return cls(tuple(solid for _, solid in placed), indices, boxes[:, 0], boxes[:, 1])
 
     def list_near(self, shape: int, axes: int) -> Iterator[int]:
-        """Yield the shapes of other bodies that overlap a shape's box along the first axes."""
+        """Yield other bodies' shapes whose boxes overlap a shape's box along the first axes."""
         low, high = self.low[:, :axes], self.high[:, :axes]
         near = (low < high[shape] - SLACK_M) & (high > low[shape] + SLACK_M)
         yield from np.flatnonzero(near.all(axis=1) & (self.body != self.body[shape])).tolist()
@@ -80,7 +80,7 @@ def _depth_in_plane(solid: Solid, shape: Shape, pose: Pose) -> float:
 
 
 class _Field:
-    """A height field, with points placed once for all bodies."""
+    """A height field with its points placed in the world, once for all bodies."""
 
     def __init__(self, shape: Shape, pose: Pose) -> None:
         grid = height_points(shape).reshape(-1, 3)
@@ -95,7 +95,7 @@ class _Field:
         solid.
         """
         points = solid.points
-        if solid.shape.kind not in ("box", "convex"):  # samples of a round underside
+        if solid.shape.kind not in ("box", "convex"):  # add samples of a round underside
             points = np.concatenate([points, *(solid.farthest(d)[None] for d in _directions())])
         depths = [0.0]
         for x, y, z in points.tolist():
@@ -120,7 +120,7 @@ def _directions() -> Array:
 
 
 def _heights_above(points: Array, planes: Array) -> list[float]:
-    """Return the heights [m] of points above the underside of a polyhedron over or under them."""
+    """Return the heights [m] above a polyhedron's underside of the points within its footprint."""
     x, y = points[:, 0], points[:, 1]
     within = np.ones(len(points), dtype=np.bool_)
     floor, roof = np.full(len(points), -np.inf), np.full(len(points), np.inf)
@@ -153,17 +153,17 @@ class Lifts:
 class _Near(NamedTuple):
     """A body above, below or inside another one."""
 
-    base: float  # its lift [m]
+    base: float  # the body's lift [m]
     gap: Clearance
-    depth: float  # [m], depth of the overlap
+    depth: float  # depth of the overlap [m]
 
 
 def find_lifts(bodies: Sequence[Body], solids: Solids, sunk: Mapping[int, float]) -> Lifts:
     """Find the lifts of movable bodies, from the lowest to the highest.
 
     A body is lifted out of the ground and out of its supports, together with the bodies that stand
-    on it. It is not lifted into a body above it unless that body moves up as well. ``sunk`` has the
-    depths [m] of bodies in the ground.
+    on it. It is not lifted into a body above it unless that body moves up as well. ``sunk`` holds
+    the depths [m] of bodies in the ground.
     """
     shapes = {
         i: np.flatnonzero(solids.body == i).tolist()
@@ -187,7 +187,8 @@ def _list_near(
 ) -> Iterator[tuple[int, Clearance, float]]:
     """Yield the bodies above, below or inside the shapes of a body, except those ``waiting``.
 
-    Each comes with the lifts at which the shapes overlap, and their present overlap depth [m].
+    With each body come the lifts at which the shapes would overlap, and the current depth [m] of
+    the overlap.
     """
     for shape in shapes:
         for other in solids.list_near(shape, axes=2):
@@ -201,7 +202,7 @@ def _list_near(
 
 
 def _lift(body: int, sunk: float, near: Sequence[_Near], lifts: Lifts) -> None:
-    """Add the lift of a body, ``sunk`` [m] in the ground, given the lifts of the bodies near it."""
+    """Add the lift of a body ``sunk`` [m] deep in the ground, given the lifts of nearby bodies."""
     deepest = need = sunk
     ceiling = math.inf
     for base, gap, depth in near:

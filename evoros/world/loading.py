@@ -1,4 +1,4 @@
-"""Loading of a world from an SDF file, with bodies freed from the ground and from each other.
+"""Loads a world from an SDF file, and frees its bodies from the ground and from each other.
 
 An engine would push overlapping bodies apart within a few steps, at any speed: a half-buried 1 m
 post leaves the ground at more than 10 m/s. Before any engine starts, bodies are therefore set on
@@ -32,11 +32,11 @@ from evoros.world.model import World
 _LOG = logging.getLogger(__name__)
 
 _Pairs = dict[tuple[int, int], float]
-"""Overlap depths [m] by pairs of bodies, the first of which is movable."""
+"""Overlap depths [m] by pair of bodies; the first body of each pair is movable."""
 
 
 def free_bodies(bodies: Sequence[Body], source: str) -> tuple[Body, ...]:
-    """Return the bodies so that no movable one starts in the ground or in another body.
+    """Return the bodies, changed so that no movable body starts in the ground or in another body.
 
     A body is lifted out of the ground and out of its supports. Other movable bodies that overlap
     are joined into one. Bodies that overlap a fixed body or are stuck in the ground become fixed
@@ -102,7 +102,7 @@ def _tell_lifts(bodies: Sequence[Body], lifts: Lifts, source: str) -> None:
         text = (
             f"{_count(depths)} in the ground or in a body below, by at most "
             f"{depths[deepest]:.3g} m ({bodies[deepest].name!r}); lifted to the surface{on_top}; "
-            f"edit <pose> to place it elsewhere"
+            f"edit <pose> to choose another position"
         )
         _LOG.warning("%s: %s", source, text)
 
@@ -119,7 +119,7 @@ def _tell_fixed(
     deepest = max(depths, key=depths.__getitem__)
     depth, other = depths[deepest]
     text = (
-        f"{_count(fixed)} in fixed bodies, or in bodies that do, by at most {depth:.3g} m "
+        f"{_count(fixed)} in fixed bodies, directly or through others, by at most {depth:.3g} m "
         f"({bodies[deepest].name!r} in {other}); fixed in place, so robots cannot push them; "
         f"edit <pose> to separate the bodies"
     )
@@ -148,7 +148,7 @@ def _count(members: Collection[int]) -> str:
 def _join_bodies(bodies: Sequence[Body]) -> Body:
     """Join movable bodies into one, named after the first.
 
-    Its friction is the lowest body's, as in a model of several links.
+    The joined body has the friction of the lowest body, as a model of several links does.
     """
     inertias = []
     for body in bodies:
@@ -195,8 +195,8 @@ def load_world(
     ``sdf`` is a path, absolute or relative to the bundled folder ``worlds``. ``model_paths`` are
     folders with the models and meshes that the file names, ``world_name`` selects one of several
     worlds in the file, and ``arguments`` are for a file with xacro. ``missing`` (``error``,
-    ``leave_out`` or ``box``) sets the treatment of absent models and meshes, and ``vehicles``
-    (``leave_out`` or ``hold_still``) the treatment of vehicles. ``mesh_up_axis`` (``ignore`` or
+    ``leave_out`` or ``box``) sets how missing models and meshes are treated, and ``vehicles``
+    (``leave_out`` or ``hold_still``), how vehicles are. ``mesh_up_axis`` (``ignore`` or
     ``apply``) sets whether DAE files are rotated as their ``<up_axis>`` requires, and ``actors``
     (``walk`` or ``leave_out``) sets whether actors walk. Meshes within 30 m of the course are
     divided, in about ``mesh_effort`` minutes; more than one minute extends the 30 m in proportion.
@@ -219,7 +219,7 @@ def load_world(
 def read_world(
     sdf: str, options: SdfOptions, arguments: Mapping[str, object], course: Course | None = None
 ) -> SdfWorld:
-    """Read the bodies of an SDF file at their places in the file; see ``load_world``.
+    """Read the bodies of an SDF file, placed as in the file; see ``load_world``.
 
     Raises:
         InputError: a file is missing or unusable.
@@ -236,8 +236,8 @@ def read_world(
         content, source = text.encode(), f"{sdf} (expanded)"
     elif arguments:
         raise InputError(
-            f"{sdf}: a world without xacro takes no arguments, not {sorted(arguments)}; "
-            f"remove them or name a .xacro file"
+            f"{sdf}: arguments {sorted(arguments)} cannot be used, because this file has no "
+            f"xacro; remove them or name a .xacro file"
         )
     points = None
     if course is not None:

@@ -1,4 +1,4 @@
-"""Areas in which meshes of a world differ from their collision parts at a robot's heights."""
+"""Areas in which a world's meshes differ from their collision parts, up to a robot's height."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,21 +18,21 @@ if TYPE_CHECKING:
     from evoros.geometry.mesh_parts import Sections
 
 LOWEST_M, SLICES = 0.05, 4
-"""Bottom [m], and number of slices up to the robot's height, in which meshes are compared."""
+"""Bottom [m] of the compared slices (for low robots, half their height), and their number."""
 TOLD_M2, TOLD_SHARE = 0.05, 0.01
-"""False area, and its fraction of a mesh's footprint, from which a run warns."""
+"""Area [m2] and fraction of a mesh's footprint from which a run warns about a difference."""
 _COUNTS_M2 = 0.005
 
 
 class MeshArea(NamedTuple):
-    """The areas [m2] of a mesh at the worst height between the ground and a robot's height."""
+    """The areas [m2] of a mesh and of its differences from its parts, at the worst height."""
 
     file: MeshFile
     height_m: float  # robot height
     uses: int  # number of collisions that use the mesh
-    false_m2: float  # inside the convex parts, but outside the mesh; all collisions
-    missed_m2: float  # inside the mesh, but outside the convex parts; all collisions
-    footprint_m2: float  # all collisions
+    false_m2: float  # inside the convex parts, but outside the mesh; sum over collisions
+    missed_m2: float  # inside the mesh, but outside the convex parts; sum over collisions
+    footprint_m2: float  # sum over collisions
 
     @property
     def is_large(self) -> bool:
@@ -50,7 +50,7 @@ class MeshArea(NamedTuple):
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def measure_meshes(world: World, height_m: float) -> tuple[MeshArea, ...]:
-    """Measure the inexactly divided meshes that a robot of a height [m] can meet."""
+    """Measure the meshes that a robot of this height [m] can meet and that their parts misfit."""
     areas: dict[MeshFile, MeshArea] = {}
     for file, sections in _list_sections(world, height_m):
         known = areas.get(file, MeshArea(file, height_m, 0, 0.0, 0.0, 0.0))
@@ -61,7 +61,7 @@ def measure_meshes(world: World, height_m: float) -> tuple[MeshArea, ...]:
 
 
 def _list_sections(world: World, height_m: float) -> Iterator[tuple[MeshFile, "Sections"]]:
-    """Yield the sections of each collision, computed once for equal collisions."""
+    """Yield each collision's mesh and section areas, computed once for equal collisions."""
     groups = [(body, _group_parts(body)) for body in standing_obstacles(world)]
     if not any(parts for _, parts in groups):
         return

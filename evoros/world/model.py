@@ -20,11 +20,12 @@ from evoros.world.floors import MAT_M, ground_height, has_level_ground, plane_no
 
 LENGTH = Rule("a length greater than 0, or null", lambda v: v is None or POSITIVE.holds(v))
 KEPT_WORLDS = 512
-"""Maximum size of caches with worlds as keys. Missions may take worlds in turn, such as the 300 of
-BARN, and a smaller cache would then never hit: 67 instead of 54 ms per mission. A world with its
-outlines takes about 0.15 MB."""
+"""Maximum size of caches with worlds as keys. Missions may take many worlds in turn, such as the
+300 of BARN; a smaller cache would then never hit (67 instead of 54 ms per mission). A world with
+its outlines takes about 0.15 MB.
+"""
 LOW_M = 0.3
-"""Height of an obstacle's underside above the ground from which a waypoint may lie below it."""
+"""Minimum ground clearance of an obstacle that a waypoint may lie below."""
 
 
 @runtime_checkable
@@ -72,11 +73,11 @@ class World:
         _check_course(self)
 
     def __hash__(self) -> int:
-        # Cheap, because worlds are keys of caches: bodies are left out.
+        # Worlds are keys of caches, so hashing must be cheap; bodies are left out.
         return hash((self.name, self.source_sha256))
 
     def at(self, draws: str) -> "World":
-        """Return the world of a mission with this key of random draws, and with this course."""
+        """Return the world of the mission with this key of random draws, on this world's course."""
         if self.sampler is None:
             return self
         drawn = self.sampler.draw_world(draws)
@@ -90,11 +91,11 @@ class World:
 
     @property
     def sdf(self) -> str:
-        """The bodies as an SDF file; ``files`` has the files that it names."""
+        """The bodies as SDF text; ``files`` adds the files that it refers to."""
         return write_sdf(self.name, self.bodies, self.note, self.gravity_mps2)
 
     def files(self, stem: str) -> dict[str, bytes]:
-        """Return an SDF file with the name ``stem`` and the files that it names, by file name."""
+        """Return an SDF file with the name ``stem`` and the files that it needs, by file name."""
         sdf = write_sdf(self.name, self.bodies, self.note, self.gravity_mps2, stem)
         return {f"{stem}.sdf": sdf.encode(), **write_surfaces(stem, self.bodies)}
 
@@ -129,7 +130,7 @@ def _check_ground(world: World) -> None:
     course = world.course
     height = ground_height(world.bodies, (course.home_x_m, course.home_y_m))
     if height is None or not -1e-6 <= height <= MAT_M + 1e-6:
-        actual = "it has none" if height is None else f"it is at {height:g} m"
+        actual = "there is none" if height is None else f"it is at {height:g} m"
         raise InputError(
             f"{world.source}: must have ground at z = 0 m at home, but {actual}; put a floor there"
         )
@@ -150,6 +151,6 @@ def _check_course(world: World) -> None:
                 raise InputError(
                     f"{world.source}: {name} of the course, ({x:g}, {y:g}) m, must not lie "
                     f"inside the obstacle {body.name!r}, which covers x {low[0]:.2f}.."
-                    f"{high[0]:.2f} and y {low[1]:.2f}..{high[1]:.2f} m; set its {keys} to a "
+                    f"{high[0]:.2f} and y {low[1]:.2f}..{high[1]:.2f} m; set {keys} to a "
                     f"free place, or let evoros inspect world suggest a course"
                 )

@@ -1,7 +1,7 @@
 """Obstacles after movable bodies in the air have fallen, as bodies and as arrays.
 
-Rigid-body engines let them fall. The plane, clearances and pictures have no gravity and no ground
-height, so they use these obstacles.
+Rigid-body engines let such bodies fall. The planar simulator, clearances and pictures have neither
+gravity nor a ground height, so they use the fallen obstacles.
 """
 
 import math
@@ -31,7 +31,7 @@ from evoros.world.floors import ground_height, has_level_ground, raise_body
 from evoros.world.model import KEPT_WORLDS, World
 
 GAP_M = 0.002
-"""Maximum gap below a movable body that stands; with a larger one it is in the air."""
+"""Maximum gap [m] below a movable body that counts as standing rather than in the air."""
 
 _INNER = 0.99
 """Fraction of a footprint that must lie above another body for that body to carry it."""
@@ -42,22 +42,22 @@ class Part(NamedTuple):
 
     shape: Shape
     pose: Pose
-    area: Footprint  # footprint of its part below a height, if it reaches below
+    area: Footprint  # footprint of the portion below a height, if any
     bottom: float  # [m]
     top: float  # [m]
 
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def standing_obstacles(world: World) -> tuple[Body, ...]:
-    """Return the obstacles of a world after falling, see ``stand``."""
+    """Return the obstacles of a world after they have fallen; see ``stand``."""
     return stand(world.bodies)
 
 
 def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
     """Return the obstacles with each movable body set straight down onto its support.
 
-    The support is the ground or the highest shape below its footprint. A body that another one
-    penetrates stays where it is. If the ground is not level, each obstacle is lowered by the ground
+    The support is the ground or the highest shape below the body's footprint. A body that overlaps
+    another stays where it is. If the ground is not level, each obstacle is lowered by the ground
     height below it.
     """
     bodies = [body for body in all_bodies if not body.is_ground]
@@ -84,7 +84,7 @@ def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
 
 
 def place_parts(body: Body, height_m: float = -math.inf) -> tuple[Part, ...]:
-    """Place the shapes of a body, with the footprints of their parts below a height [m]."""
+    """Place the shapes of a body, with the footprints of their portions below a height [m]."""
     parts = []
     for shape in body.shapes:
         pose = body.pose @ shape.pose
@@ -109,7 +109,7 @@ def _drop(shapes: Sequence[Part], settled: Sequence[Part], ground: float) -> flo
 
 
 def _overlapping(shape: Part, others: Sequence[Part]) -> Iterator[Part]:
-    """Yield the ``others`` with footprints that overlap the inner part of a shape's footprint."""
+    """Yield the ``others`` whose footprints overlap the inner part of a shape's footprint."""
     x, y, reach = bounding_circle(shape.area)
     inner = (shape.area.vertices - (x, y)) * _INNER + (x, y)
     for other in others:
@@ -139,12 +139,13 @@ def obstacle_arrays(
 ) -> tuple[Array, ...]:
     """Return the arrays of obstacles for a robot of a height [m].
 
-    The robot can touch and see up to ``touch`` and ``see`` [m] from its frame's origin.
+    The robot touches obstacles up to ``touch`` [m] and sees them up to ``see`` [m] from its origin.
 
     Returns:
-        The grid (see ``evoros.geometry.grid``); for contact, the starts and entries of its
-        cells, and the rows and corners of ``outlines``; for rays (see ``evoros.geometry.ray``), the
-        starts and entries of its cells, all obstacles' rows, and the faces of their polyhedra.
+        The grid (see ``evoros.geometry.grid``); for contact, the starts and entries of the
+        grid's cells, and the rows and corners of ``outlines``; for rays (see
+        ``evoros.geometry.ray``), the starts and entries of the grid's cells, all obstacles' rows,
+        and the faces of their polyhedra.
     """
     solids = [
         (shape, body.pose @ shape.pose)
@@ -168,7 +169,7 @@ def obstacle_arrays(
 
 
 def sight_rows(solids: Sequence[tuple[Shape, Pose]]) -> tuple[Array, Array, list[Footprint]]:
-    """Return the rows of shapes for rays, the faces of polyhedra, and the shapes' footprints."""
+    """Return the rows of shapes for ray casting, the faces of polyhedra, and the footprints."""
     placed = [_centre(shape, pose) for shape, pose in solids]
     areas = [project_shape(shape, pose) for shape, pose in placed]
     faces = [
@@ -200,7 +201,7 @@ def _centre(shape: Shape, pose: Pose) -> tuple[Shape, Pose]:
 def _to_row(shape: Shape, pose: Pose, footprint: Footprint, faces: tuple[int, int]) -> list[float]:
     kinds = {"box": BOX, "cylinder": CYLINDER, "sphere": SPHERE, "convex": CONVEX}
     x, y, radius = bounding_circle(footprint)
-    # Rays need a circle around the shape's centre, which may differ from the footprint's.
+    # Rays need a circle around the shape's centre, which may not be the footprint's centre.
     offset = math.dist((x, y), pose.position[:2])
     return [
         kinds[shape.kind],

@@ -498,7 +498,7 @@ def test_a_suggestion_says_where_it_lies_and_how_to_choose_another(
     house = build_house(folder)
     assert inspect(["world", house, "--name", "a"]) == DONE
     output = capsys.readouterr().out
-    assert "course      suggested in the largest free region that is enclosed" in output
+    assert "course      suggested in the largest enclosed free region" in output
     assert "add world.a.course.home_x_m=X world.a.course.home_y_m=Y to this command" in output
     typed = ["world.b.course.home_x_m=2", "world.b.course.home_y_m=-1"]
     assert inspect(["world", house, *typed, "--name", "b"]) == DONE

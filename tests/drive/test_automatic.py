@@ -150,7 +150,7 @@ def test_what_is_not_plain_is_refused_with_the_candidates(
 
 
 def test_a_description_without_wheels_is_named_as_such() -> None:
-    with pytest.raises(InputError, match=r"no joint turns and no round part .*; add the links"):
+    with pytest.raises(InputError, match=r"no joint turns, and no round part .*; add links"):
         choose("")
 
 

@@ -179,7 +179,7 @@ FAULTS: dict[str, tuple[dict[str, Any], Edit, str]] = {
     "no such wheel": ({"wheel_joints": ["a", "right_wheel_joint"]}, list, "joint 'a' must exist"),
     "swapped": ({"wheel_joints": ["right_wheel_joint", "left_wheel_joint"]}, list, "left of"),
     "fixed wheel": ({"wheel_joints": ["left_wheel_joint", "caster_joint"]}, list, "continuous"),
-    "backwards": ({}, put(f"{LEFT}/axis", xyz="0 -1 0"), "to the left"),
+    "backwards": ({}, put(f"{LEFT}/axis", xyz="0 -1 0"), "must point left"),
     "no motor": ({}, put(f"{LEFT}/limit", effort="0"), "an effort limit above 0"),
     "not opposite": ({}, put(f"{LEFT}/origin", xyz="-0.1 0.2 0.06"), "opposite each other"),
     "off the ground": ({}, put(f"{LEFT}/origin", xyz="-0.1 0.145 0.08"), "touch the ground"),

@@ -202,7 +202,7 @@ def test_a_course_lies_inside_the_walls(
     trees = [rectangle(x + 6 * a, y + 6 * b, 0.3, 0.3) for a in (-1, 1) for b in (-1, 1)]
     suggestion = suggest_course([*walls, *trees, rectangle(x + 0.2, y, 0.2, 0.2)], radius)
     assert suggestion is not None
-    assert "region that is enclosed" in suggestion.place
+    assert "enclosed free region" in suggestion.place
     offsets = points_along(suggestion.course) - (x, y)
     assert np.linalg.norm(offsets, axis=1).max() < size - radius
     legs = np.linalg.norm(np.diff(suggestion.course.route(True), axis=0), axis=1)

@@ -17,12 +17,12 @@ SLIPS = [
     ("<?xml version='1.0'?>\n<!-- a -- b --->\n<sdf>\n<a/></sdf>", "-- in a comment"),
     ("<sdf>\n<!--- wall\n---- roof -->\n<a/></sdf>", "-- in a comment"),
     ("<sdf>\n\n<gz:b ignition:c='1'>x</gz:b><a/></sdf>", "gz:, ignition:"),
-    ("<sdf>\n<gz::priority>1</gz::priority>\n<a/></sdf>", ":: in the name"),
+    ("<sdf>\n<gz::priority>1</gz::priority>\n<a/></sdf>", ":: in an element name"),
     ("<sdf>\n\n<b name='R&D'>1 & 2 &lt; 3</b><a/></sdf>", "&amp;"),
     ("<sdf>\n<pose frame=>1 2</pose>\n<a/></sdf>", "without quotes"),
     ("<sdf>\n<b c = 1 d='x=y>' e\n=\n2 f/>\n<a/></sdf>", "without quotes"),
-    ("<sdf>\n<a/><sdf/><sdf>x</sdf></sdf>\n<sdf><b></sdf>", "after its root"),
-    ("<sdf>\n<a/></sdf>\ngood night", "after its root"),
+    ("<sdf>\n<a/><sdf/><sdf>x</sdf></sdf>\n<sdf><b></sdf>", "after the root"),
+    ("<sdf>\n<a/></sdf>\ngood night", "after the root"),
     ("<?xml version='1.0' encoding='latin-1'?>\n<sdf>\n<b>\u00e9 & x</b><a/></sdf>", "&amp;"),
 ]
 

@@ -141,7 +141,9 @@ def test_a_faulty_file_is_one_line_with_a_fix(tmp_path: Path) -> None:
     )
     for semantic in ("VERTEX", "POSITION"):
         text = DAE.replace(f'semantic="{semantic}"', 'semantic="COLOR"')
-        assert f"no <input> of semantic {semantic}" in refused(write(tmp_path / "input.dae", text))
+        assert f"no <input> with semantic {semantic}" in refused(
+            write(tmp_path / "input.dae", text)
+        )
     long = DAE.replace("#wedge-mesh", f"#{'w' * 5000}").replace('"12"', '"1"')
     assert len(refused(write(tmp_path / "long.dae", long))) < 1000
     huge = DAE.replace("<p>0 0 2", f"<p>{'9' * 40} 0 2")
@@ -165,7 +167,7 @@ def test_a_file_that_is_cut_off_is_told_so(name: str, share: float) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name
         path.write_bytes(whole[: int(share * len(whole))])
-        assert "must be complete, but is truncated: " in refused(path)
+        assert "is truncated, because " in refused(path)
         path.write_bytes(whole)
         assert read(path)
 
@@ -233,7 +235,7 @@ def test_how_far_the_parts_are_off_is_noted(tmp_path: Path) -> None:
     path = tmp_path / "ball.stl"
     trimesh.creation.icosphere(4, 1.0).export(path)
     [note] = read_mesh(path).notes
-    assert note.startswith("its convex hull stands for the mesh, up to ")
+    assert note.startswith("the mesh is replaced by its convex hull, up to ")
 
 
 def test_a_negative_scale_mirrors(tmp_path: Path) -> None:

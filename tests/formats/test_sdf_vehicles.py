@@ -44,7 +44,7 @@ def test_a_vehicle_is_left_out_or_held_still_and_told(
     assert len(bodies) > 1
     assert all(body.mass is None for body in bodies)
     assert bodies[0].pose.position == (1.0, 0.0, 0.0)
-    assert sum("held still" in message for message in caplog.messages) == 1
+    assert sum("fixed in place" in message for message in caplog.messages) == 1
 
 
 def hinge(number: int, size: str, axis: str, pose: str = "") -> str:
@@ -71,7 +71,7 @@ def test_a_building_with_doors_stays(
     with caplog.at_level(logging.WARNING):
         (body,) = load(tmp_path, f"<model name='house'>{LINK}{''.join(parts)}</model>").bodies
     assert len(body.shapes) == 1 + len(parts)
-    assert sum("held still at its joints 'j1', 'j2'" in m for m in caplog.messages) == 1
+    assert sum("fixed at its joints 'j1', 'j2'" in m for m in caplog.messages) == 1
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_furniture_is_held_still_at_its_joints(
     with caplog.at_level(logging.WARNING):
         (body,) = load(tmp_path, f"<model name='door'>{door}</model>").bodies
     assert (body.mass, len(body.shapes)) == (3.0, 3)  # it can be pushed as a whole
-    assert sum("held still at its joints 'j1', 'j2'" in m for m in caplog.messages) == 1
+    assert sum("fixed at its joints 'j1', 'j2'" in m for m in caplog.messages) == 1
     frame = "<joint name='f' type='fixed'><parent>world</parent><child>l</child></joint>"
     bodies = load(tmp_path, f"<model name='door'>{door}{frame}</model>").bodies
     assert [body.mass for body in bodies] == [None] * 3
@@ -131,7 +131,7 @@ def test_a_joint_of_the_world_fixes_its_models(
     with caplog.at_level(logging.WARNING):
         bodies = load(tmp_path, models + joint("world", "a::l")).bodies
         assert [body.mass for body in bodies] == [None, 1.0, 1.0]
-    assert sum("is held still" in message for message in caplog.messages) == 1
+    assert sum("models that it connects are fixed" in message for message in caplog.messages) == 1
     bodies = load(tmp_path, models + joint("c", "a::l")).bodies
     assert [body.mass for body in bodies] == [None, 1.0, None]
     with pytest.raises(InputError, match="'d::l'"):

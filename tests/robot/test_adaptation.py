@@ -184,7 +184,7 @@ def test_the_root_may_be_above_or_below_the_ground(
     assert robot.height_m == pytest.approx(0.13 + 0.05 - z)
     assert robot.sensor_links["base_link"] == pytest.approx((0.0, 0.0, 0.05 - z, 0.0))
     assert set(robot.sensor_links) == {"base_link", "caster_link"}
-    assert f"{abs(0.05 - z):.4g} m" in told(caplog, "wheels stand")
+    assert f"{abs(0.05 - z):.4g} m" in told(caplog, "wheels touch the ground")
 
 
 def test_wheels_beside_the_middle_are_found(
@@ -192,12 +192,12 @@ def test_wheels_beside_the_middle_are_found(
 ) -> None:
     robot = load(tmp_path, BASE, wheel("left", y=0.03), wheel("right", y=0.03), CASTER)
     assert robot.sensor_links["base_link"][1] == pytest.approx(-0.03)
-    assert "0.03 m to the left" in told(caplog, "wheels stand")
+    assert "0.03 m to the left" in told(caplog, "wheels touch the ground")
 
 
 @pytest.mark.parametrize(
     ("changes", "says"),
-    [({"x": 0.004}, "not opposite by 4.0 mm"), ({"z": 0.053}, "above the ground by 3.0 mm")],
+    [({"x": 0.004}, "are offset by 4.0 mm"), ({"z": 0.053}, "above the ground by 3.0 mm")],
 )
 def test_wheels_may_be_off_by_millimetres(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, changes: dict[str, float], says: str
@@ -293,10 +293,10 @@ def test_a_wheel_askew_is_set_across_the_robot_with_its_angle_told(
 @pytest.mark.parametrize(
     ("wheels", "said"),
     [
-        (slanted(25.0), "not 25 deg away: left_wheel_joint; turn its <axis>"),
+        (slanted(25.0), "deviate by 25 deg: left_wheel_joint; correct the <axis>"),
         (
             slanted(0.0).replace('xyz="0.0 1.0 0"', 'xyz="0 0 1"'),
-            "about the vertical steers its wheel",
+            "vertical axis steer their wheels",
         ),
     ],
 )
@@ -379,7 +379,7 @@ def test_masses_are_completed(tmp_path: Path, caplog: pytest.LogCaptureFixture) 
         for link in robot.urdf_elements().findall("link")
     }
     assert mass["left_wheel"] == pytest.approx(500 * 0.1 * 0.1 * 0.03)
-    assert "left_wheel, right_wheel" in told(caplog, "masses are assumed")
+    assert "left_wheel, right_wheel" in told(caplog, "masses are estimated")
 
 
 @pytest.mark.parametrize(
@@ -457,7 +457,7 @@ HELD = {
 @pytest.mark.parametrize(
     ("more", "says"),
     [
-        ('<limit lower="1" upper="2" effort="1" velocity="1"/>', "position: arm_joint (from 1"),
+        ('<limit lower="1" upper="2" effort="1" velocity="1"/>', "there: arm_joint (from 1"),
         ('<limit lower="-1" upper="1"/><mimic joint="o" offset="0.5"/>', "arm_joint (offset 0.5)"),
         ('<limit lower="-1" upper="0"/><mimic joint="o" multiplier="2"/>', ""),
     ],
@@ -469,9 +469,7 @@ def test_a_joint_that_cannot_be_at_zero_is_told(
     axis = '<axis xyz="0 1 0"/>'
     arm += joint("arm_joint", "arm", "0 0 0.2", "revolute", axis + more)
     load(tmp_path, BASE, WHEELS, CASTER, arm)
-    assert any(says in line for line in caplog.messages if "exclude that position" in line) == bool(
-        says
-    )
+    assert any(says in line for line in caplog.messages if "cannot be there" in line) == bool(says)
 
 
 @pytest.mark.parametrize(("rpy", "warns"), [("0 -15 90", True), ("0 -0.26 1.571", False)])
@@ -480,7 +478,10 @@ def test_angles_in_degrees_are_told(
 ) -> None:
     camera = link("camera") + joint("camera_joint", "camera", "0 0 0.2", rpy=rpy)
     load(tmp_path, BASE, WHEELS, CASTER, camera)
-    assert any("'camera_joint'" in m and "write radians" in m for m in caplog.messages) == warns
+    assert (
+        any("'camera_joint'" in m and "convert them to radians" in m for m in caplog.messages)
+        == warns
+    )
 
 
 @pytest.mark.parametrize("kind", HELD)
@@ -541,7 +542,7 @@ def test_a_body_far_below_the_ground_is_cut_off(
     assert shapes(robot, "base_link") == ["convex"]
     (solid,) = (solid for solid in robot.solids if solid.link == "base_link")
     assert solid.height_range == pytest.approx((0.02, 0.07))
-    assert told(caplog, "cut off above it: base_link")
+    assert told(caplog, "just above it: base_link")
 
 
 @pytest.mark.parametrize("x", [0.05, -0.05])
@@ -564,7 +565,7 @@ def test_a_body_without_collision_shapes_has_the_hull_of_its_visuals(
     robot = load(tmp_path, link("base_link", shown, INERTIAL.format(2.0, 0.02)), WHEELS, CASTER)
     assert np.ptp(robot.outline, axis=0) == pytest.approx([0.3, 0.27])  # with the wheels
     assert robot.height_m == pytest.approx(0.13)
-    assert told(caplog, "no collision shapes, so the hull of its visuals collides")
+    assert told(caplog, "no collision shapes, so the hull of its visuals is used")
     tiny = BOX.replace("0.3 0.2 0.1", "0.01 0.01 0.01")
     load(tmp_path, link("base_link", shown, tiny, INERTIAL.format(2.0, 0.02)), WHEELS, CASTER)
     assert told(caplog, "only small collision shapes")
@@ -645,7 +646,7 @@ def test_a_body_whose_mesh_is_missing_has_a_box(
     assert high == pytest.approx([0.05, 0.135])
     assert robot.height_m == pytest.approx(0.1)
     assert "package://bot/meshes/body.dae" in told(caplog, "absent meshes are left out")
-    assert "0.19 x 0.27 x 0.08 m" in told(caplog, "a box around its wheels replaces it")
+    assert "0.19 x 0.27 x 0.08 m" in told(caplog, "box around the wheels takes their place")
     assert not any("replaced by boxes" in message for message in caplog.messages)
 
 

@@ -90,4 +90,7 @@ def test_exchanged_limits_of_steering_are_switched_as_in_gazebo_and_told(
         float(lower),
         float(upper),
     )
-    assert any("which are exchanged: front_left" in message for message in caplog.messages)
+    assert any(
+        "limits of steering joints are exchanged: front_left" in message
+        for message in caplog.messages
+    )

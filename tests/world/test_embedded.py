@@ -133,7 +133,7 @@ def test_what_overlaps_a_fixed_body_at_the_side_is_fixed(caplog: pytest.LogCaptu
     movable = {name for name, body in bodies.items() if body.mass is not None}
     assert movable == {"beside that"}
     (line,) = caplog.messages
-    assert "2 movable bodies start in fixed bodies, or in bodies that do" in line
+    assert "2 movable bodies start in fixed bodies, directly or through others" in line
     assert "by at most 0.05 m ('in the wall' in 'wall')" in line
 
 

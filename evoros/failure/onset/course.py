@@ -15,9 +15,9 @@ SHARE, METRES = UNITS = "share", "m"
 @dataclass(frozen=True)
 @checked
 class CourseOnset(Onset):
-    """Onset after a part of the robot's route, drawn uniformly from earliest to latest.
+    """Onset after a share or length of the route, drawn uniformly from earliest to latest.
 
-    Progress along a leg is the reduction of the straight-line distance to its end.
+    Progress along a leg is the reduction in the straight-line distance to its end.
     """
 
     earliest: Annotated[float, NOT_NEGATIVE] = 0.25
@@ -30,7 +30,7 @@ class CourseOnset(Onset):
             raise invalid(self, "latest", self.latest, "must be at most 1, the whole route")
 
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
-        """Draw the part of the route."""
+        """Draw the share or length of the route."""
         part = scale(float(rng.random()), self.earliest, self.latest)
         make = Trigger.on_course if self.unit == SHARE else Trigger.after_distance
         return make(part), 0.0

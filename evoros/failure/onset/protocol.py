@@ -13,7 +13,7 @@ class Onset(ABC):
 
     @abstractmethod
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
-        """Return an event of the mission, and the time [s] from it to the failure.
+        """Return a mission event, and the time [s] from the event to the failure.
 
         The number of draws must be the same in every mission.
         """

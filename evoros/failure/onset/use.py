@@ -1,4 +1,4 @@
-"""Failure onset after an amount of time and distance has been used up."""
+"""Failure onset once time and driving have used up a supply."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -13,9 +13,9 @@ from evoros.failure.protocol import Trigger
 @dataclass(frozen=True)
 @checked
 class UseOnset(Onset):
-    """Onset when ``amount`` is used up, at rates per second and per metre driven."""
+    """Onset when ``amount`` is used up, at the given rates per second and per metre driven."""
 
-    amount: Annotated[float, NOT_NEGATIVE] = 50.0  # any unit, by default metres
+    amount: Annotated[float, NOT_NEGATIVE] = 50.0  # in any unit, by default metres
     per_s: Annotated[float, NOT_NEGATIVE] = 0.0
     per_m: Annotated[float, NOT_NEGATIVE] = 1.0
 
@@ -24,5 +24,5 @@ class UseOnset(Onset):
             raise invalid(self, "per_m", self.per_m, "must be above 0 if per_s is 0")
 
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
-        """Return the amount."""
+        """Return the event of using up the amount."""
         return Trigger.by_use(self.amount, self.per_s, self.per_m), 0.0

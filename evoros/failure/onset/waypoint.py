@@ -15,9 +15,9 @@ from evoros.failure.protocol import Trigger
 class WaypointOnset(Onset):
     """Onset when the robot reaches a waypoint, numbered in the order of visits."""
 
-    number: Annotated[int, COUNT] = 1  # starts at 1; includes home
+    number: Annotated[int, COUNT] = 1  # from 1; home counts as a waypoint
     delay_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time from the event to the failure
 
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
-        """Return the waypoint."""
+        """Return the event of reaching the waypoint, and the delay."""
         return Trigger.at_waypoint(self.number), self.delay_s

@@ -1,4 +1,4 @@
-"""The actors of SDF files, which walk according to the times of their waypoints."""
+"""Reads the actors of SDF files, and removes or immobilizes vehicles."""
 
 import math
 import re
@@ -42,7 +42,7 @@ _KINDS = ("revolute", "continuous", "prismatic", "screw", "universal", "ball", "
           "revolute2", "hinge", "hinge2", "slider", "piston")  # fmt: skip
 _FREE_RAD = 100.0  # minimum range of a joint that counts as endless, such as a wheel's
 _WHEEL = re.compile(r"wheel|tire|tyre|roue|rad_|caster", re.IGNORECASE)
-_UPRIGHT = 0.8  # cosine between the vertical and an axis about which doors turn and wheels steer
+_UPRIGHT = 0.8  # minimum cosine between the vertical and the axis of a door or of steering
 _THIN = 0.25  # maximum ratio of a panel's thickness to its second-smallest length
 
 
@@ -67,7 +67,7 @@ def settle_vehicles(container: Element, reading: Reading) -> set[str]:
         elif joints:
             names = ", ".join(quote(joint.get("name", "")) for joint in joints[:3])
             more = f" and {len(joints) - 3} more" if len(joints) > 3 else ""
-            problem = f"is held still at its joints {names}{more}: its parts cannot move here"
+            problem = f"is fixed at its joints {names}{more}, because its parts cannot move here"
             reading.notes.add(model, problem, "joints")
             for joint in joints:
                 joint.set("type", "fixed")
@@ -84,7 +84,7 @@ def _fix_to_world(world: Element, reading: Reading) -> None:
             if model is None and name != "world":
                 problem = f"refers to {quote(name)}, which is not in the world"
                 raise element_error(joint, problem, "name a link of a model")
-        reading.notes.add(joint, "is held still: the models that it connects are fixed")
+        reading.notes.add(joint, "cannot move here: the models that it connects are fixed")
         for model in ends:
             if model is not None:
                 etree.SubElement(model, "static", {SOURCE: source_of(model)}).text = "true"
@@ -93,13 +93,13 @@ def _fix_to_world(world: Element, reading: Reading) -> None:
 def _settle_vehicle(model: Element, reason: str, reading: Reading) -> None:
     if reading.options.vehicles == "leave_out":
         keep = "world.NAME.vehicles=hold_still keeps it as an obstacle"
-        problem = f"is left out: it drives ({reason}); {keep}"
+        problem = f"is left out, because it is a vehicle ({reason}); {keep}"
         reading.notes.add(model, problem, "vehicle")
         parent = model.getparent()
         assert parent is not None
         parent.remove(model)
         return
-    reading.notes.add(model, f"is held still: it drives ({reason})", "vehicle")
+    reading.notes.add(model, f"is fixed in place, because it is a vehicle ({reason})", "vehicle")
     etree.SubElement(model, "static", {SOURCE: source_of(model)}).text = "true"
 
 
@@ -110,7 +110,7 @@ def is_static(model: Element) -> bool:
 
 
 def _why_it_drives(model: Element, joints: list[Element]) -> str:
-    """Return the plugin or wheels that make a model a vehicle; empty if there are none."""
+    """Name the plugin or wheels that make a model a vehicle; empty if there are none."""
     for plugin in model.iter("plugin"):
         parent = plugin.getparent()
         name = f"{plugin.get('filename', '')} {plugin.get('name', '')}"
@@ -231,7 +231,7 @@ def _read_actor(element: Element, taken: set[str], reading: Reading) -> Actor:
     starts = script is None or _read_flag(script, "auto_start")
     if not points or not starts:
         x, y, _ = points[0] if points else read_pose(element).pose.position
-        problem = "stands still: nothing here moves it (no <trajectory>, or <auto_start> is false)"
+        problem = "stands still, because it has no <trajectory> or its <auto_start> is false"
         reading.notes.add(element, problem, "actor that stands")
         return Actor(unique, ((x, y, 0.0),))
     assert script is not None

@@ -57,7 +57,7 @@ _IGNORED = {
     "state/link": "velocity acceleration wrench collision",
 }
 
-# Elements that no simulator here supports, unless they have no effect
+# Elements that no simulator here supports; they are reported if they have an effect
 _REPORTED = {
     "link": "velocity_decay",
     "surface": "contact bounce soft_contact",
@@ -112,7 +112,7 @@ def _check(element: Element, kind: str, notes: Notes) -> None:
 
 
 def _note_plugins(root: Element, notes: Notes) -> None:
-    """Note the plugins: harmless ones in one line, all others in another."""
+    """Note the plugins: the harmless ones in one line, each other one separately."""
     harmless: dict[str, Element] = {}
     for plugin in root.iter("plugin"):
         parent = plugin.getparent()

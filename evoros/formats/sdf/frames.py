@@ -1,7 +1,7 @@
 """Frames of an SDF file, which resolve relative poses to world poses.
 
-A frame's path consists of the names of the models around it and its name, such as ``("shelf",
-"board")``; the path of the world is empty.
+A frame's path consists of the names of the enclosing models and the frame's name, such as
+``("shelf", "board")``; the path of the world is empty.
 """
 
 from dataclasses import dataclass
@@ -26,12 +26,12 @@ class RelativePose:
 @dataclass(frozen=True)
 class _Frame:
     relative: RelativePose
-    scope: Path  # where the name of its base is looked up
-    placement: str = ""  # frame inside it that is placed at the pose, instead of its origin
+    scope: Path  # path in which the base's name is looked up
+    placement: str = ""  # frame inside the model that is placed at the pose, instead of the origin
 
 
 class Frames:
-    """World poses of models, links, frames and joints by their path.
+    """World poses of models, links, frames and joints, by path.
 
     Raises:
         InputError: two frames share a name, a frame does not exist, or frames form a cycle.
@@ -95,7 +95,7 @@ class Frames:
                 raise element_error(
                     self._frames[path].relative.element,
                     f"has a circular pose: {circle}",
-                    "make one of them relative to its model",
+                    "make one of these poses relative to the model",
                 )
             open_paths.append(path)
             path = self._base(self._frames[path])

@@ -34,8 +34,9 @@ from evoros.geometry.polyhedron import decompose, placed_corners
 from evoros.geometry.shapes import Pose, Shape, Vector
 
 _MINUTE = 1.2e7
-"""Work on meshes, see ``divide_mesh``, that takes about a minute on one core. Work is counted
-instead of time, so that a world is the same on every machine."""
+"""Work on meshes (see ``divide_mesh``) that takes about a minute on one core. Work is counted
+instead of time, so that a world is the same on every machine.
+"""
 REACH_M = 30.0
 """Range of the bundled sensors. Meshes farther from the course keep coarse parts, unless
 ``mesh_effort`` exceeds 1."""
@@ -88,17 +89,17 @@ def _read_levels(file: Path, element: Element, reading: Reading) -> Array:
 
     content = reading.read(file)
     if is_geotiff(content):
-        problem = f"names a GeoTIFF, {file}: heights in metres on a map, not an image"
+        problem = f"names a GeoTIFF, {file}, which holds heights in metres, not an image"
         fix = (
             "make an image of it with: gdal_translate -ot UInt16 -scale -of PNG "
-            f"{file.name} {file.stem}.png; and write its extent and range of heights into <size>"
+            f"{file.name} {file.stem}.png; and write its extent and height range into <size>"
         )
         raise MissingFileError(str(element_error(element, problem, f"{fix}; or {CHOICES}")))
     try:
         with Image.open(BytesIO(content)) as image:
             if max(image.size) > _MAX_PIXELS:
                 problem = f"has {image.size[0]} x {image.size[1]} pixels ({file})"
-                raise element_error(element, problem, f"reduce it to {_MAX_PIXELS} at most")
+                raise element_error(element, problem, f"reduce it to {_MAX_PIXELS} per side")
             deep = image.mode in ("I", "F") or image.mode.startswith("I;16")
             levels = np.array(image if deep else image.convert("RGB").getchannel("R"))
     except (OSError, SyntaxError, ValueError) as error:
@@ -172,7 +173,7 @@ def _read_sizes(solid: Element, reading: Reading) -> tuple[float, ...]:
 
 def _read_plane(plane: Element) -> tuple[Shape, ...]:
     size, normal = find_child(plane, "size"), find_child(plane, "normal")
-    if size is not None:  # only for its picture, since a plane is unbounded
+    if size is not None:  # only used for drawing, since a plane is unbounded
         read_numbers(size, 2)
     if normal is None:
         return (Shape("plane", (0.0, 0.0, 1.0)),)
@@ -309,14 +310,14 @@ def divide_meshes(
         if places[use][0] > reach:
             shapes = reading.meshes[use]
             reading.meshes[use] = tuple(replace(shape, mesh=None) for shape in shapes)
-            remark = f"its parts are coarse, because it is more than {reach:g} m from the course"
+            remark = f"the mesh has coarse parts, because it is over {reach:g} m from the course"
         else:
             parts = _read_parts(elements[use], use, min(effort * WORK, left), reading)
             left -= parts.work
             reading.meshes[use] = parts.shapes
-            remark = "its parts are coarse to save time" if parts.is_cut_short else ""
+            remark = "the mesh has coarse parts to save time" if parts.is_cut_short else ""
         if remark:
-            more = f"world.NAME.mesh_effort={10 * effort:g} takes longer and is finer"
+            more = f"world.NAME.mesh_effort={10 * effort:g} takes longer and gives finer parts"
             reading.notes.add_file(use.path, f"{remark}; {more}")
 
 

@@ -1,4 +1,4 @@
-"""Replacement of every ``<include>`` of an SDF document by the model that it names."""
+"""Replaces every ``<include>`` of an SDF document by the model that it names."""
 
 import itertools
 import re
@@ -66,7 +66,7 @@ def require_file(uri: Element, reading: Reading) -> Path:
     """Return the file that the element ``uri`` names.
 
     Raises:
-        MissingFileError: it does not exist.
+        MissingFileError: the file does not exist.
     """
     place = _find(uri, reading)
     if place is None:
@@ -197,7 +197,7 @@ def _add_actor(root: Element, include: Element) -> None:
 
 
 def _find_sdf(place: Path, reading: Reading) -> Path | None:
-    """Return the SDF file of a model's folder, the newest that its model.config lists."""
+    """Return the SDF file of a model's folder: the newest that model.config lists, or else any."""
     if place.is_file():
         return place.resolve()
     config = place / "model.config"
@@ -289,7 +289,7 @@ def _anchor(child: Element, frame: str) -> None:
 def _rename_duplicates(container: Element, reading: Reading) -> None:
     """Rename elements with a taken name: number them as Gazebo numbers models, or add ``_joint``.
 
-    Up to SDF 1.6, a joint may share its name with a link, and Gazebo adds that suffix.
+    Up to SDF 1.6, a joint may share its name with a link, and Gazebo adds ``_joint``.
     """
     taken: dict[str, str] = {}
     parts = container.iterchildren("model", "link", "frame", "joint", "collision")

@@ -91,7 +91,7 @@ def _read_moments(inertia: Element, notes: Notes) -> Array | None:
         return None
     tensor = symmetric_tensor(*(values.get(tag, 0.0) for tag in _MOMENTS))
     if principal_axes(tensor)[0][0] <= 0:
-        problem = f"is not positive definite, so that no solid can have it: {_ASSUMED}"
+        problem = f"is not positive definite, so no solid can have it: {_ASSUMED}"
         notes.add(inertia, problem, "moments impossible")
         return None
     return tensor
@@ -120,7 +120,7 @@ class Link:
     element: Element
     solids: tuple[Solid, ...]
     inertia: Inertia | None  # None: static
-    held: bool = False  # True: it does not move, although its model is not static
+    held: bool = False  # True: the link does not move, although its model is not static
 
 
 def read_link(element: Element, path: Path, frames: Frames, static: bool, reading: Reading) -> Link:
@@ -141,7 +141,7 @@ def read_link(element: Element, path: Path, frames: Frames, static: bool, readin
             solids.append(Solid(name, pose, shapes, friction, density))
     if not names and any(element.find(tag) is not None for tag in ("visual", "inertial")):
         problem = "is left out: it has no <collision>, so nothing here touches or sees it"
-        reading.notes.add(element, f"{problem}; give it one, such as the shape of its <visual>")
+        reading.notes.add(element, f"{problem}; add one, such as the shape of its <visual>")
     if static:
         return Link(path, element, tuple(solids), None)
     held = bool(solids) and _is_held(element, solids, reading)
@@ -192,7 +192,7 @@ def _read_shapes(
             return ()
         shape, place, origin = box
         size = " x ".join(f"{edge:.3g}" for edge in shape.size)
-        problem = f"names a mesh that is absent; a box of its {origin}, {size} m, stands for it"
+        problem = f"names a mesh that is absent; a {size} m box of its {origin} replaces it"
         reading.notes.add(collision, problem, "box")
         return (replace(shape, pose=pose.inverse() @ place),)
 
