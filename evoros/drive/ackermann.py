@@ -152,9 +152,7 @@ class AckermannDescription(DriveDescription):
         pairs = (self.front_wheel_joints, self.rear_wheel_joints)
         front, rear = axles = [(measure_axle(urdf, names), names) for names in pairs]
         if front[0].x <= rear[0].x:
-            places = (
-                f"the front wheels are at x = {front[0].x:g} m, the rear wheels at {rear[0].x:g} m"
-            )
+            places = f"at x = {front[0].x:g} m, with the rear wheels at {rear[0].x:g} m"
             rule = f"front wheels must be ahead of the rear wheels, but are {places}"
             raise urdf.error(rule, "swap robot.drive.front_wheel_joints and rear_wheel_joints")
         above = urdf.joints_above(urdf.joints[self.rear_wheel_joints[0]].child)

@@ -135,7 +135,10 @@ def _find_steering(urdf: Urdf, above: Sequence[Joint]) -> Joint | None:
 
 
 def _inside_another(urdf: Urdf, candidate: Candidate, others: Mapping[str, Candidate]) -> bool:
-    """Return True if the candidate belongs to another: a later turning or earlier fixed one."""
+    """Return True if the candidate is only a part of another candidate's wheel.
+
+    A chain's wheel is on its last turning joint, or else on its first fixed joint.
+    """
     above = list(urdf.joints_above(candidate.joint.child))[1:]
     for other in others.values():
         carried = other is not candidate and candidate.joint in urdf.joints_above(other.joint.child)

@@ -80,7 +80,8 @@ class SkidSteer:
     rear_axle_x_m: Annotated[float, NUMBER]  # x of the wheels' middle, in the robot's frame
     steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
     max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
-    wheel_separation_multiplier: Annotated[float, POSITIVE]  # effective track that commands assume
+    # Effective track divided by the geometric one:
+    wheel_separation_multiplier: Annotated[float, POSITIVE]  # as commands assume
     turning_resistance: Annotated[float, AT_LEAST_ONE]  # actual
 
     @property

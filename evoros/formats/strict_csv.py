@@ -1,4 +1,4 @@
-"""Strict reading of CSV files from people or other programs; each error has file and line."""
+"""Reads CSV files from people or other programs strictly; each error states file and line."""
 
 import csv
 from collections.abc import Iterator, Sequence
@@ -11,7 +11,7 @@ from evoros.formats.strict_xml import quote
 def read_rows(
     path: Path, required: Sequence[str], optional: Sequence[str]
 ) -> Iterator[tuple[int, dict[str, str]]]:
-    """Yield the line number and the cells by column of each line.
+    """Yield each line's number, and its cells by column name.
 
     White space inside a cell is reduced to single blanks; empty lines are skipped.
 
@@ -27,8 +27,8 @@ def read_rows(
             for row in rows:
                 if len(row) not in (0, len(names)):
                     raise InputError(
-                        f"{path}: line {rows.line_num}: must have {len(names)} cells, as the first "
-                        f"line has, not {len(row)}; add or delete cells"
+                        f"{path}: line {rows.line_num}: must have {len(names)} cells, like the "
+                        f"first line, not {len(row)}; add or delete cells"
                     )
                 if row:
                     cells = (" ".join(cell.split()) for cell in row)

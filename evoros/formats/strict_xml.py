@@ -1,8 +1,8 @@
-"""Strict XML: anything that cannot be understood is an error with file, line and element.
+"""Reads XML strictly: anything that cannot be understood is an error with file, line and element.
 
-The numbers with a special meaning below, such as no limit, are the only list of them, after
+``MEANINGS`` is the only list of numbers with a special meaning, such as no limit. It follows
 SDFormat 1.12 (``joint.sdf``, ``surface.sdf``, ``collision.sdf``, ``sensor.sdf``, ``ray.sdf``; up to
-1.5 the defaults of limits are -1 and +-1e16), ``JointAxis.cc`` and ``parser_urdf.cc`` of sdformat,
+1.5, the defaults of limits are -1 and +-1e16), ``JointAxis.cc`` and ``parser_urdf.cc`` of sdformat,
 and ``SurfaceParams.cc`` and ``Sensor.cc`` of Gazebo Classic.
 """
 
@@ -23,7 +23,7 @@ SOURCE = "{evoros}source"
 _NUMBER = re.compile(r"[+-]?(([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[iI][nN][fF])")
 _DEFAULT_NAMESPACE = re.compile(rb"\sxmlns\s*=")
 _PLACE = re.compile(r", line \d+, column \d+( \(.*\))?$")
-MAX_NUMBER = 1e9  # no length, mass or angle exceeds it, so products of two do not overflow
+MAX_NUMBER = 1e9  # maximum length, mass or angle, so that products of two do not overflow
 _MAX_QUOTED = 60  # maximum number of characters of a value in a message
 _MAX_NAMES = 1000  # maximum number of characters of a list of names in a message
 _MAX_REASON = 200  # maximum number of characters of another library's reason
@@ -185,7 +185,7 @@ def read_numbers(element: Element, *counts: int) -> tuple[float, ...]:
         if not abs(value) <= MAX_NUMBER:
             limits = f"-{MAX_NUMBER:g} to {MAX_NUMBER:g}"
             problem = f"must hold numbers from {limits}, not {quote(word)}"
-            raise element_error(element, problem, "replace it by such a number")
+            raise element_error(element, problem, "write a number in this range")
     return values
 
 
@@ -236,7 +236,7 @@ def _parse_flag(element: Element, text: str, subject: str) -> bool:
 
 
 HUGE = 1e9
-"""Magnitude from which a number means "none", above any joint, range or friction."""
+"""Magnitude from which a number means infinity, above any joint limit, range or friction."""
 
 
 class Meaning(NamedTuple):
@@ -256,7 +256,7 @@ MEANINGS: Mapping[str, Meaning] = {
     "sensor/update_rate": Meaning(negative=math.inf, zero=math.inf),  # measured at every step
     "range/max": Meaning(),
 }
-"""Fields by their names in both formats. In every field, ``HUGE`` and more mean infinity."""
+"""Fields by their names in URDF and SDF. In every field, ``HUGE`` and more mean infinity."""
 
 
 def interpret(field: str, value: float) -> float:
@@ -285,8 +285,8 @@ def read_meaning(element: Element, field: str, text: str | None = None) -> float
 def touches_nothing(collision: Element) -> bool:
     """Return True if nothing collides with a ``<collision>``.
 
-    It allows no contacts, its masks share none of the 16 bits of other collisions, or it has no
-    mask and sets ``collide_without_contact``.
+    Either it allows no contacts, or its masks share none of the 16 bits of other collisions, or it
+    has no mask and sets ``collide_without_contact``.
     """
     contacts, contact = collision.findtext("max_contacts"), collision.find("surface/contact")
     if contacts is not None and _read_bits(contacts) == 0:
@@ -301,7 +301,7 @@ def touches_nothing(collision: Element) -> bool:
 
 
 def _read_bits(text: str) -> int:
-    """Return an integer, by default one with all bits set."""
+    """Return the integer in a string; if there is none, one with all bits set."""
     try:
         return int(text.strip(), 0)
     except ValueError:

@@ -123,7 +123,7 @@ def _adapt_drive(
 
 
 def _extent(urdf: Urdf, wheels: Sequence[Wheel]) -> float:
-    """Return the diagonal [m] of the robot's bounding box, which bounds distances of masses."""
+    """Return the diagonal [m] of the robot's bounding box, a bound on distances between masses."""
     points = [wheel.centre[None] for wheel in wheels]
     points += [np.array([pose.position]) for pose in urdf.poses.values()]
     points.append(body_adaptation.collision_points(urdf, urdf.shapes))

@@ -176,7 +176,7 @@ def test_track_axle_and_radius_are_those_of_the_robot(x: float, track: float, r:
 LEFT = "joint[@name='left_wheel_joint']"
 CASTER = "joint[@name='caster_joint']"
 FAULTS: dict[str, tuple[dict[str, Any], Edit, str]] = {
-    "no such wheel": ({"wheel_joints": ["a", "right_wheel_joint"]}, list, "joint 'a' must exist"),
+    "no such wheel": ({"wheel_joints": ["a", "right_wheel_joint"]}, list, "there is no joint 'a'"),
     "swapped": ({"wheel_joints": ["right_wheel_joint", "left_wheel_joint"]}, list, "left of"),
     "fixed wheel": ({"wheel_joints": ["left_wheel_joint", "caster_joint"]}, list, "continuous"),
     "backwards": ({}, put(f"{LEFT}/axis", xyz="0 -1 0"), "must point left"),

@@ -51,7 +51,7 @@ def test_angles_of_a_scan_in_degrees_are_told(edge: float, told: bool) -> None:
     scan = SCAN.format(samples=271, low=-edge, high=edge)
     (lidar,), _ = read(f'<sensor type="ray" name="scan"><ray>{scan}</ray></sensor>')
     assert lidar.settings["fov_deg"] == pytest.approx(360.0)
-    assert any("as if they were degrees" in note for note in lidar.notes) == told
+    assert any("may be in degrees" in note for note in lidar.notes) == told
 
 
 @pytest.mark.parametrize(("resolution", "ranges"), [(1, 181), (2, 362), (0.25, 45), (0.012, 2)])
@@ -113,7 +113,7 @@ def test_sensors_without_distances() -> None:
 @pytest.mark.parametrize(
     ("sensor", "told"),
     [
-        ('<sensor type="camera" name="eye"/>', "must be of a type that evoros has, not 'camera'"),
+        ('<sensor type="camera" name="eye"/>', "must be of a supported type, not 'camera'"),
         ('<sensor type="ray" name="eye"/>', "must have a <ray> or <lidar>"),
         (
             f'<sensor type="ray" name="eye"><ray>{SCAN.format(samples=3, low=1, high=0)}</ray>'
@@ -170,7 +170,7 @@ def test_the_noise_of_an_imu() -> None:
     assert sensor.settings["acceleration_noise.sigma_m"] == 0.3
     assert imu(z=noisy("none", stddev=1.0)).settings["rate_noise.sigma_m"] == 0.0
     (note,) = imu(z=noise).notes  # the other axes have none
-    assert "the difference of stddev between its axes" in note
+    assert "the difference in stddev between its axes" in note
 
 
 def test_what_an_imu_loses_of_its_noise_is_named_in_one_note() -> None:

@@ -455,7 +455,7 @@ BAD = [
     (f"{HEADER}\n0,0,0.1,0,400", "line 2: yaw_deg: must be a number, or [low, high]"),
     (f"{HEADER}\n0,x,0.1,0,0", "line 2: sensor must be a whole number of at least 0, not 'x'"),
     (f"{HEADER}\n,0,0.1,0,0", "line 2: design is empty"),
-    (f"{HEADER}\n0,0,0.1,0", "line 2: must have 5 cells, as the first line has, not 4"),
+    (f"{HEADER}\n0,0,0.1,0", "line 2: must have 5 cells, like the first line, not 4"),
     (f"{HEADER}\n0,0,0.1,0,0\n0,0,0.2,0,0", "line 3: design '0' has sensor 0 twice"),
     (f"{HEADER}\n0,0,0.1,0,0\n0,,,,", "line 3: design '0' must have either rows with sensors or"),
     (f"{HEADER},type\n0,0,0.1,0,0,lidar", "line 2: type must be one of sonar, not 'lidar'"),

@@ -37,7 +37,7 @@ def test_a_world_of_xacro_is_expanded_with_its_arguments(tmp_path: Path) -> None
         assert [body.name for body in world.obstacles] == ["wall_0", "wall_1"]
         assert world.obstacles[1].shapes[0].size == (0.1, 1.0, 3.5)
         assert world.obstacles[1].pose.position == (3.0, 2.0, 0.0)
-    with pytest.raises(InputError, match="it knows height"):
+    with pytest.raises(InputError, match="the arguments are height"):
         load_world(str(file), square(), arguments={"width": 3.5})
 
 

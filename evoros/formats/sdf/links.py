@@ -236,7 +236,7 @@ def _substitute_box(
 ) -> tuple[Shape, Pose, str] | None:
     """Return a box that replaces a link's mesh, its world pose, and its origin.
 
-    It is the bounding box of the link's first readable visual, otherwise the homogeneous box with
+    This is the bounding box of the link's first readable visual, or else the homogeneous box with
     the link's inertia; None if there is neither.
     """
     silent = copy(reading)  # only the box of the visual matters, so its notes are dropped

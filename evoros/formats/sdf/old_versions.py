@@ -1,4 +1,4 @@
-"""Conversion of SDF 1.0, the format of Gazebo 1.0 of 2012, to elements of later versions.
+"""Converts SDF 1.0, the format of Gazebo 1.0 (2012), to the elements of later versions.
 
 SDF 1.0 has attributes where later versions have elements. The table follows sdformat's published
 conversion from 1.0 to 1.2, ``1_0.convert``. The many files that claim version 1.0 but use the later

@@ -1,4 +1,4 @@
-"""Reading of the bodies of an SDF file (versions 1.0 to 1.12) with a ``<world>`` or only models.
+"""Reads the bodies of an SDF file (versions 1.0 to 1.12) with a ``<world>`` or only models.
 
 The reader accepts files that Gazebo accepts. It uses an element, ignores it because it cannot
 matter here, notes an omission or assumption in one line (a warning of the logger ``evoros.sdf``),
@@ -60,8 +60,8 @@ def build_fixed_bodies(links: Sequence[Link]) -> list[Body]:
 def build_movable_body(links: Sequence[Link], alone: bool, notes: Notes) -> list[Body]:
     """Build the body of links that move as one; none if nothing can touch it.
 
-    A body that is ``alone`` in its model may have the model's name. If its collisions differ in
-    friction, the lowest collision, which touches the ground, determines it.
+    A body that is ``alone`` in its model may have the model's name. If the body's collisions differ
+    in friction, the friction of the lowest collision, which touches the ground, is used.
     """
     first = links[0]
     solids = [solid for link in links for solid in link.solids]
@@ -80,7 +80,7 @@ def build_movable_body(links: Sequence[Link], alone: bool, notes: Notes) -> list
         friction = min(solids, key=_bottom).friction
         values = ", ".join(f"{value:g}" for value in sorted({s.friction for s in solids}))
         problem = (
-            f"has collisions with friction {values}; the lowest collision's applies: {friction:g}"
+            f"has collisions with friction {values}; the lowest collision's is used: {friction:g}"
         )
         notes.add(first.element, problem, "frictions")
     name = first.path[0] if alone else "::".join(first.path)
@@ -141,8 +141,8 @@ def read_sdf(
 ) -> SdfWorld:
     """Read the content of an SDF file.
 
-    ``source`` is the name of the file in errors. The files that it names are searched around
-    ``file``, its path. Meshes near the points (n, 2) [m] of ``course`` are divided first.
+    ``source`` is the name of the file in errors. Files that it refers to are searched for around
+    its path ``file``. Meshes near the points (n, 2) [m] of ``course`` are divided first.
 
     Raises:
         InputError: the content, or a file that it names, cannot be read or simulated; the message

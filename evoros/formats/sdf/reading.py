@@ -1,7 +1,7 @@
-"""The options and the state of reading an SDF file.
+"""Options and state of reading an SDF file, and the location of files that it refers to.
 
-This module locates files named by model://, package://, file://, a Fuel address or a path; models
-of Gazebo Fuel are looked up in its local cache.
+Files are named by model://, package://, file://, a Fuel address or a path; models of Gazebo Fuel
+are looked up in Fuel's local cache.
 """
 
 import logging
@@ -41,7 +41,7 @@ _SCHEMES = ("model://", "package://", "file://")
 
 
 class Addresses:
-    """Locations of files that a world names; ``declared`` are the folders of ``model_paths``."""
+    """Locates the files that a world refers to; ``declared`` are the folders of ``model_paths``."""
 
     def __init__(self, file: Path, declared: Sequence[Path], notes: Notes) -> None:
         self._file = file
@@ -89,9 +89,10 @@ class Addresses:
             name, _, rest = _strip_scheme(uri).partition("/")
             folder = self.find(f"model://{name}", beside)
             if folder is not None:
-                lacking = rest or "model.config with an SDF file and no .sdf"
+                none = "neither an .sdf file nor a model.config that names one"
+                lacking = f"no {rest}" if rest else none
                 remedy = Remedy("add the missing files to the folder {}", str(folder))
-                return f"names {uri}, but {folder} has no {lacking}", remedy
+                return f"names {uri}, but {folder} has {lacking}", remedy
             return (
                 f"names {uri}, but no folder {name} is in the declared, the surrounding or "
                 f"the environment's model folders",
@@ -203,7 +204,7 @@ def _find_in_cache(address: _FuelAddress, declared: Sequence[Path]) -> Path | No
 
 
 def _where_to_get(address: _FuelAddress, uri: str) -> tuple[str, Remedy]:
-    """Return the problem of a missing item with its expected path, and the command that gets it."""
+    """Return the problem with a missing item, with the expected path, and the command to get it."""
     cache = next(_cache_folders())
     expected = cache / address.host / address.owner.lower() / address.kind / address.name.lower()
     kind = f"/{address.kind}/"
@@ -253,7 +254,7 @@ FOLDERS = Rule(
     lambda v: isinstance(v, list | tuple) and all(isinstance(i, str) and i for i in v),
 )
 UP_AXIS = one_of("ignore", "apply")
-WORLD_NAME = Rule("a text", lambda v: isinstance(v, str))
+WORLD_NAME = Rule("a string", lambda v: isinstance(v, str))
 
 
 @dataclass(frozen=True)
@@ -310,7 +311,7 @@ class Reading:
         """Return the root of an XML file, which the caller may modify."""
         if path not in self._roots:
             root = parse_leniently(self.read(path), str(path))
-            root.set(SOURCE, str(path))  # a copy would lose its file's name
+            root.set(SOURCE, str(path))  # a copy would lose the name of the file
             modernize(root, self.notes)
             self._roots[path] = root
         return deepcopy(self._roots[path])

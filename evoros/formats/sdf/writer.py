@@ -1,4 +1,4 @@
-"""Writing of bodies as an SDF file, which this package's reader and Gazebo can read.
+"""Writes bodies as an SDF file that this package's reader and Gazebo can read.
 
 Lengths and angles are rounded to nine decimals, so that a file that was read is written unchanged.
 SDF files cannot contain polyhedra and heights, which are written to separate files: polyhedra to

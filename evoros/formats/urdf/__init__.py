@@ -1,1 +1,1 @@
-"""Reading of URDF and xacro robot descriptions, and merging of fixed links."""
+"""Reads URDF and xacro robot descriptions, and merges fixed links."""

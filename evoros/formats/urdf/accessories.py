@@ -22,8 +22,8 @@ _DECORATION = frozenset(("visual", "material", "gazebo", "transmission", "ros2_c
 def is_needed(text: str, absent: Sequence[str], lacks_macros: bool) -> bool:
     """Return True if an expanded description needs packages that are missing.
 
-    It needs none if only decorations name files of these packages. If it calls their macros
-    (``lacks_macros``), all must be sensor packages, since designs replace sensors.
+    None is needed if only decorations name files of these packages. If the description calls macros
+    of theirs (``lacks_macros``), all must be sensor packages, since designs replace sensors.
     """
     if lacks_macros and not all(map(_SENSOR.search, absent)):
         return True

@@ -1,4 +1,4 @@
-"""Construction and modification of URDF elements: inertias are completed, rigid links merged."""
+"""Builds and modifies URDF elements: completes inertias and merges rigid links."""
 
 import math
 from collections.abc import Collection, Iterable, Sequence
@@ -168,7 +168,7 @@ def _merge(parent: Element, child: Element, pose: Pose) -> None:
 
 
 def _read_inertia(link: Element, pose: Pose) -> tuple[float, Array, Array]:
-    """Read mass [kg], centre of mass (3,) [m] and the tensor about it (3, 3) [kg m2].
+    """Read the mass [kg], the centre of mass (3,) [m] and the tensor about it (3, 3) [kg m2].
 
     ``pose`` is the link's frame in the frame of the result.
     """
@@ -212,10 +212,10 @@ def correct_inertias(robot: Element, extent_m: float) -> list[str]:
             set_inertial(link, mass, centre, _assume_tensor(link, mass))
             replaced.append(str(link.get("name")))
     notes = {
-        "links with a mass of 0 are taken as frames": massless,
-        "impossible inertias are replaced by inertias of the shapes": replaced,
-        f"centres of mass lie beyond the size of the robot ({extent_m:.3g} m), as if they were "
-        f"not in metres; write the <origin> of <inertial> in metres": beyond,
+        "links with a mass of 0 are treated as frames": massless,
+        "impossible inertias are replaced by those of boxes around the shapes": replaced,
+        f"centres of mass lie beyond the size of the robot ({extent_m:.3g} m) and may not be "
+        f"in metres; write the <origin> of <inertial> in metres": beyond,
     }
     return [f"{text}: {_list(names)}" for text, names in notes.items() if names]
 
@@ -256,14 +256,14 @@ def _assume_tensor(link: Element, mass: float) -> Array:
 
 
 def box_tensor(mass: float, size: Array) -> Array:
-    """Return the tensor (3, 3) [kg m2] of a homogeneous box of a size (3,) [m]."""
+    """Return the tensor (3, 3) [kg m2] of a homogeneous box with this size (3,) [m]."""
     squares = np.maximum(size, 1e-3) ** 2
     tensor: Array = mass / 12.0 * np.diag(squares.sum() - squares)
     return tensor
 
 
 def bounds_of(shapes: Iterable[tuple[Shape, Pose]]) -> tuple[Array, Array]:
-    """Return the lower and upper corner (3,) [m] of the bounding box of placed shapes."""
+    """Return the lower and upper corners (3,) [m] of the bounding box of placed shapes."""
     turns = (  # rotations of x, y and z to the vertical
         Pose.from_rpy((0.0, 0.0, 0.0), 0.0, -math.pi / 2, 0.0),
         Pose.from_rpy((0.0, 0.0, 0.0), math.pi / 2, 0.0, 0.0),

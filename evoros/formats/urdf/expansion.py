@@ -1,4 +1,4 @@
-"""Reading of robot descriptions: xacro is expanded in a separate process, XML parsed strictly."""
+"""Reads robot descriptions; xacro is expanded in a separate process."""
 
 import logging
 import re
@@ -33,7 +33,7 @@ _PREFIX = re.compile(r"(robot_?)?(namespace|ns|prefix)|tf_prefix")
 def read(name: str, options: ReadOptions | None = None) -> tuple[Path, Element]:
     """Return the file and the root element of a URDF or an expanded xacro file.
 
-    In the result, the names of existing files are addresses (``file:///...``). A missing file keeps
+    In the result, existing files are named by address (``file:///...``). A missing file keeps
     its name, because it may not be needed, or ``missing`` may allow it.
 
     Raises:
@@ -92,7 +92,7 @@ def _fill_placeholders(
     if unknown:
         knows = f"the placeholders {', '.join(names)}" if names else "no arguments"
         raise InputError(
-            f"{file}: a plain URDF with {knows} takes no argument {', '.join(unknown)}; "
+            f"{file}: unknown argument {', '.join(unknown)}: this plain URDF has {knows}; "
             f"remove it or name a .xacro file"
         )
     if not names:
@@ -121,7 +121,7 @@ def resolve_files(root: Element, file: Path, packages: PackageIndex) -> None:
     """Replace the names of existing meshes and textures by addresses (``file:///...``).
 
     Visual and collision elements that name a file of an ignored package are removed. A missing
-    mesh keeps its name, because some parts do without their mesh.
+    mesh keeps its name, because some parts do not need their mesh.
 
     Raises:
         InputError: a file is not local, or lies outside the folders that may be read.
@@ -197,7 +197,7 @@ def _remove_part(element: Element) -> None:
 
 
 def _package_of(name: str) -> str:
-    """Return the package in ``package://NAME/...`` or ``model://NAME/...``, else nothing."""
+    """Return the package in ``package://NAME/...`` or ``model://NAME/...``, or an empty string."""
     scheme = next((s for s in ("package://", "model://") if name.startswith(s)), "")
     return name[len(scheme) :].partition("/")[0] if scheme else ""
 

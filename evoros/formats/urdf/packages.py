@@ -1,7 +1,7 @@
-"""Location of ROS packages in declared folders, the environment, and folders around a file.
+"""Locates ROS packages in declared folders, the environment, and folders around a file.
 
-It also finds files that are not where a description says. A package's CMakeLists.txt may install
-files elsewhere: ``$(find NAME)/x`` is a path in the installed package, which
+This module also finds files that are not where a description says. A package's CMakeLists.txt may
+install files elsewhere: ``$(find NAME)/x`` is a path in the installed package, which
 ``install(DIRECTORY description/x DESTINATION share/NAME)`` fills from another source folder. People
 also write names with different letter case, such as ``Barrel.DAE`` for ``barrel.dae``, on
 case-insensitive systems.
@@ -22,8 +22,8 @@ _LEVELS_DOWN = 4  # number of levels searched below each of these folders
 _MAX_FOLDERS = 5_000  # maximum number of folders searched
 _SKIPPED = ("build", "install", "log", "node_modules", "site-packages")
 _MANIFESTS = ("package.xml", "manifest.xml")
-"""Manifest files of a package; the older one, from before 2012, has no name, so the folder's
-counts."""
+"""Manifest files of a package; the older one, from before 2012, states no name, so
+the folder's name is used."""
 _IGNORED = {"COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE"}
 _SPACES = ("src", "install", "devel")
 """Folders of a workspace that contain packages."""
@@ -58,10 +58,10 @@ def index_packages(
 ) -> PackageIndex:
     """Return the packages that ``file`` may name.
 
-    They are found in the declared folders, in ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``, and
-    in the folders above the package that contains the file, up to ``_LEVELS_UP`` levels or the root
-    of the workspace. Installed packages come last. If the file is in no package, only its folder
-    and a workspace are searched. The name of a package is the one in its package.xml.
+    Packages are found in the declared folders, in ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``,
+    and in the folders above the package that contains the file, up to ``_LEVELS_UP`` levels or the
+    root of the workspace. Installed packages come last. If the file is in no package, only its
+    folder and a workspace are searched. The name of a package is the one in its package.xml.
     """
     around = [f for f in file.parents if any((f / name).is_file() for name in _MANIFESTS)][:1]
     given = list(map(_require_folder, declared))
@@ -142,7 +142,7 @@ class _Search:
 
 
 def _stated_name(package: Path) -> str:
-    """Return the name in package.xml, or the folder's name if it states none."""
+    """Return the name in package.xml, or the folder's name if there is none."""
     try:
         text = (package / "package.xml").read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -184,7 +184,7 @@ def locate(path: Path, packages: Iterable[Path]) -> Path | None:
 
 
 def find_in_any_case(path: Path) -> Path | None:
-    """Return the only existing path that differs from ``path`` just in letter case, or None."""
+    """Return the only existing path that differs from ``path`` only in letter case, or None."""
     here = Path(path.anchor)
     for part in path.parts[1:]:
         if not (here / part).exists():

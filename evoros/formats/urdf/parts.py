@@ -1,4 +1,4 @@
-"""Reading and checking of the elements of a URDF: joints, inertias and shapes."""
+"""Reads and checks the elements of a URDF: joints, inertias and shapes."""
 
 import math
 from collections.abc import Collection
@@ -138,7 +138,7 @@ def _read_axis(joint: Element) -> Array:
 
 
 def _read_limit(joint: Element, kind: str) -> tuple[float, float, float, float]:
-    """Read lower, upper, effort and velocity; infinite without a limit.
+    """Read the lower and upper bounds, effort and velocity; infinite without a ``<limit>``.
 
     The bounds of a revolute joint are swapped if they are in the wrong order, as in sdformat.
     """
@@ -157,12 +157,12 @@ def _read_limit(joint: Element, kind: str) -> tuple[float, float, float, float]:
 
 
 def read_shapes(link: Element) -> tuple[Shape, ...]:
-    """Read the collision shapes of a link, posed in its frame."""
+    """Read the collision shapes of a link, in the link's frame."""
     return tuple(read_shape(collision) for collision in link.findall("collision"))
 
 
 def read_visuals(link: Element) -> tuple[Shape, ...]:
-    """Read the visual shapes of a link, posed in its frame.
+    """Read the visual shapes of a link, in the link's frame.
 
     If a link has no visual shapes, or one of them is a mesh, its collision shapes are returned.
     """

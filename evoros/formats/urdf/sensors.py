@@ -1,4 +1,4 @@
-"""Reading of the sensors and their noise in a robot's description for Gazebo."""
+"""Reads the Gazebo sensors in a robot's description, with their noise."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -77,7 +77,7 @@ def read_imu_noise(sensor: Element) -> Noise:
         lost += ["bias_mean"] * any(values.get("bias_mean") for values, _ in read)
         most = {name: max((v.get(name, 0.0) for v, _ in read), key=abs) for name in _KEPT}
         lost += [
-            f"the difference of {name} between its axes"
+            f"the difference in {name} between its axes"
             for name in ("mean", "stddev", "bias_stddev")
             if {v.get(name, 0.0) for v, _ in read} != {most[name]}
         ]
@@ -121,7 +121,7 @@ def _read_values(noise: Element | None) -> tuple[dict[str, float], list[str]]:
 def _tell(lost: Iterable[str], where: str) -> tuple[str, ...]:
     """Return a note that names the unsupported values; empty if there are none."""
     names = list(dict.fromkeys(lost))
-    return (f"cannot keep all of {where}: {', '.join(names)}",) * bool(names)
+    return (f"cannot represent all of {where}: {', '.join(names)}",) * bool(names)
 
 
 LIDAR, SONAR, BUMPER, IMU = "lidar", "sonar", "bumper", "imu"
@@ -138,7 +138,7 @@ _LEAST_FIELD = 1e-8
 
 @dataclass(frozen=True)
 class DescribedSensor:
-    """A sensor of a robot's description in the terms of evoros."""
+    """A sensor in a robot's description, expressed in terms of evoros."""
 
     name: str
     kind: str  # LIDAR, RANGE_FINDER, SONAR, BUMPER or IMU
@@ -183,7 +183,7 @@ def _read_sensor(element: Element, link: str) -> DescribedSensor:
     if given in _RAYS:
         return _read_rays(element, DescribedSensor(name, LIDAR, link, pose, settings))
     if given not in _KINDS:
-        problem = f"must be of a type that evoros has, not {quote(given)}"
+        problem = f"must be of a supported type, not {quote(given)}"
         raise element_error(element, problem, f"use {', '.join((*_RAYS, *_KINDS))}")
     notes: tuple[str, ...] = ()
     if given == "sonar":
@@ -195,7 +195,7 @@ def _read_sensor(element: Element, link: str) -> DescribedSensor:
 
 
 def _read_period(element: Element) -> dict[str, float]:
-    """Return the period, if the sensor does not measure at each step of Gazebo."""
+    """Return the period; empty if the sensor measures at each step of Gazebo."""
     rate = find_child(element, "update_rate")
     hertz = math.inf if rate is None else read_meaning(rate, "sensor/update_rate")
     return {"period_s": 1.0 / hertz} if math.isfinite(hertz) else {}
@@ -238,9 +238,9 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
         return replace(sensor, kind=SONAR, pose=pose, settings=settings, notes=noise.notes)
     vertical = find_child(scan, "vertical")
     if vertical is not None and _read_fan(vertical)[0] > 1:
-        notes += ("has several layers, of which only the one level with its frame is used",)
+        notes += ("has several layers, of which only the layer level with the sensor is used",)
     if max(high, -low) > LARGEST_RAD:
-        notes += (f"has angles from {low:g} to {high:g} rad, as if they were degrees",)
+        notes += (f"has angles from {low:g} to {high:g} rad, which may be in degrees",)
     settings["beams"] = beams
     return replace(sensor, pose=pose, settings=settings, notes=(*notes, *noise.notes))
 

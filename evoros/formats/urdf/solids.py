@@ -1,4 +1,4 @@
-"""Conversion of the solids of a URDF to boxes, cylinders, spheres and convex polyhedra."""
+"""Converts the solids of a URDF to boxes, cylinders, spheres and convex polyhedra."""
 
 import logging
 import math
@@ -88,7 +88,7 @@ class SolidsReader:
             self._names[_STRANGE].append(f"<{child.tag!s}> of {link.get('name')}")
 
     def read(self, link: Element, part: Element, hull: bool = True) -> tuple[Shape, ...]:
-        """Read the solids of a ``<collision>`` or ``<visual>``, posed in its link's frame.
+        """Read the solids of a ``<collision>`` or ``<visual>``, in the link's frame.
 
         A mesh becomes its hull or convex parts.
         """
@@ -115,9 +115,9 @@ class SolidsReader:
     def finish(self) -> list[str]:
         """Return one line per kind of assumption."""
         if self._divided:
-            self.notes.append(f"{self._divided} collision meshes are taken as convex parts")
+            self.notes.append(f"{self._divided} collision meshes are replaced by convex parts")
         if self._hulls:
-            self.notes.append(f"{self._hulls} collision meshes are taken as their convex hulls")
+            self.notes.append(f"{self._hulls} collision meshes are replaced by their convex hulls")
         self.notes += [
             f"{kind} {', '.join(dict.fromkeys(names))}"
             for kind, names in self._names.items()
@@ -165,8 +165,10 @@ class SolidsReader:
             self._hulls += 1
             count, gap = len(mesh.shapes), find_hull_gap(path, scale)
             off = f", up to {1e3 * gap:.0f} mm off its surface" if gap > TOLD_M else ""
-            remark = f"its convex hull stands for the mesh{off}: it has {count} convex parts"
-            remarks = (f"{remark}, and engines take {_MAX_PARTS}", *mesh.remarks)
+            remark = (
+                f"the mesh is replaced by its convex hull{off}, because it has {count} convex parts"
+            )
+            remarks = (f"{remark}, more than {_MAX_PARTS}", *mesh.remarks)
             shapes = (hull_of(mesh.shapes),)
         for remark in remarks:
             self.mesh_notes.add_file(path, remark)
@@ -177,7 +179,7 @@ class SolidsReader:
         size = np.ptp([corner for shape in shapes for corner in shape.corners], axis=0)
         if size.max() > _LARGEST_M:
             words = " x ".join(f"{length:.4g}" for length in size.tolist())
-            remark = f"the mesh is {words} m large, as if it were in millimetres; set its scale"
+            remark = f"the mesh measures {words} m and may be in millimetres; set its scale"
             self.mesh_notes.add_file(path, remark)
 
 

@@ -98,7 +98,7 @@ class Urdf:
         joint = self.joints.get(name)
         if joint is None:
             known = list_names(sorted(self.joints))
-            raise self.error(f"joint {name!r} must exist", f"name one of: {known}")
+            raise self.error(f"there is no joint {name!r}", f"name one of: {known}")
         if joint.type not in types:
             problem = f"joint {name!r} must be {' or '.join(types)}, not {joint.type}"
             raise self.error(problem, "change its type or name another joint")
@@ -114,7 +114,7 @@ class Urdf:
         return [joint for joint in self.joints.values() if joint.parent == link]
 
     def rigid_group(self, link: str) -> dict[str, Pose]:
-        """Return a link and the descendants rigidly fixed to it, with their poses in its frame."""
+        """Return a link and the descendants rigidly fixed to it, with poses in its frame."""
         group, frontier = {link: Pose()}, [link]
         while frontier:
             here = frontier.pop()
@@ -222,7 +222,7 @@ def _compute_poses(
             frontier.append(joint.child)
     loose = [name for name in links if name not in poses]
     if loose:
-        problem = f"must have every link connected to {root!r}, unlike {', '.join(loose[:5])}"
+        problem = f"has links that are not connected to {root!r}: {', '.join(loose[:5])}"
         raise element_error(robot, problem, "remove a joint from the cycle")
     return poses
 
@@ -230,7 +230,7 @@ def _compute_poses(
 class UrdfDocument:
     """The XML of a ``<robot>`` and its elements, both immutable.
 
-    A tree pickles as XML, because elements do not pickle, and parses it when first needed.
+    A document pickles as XML, because elements do not pickle, and is parsed when first needed.
     """
 
     def __init__(self, text: str, root: Element | None = None) -> None:
@@ -239,7 +239,7 @@ class UrdfDocument:
 
     @classmethod
     def from_elements(cls, root: Element) -> "UrdfDocument":
-        """Create the document of a ``<robot>``, which nobody may modify afterwards."""
+        """Create the document of a ``<robot>``, which must not be modified afterwards."""
         return cls(etree.tostring(root, encoding="unicode", pretty_print=True), root)
 
     def __reduce__(self) -> tuple[type["UrdfDocument"], tuple[str]]:

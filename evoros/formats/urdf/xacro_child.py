@@ -1,4 +1,4 @@
-"""Expansion of one xacro file, as a separate program started by ``expansion``.
+"""Expands one xacro file, in a separate program that ``xacro_expansion`` starts.
 
 The program reads a request (JSON) from standard input and answers in JSON on standard output. A
 xacro file is code, because its expressions reach Python. The limits set here and the empty
@@ -20,7 +20,7 @@ NAMESPACE = r"ros\.org/(wiki/)?xacro"  # part of every address that xacro has us
 
 
 class _Arguments(dict[str, str]):
-    """The arguments of the request, recording the names that the file asks for."""
+    """The arguments of the request; records the names that the file asks for."""
 
     def __init__(self, arguments: dict[str, str]) -> None:
         super().__init__(arguments)

@@ -1,4 +1,4 @@
-"""Expansion of xacro files in a separate process."""
+"""Expands xacro files in a separate process."""
 
 import contextlib
 import json
@@ -33,7 +33,7 @@ class ReadOptions:
     """Options for reading a description: xacro's input, and the locations of named files."""
 
     arguments: Mapping[str, object] = field(default_factory=dict)  # xacro arguments
-    packages: Sequence[str] = ()  # folders that are packages or contain them
+    packages: Sequence[str] = ()  # folders that are or contain packages
     ignored_packages: Sequence[str] = ()  # packages with files to leave out
     environment: Mapping[str, object] = field(default_factory=dict)  # $(env) and $(optenv)
     missing: str = "error"  # treatment of missing meshes: error, leave_out or box
@@ -47,7 +47,7 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
     Packages and files that only accessories need are left out and reported.
 
     Raises:
-        InputError: the file cannot be expanded within the limits, or does not know an argument.
+        InputError: the file cannot be expanded within the limits, or does not declare an argument.
     """
     texts, variables = (
         {name: format_argument(file, name, value) for name, value in values.items()}
@@ -69,7 +69,9 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
         later = {**request, "definitions_first": True}
         again = _request_expansion(later, file, options.time_limit_s)
         if "error" not in again:
-            _LOG.warning("%s: uses names before their definitions, which are read first", file)
+            _LOG.warning(
+                "%s: uses names before they are defined, so definitions are read first", file
+            )
             answer = again
     absences = _collect_absences(file, answer.get("absent", {}), options)
     if "error" in answer:
@@ -78,8 +80,8 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
     unknown = sorted(set(texts) - set(answer["known"]))
     if unknown:
         raise InputError(
-            f"{file}: arguments must be declared by <xacro:arg>, not {', '.join(unknown)}; "
-            f"it knows {', '.join(answer['known']) or 'none'}"
+            f"{file}: no <xacro:arg> declares {', '.join(unknown)}; "
+            f"the arguments are {', '.join(answer['known']) or 'none'}"
         )
     note_read(answer["read"])
     _tell_skipped(file, answer)
@@ -126,7 +128,7 @@ def _explain_error(answer: Mapping[str, Any]) -> str:
         return f"{place}: {reason}"
     lacking = re.search(r"Undefined substitution argument (\w+)", reason)
     fix = f"set robot.arguments.{lacking[1]}" if lacking else "edit the file"
-    return f"{place}: xacro must expand without error, but: {reason}; {fix}"
+    return f"{place}: xacro cannot expand the file: {reason}; {fix}"
 
 
 def _tell_skipped(file: Path, answer: Mapping[str, Any]) -> None:
@@ -136,7 +138,10 @@ def _tell_skipped(file: Path, answer: Mapping[str, Any]) -> None:
     for text, names in (
         ("%s: left out, because their packages are ignored: %s", skipped),
         ("%s: found with different letter case: %s", answer["unlike"]),
-        ("%s: tags without the prefix xacro:, as before 2014, read with it: %s", answer["legacy"]),
+        (
+            "%s: tags without the prefix xacro:, as before 2014, are read with it: %s",
+            answer["legacy"],
+        ),
     ):
         if names:
             _LOG.warning(text, file, ", ".join(dict.fromkeys(names)))
@@ -172,7 +177,7 @@ def _run_child(request: str, folder: Path, patience_s: float) -> tuple[int, str,
     """Run the child process and return its status, output and messages.
 
     The child may share the processor with others, so ``patience_s`` [s] exceeds its time limit. On
-    a timeout, all processes that it has started also end, because they would keep the pipes open.
+    a timeout, the processes that it has started also end, because they would keep the pipes open.
     """
     with subprocess.Popen(
         [sys.executable, "-I", xacro_child.__file__],

@@ -1,4 +1,4 @@
-"""Conversion of xacro from before 2014 to its current form, in the expanding process.
+"""Converts xacro from before 2014 to its current form, in the process that expands it.
 
 Up to ROS Indigo, the tags of xacro needed no prefix, a macro could be called without one, and
 properties and macros could be used before their definitions. Documents are parsed by minidom.

@@ -19,7 +19,7 @@ _WILDCARD = re.compile(r"[*?[]")
 
 
 class OutsideError(Exception):
-    """The file names a file outside the declared folders, or one that does not exist."""
+    """A description names a file outside the declared folders, or one that does not exist."""
 
 
 @dataclass
