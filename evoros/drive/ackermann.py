@@ -60,7 +60,7 @@ class Ackermann:
     slide_m: Annotated[float, NUMBER] = 0.0
     """Distance from the fixed axle forward to the turning point, which moves along the heading.
     Only the planar simulator uses it, because wheels that roll in an engine do not slide."""
-    steers_rear: bool = False  # as on forklifts: the rear wheels turn right in a left turn
+    steers_rear: bool = False  # forklifts: the rear wheels turn right in a left turn
 
     def __post_init__(self) -> None:
         if self.steering_limit_rad > self.steering_stop_rad:

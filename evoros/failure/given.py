@@ -33,7 +33,7 @@ class GivenFailure(Failure):
     """The sensors with given indices fail in every mission, together or each at a given time."""
 
     sensors: Annotated[Sequence[int], SENSORS] = ()
-    time_s: Annotated[float | Sequence[float], TIMES] = 0.0  # for all sensors, or one per sensor
+    time_s: Annotated[float | Sequence[float], TIMES] = 0.0  # one time, or one per sensor
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # applied to the readings
 
     def __post_init__(self) -> None:

@@ -23,7 +23,7 @@ from evoros.geometry.shapes import Pose, Shape
 _EXACT_M = 1e-4
 """Maximum distance [m] of the shapes' points beyond a face that counts as exact."""
 
-_EXACT = 0.02  # for deep overlaps: the same distance as a fraction of the depth
+_EXACT = 0.02  # the same for deep overlaps, as a fraction of the depth
 
 _ROUNDS = 50  # maximum number of refinements; most pairs need fewer than ten
 

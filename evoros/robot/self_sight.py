@@ -33,7 +33,7 @@ class SelfSight(NamedTuple):
 
     name: str  # name of the sensor's link
     mount: Mount
-    distance_m: float  # to the nearest part in any direction of the sensor
+    distance_m: float  # nearest part in any direction of the sensor
     link: str  # link of that part
     hidden_share: float  # fraction of the sensor's rays that see the robot
 

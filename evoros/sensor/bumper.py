@@ -31,7 +31,7 @@ class Bumper(ContactSensor):
     """
 
     width_m: Annotated[float, POSITIVE] = 0.4  # width of the zone
-    depth_m: Annotated[float, NOT_NEGATIVE] = 0.05  # from the mount back to the start of the zone
+    depth_m: Annotated[float, NOT_NEGATIVE] = 0.05  # distance behind the mount where it starts
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
     size_m: Annotated[Sequence[float], BOX] = (0.02, 0.4, 0.05)
     mass_kg: Annotated[float, POSITIVE] = 0.1

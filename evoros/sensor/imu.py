@@ -85,7 +85,7 @@ class Imu(SignalSensor):
         for i in range(3):
             felt = weight[i]
             if moves:
-                # In rotating axes, a constant velocity changes its direction.
+                # A constant velocity changes its direction in rotating axes.
                 j = (i + 1) % 3
                 k = (i + 2) % 3
                 turned = rates[j] * (speeds[k] + memory.speeds[k])

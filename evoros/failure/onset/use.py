@@ -15,7 +15,7 @@ from evoros.failure.protocol import Trigger
 class UseOnset(Onset):
     """Onset when ``amount`` is used up, at the given rates per second and per metre driven."""
 
-    amount: Annotated[float, NOT_NEGATIVE] = 50.0  # in any unit, by default metres
+    amount: Annotated[float, NOT_NEGATIVE] = 50.0  # any unit; by default metres
     per_s: Annotated[float, NOT_NEGATIVE] = 0.0
     per_m: Annotated[float, NOT_NEGATIVE] = 1.0
 

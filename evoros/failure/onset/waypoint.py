@@ -15,7 +15,7 @@ from evoros.failure.protocol import Trigger
 class WaypointOnset(Onset):
     """Onset when the robot reaches a waypoint, numbered in the order of visits."""
 
-    number: Annotated[int, COUNT] = 1  # from 1; home counts as a waypoint
+    number: Annotated[int, COUNT] = 1  # counted from 1, including home
     delay_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time from the event to the failure
 
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
