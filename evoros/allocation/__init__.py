@@ -1,1 +1,1 @@
-"""Allocations: the number of trials for each design of a generation."""
+"""Allocations, which choose the number of trials for each design of a generation."""

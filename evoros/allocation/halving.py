@@ -1,4 +1,4 @@
-"""Sequential halving: a fixed number of trials, in rounds that halve the designs."""
+"""Sequential halving: a fixed number of trials, in rounds that halve the number of designs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,14 +13,15 @@ from evoros.base.checks import COUNT, WHOLE, checked
 class SequentialHalving(Allocation):
     """Run new designs and the best survivors in rounds, each of which keeps the better half.
 
-    The rounds share the budget equally, so that designs in later rounds get more trials each. A
-    round gives each design at least ``trials`` of the experiment, even beyond the budget. Sources:
+    The rounds share the budget equally, so designs in later rounds get more trials each. A round
+    gives each design at least the experiment's ``trials``, even beyond the budget. Sources:
     Karnin, Koren and Somekh, Almost optimal exploration in multi-armed bandits, ICML 2013;
     Jamieson and Talwalkar, Non-stochastic best arm identification, AISTATS 2016.
     """
 
-    survivors: Annotated[int, WHOLE] = 5  # best designs of the last generation that take part
-    budget: Annotated[int, COUNT] = 3  # trials of the whole contest per participating design
+    # number of best designs of the last generation that take part
+    survivors: Annotated[int, WHOLE] = 5
+    budget: Annotated[int, COUNT] = 3  # trials of the whole contest, per participating design
     max_trials: Annotated[int, COUNT] = 16  # per design and generation
 
     def most_trials(self, trials: int) -> int:
@@ -28,7 +29,7 @@ class SequentialHalving(Allocation):
         return max(trials, self.max_trials)
 
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
-        """Return the next round, or nothing after the last one."""
+        """Return the next round, or {} after the last round."""
         remaining = choose_entrants(standings, self.survivors)
         total, rounds = self.budget * len(remaining), max(1, (len(remaining) - 1).bit_length())
         done = 0

@@ -8,12 +8,12 @@ from evoros.allocation.protocol import Allocation, Standing
 
 @dataclass(frozen=True)
 class Once(Allocation):
-    """Run each new design once; it keeps this fitness for its life."""
+    """Run each new design once; the design keeps this fitness while it survives."""
 
     def most_trials(self, trials: int) -> int:
         """Return the trials of each new design."""
         return trials
 
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
-        """Return a single round for the new designs."""
+        """Return a single round, for the new designs."""
         return {item.id: trials for item in standings if item.new and not item.scores}

@@ -9,12 +9,13 @@ from evoros.base.combining import Combine, mean
 
 @dataclass(frozen=True)
 class Standing:
-    """A design that may get trials: a new one, or a survivor of earlier generations."""
+    """A design that may get trials: a new design, or a survivor of earlier generations."""
 
     id: int
-    scores: tuple[float, ...] = ()  # trials of this contest, in order
-    earlier: tuple[float, ...] = ()  # trials of earlier generations; empty for a new design
-    combine: Combine = mean  # the experiment's combination of scores
+    scores: tuple[float, ...] = ()  # scores of trials in this contest, in order
+    # scores of trials in earlier generations; empty for a new design
+    earlier: tuple[float, ...] = ()
+    combine: Combine = mean  # the experiment's rule for combining scores
 
     @property
     def new(self) -> bool:
@@ -22,7 +23,7 @@ class Standing:
         return not self.earlier
 
     def fitness(self, trials: int, compared: int | None = None) -> float:
-        """Combine the scores of earlier generations and of the first ``trials`` of this contest.
+        """Combine the scores of earlier generations and the first ``trials`` in this contest.
 
         With ``compared``, return the fitness to expect from that number of trials.
         """
@@ -38,16 +39,16 @@ class Allocation(ABC):
 
     @abstractmethod
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
-        """Map the id of each design that gets further trials to their number; empty at the end.
+        """Return the number of further trials by design id, or {} at the end.
 
-        ``trials`` is the experiment's key ``trials``. The same standings must give the same round,
-        because a resumed run asks again. Under common random numbers, trial k of every design in a
+        ``trials`` is the experiment's key ``trials``. Equal standings must give equal rounds,
+        because a resumed run asks again. With common random numbers, trial k of every design in a
         generation meets the same draws.
         """
 
 
 def choose_entrants(standings: Sequence[Standing], survivors: int) -> list[Standing]:
-    """Return the new designs and at most ``survivors`` of the best earlier ones."""
+    """Return the new designs and at most ``survivors`` of the best earlier designs."""
     old = rank((standing for standing in standings if not standing.new), 0)
     return [*(standing for standing in standings if standing.new), *old[:survivors]]
 
@@ -55,7 +56,7 @@ def choose_entrants(standings: Sequence[Standing], survivors: int) -> list[Stand
 def rank(standings: Iterable[Standing], trials: int) -> list[Standing]:
     """Sort stably by the fitness over the first ``trials``, best first.
 
-    The fitness is compared at the number of trials of the design with the fewest.
+    Fitness is compared at the smallest number of trials that any of the designs has.
     """
     listed = list(standings)
     shortest = min((len(item.earlier) + len(item.scores[:trials]) for item in listed), default=0)
@@ -63,7 +64,7 @@ def rank(standings: Iterable[Standing], trials: int) -> list[Standing]:
 
 
 def ask_for(standings: Iterable[Standing], trials: int) -> dict[int, int]:
-    """Map the id of each design with fewer than ``trials`` to the number of missing trials."""
+    """Return the number of missing trials, by id, of designs with fewer than ``trials``."""
     lacks = {standing.id: trials - len(standing.scores) for standing in standings}
     return {design: lack for design, lack in lacks.items() if lack > 0}
 
@@ -71,8 +72,8 @@ def ask_for(standings: Iterable[Standing], trials: int) -> dict[int, int]:
 def cap_fitness(fitness: Mapping[int, float], rounds: Sequence[Iterable[int]]) -> dict[int, float]:
     """Cap the fitness so that no design ranks above designs that stayed in the contest longer.
 
-    Means over few trials spread more than means over many, so a lucky design that left early could
-    otherwise pass for the best. ``rounds`` has the ids of each round, in order.
+    Means over few trials have a larger spread than means over many, so a lucky design that left
+    early could otherwise pass for the best. ``rounds`` has the ids in each round, in order.
     """
     capped = dict(fitness)
     for last in range(len(rounds) - 1, 0, -1):

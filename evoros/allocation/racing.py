@@ -1,4 +1,4 @@
-"""Races: designs that are worse than the leader leave, and the rest get further trials."""
+"""Races: designs worse than the leader leave, and all other designs get further trials."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from evoros.base.errors import InputError
 
 LEVEL = Rule("a number greater than 0 and less than 0.5", lambda v: is_number(v) and 0 < v < 0.5)
 DIGITS = 6
-"""Decimal places of a quantile, so that a race ends the same on every processor."""
+"""Decimal places of a quantile, rounded so that a race ends equally on every processor."""
 
 
 @dataclass(frozen=True)
@@ -20,32 +20,33 @@ DIGITS = 6
 class Racing(Allocation):
     """Race new designs and the best survivors on common random numbers.
 
-    Each round runs one trial of each design in the race. A design then leaves if a one-sided paired
-    t-test places it below the leader. The race ends when ``best`` designs are left, or after
-    ``max_trials``. This is the race with uncorrected t-tests of Birattari, Stützle, Paquete and
-    Varrentrapp (A racing algorithm for configuring metaheuristics, GECCO 2002). Heidrich-Meisner
-    and Igel (ICML 2009) race in evolution strategies, as here.
+    Each round runs one trial of each design in the race. A design then leaves if a one-sided
+    paired t-test places it below the leader. The race ends when ``best`` designs are left, or
+    after ``max_trials``. This is the race with uncorrected t-tests of Birattari, Stützle, Paquete
+    and Varrentrapp (A racing algorithm for configuring metaheuristics, GECCO 2002).
+    Heidrich-Meisner and Igel (ICML 2009) race in evolution strategies, as here.
     """
 
-    survivors: Annotated[int, WHOLE] = 5  # best designs of the last generation that take part
+    # number of best designs of the last generation that take part
+    survivors: Annotated[int, WHOLE] = 5
     first: Annotated[int, replace(COUNT, limit=1000)] = 2  # trials before any design leaves
     max_trials: Annotated[int, COUNT] = 8  # per design and generation
-    best: Annotated[int, COUNT] = 3  # designs that need not be distinguished
+    best: Annotated[int, COUNT] = 3  # number of designs that need not be distinguished
     level: Annotated[float, LEVEL] = 0.1  # error rate per test
 
     def __post_init__(self) -> None:
         if self.first > self.max_trials:
             raise InputError(
                 f"allocation.first: must be at most allocation.max_trials ({self.max_trials}), not "
-                f"{self.first}; lower it"
+                f"{self.first}; lower allocation.first"
             )
 
     def most_trials(self, trials: int) -> int:
-        """Return the length of the longest race."""
+        """Return the maximum number of rounds in a race."""
         return max(trials, self.max_trials)
 
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
-        """Return the next round of the race, or nothing after its end."""
+        """Return the next round of the race, or {} after the end."""
         racing = choose_entrants(standings, self.survivors)
         start = max(trials, min(self.first, self.max_trials))
         for done in range(start, self.most_trials(trials) + 1):
@@ -66,7 +67,7 @@ class Racing(Allocation):
 
 
 def _is_worse(standing: Standing, leader: Standing, trials: int, quantile: float) -> bool:
-    """Return True if the paired t statistic of the first trials exceeds the quantile."""
+    """Return True if the paired t statistic of the first ``trials`` trials exceeds the quantile."""
     pairs = zip(leader.scores[:trials], standing.scores[:trials], strict=True)
     behind = [ahead - score for ahead, score in pairs]
     mean = sum(behind) / trials

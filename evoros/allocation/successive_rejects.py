@@ -1,4 +1,4 @@
-"""Successive rejects: a fixed number of trials in phases, each of which rejects a design."""
+"""Successive rejects: a fixed number of trials, in phases that each reject a design."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,13 +15,14 @@ from evoros.base.checks import COUNT, WHOLE, checked
 class SuccessiveRejects(Allocation):
     """Run new designs and the best survivors in phases, each of which rejects the worst design.
 
-    In phase k of K - 1, each remaining design reaches ceil((n - K) / (L (K + 1 - k))) trials, where
-    n is the budget and L = 1/2 + 1/2 + 1/3 + ... + 1/K. Source: Audibert, Bubeck and Munos, Best
-    arm identification in multi-armed bandits, COLT 2010.
+    In phase k of K - 1, each remaining design reaches ceil((n - K) / (L (K + 1 - k))) trials,
+    where n is the budget and L = 1/2 + 1/2 + 1/3 + ... + 1/K. Source: Audibert, Bubeck and Munos,
+    Best arm identification in multi-armed bandits, COLT 2010.
     """
 
-    survivors: Annotated[int, WHOLE] = 5  # best designs of the last generation that take part
-    budget: Annotated[int, COUNT] = 3  # trials of the whole contest per participating design
+    # number of best designs of the last generation that take part
+    survivors: Annotated[int, WHOLE] = 5
+    budget: Annotated[int, COUNT] = 3  # trials of the whole contest, per participating design
     max_trials: Annotated[int, COUNT] = 100  # per design and generation
 
     def most_trials(self, trials: int) -> int:
@@ -29,7 +30,7 @@ class SuccessiveRejects(Allocation):
         return max(trials, self.max_trials)
 
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
-        """Return the next phase that needs trials, or nothing after the last one."""
+        """Return the next phase that needs trials, or {} after the last phase."""
         remaining = choose_entrants(standings, self.survivors)
         for lengths in _phases(len(remaining), self.budget):
             done = min(max(lengths, trials), self.most_trials(trials))
@@ -41,7 +42,7 @@ class SuccessiveRejects(Allocation):
 
 
 def _phases(designs: int, budget: int) -> Iterator[int]:
-    """Yield the trials that each remaining design has after each phase."""
+    """Yield the number of trials that each remaining design has after each phase."""
     if designs <= 1:
         yield from [budget] * designs
         return

@@ -1,1 +1,1 @@
-"""External processes of missions, with isolation, lock-step pipes and reliable termination."""
+"""External processes for missions: isolation, lockstep pipes and reliable termination."""

@@ -1,16 +1,17 @@
-"""A script that starts one command for a mission, and ends it with all its descendants.
+"""A script that starts one command for a mission, and ends the command with all descendants.
 
-``process.py`` runs it without ``site``, which halves its start time. The argument is the descriptor
-of a socket. It receives one line of JSON, the order, and sends the mission's sockets and news of
-the command, one line of JSON each. When the other end of the socket closes for any reason, the
-command and its descendants are killed.
+``process.py`` runs the script without ``site``, which halves the start time. The argument is the
+descriptor of a socket. The script receives one line of JSON, the order, and sends the mission's
+sockets and news about the command, one line of JSON each. When the other end of the socket closes
+for any reason, the command and its descendants are killed.
 
-In isolation, the command gets a new network, processes, mounts and shared memory. The first process
-there is a child of this one, which collects the orphans among the command's descendants. The kernel
-kills all of them with it. Otherwise this process adopts the orphans.
+In isolation, the command gets a new network, process tree, mounts and shared memory. The first
+process in these namespaces is a child of this process, and collects the orphans among the
+command's descendants. When it ends, the kernel kills all of them. Without isolation, this process
+adopts the orphans.
 
 bubblewrap 0.8.0 makes such namespaces in 19 ms, but cannot replace this script. Its loopback
-interface lacks the multicast by which ROS 2 discovers nodes, and sockets must be made in the
+interface lacks the multicast with which ROS 2 discovers nodes, and sockets must be created in the
 network before the command starts.
 
 Only the standard library is imported, because the namespaces must exist before anything else, and
@@ -44,13 +45,14 @@ HOME = f"{SHARED_MEMORY}/mission"
 
 
 class RefusedCommand(OSError):
-    """The system does not execute the command."""
+    """The system cannot execute the command."""
 
 
 def main() -> None:
-    """Serve one order until the command ends or the socket closes."""
+    """Serve one order until the command exits or the socket closes."""
     control = socket.socket(fileno=int(sys.argv[1]))
-    control.set_inheritable(False)  # the command would keep it open after this process ends
+    # otherwise the command would keep the socket open after this process exits
+    control.set_inheritable(False)
     with control.makefile("rb") as stream:
         order = json.loads(stream.readline())
     try:
@@ -68,7 +70,7 @@ def main() -> None:
     for item in sockets.values():
         item.close()
     for descriptor in order["pass"]:
-        os.close(descriptor)  # lets the other end notice when the command closes its copy
+        os.close(descriptor)  # the other end then notices when the command closes its copy
     try:
         wait_for_end(control, child)
     finally:
@@ -80,10 +82,10 @@ def main() -> None:
 
 
 def start(order: dict[str, Any], ports: dict[str, int]) -> tuple[int, int, str | None]:
-    """Start the command; return the child to watch, a pipe with its status, a folder to remove.
+    """Start the command; return the child to watch, a pipe with its status, and a folder to remove.
 
     Raises:
-        OSError: the command cannot be executed, or its environment cannot be made.
+        OSError: the command cannot be executed, or its environment cannot be created.
     """
     failure, failing = os.pipe()
     status, reporting = os.pipe()
@@ -110,7 +112,7 @@ def start(order: dict[str, Any], ports: dict[str, int]) -> tuple[int, int, str |
     os.close(failing)
     os.close(reporting)
     with os.fdopen(failure, "rb") as stream:
-        problem = stream.read()  # empty once the command is executed
+        problem = stream.read()  # empty if the command was executed
     if problem:
         os.waitpid(child, 0)
         if folder is not None:
@@ -122,14 +124,14 @@ def start(order: dict[str, Any], ports: dict[str, int]) -> tuple[int, int, str |
 
 
 def make_folder() -> str:
-    """Make an empty folder."""
-    import tempfile  # delayed, because it takes as long as the start of Python
+    """Create an empty temporary folder."""
+    import tempfile  # delayed, because importing it takes as long as starting Python
 
     return tempfile.mkdtemp(prefix="evoros-")
 
 
 def die_with_keeper(failing: int) -> None:
-    """Let the kernel kill this process when its parent, at the pipe's other end, ends."""
+    """Have the kernel kill this process when its parent, at the other end of the pipe, exits."""
     call("prctl", SET_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
     broken = select.poll()
     broken.register(failing, 0)  # poll always reports errors, here that nobody reads the pipe
@@ -148,7 +150,7 @@ def prepare_folder(folder: str, files: dict[str, str]) -> None:
 def lead(order: dict[str, Any], ports: dict[str, int], failing: int, reporting: int) -> None:
     """Start the command as the first process of its namespace, wait for it, and exit.
 
-    The exit ends whatever else runs in the namespace.
+    The exit kills whatever else runs in the namespace.
     """
     command = os.fork()
     if command == 0:
@@ -164,7 +166,7 @@ def lead(order: dict[str, Any], ports: dict[str, int], failing: int, reporting: 
 
 
 def execute(command: list[str], ports: dict[str, int], folder: str) -> None:
-    """Become the command; raise a RefusedCommand if the system does not execute it."""
+    """Replace this process by the command; raise a RefusedCommand if that fails."""
     os.environ.update(HOME=folder, TMPDIR=folder, PWD=folder)
     for changed in (signal.SIGINT, signal.SIGPIPE, signal.SIGXFSZ):  # Python changes these handlers
         signal.signal(changed, signal.SIG_DFL)
@@ -178,7 +180,7 @@ def execute(command: list[str], ports: dict[str, int], folder: str) -> None:
 
 
 def wait_for_end(control: socket.socket, child: int) -> None:
-    """Wait until the child ends, or until the other end of the socket closes."""
+    """Wait until the child exits, or until the other end of the socket closes."""
     waiting = select.poll()
     waiting.register(control, select.POLLIN)
     waiting.register(os.pidfd_open(child), select.POLLIN)
@@ -187,23 +189,23 @@ def wait_for_end(control: socket.socket, child: int) -> None:
 
 def end(child: int) -> int:
     """Kill the child with its namespace; return the child's status."""
-    os.kill(child, signal.SIGKILL)  # a child that has exited keeps its id until waitpid
+    os.kill(child, signal.SIGKILL)  # safe: a child that has exited keeps its id until waitpid
     return os.waitpid(child, 0)[1]
 
 
 def end_orphans() -> None:
-    """Kill the processes that the command left, which are now children of this one."""
+    """Kill the processes that the command left behind, which are now children of this process."""
     while True:
         for orphan in children():
             os.kill(orphan, signal.SIGKILL)
         try:
-            os.waitpid(-1, 0)  # the death of one may bring others
+            os.waitpid(-1, 0)  # killing a process may make its children orphans, too
         except ChildProcessError:
             return
 
 
 def remove(folder: str) -> None:
-    """Remove a folder, even if the command removed its permissions."""
+    """Remove a folder, even if the command removed permissions."""
     import shutil  # delayed like tempfile
 
     for place, folders, _ in os.walk(folder):
@@ -214,7 +216,7 @@ def remove(folder: str) -> None:
 
 
 def children() -> list[int]:
-    """List the processes whose parent is this one."""
+    """List the child processes of this process."""
     pids = []
     for name in filter(str.isdigit, os.listdir("/proc")):
         try:
@@ -228,7 +230,7 @@ def children() -> list[int]:
 
 
 def read_status(pipe: int, code: int) -> int:
-    """Return the command's status reported by its namespace, or else the child's."""
+    """Return the command's status as reported by its namespace, otherwise the child's status."""
     os.set_blocking(pipe, False)
     try:
         reported = os.read(pipe, 4)
@@ -238,7 +240,7 @@ def read_status(pipe: int, code: int) -> int:
 
 
 def tell(control: socket.socket, files: list[socket.socket] | None = None, **news: object) -> None:
-    """Send a line of news with sockets, even if the other end is gone."""
+    """Send a line of news with sockets, ignoring errors if the other end is gone."""
     ancillary = []
     if files:
         descriptors = array.array("i", [item.fileno() for item in files])
@@ -248,18 +250,18 @@ def tell(control: socket.socket, files: list[socket.socket] | None = None, **new
 
 
 def call(name: str, *arguments: object) -> None:
-    """Call a function of the C library; raise an OSError with the function's name on failure."""
+    """Call a C library function; raise an OSError with the function's name on failure."""
     if getattr(LIBC, name)(*arguments) != 0:
         code = ctypes.get_errno()
         raise OSError(code, os.strerror(code), name)
 
 
 def isolate() -> None:
-    """Enter new namespaces with a loopback interface; raise an OSError that names the failure."""
+    """Enter new namespaces with a loopback interface; raise an OSError on failure."""
     unshare()
     try:
         raise_loopback()
-    except OSError as error:  # raised in a user namespace without permissions
+    except OSError as error:  # happens in a user namespace without permissions
         raise OSError(error.errno, error.strerror, "unshare: loopback") from None
 
 
@@ -288,7 +290,7 @@ def mount(source: bytes, target: bytes, kind: bytes | None, flags: int = 0) -> N
 
 
 def raise_loopback() -> None:
-    """Bring up the loopback interface with multicast, by which ROS 2 discovers nodes."""
+    """Bring up the loopback interface with multicast, with which ROS 2 discovers nodes."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
         request = struct.pack("16sh", b"lo", 0)
         flags = struct.unpack("16sh", fcntl.ioctl(any_socket, GET_FLAGS, request))[1]
@@ -296,7 +298,7 @@ def raise_loopback() -> None:
 
 
 def make_sockets(kinds: dict[str, str]) -> tuple[dict[str, socket.socket], dict[str, int]]:
-    """Make sockets in the command's network; return the sockets to keep, and all ports."""
+    """Create sockets in the command's network; return the sockets to keep, and all ports."""
     kept, ports, free = {}, {}, []
     for name, kind in kinds.items():
         stream = kind == "tcp"
@@ -306,7 +308,7 @@ def make_sockets(kinds: dict[str, str]) -> tuple[dict[str, socket.socket], dict[
         if stream:
             item.listen()
         if kind == "port":
-            free.append(item)  # closed once all are bound, so that all ports differ
+            free.append(item)  # closed once all are bound, so all ports differ
         else:
             kept[name] = item
     for item in free:

@@ -1,4 +1,4 @@
-"""Pipes to an external process, and the lines exchanged over them in lock-step."""
+"""Pipes to an external process, and the lines exchanged over them in lockstep."""
 
 import os
 import select
@@ -13,13 +13,13 @@ _READ_BYTES = 4096
 _LONGEST_LINE = 1 << 20
 """Maximum length [bytes] of a line."""
 READ_FROM, WRITE_TO = "EVOROS_IN", "EVOROS_OUT"
-"""The environment variables with a program's descriptors, so that its standard output is free."""
+"""Environment variables with a program's descriptors, which leave standard output free."""
 ENDING_S = 1.0
-"""Maximum time [s] between the end of a process's pipes and its end on a busy machine."""
+"""Maximum time [s] between the closing of a process's pipes and the exit, on a busy machine."""
 
 
 class Pipes:
-    """Sends and receives bytes within time limits, for use by a single thread."""
+    """Sends and receives bytes within time limits; for use by a single thread."""
 
     def __init__(self, process: OutsideProcess, sending: int, receiving: int) -> None:
         self.process = process
@@ -36,14 +36,14 @@ class Pipes:
         self._limit_s, self._until, self._time = 0.0, 0.0, None  # type: tuple[float, float, float | None]
 
     def begin(self, limit_s: float, time: float | None) -> None:
-        """Begin an exchange with a wall-clock limit [s] at a mission's ``time`` [s]."""
+        """Start an exchange with a wall-clock limit [s] at a mission's ``time`` [s]."""
         self._limit_s, self._until, self._time = limit_s, monotonic() + limit_s, time
 
     def send(self, data: bytes) -> None:
         """Send bytes.
 
         Raises:
-            PilotLost: the process ended or did not read in time.
+            PilotLost: the process exited or did not read in time.
         """
         while data:
             try:
@@ -59,12 +59,12 @@ class Pipes:
         """Wait for 1 to ``size`` bytes.
 
         Raises:
-            PilotLost: the process ended or did not answer in time.
+            PilotLost: the process exited or did not answer in time.
         """
         self._wait(self._readable, "did not answer within")
         try:
             data = os.read(self._receiving, size)
-        except BlockingIOError:  # the process ended, and descendants hold the pipe
+        except BlockingIOError:  # the process exited, but descendants keep the pipe open
             raise self.process.lost("ended", self._time) from None
         if not data:
             raise self.closed("output")
@@ -80,7 +80,7 @@ class Pipes:
         raise self.closed("output")
 
     def closed(self, pipe: str) -> PilotLost:
-        """Create the error for a process that closed a pipe, probably because it ended."""
+        """Create the error for a process that closed a pipe, probably because it exited."""
         self.process.running(wait_s=ENDING_S)
         return self.process.lost(f"closed its {pipe}", self._time)
 
@@ -93,7 +93,7 @@ class Pipes:
 def start_pipes(
     command: Sequence[str], *, isolate: bool, environment: Mapping[str, str]
 ) -> Iterator[Pipes]:
-    """Start a command with two pipes; leaving the context kills it with its descendants.
+    """Start a command with two pipes; leaving the context kills the command and its descendants.
 
     Raises:
         LaunchError: see ``start_process``.
@@ -119,17 +119,17 @@ def start_pipes(
 
 
 class LineConversation:
-    """Exchanges lines with a process, for use by a single thread."""
+    """Exchanges lines with a process; for use by a single thread."""
 
     def __init__(self, pipes: Pipes) -> None:
         self._pipes, self.process = pipes, pipes.process
 
     def ask(self, line: bytes, limit_s: float, time: float | None = None) -> bytes:
-        """Send a line and return the answer, both without newlines; ``time`` is the mission's [s].
+        """Send a line and return the answer, without newlines; ``time`` is the mission's time [s].
 
         Raises:
-            PilotLost: the process ended, or did not answer within the wall-clock limit [s].
-            SimulationError: it answered several lines, or a line that is too long.
+            PilotLost: the process exited, or did not answer within the wall-clock limit [s].
+            SimulationError: the answer has several lines, or a line that is too long.
         """
         self._pipes.begin(limit_s, time)
         if self._pipes.has_come():  # unexpected output after the last answer
@@ -141,7 +141,7 @@ class LineConversation:
             if len(received) > _LONGEST_LINE:
                 raise SimulationError(
                     f"{self.process.name} answered {_LONGEST_LINE} bytes without an end of line"
-                    f"{_at(time)}; it must answer each line with one"
+                    f"{_at(time)}; it must answer each line with one line"
                 )
         answer, _, rest = received.partition(b"\n")
         if rest:
@@ -151,7 +151,7 @@ class LineConversation:
     def _too_much(self, time: float | None) -> SimulationError:
         return SimulationError(
             f"{self.process.name} answered more than one line{_at(time)}; it must answer each "
-            f"line with one"
+            f"line with one line"
         )
 
 

@@ -1,4 +1,4 @@
-"""An external process for one mission, from its start to its last words and its end."""
+"""An external process for one mission, from start-up to its last output and its end."""
 
 import json
 import os
@@ -20,43 +20,43 @@ from evoros.executor.threads import ONE_THREAD
 
 KEEPER = Path(__file__).with_name("keeper.py")
 LOG_BYTES, WORDS = 65_536, 400
-"""Maximum output [bytes] to keep of a process, and maximum characters of it in a message."""
+"""Maximum process output to keep [bytes], and to quote in a message [characters]."""
 PERSONAL = ("XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME")
-"""Variables that lead to files outside the mission's home folder."""
+"""Variables that refer to files outside the mission's home folder."""
 END_LIMIT_S = 10.0
 
 
 @dataclass
 class OutsideProcess:
-    """A started command, for use by a single thread."""
+    """A started command; for use by a single thread."""
 
     name: str
-    sockets: Mapping[str, socket.socket]  # made in the command's network
+    sockets: Mapping[str, socket.socket]  # created in the command's network
     ports: Mapping[str, int]
     _control: socket.socket
     _log: IO[bytes]
     _ended: int | None = field(default=None)  # exit status in the form of waitpid
 
     def fileno(self) -> int:
-        """Return a descriptor that becomes readable when the process ends."""
+        """Return a descriptor that becomes readable when the process exits."""
         return self._control.fileno()
 
     def running(self, wait_s: float = 0.0) -> bool:
-        """Return True if the process still runs after a time [s]."""
+        """Return True if the process still runs after waiting up to a time [s]."""
         if self._ended is None and select.select([self._control], [], [], wait_s)[0]:
             news, _ = _receive(self._control)
             self._ended = int(news.get("ended", signal.SIGKILL))
         return self._ended is None
 
     def lost(self, what: str, time: float | None = None) -> PilotLost:
-        """Create the error for a process that ended or hangs, with its status and last words.
+        """Create the error for a process that exited or hangs, with its status and last output.
 
-        If it still runs, the error says ``what`` it did, for example ``did not answer within
-        10 s``. ``time`` is the mission's [s] if it has begun.
+        If the process still runs, the error says ``what`` it did, for example ``did not answer
+        within 10 s``. ``time`` is the mission's time [s] if the mission has started.
         """
         if not self.running(wait_s=0.2):
             what = f"ended {_describe(self._ended or 0)}"
-        when = "before the mission began" if time is None else f"at {time:g} simulated s"
+        when = "before the mission started" if time is None else f"at {time:g} simulated s"
         log = self.read_log()
         words = single_line(log)[-WORDS:]
         said = f"its last words: {words}" if words else "it printed nothing"
@@ -79,23 +79,24 @@ def start_process(
     sockets: Mapping[str, str] | None = None,
     files: Mapping[str, str] | None = None,
 ) -> Iterator[OutsideProcess]:
-    """Start a command in an empty home folder; leaving the context kills it.
+    """Start a command in an empty home folder; leaving the context kills the command.
 
-    In isolation, it gets a new network, processes, mounts and shared memory (namespaces).
-    ``sockets`` maps names to ``udp``, ``tcp`` (listening) or ``port`` (a free one), made in its
-    network before it starts; ``{name}`` in the command becomes the port. ``files`` maps the names
-    of files in the folder to their contents. The command inherits the descriptors ``pass_fds``. Its
-    processes and files are removed even if this process is killed.
+    In isolation, the command gets a new network, process tree, mounts and shared memory
+    (namespaces). ``sockets`` maps names to ``udp``, ``tcp`` (listening) or ``port`` (a free port),
+    created in the command's network before it starts; ``{name}`` in the command becomes the port.
+    ``files`` maps the names of files in the folder to their contents. The command inherits the
+    descriptors ``pass_fds``. The command's processes and files are removed even if this process is
+    killed.
 
     Raises:
-        LaunchError: the system is not Linux or allows no namespaces, or the command cannot be
+        LaunchError: the system is not Linux or does not allow namespaces, or the command cannot be
             executed.
         PilotLost: the keeper was killed before the command started.
     """
     if sys.platform != "linux":
         raise LaunchError(
-            f"a controller in its own process needs Linux, not {sys.platform}; use one whose "
-            f"layers are rules, such as rover, or a Linux machine or container"
+            f"a controller in its own process needs Linux, not {sys.platform}; use a controller "
+            "with layers, such as rover, or a Linux machine or container"
         )
     order: dict[str, Any] = {
         "command": list(command),
@@ -109,7 +110,7 @@ def start_process(
         log = stack.enter_context(TemporaryFile(buffering=0))
         with theirs:
             keeper = _start_keeper(theirs, pass_fds, environment or {}, log)
-        folders: list[str] = []  # outside namespaces
+        folders: list[str] = []  # folders outside namespaces
         stack.callback(_clean_up, keeper, folders)
         stack.enter_context(ours)  # closing the socket makes the keeper kill everything
         with suppress(BrokenPipeError, ConnectionResetError):  # the keeper was killed
@@ -143,12 +144,12 @@ def _start_keeper(
 
 
 def _clean_up(keeper: "subprocess.Popen[bytes]", folders: Sequence[str]) -> None:
-    """Wait until the keeper has killed everything; take its place if it was killed."""
-    if keeper.poll() is None:  # otherwise its process id may be in use again
+    """Wait until the keeper has killed everything; do its work if it was killed."""
+    if keeper.poll() is None:  # otherwise the process id may be in use again
         _await_end(keeper)
     if keeper.wait() != 0:
         for folder in folders:
-            while residents := list(_list_residents(folder)):  # processes may start others
+            while residents := list(_list_residents(folder)):  # processes may start other processes
                 for process in residents:
                     with suppress(ProcessLookupError):
                         os.kill(process, signal.SIGKILL)
@@ -156,29 +157,29 @@ def _clean_up(keeper: "subprocess.Popen[bytes]", folders: Sequence[str]) -> None
 
 
 def _await_end(keeper: "subprocess.Popen[bytes]") -> None:
-    """Wait for the keeper's end; Popen.wait would sleep up to twice as long."""
+    """Wait for the keeper to exit; Popen.wait would sleep up to twice as long."""
     ended = select.poll()
     descriptor = os.pidfd_open(keeper.pid)
     ended.register(descriptor, select.POLLIN)
     try:
-        if not ended.poll(1000.0 * END_LIMIT_S):  # the process was stopped
-            keeper.kill()  # the kernel then kills the namespace, or else the command
+        if not ended.poll(1000.0 * END_LIMIT_S):  # the keeper was stopped
+            keeper.kill()  # the kernel then kills the namespace, or the command if there is none
     finally:
         os.close(descriptor)
 
 
 def _list_residents(home: str) -> Iterator[int]:
-    """Yield the processes with a folder as their home."""
+    """Yield the processes whose HOME is this folder."""
     for path in Path("/proc").glob("[0-9]*/environ"):
-        with suppress(OSError):  # the process has exited, or has another user
+        with suppress(OSError):  # the process has exited, or belongs to another user
             if f"HOME={home}".encode() in path.read_bytes().split(b"\0"):
                 yield int(path.parent.name)
 
 
 def _receive(control: socket.socket, sockets: int = 0) -> tuple[dict[str, Any], list[int]]:
-    """Receive a line of news, and descriptors up to ``sockets``; empty if the keeper ended.
+    """Receive a line of news, and up to ``sockets`` descriptors; empty if the keeper exited.
 
-    The next line stays in the socket, because the command may end before its start is read.
+    The next line stays in the socket, because the command may exit before its start is read.
     """
     data, descriptors = b"", []
     while not data.endswith(b"\n"):
@@ -204,17 +205,17 @@ def _explain(program: str, isolated: bool, news: Mapping[str, Any]) -> LaunchErr
         )
     if isolated:
         return LaunchError(
-            f"isolate must be false on a system that gives a mission no namespaces ({where}: "
+            f"isolate must be false on a system that does not allow namespaces ({where}: "
             f"{why}); set controller.isolate=false, or allow user namespaces"
         )
     return LaunchError(
-        f"{program}: must have an empty folder and a process ({where}: {why}); free what the "
-        f"system lacks"
+        f"{program}: no folder or process could be created for it ({where}: {why}); free the "
+        f"resources that the system lacks"
     )
 
 
 def _describe(status: int) -> str:
-    """Describe the status of a process that has exited, as waitpid reports it."""
+    """Describe the exit status of a process, as reported by waitpid."""
     if os.WIFSIGNALED(status):
         code = os.WTERMSIG(status)
         return f"by signal {code} ({signal.strsignal(code)})"

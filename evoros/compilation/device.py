@@ -16,7 +16,7 @@ Bytes = NDArray[np.uint8]
 
 
 class DeviceError(EvorosError):
-    """A device cannot be used; missions can run without it."""
+    """A device cannot be used; missions can run without the device."""
 
 
 class DeviceFull(DeviceError):
@@ -31,10 +31,10 @@ class Memory(Protocol):
         """The start address on the device."""
 
     def write(self, content: Bytes) -> None:
-        """Write from the start address."""
+        """Write ``content``, from the start address on."""
 
     def read(self, start: int, end: int) -> Bytes:
-        """Return the bytes from ``start`` to ``end``, exclusive."""
+        """Return the bytes from ``start`` up to, but not including, ``end``."""
 
 
 class Device(Protocol):
@@ -45,7 +45,7 @@ class Device(Protocol):
         """The target of the device's kernels."""
 
     def load(self, code: bytes) -> Any:
-        """Load the code of a kernel."""
+        """Load the code of a kernel, and return the kernel."""
 
     def allocate(self, size: int) -> AbstractContextManager[Memory]:
         """Allocate ``size`` bytes; raise DeviceFull if there is too little memory."""
@@ -62,11 +62,11 @@ class HostMemory:
         self.address: int = self._bytes.__array_interface__["data"][0]
 
     def write(self, content: Bytes) -> None:
-        """Write from the start address."""
+        """Write ``content``, from the start address on."""
         self._bytes[: len(content)] = content
 
     def read(self, start: int, end: int) -> Bytes:
-        """Return the bytes from ``start`` to ``end``, exclusive."""
+        """Return the bytes from ``start`` up to, but not including, ``end``."""
         return self._bytes[start:end]
 
 
@@ -78,7 +78,7 @@ class Host:
         self._engines: list[Any] = []  # keeps the code loaded
 
     def load(self, code: bytes) -> Any:
-        """Load the code of a kernel."""
+        """Load the code of a kernel, and return the kernel."""
         machine = self.target.make_machine()
         engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))

@@ -1,4 +1,4 @@
-"""Elementary functions of arrays, by compiled loops."""
+"""Elementary functions of arrays, as compiled loops."""
 
 from functools import cache
 from typing import Any
@@ -38,7 +38,7 @@ def atan2_all(y: Array, x: Array) -> Array:
 
 @cache
 def _compiled(function: Any) -> Any:
-    # numba is slow to import, and most commands need no arrays.
+    # Imported here because numba is slow to import, and most commands need no arrays.
     from numba import types
 
     from evoros.compilation.machine_code import compile_function, compiling

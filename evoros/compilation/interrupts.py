@@ -9,18 +9,18 @@ from typing import Any, TypeAlias
 
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGALRM", "SIGUSR1", "SIGUSR2")
 HELD = [getattr(signal, name) for name in NAMES if hasattr(signal, name)]
-"""The signals for which programs install Python handlers; Windows lacks some."""
+"""The signals for which programs install Python handlers; Windows lacks some of them."""
 
 Release: TypeAlias = Callable[[Callable[[], object]], None]
-"""Calls a function without deferring handlers; raises the exceptions of handlers."""
+"""Calls a function without deferring handlers, and raises the exceptions of handlers."""
 
 
 @contextmanager
 def hold_interrupts() -> Iterator[Release]:
-    """Defer signal handlers to the end, except in calls of the yielded function.
+    """Defer signal handlers to the end, except during calls through the yielded function.
 
-    A handler such as Ctrl-C's may raise anywhere in the Python code of the main thread. numba runs
-    Python code to convert arguments and results, and crashes if that code raises.
+    A handler such as the one for Ctrl-C may raise anywhere in the Python code of the main thread.
+    numba runs Python code to convert arguments and results, and crashes if that code raises.
     """
     handlers: dict[int, Callable[[int, Any], object]] = {}
     due: list[int] = []
@@ -47,7 +47,7 @@ def hold_interrupts() -> Iterator[Release]:
         finally:
             held = True
 
-    with ExitStack() as stack:  # restores every handler, even if another one raises
+    with ExitStack() as stack:  # restores every handler, even if one raises
         stack.callback(deliver)
         if current_thread() is main_thread():  # only the main thread may set and run handlers
             for signum in HELD:

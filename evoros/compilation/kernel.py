@@ -1,8 +1,8 @@
 """Kernels: the mission loop and its rules as one program, for this processor or for a GPU.
 
-The code is numba's for the same functions, before its optimization for this processor. No sum or
-product is contracted or reordered, and no library is called, so that results are the same to the
-bit on every target.
+The code is what numba generates for the same functions, before its optimization for this
+processor. No sum or product is contracted or reordered, and no library is called, so results are
+bitwise equal on every target.
 """
 
 import hashlib
@@ -36,7 +36,7 @@ _BITS = types.NumPyRandomBitGeneratorType("bit_generator")
 
 
 class NumberedRule(types.Callable):  # type: ignore[misc]
-    """The type of a rule's number among rules of one kind, callable in compiled code."""
+    """The type of a rule's number among the rules of a kind, callable in compiled code."""
 
     def __init__(self, kind: str, signature: Signature) -> None:
         self.symbol, self.signature = f"evoros.{kind}", signature
@@ -70,13 +70,13 @@ RULES = {
 }
 
 for _name in (*RULES, *DRAWS):
-    # numba resolves all names in compiled code, although this machine code is never called.
+    # numba resolves all names in compiled code, although the machine code is never called here.
     llvm.add_symbol(f"evoros.{_name}", 1)
 
 
 @lower_builtin(NumberedRule, NumberedRule, types.VarArg(types.Any))  # type: ignore[untyped-decorator]
 def _call(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    """Call the kind's function. Errors of rules are lost, as in all compiled missions."""
+    """Call the kind's function. Errors in rules are ignored, as in all compiled missions."""
     kind, *kinds = signature.args
     convention, numbered = context.call_conv, (types.int64, *kinds)
     function = get_or_insert_function(
@@ -89,7 +89,7 @@ def _call(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
 
 
 def make_kernel_generator(context: Any, builder: Any, state: Any) -> Any:
-    """Generate code that makes a generator from a state, using the kernel's random functions."""
+    """Generate code that makes a random generator from a state, with the kernel's functions."""
     rng = create_struct_proxy(RNG)(context, builder)
     bits = create_struct_proxy(_BITS)(context, builder)
     bits.state = state
@@ -165,21 +165,21 @@ done:
 """
 
 _HOST_ENTRY = _RUN_ROW + _EACH_ROW
-"""Runs the missions of a range of rows of ``width`` bytes, one after another."""
-_GPU_ENTRY = _RUN_ROW + _ROW_OF_THREAD  # runs the mission of one row in each thread
+"""Runs the missions in a range of rows of ``width`` bytes, one after another."""
+_GPU_ENTRY = _RUN_ROW + _ROW_OF_THREAD  # runs one row's mission in each thread
 ENTRY = "evoros_fly"
-"""The function to launch, with the address of row 0, the bytes of a row, first and end row."""
+"""The function to launch: (address of row 0, bytes per row, first row, end row)."""
 GPU = "sm_80"  # oldest GPU generation that can run the code
 _NOT_EXACT = re.compile(
     r"llvm\.(fma|fmuladd|frem|pow|powi|exp\d*|log\d*|a?(?:sin|cos|tan)h?|atan2|ldexp|frexp)\."
 )
 _REMAINDER = re.compile(r"= frem double ([^\s,]+), ([^\s,]+)")
-Parts = Mapping[str, Mapping[int, Lowered]]  # rules of a kernel by kind and number
+Parts = Mapping[str, Mapping[int, Lowered]]  # a kernel's rules by kind and number
 
 
 @dataclass(frozen=True)
 class Target:
-    """A processor for which kernels are made."""
+    """A processor for which kernels are compiled."""
 
     entry: str
     triple: str
@@ -214,9 +214,9 @@ def target_host() -> Target:
 
 
 def make_kernel(target: Target, run: Lowered, rules: Parts) -> bytes | NotCompilable:
-    """Make the code that runs missions, or load it from the disk.
+    """Compile the code that runs missions, or load it from disk.
 
-    ``run`` is the function for one mission, called with the address of its row.
+    ``run`` is the function that runs one mission, given the address of the mission's row.
     """
     path = _find_path(target, run, rules)
     if path is not None:
@@ -227,10 +227,12 @@ def make_kernel(target: Target, run: Lowered, rules: Parts) -> bytes | NotCompil
         module = link_kernel(target, str(machine.target_data), run, rules)
         optimize(module, machine)
         if foreign := find_foreign(module):
-            return NotCompilable(f"its rules call {', '.join(foreign)}, which kernels do not offer")
+            return NotCompilable(
+                f"its rules call {', '.join(foreign)}, which kernels do not support"
+            )
         code = target.emit(machine, module)
         if target.is_text and (inexact := find_inexact(code.decode())):
-            return NotCompilable(f"its code has {', '.join(inexact)}, which is not exact")
+            return NotCompilable(f"its code contains {', '.join(inexact)}, which is not exact")
     if path is not None:
         with suppress(OSError):
             write_atomically(path, code)
@@ -238,7 +240,7 @@ def make_kernel(target: Target, run: Lowered, rules: Parts) -> bytes | NotCompil
 
 
 def _find_path(target: Target, run: Lowered, rules: Parts) -> Path | None:
-    """Return the cache path of a kernel's code; None without a cache folder."""
+    """Return the cache path of a kernel's code, or None if there is no cache folder."""
     folder = cache_folder()
     if folder is None:
         return None
@@ -250,7 +252,7 @@ def _find_path(target: Target, run: Lowered, rules: Parts) -> Path | None:
 
 
 def link_kernel(target: Target, layout: str, run: Lowered, rules: Parts) -> Any:
-    """Link the function of a mission and its rules into a module with one entry."""
+    """Link the mission function and its rules into a module with one entry point."""
     module = llvm.parse_assembly(RUNTIME + target.entry.format(entry=ENTRY, run=run.name))
     calls = [llvm.parse_assembly(_write_call(RULES[kind], rules[kind])) for kind in RULES]
     lowered = {rule.name: rule.module for kind in RULES for rule in rules[kind].values()}
@@ -267,7 +269,7 @@ def link_kernel(target: Target, layout: str, run: Lowered, rules: Parts) -> Any:
 
 
 def _take(part: Any) -> Any:
-    """Return a copy of a module that calls the runtime's function for remainders."""
+    """Return a copy of a module that computes remainders with the runtime's function."""
     code, count = _REMAINDER.subn(
         r"= call double @evoros.remainder(double \1, double \2)", str(part)
     )
@@ -277,7 +279,7 @@ def _take(part: Any) -> Any:
 
 
 def _write_call(kind: NumberedRule, rules: Mapping[int, Lowered]) -> str:
-    """Return the code of a function that calls the rule of a kind by its number."""
+    """Return the code of a function that calls a rule of a kind by its number."""
     convention, rule = cpu_target.target_context.call_conv, kind.signature
     module = ir.Module()
     numbered = convention.get_function_type(rule.return_type, (types.int64, *rule.args))
@@ -308,16 +310,16 @@ def optimize(module: Any, machine: Any) -> None:
 
 
 def find_foreign(module: Any) -> list[str]:
-    """Return the called functions that are undefined or not exact."""
+    """Return the functions called that are undefined or not exact."""
     names = [function.name for function in module.functions if function.is_declaration]
     return [name for name in names if not name.startswith("llvm.") or _NOT_EXACT.match(name)]
 
 
 def find_inexact(ptx: str) -> list[str]:
-    """Return the distinct PTX operations that are not rounded as in IEEE 754.
+    """Return the distinct PTX operations that are not rounded as IEEE 754 specifies.
 
-    These are fused multiplications and additions, approximations, numbers of other than 64 bits,
-    and calls of undefined functions.
+    These are fused multiplications and additions, approximations, operations on numbers that do
+    not have 64 bits, and calls of undefined functions.
     """
     arithmetic = [found[0] for found in _ARITHMETIC.finditer(ptx)]
     wrong = [name for name in arithmetic if not _EXACT.fullmatch(name)]

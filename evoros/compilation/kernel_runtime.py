@@ -1,8 +1,9 @@
 """The functions that kernels call, in LLVM's language.
 
-Reference counting does nothing, because no rule has references. Division remainders are exact,
-unlike GPU instructions. Draws follow numpy's PCG64. Its state has six words: the 128 bits of the
-state and of the increment, lower words first, a flag if half a word is left, and this half.
+Reference counting does nothing, because rules have no references. Division remainders are exact,
+unlike those from GPU instructions. Draws follow numpy's PCG64. A generator's state has six words:
+the 128 bits of the state and of the increment, lower words first; a flag that is set if half a
+word is left over; and this half word.
 """
 
 RUNTIME = """

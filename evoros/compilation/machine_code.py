@@ -1,4 +1,4 @@
-"""Compilation by numba, with a cache of machine code on the disk."""
+"""Compilation by numba, with a cache of machine code on disk."""
 
 import hashlib
 import re
@@ -31,14 +31,14 @@ SETTINGS: dict[str, Any] = {
     **dict.fromkeys(("DISABLE_JIT", "BOUNDSCHECK"), 0),
 }
 BORROWING: dict[str, Any] = {"_nrt": False}
-"""Options for code that makes no arrays, so that numba need not count references."""
+"""Options for code that makes no arrays, for which numba need not count references."""
 
 LOCATOR = f"{__name__}.SharedLocator"
 RULE_ROOMS = (
     *("base", "compilation", "controller", "drive", "failure", "field", "filter", "geometry"),
     *("mission", "sensor", "simulator", "walkers", "world"),
 )
-"""Packages of evoros with mission rules, or with the code that compiles them."""
+"""Packages of evoros that have mission rules, or the code that compiles them."""
 _IMPORT = re.compile(
     rb"^[ \t]*(?:from (evoros[\w.]*) import (\([^)]*\)|.*)|import (evoros[\w.]*))", re.MULTILINE
 )
@@ -46,7 +46,7 @@ _COMPILING = Lock()  # guards numba's process-wide settings
 
 
 class SharedLocator(UserProvidedCacheLocator):  # type: ignore[misc]
-    """Finds machine code by module name, not by the path of the installation.
+    """Finds machine code by module name instead of by installation path.
 
     All environments with the same sources share the compiled code.
     """
@@ -56,16 +56,16 @@ class SharedLocator(UserProvidedCacheLocator):  # type: ignore[misc]
         self._folder = Path(numba.config.CACHE_DIR, *function.__module__.split(".")[:-1])
 
     def get_cache_path(self) -> str:
-        """Return the folder of a package's functions; numba names files by module and line."""
+        """Return the folder for a package's functions; numba names files by module and line."""
         return str(self._folder)
 
     def get_source_stamp(self) -> str:
-        """Return a hash of all sources in the function's folder and their imports."""
+        """Return a hash of all sources in the function's folder and of their imports."""
         return _hash_reachable((Path(self._py_file).parent,))
 
 
 def compile_function(function: Any, signature: Any, on_disk: bool, **options: Any) -> Any:
-    """Compile a function, or load its machine code from the disk; for use within ``compiling``.
+    """Compile a function, or load its machine code from disk; for use within ``compiling``.
 
     Damaged code, for example after a power loss, is discarded and recompiled.
     """
@@ -78,12 +78,14 @@ def compile_function(function: Any, signature: Any, on_disk: bool, **options: An
     except Exception as error:
         if not on_disk:
             raise
-        LOGGER.info("compiled code of %s is damaged (%r); recompiling it", function, error)
+        LOGGER.info(
+            "the compiled code of %s is damaged (%r); recompiling the function", function, error
+        )
         FunctionCache(function).flush()
         dispatcher = njit(signature, cache=True, **NJIT_OPTIONS, **options)(function)
     if on_disk and dispatcher.stats.cache_misses:
         for path in sorted(Path(FunctionCache(function).cache_path).iterdir()):
-            with suppress(FileNotFoundError):  # removed draft of another process
+            with suppress(FileNotFoundError):  # a draft that another process removed
                 sync(path)
     return dispatcher
 
@@ -96,10 +98,10 @@ def register(function: Any, implementation: Any, inlined: bool) -> None:
 
 
 class Lowered(NamedTuple):
-    """LLVM code of a compiled function."""
+    """The LLVM code of a compiled function."""
 
     name: str
-    module: Any  # LLVM module with all functions that it calls
+    module: Any  # LLVM module with all functions that the function calls
 
 
 def lower(dispatcher: Any, signature: Any) -> Lowered:
@@ -111,9 +113,9 @@ def lower(dispatcher: Any, signature: Any) -> Lowered:
 
 @contextmanager
 def compiling() -> Iterator[bool]:
-    """Make numba use the cache folder of evoros; yields True if it exists.
+    """Make numba use the cache folder of evoros; yields True if there is a folder.
 
-    It silences numba's warning that function arguments are experimental.
+    numba's warning that function arguments are experimental is silenced.
     """
     folder = cache_folder()
     with announce("compiling"), _COMPILING, warnings.catch_warnings():
@@ -132,8 +134,8 @@ def compiling() -> Iterator[bool]:
 def cache_folder() -> Path | None:
     """Return the folder for machine code; None if no safe folder is writable.
 
-    The folder is named by a hash of all sources that a rule can reach, because numba checks only
-    the file of a function, not the files of its callees.
+    The folder is named after a hash of all sources that a rule can reach, because numba checks
+    only the file of a function, not the files of the functions that it calls.
     """
     sources = _hash_reachable(tuple(PACKAGE / room for room in RULE_ROOMS))
     digest = hashlib.sha256(numba.__version__.encode() + sources.encode())

@@ -1,7 +1,7 @@
-"""Adapters that pass rules the arguments that they name.
+"""Adapters that pass rules the arguments that the rules name.
 
 The mission loop calls all rules of a kind with the same flat arrays. An adapter unpacks the
-parameters and the memory, and omits arguments that the rule does not take.
+parameters and the memory, and omits arguments that the rule does not have.
 """
 
 from collections.abc import Callable
@@ -16,9 +16,9 @@ from evoros.base.errors import InputError
 from evoros.base.packing import pack, unpack
 
 Started: TypeAlias = "NamedTuple | tuple[NamedTuple | None, NamedTuple] | None"
-"""The start of a rule: parameters, (parameters, memory), or None for neither."""
+"""The start values of a rule: parameters, (parameters, memory), or None for neither."""
 
-UNUSED = "_"  # an argument of the loop that rules of a kind do not get
+UNUSED = "_"  # an argument of the loop that rules of a kind do not receive
 
 
 class Nothing(NamedTuple):
@@ -27,7 +27,7 @@ class Nothing(NamedTuple):
 
 @dataclass(frozen=True)
 class NamedRule:
-    """A rule, called with all ``arguments`` of its kind."""
+    """A rule that is called with all ``arguments`` of its kind."""
 
     function: Callable[..., Any]
     arguments: tuple[str, ...]
@@ -44,22 +44,23 @@ class NamedRule:
         return self.interpreted(*arguments)
 
     def adapt(self, rule: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a function of all arguments that calls ``rule``, a form of this one.
+        """Return a function of all arguments that calls ``rule``, a form of this rule.
 
-        It is made from source, because numba cannot compile ``**`` in a call (it refuses
+        The function is made from source, because numba cannot compile ``**`` in a call (it refuses
         DICT_MERGE). numba stores the machine code under the module and the name of the rule.
 
         Raises:
-            InputError: the rule takes an unknown argument, or one that its start does not return.
+            InputError: the rule has an unknown argument, or an argument that the start does not
+                return.
         """
         kinds = {"parameters": self.parameters, "memory": self.memory}
         for name in signature(self.function).parameters:
             problem = ""
             if name not in self.arguments:
                 known = ", ".join(name for name in self.arguments if name != UNUSED)
-                problem = f"must take arguments of {known}, not {name}"
+                problem = f"must take only the arguments {known}, not {name}"
             elif kinds.get(name) is Nothing:
-                problem = f"must not take {name}, because its start returns none"
+                problem = f"must not take {name}, because start() returns none"
             if problem:
                 raise InputError(f"{name_rule(self.function)}: {problem}; correct the rule")
         named = {name: f"unpack({name}_kind, {name})" for name in ("parameters", "memory")}
@@ -92,7 +93,7 @@ class Bound(NamedTuple):
     memory: Array
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call the rule with the other arguments of its kind."""
+        """Call the rule with the remaining arguments of its kind."""
         return self.rule(self.parameters, self.memory, *arguments)
 
 
@@ -101,7 +102,7 @@ def _are_started(value: object) -> bool:
     return len(pair) == 2 and all(one is None or hasattr(one, "_fields") for one in pair)
 
 
-STARTED = Rule("named tuples, the parameters or (parameters, memory), or None", _are_started)
+STARTED = Rule("named tuples (parameters, or parameters and memory) or None", _are_started)
 
 
 def start_rule(
@@ -116,10 +117,10 @@ def start_rule(
 
 
 def start_part(start: Callable[..., Started], *arguments: Any) -> Started:
-    """Call the ``start`` of a part.
+    """Call the ``start`` of a part, and check the return value.
 
     Raises:
-        InputError: the result is no named tuple, or one with missing or extra fields.
+        InputError: the result is not a named tuple, or has missing or extra fields.
     """
     try:
         return cast(Started, ask("", start, STARTED, *arguments))
@@ -128,13 +129,13 @@ def start_part(start: Callable[..., Started], *arguments: Any) -> Started:
         if not constructor:
             raise
         raise InputError(
-            f"{name_rule(start)}: its {kind} must have one value for each field ({problem}); "
-            f"correct the start"
+            f"{name_rule(start)}: {kind} must have one value for each field ({problem}); "
+            f"correct start()"
         ) from error
 
 
 def bind(function: Callable[..., Any], arguments: tuple[str, ...], started: Started) -> Bound:
-    """Pack the start of a rule whose kind has these arguments.
+    """Pack the start values of a rule whose kind has these arguments.
 
     Raises:
         InputError: the start is not a named tuple, or a value does not fit its field.
@@ -142,8 +143,8 @@ def bind(function: Callable[..., Any], arguments: tuple[str, ...], started: Star
     pair: Any = started if type(started) is tuple else (started, None)
     if not STARTED.holds(started):
         raise InputError(
-            f"{name_rule(function)}: its start must be {STARTED.text}, not {quote(started)}; "
-            f"correct the start"
+            f"{name_rule(function)}: start() must return {STARTED.text}, not {quote(started)}; "
+            f"correct start()"
         )
     parameters, memory = (Nothing() if values is None else values for values in pair)
     rule = NamedRule(function, arguments, type(parameters), type(memory))

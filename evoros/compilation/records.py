@@ -1,6 +1,6 @@
-"""Named tuples of numbers, arrays, rules and random generators as words in memory.
+"""Named tuples of numbers, arrays, rules and random generators, stored as words in memory.
 
-Compiled code reads them in place. They own no memory, so that no references are counted.
+Compiled code reads the words in place. The tuples own no memory, so no references are counted.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -25,7 +25,7 @@ _ARRAY, _NUMBER, _WHOLE, _NAMED = range(4)
 
 @cache
 def _list_fields(kind: Any) -> tuple[tuple[int, int], ...]:
-    """Return the sort and the number of words of each field."""
+    """Return the kind and the number of words of each field."""
     sorts = []
     for field in kind.types:
         if isinstance(field, types.Array):
@@ -38,12 +38,12 @@ def _list_fields(kind: Any) -> tuple[tuple[int, int], ...]:
 
 
 def count_words(kind: Any) -> int:
-    """Return the number of words of a named tuple: address and shape of an array, one otherwise."""
+    """Return a named tuple's number of words: address and shape of an array, otherwise one."""
     return sum(count for _, count in _list_fields(kind))
 
 
 def list_words(kind: Any, values: Iterable[Any], name: Callable[[Any], int]) -> Iterator[int]:
-    """Yield the words of a named tuple; ``name`` returns the word of a rule or a generator."""
+    """Yield the words of a named tuple; ``name`` returns the word for a rule or a generator."""
     for (sort, _), value in zip(_list_fields(kind), values, strict=True):
         if sort == _ARRAY:
             yield value.__array_interface__["data"][0]
@@ -79,7 +79,7 @@ class Reader:
         self._make_generator = make_generator
 
     def read(self, kind: Any) -> Any:
-        """Read the next value."""
+        """Generate code that reads the next value."""
         context, builder = self._context, self._builder
         if isinstance(kind, types.NamedTuple):
             return context.make_tuple(builder, kind, [self.read(field) for field in kind.types])

@@ -36,7 +36,7 @@ from evoros.compilation.named_rules import NamedRule
 _INTEGER = ir.IntType(64)
 _OF_BOTH = ("cos", "cosh", "exp", "expm1", "log", "log1p", "log2", "log10", "sin", "sinh", "tan")
 _OF_NUMPY = {"acos": "arccos", "asin": "arcsin", "atan": "arctan", "atan2": "arctan2"}
-# Types of arguments: float, integer, arrays of one and two dimensions, random generator.
+# Types of arguments: float, integer, one- and two-dimensional arrays, and random generator.
 F8, I8 = types.float64, types.int64
 A1, A2 = types.Array(F8, 1, "C"), types.Array(F8, 2, "C")
 # Types of results.
@@ -52,14 +52,14 @@ _OF_MISSIONS = (FILTER, LAYER, OBSERVE, ADVANCE)
 
 
 class CompiledRule(types.WrapperAddressProtocol):  # type: ignore[misc]
-    """A compiled rule, callable from Python and by its address from compiled code.
+    """A compiled rule, callable from Python and, by its address, from compiled code.
 
-    numba would look up the address at every mission; this class looks it up once.
+    numba would look up the address for every mission; this class looks it up once.
     """
 
     def __init__(self, dispatcher: Any, signature: Any, borrows: bool) -> None:
         self._signature = signature
-        self.borrows = borrows  # True if it makes no arrays
+        self.borrows = borrows  # True if the rule makes no arrays
         self._dispatcher = dispatcher
         result = dispatcher.get_compile_result(signature)
         self._address = result.library.get_pointer_to_function(
@@ -89,7 +89,7 @@ class NotCompilable(Exception):
 
 @intrinsic  # type: ignore[untyped-decorator]
 def call_address(typing: Any, address: Any) -> Any:
-    """Call a C function without arguments and result by its address, in compiled code."""
+    """Call a C function without arguments or result by its address, in compiled code."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         function = ir.FunctionType(ir.VoidType(), ()).as_pointer()
@@ -113,8 +113,8 @@ def compile_rule(rule: Any, signature: Any) -> CompiledRule:
 
 def try_compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
     """Compile a rule, once per process, or return the reason why numba cannot."""
-    # A live engine has new methods and inner functions in each mission. The cache of _compile would
-    # keep them all.
+    # A live engine has new methods and inner functions in each mission, and the cache of _compile
+    # would keep them all.
     function = _get_function(rule)
     if not isfunction(function):
         return NotCompilable("it is not a plain function")
@@ -124,13 +124,13 @@ def try_compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
 
 
 def compile_if_possible(rule: Any, signature: Any) -> Any:
-    """Compile a rule, or return an equivalent Python function."""
+    """Compile a rule if possible, otherwise return an equivalent Python function."""
     answer = try_compile(rule, signature)
     return answer if isinstance(answer, CompiledRule) else interpret_rule(rule)
 
 
 def interpret_rule(rule: Any) -> Any:
-    """Return a rule for Python, with the elementary functions of compiled rules."""
+    """Return a rule for Python, with the elementary functions that compiled rules use."""
     if isinstance(rule, NamedRule):
         return rule.adapt(substitute(rule.function, helpers=True))
     return substitute(rule, helpers=True)
@@ -157,7 +157,8 @@ def _compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
     with compiling() as on_disk:
         for function, inlined in take_waiting(bundled=False):
             register(function, substitute(function), inlined)
-        # A user's rule is compiled in every process, because its callees may change unnoticed.
+        # A user's rule is compiled in every process, because functions that it calls may change
+        # unnoticed.
         kept = on_disk and is_bundled(rule_function)
         if signature in _OF_MISSIONS:
             with suppress(Exception):  # a user's rule may make arrays
@@ -172,7 +173,7 @@ def _compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
 
 
 def _find_reason(message: str) -> str:
-    """Return the reason from numba's message."""
+    """Extract the reason from numba's message."""
     lines = [line.strip() for line in message.splitlines() if line.strip()]
     reasons = [line for line in lines if not line.startswith(("Failed in", "During:", "File"))]
     return (reasons or lines or ["numba cannot compile it"])[0]
@@ -217,8 +218,8 @@ _FUNCTIONS = {
 def substitute(function: Any, helpers: bool = False) -> Any:
     """Return a copy of a user's function that uses the elementary functions of evoros.
 
-    With ``helpers``, the functions of its module that it calls do so, too. Compiled rules instead
-    need helpers that are registered with numba.
+    With ``helpers``, the same is done for the functions that it calls from its module. Compiled
+    rules instead need helpers that are registered with numba.
     """
     if not isfunction(function) or is_bundled(function):
         return function
@@ -262,7 +263,7 @@ def _type(context: Any) -> Any:
 
 @lower_builtin(unpack, types.NamedTupleClass, types.Array)  # type: ignore[untyped-decorator]
 def _unpack(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    """Make the named tuple. Its arrays own no memory, so that no references are counted."""
+    """Make the named tuple. Its arrays own no memory, so no references are counted."""
     result, packed = signature.return_type, signature.args[1]
     place = context.make_array(packed)(context, builder, arguments[1]).data
     values = []

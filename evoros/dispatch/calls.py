@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 
 CallResult = tuple[Outcomes, Array | None]
-"""The outcomes of a mission, and its trajectory if it is kept."""
+"""The outcomes of a mission, and its trajectory if that is to be stored."""
 
 
 class CallAnswer(NamedTuple):
-    """The results of the missions that a call ran, and the time [s] of the last ``timed`` ones.
+    """The results of the missions that a call ran, and the time [s] of the last ``timed`` missions.
 
     The first mission of a scenario in a process loads machine code, so it is not timed.
     """
@@ -38,16 +38,16 @@ class CallAnswer(NamedTuple):
 CALL_S = 0.1
 """Time [s] after which a worker returns a call's remaining missions.
 
-A call thus takes hardly longer than its last mission, and the executor's time limit fits both.
+A call thus takes hardly longer than its last mission, so the executor's time limit suits both.
 """
 CALLS_PER_S = 250
-"""Maximum rate [1/s] of calls in the main process; calls of many workers are longer."""
+"""Maximum rate [1/s] of calls in the main process; with many workers, calls are longer."""
 FIRST = 1
-"""Missions in a call before any timing is known."""
+"""Number of missions in a call before any timing is known."""
 GROWTH = 8
-"""Maximum ratio of a call's missions to any earlier call's."""
+"""Maximum ratio of a call's missions to the missions of any earlier call."""
 MEMORY = 0.9
-"""Weight of a call relative to the next one."""
+"""Weight of a call relative to the next call, in the running average."""
 
 
 @lru_cache(maxsize=KEPT)
@@ -58,7 +58,7 @@ def pack(scenario: Scenario) -> Shared:
     except Exception as error:  # a user's class may raise anything
         raise InputError(
             f"the experiment cannot be sent to worker processes ({error}); define every class at "
-            f"the top of a module, and keep open files and the like out of descriptions"
+            f"the top level of a module, and keep open files and the like out of descriptions"
         ) from error
     return Shared.of(zlib.compress(content, 1))
 
@@ -78,7 +78,7 @@ def call_time(workers: int) -> float:
 def run_for_outcomes(
     packed: Shared, missions: Sequence[Mission], seconds: float, keep: bool
 ) -> CallAnswer:
-    """Run missions in order until the time [s] is over; return the outcomes of completed ones.
+    """Run missions in order until the time [s] is over; return the finished outcomes.
 
     With ``keep``, the answer includes their trajectories.
 
@@ -100,7 +100,7 @@ def run_for_outcomes(
 
 
 def run_for_trajectory(packed: Shared, mission: Mission) -> Array:
-    """Run a mission and return its trajectory, as ``run_mission`` does."""
+    """Run a mission and return its trajectory."""
     return run_mission(unpack(packed), mission)[1]
 
 
@@ -123,7 +123,7 @@ class Pace:
         return missions * self.seconds / self.missions if self.missions else 0.0
 
     def fit(self, seconds: float) -> int:
-        """Return the number of missions that a worker begins within the time [s] of a call."""
+        """Return the number of missions that a worker can start within a call's time [s]."""
         if not self.missions:
             return FIRST
         most = max(FIRST, GROWTH * self.most)
@@ -135,7 +135,7 @@ BATCH_S = 10.0
 
 
 class Asked(NamedTuple):
-    """The missions that one run adds to a call, with the arguments of ``run_for_outcomes``."""
+    """The missions that one run adds to a call, with the arguments for ``run_for_outcomes``."""
 
     missions: Sequence[Mission]
     seconds: float
@@ -147,12 +147,12 @@ _notes: dict[str | bytes, str] = {}
 
 
 _batchers: "dict[str, Batcher]" = {}
-"""The open devices of this process by name."""
+"""The open devices of this process, by name."""
 
 
 def _open_batcher(batches: Batches) -> "Batcher":
-    """Open a device once per worker process; raise a DeviceError if it cannot be used."""
-    from evoros.mission.batch import Batcher  # delayed, because LLVM takes long to import
+    """Open a device once per worker process; raise a DeviceError if the device cannot be used."""
+    from evoros.mission.batch import Batcher  # delayed, because LLVM is slow to import
 
     if batches.device not in _batchers:
         _batchers[batches.device] = Batcher(batches.open_device())
@@ -160,14 +160,14 @@ def _open_batcher(batches: Batches) -> "Batcher":
 
 
 def find_share(pace: Pace, missions: int, batches: Batches) -> float:
-    """Return the fraction of a call that missions fill, by number or time."""
+    """Return the fraction of a call that missions fill, by number or by time."""
     return max(missions / batches.missions, pace.expect(missions) / BATCH_S)
 
 
 def run_batches(batches: Batches, asked: Sequence[Asked], *packed: Shared) -> list[CallAnswer]:
     """Run the missions of several runs together, and return an answer for each run.
 
-    Missions that cannot run together run one by one, and their answer notes the reason.
+    Missions that cannot run together run one by one, and the answer notes the reason.
 
     Raises:
         PilotLost: a mission lost its pilot.
@@ -192,7 +192,7 @@ def run_batches(batches: Batches, asked: Sequence[Asked], *packed: Shared) -> li
 def _run_together(
     batches: Batches, asked: Mapping[int, tuple[Shared, Sequence[Mission]]]
 ) -> dict[int, list[Rollout]]:
-    """Run the missions that can run together; note the reason for each other run."""
+    """Run the missions that can run together; note the reason for every other run."""
     from evoros.compilation.device import DeviceError
     from evoros.mission.batch import NoKernel
 

@@ -1,7 +1,7 @@
-"""Dispatch of missions to a pool, several short ones or one long one per call.
+"""Dispatch of missions to a pool, with several short missions or one long mission per call.
 
-A call to a worker process costs the main process about 0.2 ms, and a mission in a planar simulator
-takes milliseconds.
+A call to a worker process costs the main process about 0.2 ms, and a mission in the planar
+simulator takes milliseconds.
 """
 
 from collections import deque
@@ -37,7 +37,7 @@ MissionResult = tuple[Mission, Outcomes]
 
 
 class MissionRecord(Protocol):
-    """Keeps the outcomes of missions."""
+    """Stores the outcomes of missions."""
 
     def has(self, mission: Mission) -> bool:
         """Return True if the mission is recorded.
@@ -51,7 +51,7 @@ class MissionRecord(Protocol):
 
 
 CALLS_PER_WORKER = 3
-"""Calls submitted ahead per worker: enough to keep it busy, and few to lose."""
+"""Number of calls submitted ahead per worker: enough to keep a worker busy, and few to lose."""
 NEW_WORKERS_S = 1.0
 """Maximum time [s] until workers that join get calls."""
 MISSIONS_OUT = 50_000
@@ -63,12 +63,12 @@ class Dispatcher:
     """Runs missions in an open pool."""
 
     pool: Pool
-    lost: str  # STOP or WORST, the reaction to a mission that crashes or hangs
+    lost: str  # STOP or WORST: the reaction to a mission that crashes or hangs
     keep_log: Callable[[Mission, str], None] = lambda *_: None  # called for lost missions
     keep_trajectory: Callable[[Scenario, Mission, Array], None] | None = None
-    """Receives the trajectory of each mission of ``run`` before its outcome is yielded."""
+    """Receives the trajectory of each mission in ``run`` before the outcome is yielded."""
     paces: dict[bytes, Pace] = field(default_factory=dict)  # keyed by scenario digest
-    told: set[str] = field(default_factory=set)  # logged notes of workers
+    told: set[str] = field(default_factory=set)  # notes from workers that were logged
 
     def run_missing(
         self,
@@ -79,7 +79,7 @@ class Dispatcher:
     ) -> None:
         """Run the missions that ``record`` lacks.
 
-        Each mission is recorded before ``notify`` is called with it. ``missions`` may be a
+        Each mission is recorded before ``notify`` is called for it. ``missions`` may be a
         generator of any length, which is consumed as calls are submitted.
 
         Raises:
@@ -93,9 +93,9 @@ class Dispatcher:
                 notify(*result)
 
     def run(self, scenario: Scenario, missions: Iterable[Mission]) -> Iterator[list[MissionResult]]:
-        """Run the missions and yield their outcomes as calls finish, in any order.
+        """Run the missions, and yield their outcomes in any order as calls finish.
 
-        A failed call is repeated one mission at a time, so that the error belongs to one mission.
+        A failed call is repeated one mission at a time, so that an error belongs to one mission.
 
         Raises:
             RunStopped: a mission crashed or hung despite its retries, and ``lost`` is ``STOP``.
@@ -112,7 +112,7 @@ class Dispatcher:
             batch.cancel()
 
     def run_for_trajectories(self, scenario: Scenario, missions: Sequence[Mission]) -> list[Array]:
-        """Run the missions and return their trajectories in order; a lost mission has no rows.
+        """Run the missions and return their trajectories in order; a lost mission's has no rows.
 
         Raises:
             RunStopped: see ``run``.
@@ -161,7 +161,7 @@ class Dispatcher:
 
 @dataclass
 class _Batch:
-    """The missions of one ``Dispatcher.run`` that are yet to come, waiting or in a call."""
+    """The unfinished missions of one ``Dispatcher.run``: yet to come, waiting or in a call."""
 
     dispatcher: Dispatcher
     scenario: Scenario
@@ -200,7 +200,7 @@ class _Batch:
         return self.pool.join(run_batches, self, share, self.packed, asked)
 
     def _pop_missions(self, workers: int, seconds: float) -> list[Mission]:
-        """Return the missions of the next call; empty at the end."""
+        """Return the missions of the next call, or [] at the end."""
         if self.alone:
             return [self.alone.popleft()]
         most = max(1, MISSIONS_OUT // (CALLS_PER_WORKER * workers))
@@ -208,8 +208,8 @@ class _Batch:
             seconds, most = BATCH_S, min(most, self.pool.batches.missions)
         size = min(self.pace.fit(seconds), most)
         if self.scenario.is_live:
-            size = 1  # A retry by the executor then repeats only one mission.
-        # Workers share the last missions equally, so that all finish at about the same time.
+            size = 1  # a retry by the executor then repeats only one mission
+        # Workers share the last missions equally, so all finish at about the same time.
         shares = 2 * workers
         self.waiting.extend(islice(self.coming, max(0, size * shares - len(self.waiting))))
         size = max(1, min(size, len(self.waiting) // shares))
@@ -242,7 +242,7 @@ class _Batch:
                 results.append((mission, outcomes))
             dispatcher.tell_once(answer.note)
             self.pace.note(len(answer.results), answer.timed, answer.seconds)
-            self.waiting.extendleft(reversed(missions[len(answer.results) :]))  # The time ran out.
+            self.waiting.extendleft(reversed(missions[len(answer.results) :]))  # the time ran out
         return results, first_error
 
     def cancel(self) -> None:

@@ -1,4 +1,4 @@
-"""The fitness of the 2018 paper (Evo-ROS), its Eq. 1."""
+"""The fitness function of the 2018 paper (Evo-ROS), Eq. 1."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,10 +17,10 @@ COMPLETED_AT_ONCE = 8.0
 @dataclass(frozen=True)
 @checked
 class EquationOne(AdditiveFitness):
-    """Eq. 1 of the 2018 paper: sum over worlds of (1 + progress)^2 + C (1 + time left)^2.
+    """Eq. 1 of the 2018 paper: the sum over worlds of (1 + progress)^2 + C (1 + time left)^2.
 
     C is 1 for a completed mission and 0 otherwise; time left is a fraction of the time limit. Each
-    world contributes 1 (no progress) to 8 (completed instantly).
+    world contributes from 1 (no progress) to 8 (completed instantly).
     """
 
     sensor_penalty: Annotated[float, NOT_NEGATIVE] = 0.0  # per sensor; 0.3 in the original runs
@@ -28,7 +28,7 @@ class EquationOne(AdditiveFitness):
 
     @property
     def title(self) -> str:
-        """The name in figures, which states whether penalties are subtracted."""
+        """The name in figures, which says whether penalties are subtracted."""
         penalizes = self.sensor_penalty > 0 or self.price_weight > 0
         return f"fitness (Eq. 1{' less penalties' * penalizes})"
 
@@ -43,7 +43,7 @@ class EquationOne(AdditiveFitness):
         return sum(map(equation_one, outcomes)) - self._penalty(outcomes)
 
     def score_missions(self, outcomes: Sequence[Outcome]) -> list[float]:
-        """Return Eq. 1 of each mission times the number of worlds, less the penalties."""
+        """Return, for each mission, Eq. 1 times the number of worlds, minus the penalties."""
         worlds, penalty = len(outcomes), self._penalty(outcomes)
         return [worlds * equation_one(outcome) - penalty for outcome in outcomes]
 
@@ -54,12 +54,12 @@ class EquationOne(AdditiveFitness):
     def _penalty(self, outcomes: Sequence[Outcome]) -> float:
         if not outcomes:
             return 0.0
-        design = outcomes[0]  # The sensors are the same in all worlds.
+        design = outcomes[0]  # the sensors are the same in all worlds
         return self.sensor_penalty * design.sensors + self.price_weight * design.price
 
 
 def equation_one(outcome: Outcome) -> float:
-    """Return Eq. 1 for one mission, 1..8."""
+    """Return Eq. 1 for one mission, from 1 to 8."""
     progress = (1.0 + outcome.progress) * (1.0 + outcome.progress)
     if not outcome.completed:
         return progress

@@ -24,12 +24,12 @@ class Fitness(ABC):
     def bounds(self, worlds: int) -> tuple[float, ...]:
         """Return the minimum and maximum of a score over ``worlds``; empty if unknown.
 
-        No interval extends beyond these bounds.
+        Intervals never extend beyond these bounds.
         """
         return ()
 
-    def check_worlds(self, worlds: Mapping[str, World]) -> None:  # noqa: B027 - any worlds will do
-        """Check before a run that the worlds have everything that the fitness needs.
+    def check_worlds(self, worlds: Mapping[str, World]) -> None:  # noqa: B027 - accepts any worlds
+        """Check before a run that the worlds have everything that the fitness function needs.
 
         Raises:
             InputError: a world lacks something.
@@ -40,21 +40,21 @@ class Fitness(ABC):
         """Return the score of a trial from the outcomes of one mission in each world.
 
         The fitness of a design is the mean over its trials, except for a ``CombiningFitness``.
-        ``least_clearance_m`` is NaN in a world without obstacles, and ``first_collision_s`` without
-        a collision.
+        ``least_clearance_m`` is NaN in a world without obstacles, and ``first_collision_s`` is NaN
+        without a collision.
         """
 
     @abstractmethod
     def worst(self, outcomes: Sequence[Outcome]) -> float:
         """Return the score of a trial in which at least one mission could not be run.
 
-        Certificates rely on it being at most the ``score`` of any trial. Metrics of a mission that
-        was not run are NaN, but ``sensors`` and ``time_limit_s`` are valid.
+        Certificates rely on this score being at most the ``score`` of any trial. The metrics of a
+        mission that was not run are NaN, but ``sensors`` and ``time_limit_s`` are valid.
         """
 
 
 class AdditiveFitness(Fitness):
-    """A fitness that scores each mission alone, so that each counts as a sample for intervals.
+    """A fitness function that scores missions separately, as separate samples for intervals.
 
     The missions of a trial are drawn independently. With three worlds, each trial contributes three
     scores to a certificate.
@@ -62,21 +62,22 @@ class AdditiveFitness(Fitness):
 
     @abstractmethod
     def score_missions(self, outcomes: Sequence[Outcome]) -> Sequence[float]:
-        """Return a score for each mission of a trial; their mean is the ``score`` of the trial.
+        """Return a score for each mission of a trial; the trial's ``score`` is their mean.
 
         Each score has the same minimum and maximum as ``score``.
         """
 
 
 class CombiningFitness(Fitness):
-    """A fitness of a design that is not the mean over its trials."""
+    """A fitness function for which a design's fitness is not the mean over its trials."""
 
     @abstractmethod
     def combine(self, scores: Sequence[float], trials: int | None = None) -> float:
         """Return the fitness of a design from the scores of at least one trial.
 
         With ``trials``, return the fitness to expect from that number of these trials, or from all
-        if there are fewer. This compares designs with different numbers of trials.
+        of them if there are fewer, so that designs with different numbers of trials can be
+        compared.
         """
 
     def bound_combined(

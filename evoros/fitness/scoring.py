@@ -20,7 +20,7 @@ class Scoring:
     """Scores trials by the mean fitness of the ``scored`` robots."""
 
     fitness: Fitness
-    scored: tuple[int, ...] = (0,)  # indices in a scenario
+    scored: tuple[int, ...] = (0,)  # indices of the robots in a scenario
 
     @property
     def name(self) -> FitnessName:
@@ -31,7 +31,7 @@ class Scoring:
 
     @property
     def combine(self) -> Combine:
-        """The function that combines scores of trials: the mean unless the fitness defines one."""
+        """The function that combines trial scores: the mean, or the fitness function's own."""
         if isinstance(self.fitness, CombiningFitness):
             return partial(ask, FITNESS, self.fitness.combine, SCORE)
         return mean
@@ -46,13 +46,13 @@ class Scoring:
         return float(low), float(high)
 
     def score_trial(self, trial: Sequence[Outcomes]) -> float:
-        """Return the score of a trial; the worst score if a mission could not be run."""
+        """Return the score of a trial, or the worst score if a mission could not be run."""
         return (
             self._average(self.fitness.score, trial) if _is_complete(trial) else self.worst(trial)
         )
 
     def worst(self, trial: Sequence[Outcomes]) -> float:
-        """Return the score of this design's trial if a mission could not be run."""
+        """Return the score of a trial of this design if a mission could not be run."""
         return self._average(self.fitness.worst, trial)
 
     def _average(
@@ -62,9 +62,9 @@ class Scoring:
         return fmean(ask(FITNESS, score, SCORE, outcomes) for outcomes in robots)
 
     def score_missions(self, trial: Sequence[Outcomes]) -> list[float]:
-        """Return one score per mission, whose mean is the score of the trial.
+        """Return one score per mission; the mean of the scores is the score of the trial.
 
-        A fitness that is not additive yields only the score of the trial.
+        A fitness function that is not additive gives only the score of the trial.
         """
         fitness = self.fitness
         if not isinstance(fitness, AdditiveFitness):
@@ -98,7 +98,7 @@ class Scoring:
         return self.combine(self.score_trials(missions, outcomes))
 
     def name_columns(self, worlds: Sequence[str]) -> list[str]:
-        """Return the names of the columns of ``summarize``."""
+        """Return the names of the columns that ``summarize`` returns."""
         other = [] if self.combine is mean else [FITNESS]
         of_world = ("completed", "progress")
         by_world = [f"{world}_{measure}" for world in worlds for measure in of_world]
@@ -109,8 +109,8 @@ class Scoring:
     ) -> dict[str, float]:
         """Summarize a design's missions as the fitness over trials and the success in each world.
 
-        A fitness that is not the mean over the trials comes first. The sample standard deviation
-        (n - 1) is NaN for one trial. Each world has the completion rate and the mean progress.
+        A fitness that is not the mean over trials comes first. The sample standard deviation (n -
+        1) is NaN for one trial. Each world has the completion rate and the mean progress.
         """
         scores = self.score_trials(missions, outcomes)
         by_world: dict[str, list[Outcome]] = {}

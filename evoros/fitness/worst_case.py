@@ -15,20 +15,20 @@ from evoros.fitness.naming import bound_fitness, name_fitness
 from evoros.fitness.protocol import CombiningFitness, Fitness
 from evoros.mission.mission import Outcome
 
-A_FITNESS = instance_of(Fitness, "a fitness (a subclass of evoros.parts.Fitness)")
+A_FITNESS = instance_of(Fitness, "a fitness function (a subclass of evoros.parts.Fitness)")
 RESAMPLES = 10_000
 
 
 @dataclass(frozen=True)
 @checked
 class WorstCase(CombiningFitness):
-    """Average the lowest ``share`` of a design's trials, each scored by the fitness ``of``.
+    """Averages the lowest ``share`` of a design's trials, each scored by ``of``.
 
     With random failures, this estimates the conditional value at risk. With a systematic failure
-    and one trial per case, it is the mean over the worst cases. Few trials seldom meet the worst
-    draws, so the estimate is biased upward. For normal scores and a share of a quarter, the bias is
-    0.24 standard deviations with 4 and 5 trials, 0.14 with 8, and 0.03 with 40. ``combine``
-    therefore compares designs at the smallest number of trials.
+    model and one trial per case, it is the mean over the worst cases. A few trials seldom include
+    the worst draws, so the estimate is biased upward. For normally distributed scores and a share
+    of a quarter, the bias is 0.24 standard deviations with 4 and 5 trials, 0.14 with 8, and 0.03
+    with 40. ``combine`` therefore compares designs at the smallest number of trials.
     """
 
     of: Annotated[Fitness, A_FITNESS]
@@ -57,7 +57,7 @@ class WorstCase(CombiningFitness):
         return self.of.worst(outcomes)
 
     def combine(self, scores: Sequence[float], trials: int | None = None) -> float:
-        """Return the mean of the lowest scores, as expected from the number of ``trials``."""
+        """Return the mean of the lowest scores, as expected for this number of ``trials``."""
         return mean_lowest(scores, self.share, trials)
 
     def bound_combined(self, scores: Sequence[float], limits: Bounds, confidence: float) -> Bounds:
@@ -70,10 +70,10 @@ def bound_lowest(
 ) -> Bounds:
     """Return the interval of the mean of the lowest share of a distribution within ``limits``.
 
-    Like ``certificate.rates``, it adds the minimum score for the lower end and the maximum
-    for the upper end, and weights all scores randomly. It thus allows for failures that did not
-    occur. For a share of 1 and scores equal to either limit, it is the Clopper-Pearson interval.
-    Otherwise its coverage is conjectured, and ``benchmarks/coverage`` tests it.
+    Like ``certificate.rates``, this adds the minimum score for the lower end and the maximum score
+    for the upper end, and weights all scores randomly, to allow for failures that did not occur.
+    For a share of 1 and scores equal to either limit, the result is the Clopper-Pearson interval.
+    Otherwise the coverage is conjectured, and ``benchmarks/coverage`` tests it.
     """
     ordered, error = np.sort(np.asarray(scores, dtype=np.float64)), 1 - confidence
     count = len(ordered)
@@ -87,6 +87,6 @@ def bound_lowest(
 
 
 def _weigh_lowest(ordered: Array, weights: Array, share: float) -> Array:
-    """Return the mean of the lowest share of ascending values for each row of weights."""
+    """Return the mean of the lowest share of ascending values, for each row of weights."""
     before = np.cumsum(weights, axis=1) - weights
     return np.asarray((np.clip(share - before, 0.0, weights) * ordered).sum(axis=1) / share)

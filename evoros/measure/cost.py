@@ -14,7 +14,7 @@ from evoros.sensor.protocol import add_prices
 @dataclass(frozen=True)
 @checked
 class Cost(Measure):
-    """The sum of the prices of all sensors, by type."""
+    """The sum of the prices of all sensors."""
 
     title = "price of the sensors"
     of_design = True
@@ -23,6 +23,6 @@ class Cost(Measure):
     unit: Annotated[str, A_NAME] = ""
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Return the sum over all robots with their own design."""
+        """Return the sum over all robots that have separate designs."""
         robots = evaluated.robots.values()
         return math.fsum(add_prices(robot.mounts, robot.sensors) for robot in robots)

@@ -20,16 +20,17 @@ class Coverage(Measure):
 
     title: Annotated[str, A_NAME] = "share of bearings seen"
     of_design = True
-    bearing_deg: Annotated[float, BEARING] = 0.0  # middle of the sector, left positive
+    bearing_deg: Annotated[float, BEARING] = 0.0  # middle of the sector, positive to the left
     width_deg: Annotated[float, SECTOR] = 360.0
-    both_sides: Annotated[bool, FLAG] = False  # True adds the mirror image of the sector
+    both_sides: Annotated[bool, FLAG] = False  # True: also the mirror image of the sector
     distance_m: Annotated[float, POSITIVE] = 2.0  # measured from the middle of the robot
-    robot: Annotated[str, A_NAME] = ""  # name of a robot with its own design; empty: the first
+    # name of a robot with a separate design; empty: the first robot
+    robot: Annotated[str, A_NAME] = ""
     bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 1.0)
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Return the fraction, 0..1."""
+        """Return the fraction, from 0 to 1."""
         seen = find_seen(evaluated.robot(self.robot), self.distance_m)
         sector = choose_sector(self.bearing_deg, self.width_deg, self.both_sides)
         return int((seen.sum(axis=0)[sector] > 0).sum()) / int(sector.sum())

@@ -8,20 +8,20 @@ from evoros.base.checks import FLAG, TEXT, Rule, checked
 from evoros.measure.coverage import A_NAME
 from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated, Measure
 
-FUNCTION = Rule("a function: give its _target_, and _partial_: true", callable)
+FUNCTION = Rule("a function; set _target_ to the function, and _partial_ to true", callable)
 
 
 @dataclass(frozen=True)
 @checked
 class Function(Measure):
-    """A measure computed by a function that takes an ``Evaluated`` and returns a finite number."""
+    """A measure computed by a function of an ``Evaluated`` that returns a finite number."""
 
     function: Annotated[Callable[[Evaluated], float], FUNCTION]
     title: Annotated[str, TEXT]
     bounds: Annotated[Sequence[float], BOUNDS]
     direction: Annotated[str, DIRECTION] = MAXIMIZE
     unit: Annotated[str, A_NAME] = ""
-    of_design: Annotated[bool, FLAG] = False  # True if it uses neither outcomes, fitness nor score
+    of_design: Annotated[bool, FLAG] = False  # True if outcomes, fitness and score are not used
 
     def compute(self, evaluated: Evaluated) -> float:
         """Call the function."""

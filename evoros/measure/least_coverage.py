@@ -1,4 +1,4 @@
-"""The coverage remaining after the worst failure of a few sensors."""
+"""The coverage that remains after the worst failure of a few sensors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,12 +23,13 @@ class LeastCoverage(Measure):
     of_design = True
     failed: Annotated[int, replace(A_COUNT, limit=3)] = 1
     distance_m: Annotated[float, POSITIVE] = 2.0  # measured from the middle of the robot
-    robot: Annotated[str, A_NAME] = ""  # name of a robot with its own design; empty: the first
+    # name of a robot with a separate design; empty: the first robot
+    robot: Annotated[str, A_NAME] = ""
     bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 1.0)
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Return the fraction, 0..1; 0 if all sensors may fail."""
+        """Return the fraction, from 0 to 1; 0 if all sensors may fail."""
         seen = find_seen(evaluated.robot(self.robot), self.distance_m)
         if len(seen) <= self.failed:
             return 0.0

@@ -11,11 +11,11 @@ from evoros.mission.mission import Outcomes
 from evoros.robot.model import Robot
 
 OBJECTIVES, DESCRIPTORS = "objectives", "descriptors"
-"""The keys of an experiment's measures, and the prefixes of their table columns."""
+"""Keys of an experiment's measures, and prefixes of their table columns."""
 MAXIMIZE, MINIMIZE = "maximize", "minimize"
 DIRECTION = one_of(MAXIMIZE, MINIMIZE)
 BOUNDS = Rule(
-    "a list of two numbers, the lower one first",
+    "a list of two numbers, the lower number first",
     lambda v: (
         isinstance(v, list | tuple) and len(v) == 2 and all(map(is_number, v)) and v[0] < v[1]
     ),
@@ -28,19 +28,20 @@ class Evaluated:
 
     design: Design
     robots: Mapping[str, Robot]
-    """Robots with their own design, by name ("" at the configuration's top level), with their
-    sensors and evolved values."""
+    """Robots that have separate designs, by name ("" is the first robot), with their sensors and
+    evolved values."""
     trials: Sequence[Sequence[Outcomes]]  # outcomes of the robots in each world, trial by trial
     fitness: float
-    score: Callable[[Sequence[Outcomes]], float]  # scores a trial by the experiment's fitness
+    # scores a trial with the experiment's fitness function
+    score: Callable[[Sequence[Outcomes]], float]
 
     def robot(self, name: str) -> Robot:
-        """Return a robot by name; raise an InputError if there is none."""
+        """Return a robot by name; raise an InputError if there is no such robot."""
         if name not in self.robots:
             known = ", ".join(map(repr, self.robots))
             raise InputError(
-                f"robot: must name a robot with its own design ({known}), not {name!r}; choose "
-                f"one of these"
+                f"robot: must be the name of a robot with its own design ({known}), not {name!r}; "
+                "choose one of these"
             )
         return self.robots[name]
 
@@ -49,16 +50,16 @@ class Measure(ABC):
     """A number that describes a design, as an objective or a descriptor."""
 
     title: str
-    """Its name on the axes of figures."""
+    """The measure's name on the axes of figures."""
     unit: str = ""
-    """Its unit; empty if dimensionless."""
+    """The measure's unit; empty if dimensionless."""
     bounds: Sequence[float]
-    """The minimum and maximum that an archive distinguishes; designs may lie beyond."""
+    """The minimum and maximum that an archive distinguishes; designs may lie outside."""
     direction: str = MAXIMIZE
-    """The direction of an objective, ``maximize`` or ``minimize``."""
+    """The direction of optimization of an objective, ``maximize`` or ``minimize``."""
     of_design: bool = False
-    """True if it depends on the design alone, so that it can be checked before a run."""
+    """True if the measure depends only on the design, so it can be checked before a run."""
 
     @abstractmethod
     def compute(self, evaluated: Evaluated) -> float:
-        """Return the number, which must be finite."""
+        """Return the value, which must be finite."""

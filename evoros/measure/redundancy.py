@@ -18,11 +18,12 @@ class Redundancy(Measure):
     title = "share of bearings seen twice"
     of_design = True
     distance_m: Annotated[float, POSITIVE] = 2.0  # measured from the middle of the robot
-    robot: Annotated[str, A_NAME] = ""  # name of a robot with its own design; empty: the first
+    # name of a robot with a separate design; empty: the first robot
+    robot: Annotated[str, A_NAME] = ""
     bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 0.5)
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Return the fraction, 0..1."""
+        """Return the fraction, from 0 to 1."""
         seen = find_seen(evaluated.robot(self.robot), self.distance_m)
         return int((seen.sum(axis=0) >= 2).sum()) / COUNT

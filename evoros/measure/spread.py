@@ -17,12 +17,13 @@ from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated, Meas
 class Spread(Measure):
     """The root mean square horizontal distance of the sensors from their centroid.
 
-    Division by half the diagonal of the robot's outline makes robots comparable.
+    The distance is divided by half the diagonal of the robot's outline, so robots can be compared.
     """
 
     title = "spread of the sensors"
     of_design = True
-    robot: Annotated[str, A_NAME] = ""  # name of a robot with its own design; empty: the first
+    # name of a robot with a separate design; empty: the first robot
+    robot: Annotated[str, A_NAME] = ""
     bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 1.0)
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 

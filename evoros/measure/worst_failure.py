@@ -1,4 +1,4 @@
-"""The score if the worst failures that a design met strike in all worlds together."""
+"""The score if the worst failures that a design met occurred in all worlds together."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,11 +15,12 @@ SHARE = 0.25
 @dataclass(frozen=True)
 @checked
 class WorstFailure(Measure):
-    """The mean score of the lowest quarter of trials, if bad draws of all worlds coincide.
+    """The mean score of the lowest quarter of trials, if the bad draws of all worlds coincide.
 
     Missions are regrouped: the first trial has the worst mission of each world, the second trial
-    the second worst, and so on. The mean of a quarter falls much less with the number of trials
-    than the minimum. It equals the minimum up to four trials, and the fitness with one trial.
+    the second-worst mission, and so on. The mean of a quarter falls much less with the number of
+    trials than the minimum does. It equals the minimum for up to four trials, and the fitness for
+    one trial.
     """
 
     title = "score under the worst failures, mean of the lowest 25 %"
@@ -27,7 +28,7 @@ class WorstFailure(Measure):
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Regroup missions by their scores in one world, and average the lowest quarter."""
+        """Regroup missions by their scores in each world, and average the lowest quarter."""
 
         def score(outcomes: Outcomes) -> float:
             return evaluated.score([outcomes])

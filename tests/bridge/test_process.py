@@ -182,7 +182,7 @@ for isolate in (True, False):
     if "unshare failed" in result.stderr:
         pytest.skip("not even the test may make a user namespace")
     assert result.stdout.splitlines() == [
-        "isolate must be false on a system that gives a mission no namespaces (unshare: "
+        "isolate must be false on a system that does not allow namespaces (unshare: "
         "No space left on device); set controller.isolate=false, or allow user namespaces",
         "runs",
     ], result.stderr

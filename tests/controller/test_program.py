@@ -212,7 +212,7 @@ def test_an_unusable_answer_is_a_failure_with_its_time(
 
 STARTS = {
     **{
-        fault: f"{what.replace('0.5', '1.5')} before the mission began{WORDS}"
+        fault: f"{what.replace('0.5', '1.5')} before the mission started{WORDS}"
         for fault, what in ENDS.items()
     },
     "refuse": "refuses the mission: no wheels$",

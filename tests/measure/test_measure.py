@@ -199,7 +199,7 @@ def test_a_team_counts_the_sensors_of_all_and_covers_by_one() -> None:
     assert SensorNumber().compute(team) == 3
     assert Coverage().compute(team) == 30 / 360
     assert Coverage(robot="other").compute(team) == 60 / 360
-    with pytest.raises(InputError, match="robot: must name a robot") as caught:
+    with pytest.raises(InputError, match="robot: must be the name of a robot") as caught:
         Coverage(robot="third").compute(team)
     assert "\n" not in str(caught.value)
 

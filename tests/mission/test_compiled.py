@@ -224,13 +224,17 @@ class Vague(Smooth):
 @pytest.mark.parametrize(
     ("rule", "kind", "message"),
     [
-        (with_state, Smooth, "with_state: must take arguments of parameters, .* time, not state"),
-        (smooth, Forgetful, "smooth: must not take memory, because its start returns none"),
+        (
+            with_state,
+            Smooth,
+            "with_state: must take only the arguments parameters, .* time, not state",
+        ),
+        (smooth, Forgetful, "smooth: must not take memory, because start() returns none"),
         (smooth, Listed, r"Listed\.start must return named tuples.*\[0"),
         (
             smooth,
             Short,
-            r"Short\.start: its Memory must have .* field \(missing .* 'before'\); correct",
+            r"Short\.start: Memory must have .* field \(missing .* 'before'\); correct",
         ),
         (smooth, Flat, r"Memory\.before: must be an array of one dimension of float64"),
         (smooth, Vague, r"Vague\.effect: must be one of ends, alters, grows, not 'worsens'"),

@@ -220,12 +220,15 @@ def interrupted(scenario: Scenario, tick: int, sent: signal.Signals) -> Scenario
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        ("die@0", "ended with exit status 1 before the mission began; .*Floating point exception"),
-        ("die@30", "ended with exit status 1 before the mission began"),
+        (
+            "die@0",
+            "ended with exit status 1 before the mission started; .*Floating point exception",
+        ),
+        ("die@30", "ended with exit status 1 before the mission started"),
         ("die@auto+1", "ended with exit status 1 at 0 simulated s"),
         (f"die@auto+{LAST_TICK + 1}", f"ended with exit status 1 at {SHORT_S - PERIOD_S:g} sim"),
         ("crash@auto+51", r"ended by signal 11 \(Segmentation fault\) at 1 simulated s"),
-        ("hang@0", "sent no servo outputs within 2 s of its start before the mission began"),
+        ("hang@0", "sent no servo outputs within 2 s of its start before the mission started"),
         ("hang@auto+1", "sent no servo outputs within 1.5 s at 0 simulated s"),
         ("stop@auto+101", "sent no servo outputs within 1.5 s at 2 simulated s"),
         ("unlink@auto+50", "closed MAVLink at 1 simulated s"),

@@ -214,7 +214,7 @@ def test_a_mission_whose_server_ends_is_flown_again(
         dispatcher = Dispatcher(pool, WORST, lambda *_: None)
         (((_, (lost,)),),) = dispatcher.run(flown.scenario, [mission(flown, "maze")])
     assert lost.ended == LOST
-    assert "exit status 3 before the mission began; its last words: these are the" in lost.reason
+    assert "exit status 3 before the mission started; its last words: these are the" in lost.reason
     assert not list(find_servers())
 
 
