@@ -1,4 +1,4 @@
-"""Figures, tables, videos and reports from run folders; no code of a run is imported.
+"""Figures, tables, videos and reports from run folders, without importing a run's code.
 
     from evoros.analysis import analyze, load_study, save
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 if __name__ != "evoros.analysis":
     raise ImportError(
-        f"{__name__}: evoros's folder analysis/ is imported as evoros.analysis; a package of yours "
+        f"{__name__}: the folder analysis/ of evoros is imported as evoros.analysis; your package "
         f"with this name needs an __init__.py and must come before that folder on the path"
     )
 
@@ -33,7 +33,7 @@ __all__ = [
     "save",
 ]
 
-if not TYPE_CHECKING:  # type checkers would otherwise accept any name
+if not TYPE_CHECKING:  # otherwise type checkers would accept any name
     from evoros.base.lazy import import_lazily
 
     _HOMES = {

@@ -9,14 +9,14 @@ from .subcommands import SUBCOMMANDS, Product, import_subcommand, parse
 from .tables.study import Study
 
 OF_COMMAND = {"subcommand", "folders", "where", "treatments", "output", "style", "panel_letters"}
-"""Options that choose runs, which the study has already done, or control the written files."""
+"""Options that choose runs (the study has done so already) or control the written files."""
 
 
 def analyze(study: Study, figure: str, **options: Any) -> Product:
-    """Make a figure and its tables, as ``evoros analyze FIGURE`` does, but write no files.
+    """Make a figure and its tables as ``evoros analyze FIGURE`` does, but write no files.
 
-    ``figure`` is the name of a subcommand. ``options`` have the names of its options, with
-    underscores: ``without_tables=True``, ``difference=[1.0]``.
+    ``figure`` is the name of a subcommand, and ``options`` are the subcommand's options, spelled
+    with underscores: ``without_tables=True``, ``difference=[1.0]``.
 
     Raises:
         InputError: no such figure or option exists, or the study lacks the required data.
@@ -30,8 +30,7 @@ def analyze(study: Study, figure: str, **options: Any) -> Product:
     for name, value in options.items():
         if name not in known:
             raise InputError(
-                f"{figure}: its options are {', '.join(known) or 'none'}, not {name!r}; use "
-                f"one of these"
+                f"{figure}: no option {name!r}; choose from {', '.join(known) or 'no options'}"
             )
         setattr(parsed, name, value)
     return make_product(import_subcommand(figure), study, parsed)

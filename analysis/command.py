@@ -1,4 +1,4 @@
-"""The command ``evoros analyze``: from folders of runs to figures, tables and pages."""
+"""The command ``evoros analyze``, which turns run folders into figures, tables and pages."""
 
 import argparse
 import hashlib
@@ -22,7 +22,7 @@ from .tables.loading import load_study
 from .tables.study import Study
 
 RECORD = "evoros.json"
-"""The file in a written folder with the hashes of the folder's other files."""
+"""Name of the file in a written folder that holds the hashes of the other files."""
 
 
 def main() -> None:
@@ -52,10 +52,10 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> tuple[list[
     if options.output is None:
         first = expand_home(options.folders[0])
         archive = find_archive(first)
-        if archive is not None:  # archives are not changed
+        if archive is not None:  # archives stay unchanged
             first = archive.with_name(f"{archive.stem}_analysis")
         if any(exists(first / name) for name in MARKS):
-            require_no_links(first)  # figures must not be written through links
+            require_no_links(first)  # so that no figure is written through a link
         options.output = first / getattr(subcommand, "OUTPUT", "figures")
     study = study or load_study(options.folders, options.where, options.treatments)
     with choose_style(getattr(options, "style", None)):
@@ -64,7 +64,7 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> tuple[list[
             paths = _write_product(product, options)
         except OSError as error:
             raise InputError(
-                f"--output {options.output}: cannot be written ({error.strerror}); name another"
+                f"--output {options.output}: cannot be written ({error.strerror}); choose another"
             ) from error
     for message in product.messages:
         print_result(message)
@@ -72,7 +72,7 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> tuple[list[
 
 
 def _write_product(product: Product, options: argparse.Namespace) -> list[Path]:
-    """Write a product's files into the output folder; return their paths, or their folder's."""
+    """Write a product's files into the output folder; return the paths of the files or folders."""
     if product.folder:
         folder: Path = options.output / product.folder
         write_folder(folder, f"{NAME} {options.subcommand}", product.files)
@@ -86,7 +86,7 @@ def _write_product(product: Product, options: argparse.Namespace) -> list[Path]:
 
 
 def _render(product: Product, options: argparse.Namespace) -> dict[str, bytes]:
-    """Render all files before any is written, so that an error leaves no files."""
+    """Render all files before any is written, so that an error leaves no files behind."""
     files: dict[str, bytes] = {}
     name, kind = options.subcommand, getattr(options, "format", "")
     if product.figure is not None:
@@ -133,8 +133,8 @@ def _check_unchanged(path: Path, command: str) -> None:
     problem = _find_change(path, command)
     if problem:
         raise InputError(
-            f"{path}: must be new, or unchanged since {command} wrote it, but {problem}; "
-            f"move it away, or choose another --output"
+            f"{path}: only a folder left as {command} wrote it can be replaced, but {problem}; "
+            f"move the folder away, or choose another --output"
         )
 
 

@@ -1,4 +1,4 @@
-"""The product of a subcommand for one of several robots, with factors in its tables."""
+"""A subcommand's product for one of several robots, with factors added to its tables."""
 
 import argparse
 from dataclasses import replace
@@ -10,13 +10,13 @@ from .tables.agents import choose_robot
 from .tables.study import Study
 
 NAMING = ("treatment", "group", "run")
-"""Columns that identify the treatment of a row; the first one present is used."""
+"""Columns that identify a row's treatment; the first one present is used."""
 SIDES = ("a", "b")
 """Columns with the two treatments of a comparison."""
 
 
 def make_product(subcommand: Subcommand, study: Study, options: argparse.Namespace) -> Product:
-    """Make the product of a subcommand, with a message that names the displayed robot."""
+    """Make a subcommand's product, with a message that names the robot shown."""
     chosen = getattr(subcommand, "ONE_ROBOT", False)
     if not chosen and not getattr(subcommand, "FIRST_ROBOT", False):
         return _add_all_factors(subcommand.make_product(study, options), study)
@@ -29,7 +29,7 @@ def make_product(subcommand: Subcommand, study: Study, options: argparse.Namespa
     rest = f", with {others} in view" if in_view else f" alone, without {others}"
     about = choice.robot + rest
     if chosen and options.agent is None:
-        about = f"{about}; --agent NAME shows another"
+        about = f"{about}; --agent NAME shows another robot"
     return replace(product, messages=[*product.messages, about])
 
 
@@ -40,9 +40,10 @@ def _add_all_factors(product: Product, study: Study) -> Product:
 
 
 def _add_factors(table: pd.DataFrame, study: Study) -> pd.DataFrame:
-    """Insert the levels of factors of each row's treatment, or of both treatments ``a`` and ``b``.
+    """Insert the factor levels of each row's treatment, or of its treatments ``a`` and ``b``.
 
-    Names that are taken get the prefix ``factor_``; rows of several treatments have empty cells.
+    A column name that is taken gets the prefix ``factor_``; rows that cover several treatments have
+    empty cells.
     """
     records = (*study.evaluations, *study.records)  # runs take precedence if labels are equal
     factors = list(dict.fromkeys(name for record in records for name in record.levels))

@@ -1,4 +1,4 @@
-"""Figures of a finished run, drawn by its workers, so that only they import plotting code."""
+"""Figures of a finished run, drawn in workers, so that only workers import plotting code."""
 
 import io
 import shutil
@@ -26,19 +26,19 @@ def check_figures(values: Mapping[str, Any]) -> None:
     listed = isinstance(names, list | tuple) and all(name in drawable for name in names)
     if not listed or len(set(names)) != len(names):
         raise InputError(
-            f"figures: must be a list of subcommands of evoros analyze, each once "
+            f"figures: must be a list of different subcommands of evoros analyze "
             f"({', '.join(drawable)}), not {names!r}; type figures=[fitness], for example"
         )
 
 
 def draw_figure(run: Path, name: str, folder: Path) -> list[str]:
-    """Write the files of one subcommand into a folder, in a worker; return its warnings.
+    """Write the files of one subcommand into a folder, in a worker; return the warnings.
 
-    The files move there from a draft folder once all are on disk, the picture last.
+    The files are moved there from a draft folder once all are on disk, the picture last.
     """
     from .command import draw
 
-    make_folder(folder)  # puts its name on disk, too
+    make_folder(folder)  # syncs the folder's name, too
     draft = folder / f".{name}.part"
     shutil.rmtree(draft, ignore_errors=True)
     with _silence() as stack:
@@ -53,7 +53,7 @@ def draw_figure(run: Path, name: str, folder: Path) -> list[str]:
 
 
 def _silence() -> ExitStack:
-    """Silence a worker's terminal output; the main process reports its warnings."""
+    """Silence a worker's terminal output; the main process reports the warnings."""
     stack = ExitStack()
     stack.enter_context(redirect_stdout(io.StringIO()))
     for handler in LOGGER.handlers:

@@ -26,17 +26,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Product:
-    """A figure, its data, messages, and other files."""
+    """The result of a subcommand: a figure, tables, messages, and other files."""
 
     table: "pd.DataFrame | None" = None  # becomes SUBCOMMAND.csv
     figure: "Figure | None" = None  # becomes SUBCOMMAND.FORMAT
     messages: Sequence[str] = ()  # lines for standard output
-    tables: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)  # further ones, by file
+    tables: "Mapping[str, pd.DataFrame]" = field(
+        default_factory=dict
+    )  # further tables, by file name
     files: Mapping[str, bytes] = field(default_factory=dict)  # content by file name
     folder: str = ""
-    """If set, this folder is written as a whole, and ``files`` are by path inside it."""
+    """If set, this folder is written as a whole, and the keys of ``files`` are paths inside it."""
     status: int = DONE
-    """The exit status of the command; other values come from requirements."""
+    """The exit status of the command; ``regression`` can set others."""
 
 
 def to_csv(table: "pd.DataFrame") -> bytes:
@@ -48,8 +50,8 @@ NAME = "evoros analyze"
 ABOUT = """evoros analyze turns the folders of runs and evaluations, or sweeps of them, into figures
 and the numbers behind them.
 
-Incomplete or damaged folders are skipped, and each is reported. Exit status: 0 done; 2 input that
-cannot be used; 3 or 4 the result of regression; 130 interrupted."""
+Incomplete or damaged folders are skipped, and each is reported. Exit status: 0 done; 2 invalid
+input; 3 or 4 the result of regression; 130 interrupted."""
 
 SUBCOMMANDS: Mapping[str, str] = {
     "overlay": ".figures.overlay",
@@ -70,12 +72,12 @@ SUBCOMMANDS: Mapping[str, str] = {
     "report": ".report.page",
     "requirements": ".report.requirements",
 } | {name: module for plugin in find_plugins().values() for name, module in plugin.figures.items()}
-"""The module of each subcommand; relative ones are below ``evoros.analysis``."""
+"""The module of each subcommand; relative names are relative to ``evoros.analysis``."""
 EXPORTS: frozenset[str] = frozenset().union(*(plugin.exports for plugin in find_plugins().values()))
-"""The subcommands without a figure: files for other software, or figures of other subcommands."""
+"""The subcommands that export files for other software instead of drawing a new figure."""
 FIGURE_FORMATS: Mapping[str, str] = {
-    "pdf": "text stays text, fonts are embedded",
-    "svg": "letters are outlines, so that no font is needed",
+    "pdf": "text stays text, with embedded fonts",
+    "svg": "letters become outlines, so no font is needed",
     "png": "300 dots per inch",
 }
 """Descriptions of figure formats; the first format is the default."""
@@ -85,8 +87,8 @@ class Subcommand(Protocol):
     """The module of a subcommand; ``docs/figures.md`` is generated from its strings and arguments.
 
     Optional attributes are ``FORMATS`` (default: figure formats), ``OUTPUT`` (default:
-    ``figures``), ``ONE_ROBOT`` if it shows a chosen robot, ``FIRST_ROBOT`` if it always shows the
-    first, and ``add_arguments(parser)``.
+    ``figures``), ``ONE_ROBOT`` if the figure shows a robot that the user can choose,
+    ``FIRST_ROBOT`` if it always shows the first robot, and ``add_arguments(parser)``.
     """
 
     HELP: str  # one line
@@ -111,7 +113,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     subparsers = parser.add_subparsers(dest="subcommand", metavar="SUBCOMMAND", required=True)
     for name in chosen or SUBCOMMANDS:
         module = import_subcommand(name)
-        text = module.HELP.replace("%", "%%")  # argparse formats the help with %
+        text = module.HELP.replace("%", "%%")  # argparse formats help with %
         about = f"{module.HELP}. Needs {module.NEEDS}."
         add_all_arguments(subparsers.add_parser(name, help=text, description=about), module)
     options, rest = parser.parse_known_args(list(arguments))
@@ -120,7 +122,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     for folder in options.folders:
         if str(folder) in SUBCOMMANDS and not folder.exists():
             raise InputError(
-                f"{folder}: must be a folder, not the name of a figure; draw one figure at a time"
+                f"{folder}: is the name of a figure, not a folder; draw one figure at a time"
             )
     return options
 
@@ -131,10 +133,10 @@ def _check_order(arguments: Sequence[str]) -> None:
         return
     if Path(word).exists() or "/" in word:
         figure = next((text for text in others if text in SUBCOMMANDS), "FIGURE")
-        raise InputError(f"{word}: must come after a figure; type: {NAME} {figure} {word}")
+        raise InputError(f"{word}: must come after a figure's name; type: {NAME} {figure} {word}")
     close = get_close_matches(word, SUBCOMMANDS, 1)
     fix = f"type: {NAME} {close[0]}" if close else f"choose from {', '.join(SUBCOMMANDS)}"
-    raise InputError(f"{word}: must be the name of a figure; {fix}")
+    raise InputError(f"{word}: is not the name of a figure; {fix}")
 
 
 def _explain_unknown(figure: str, word: str) -> str:
@@ -156,7 +158,7 @@ def add_all_arguments(parser: argparse.ArgumentParser, module: Subcommand) -> No
     _add_common_arguments(parser, getattr(module, "OUTPUT", "figures"))
     _add_formats(parser, getattr(module, "FORMATS", FIGURE_FORMATS))
     if getattr(module, "ONE_ROBOT", False):
-        about = "show this robot instead of the first"
+        about = "show this robot instead of the first one"
         parser.add_argument("--agent", metavar="NAME", help=about)
     getattr(module, "add_arguments", lambda parser: None)(parser)
 
@@ -164,7 +166,7 @@ def add_all_arguments(parser: argparse.ArgumentParser, module: Subcommand) -> No
 def _add_common_arguments(parser: argparse.ArgumentParser, output: str) -> None:
     about = "a run, an evaluation, or a folder that contains them at any depth, such as a sweep"
     parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER", help=about)
-    about = "only runs with this level of a factor, or one of LEVEL,LEVEL; may be repeated"
+    about = "only runs with this level of a factor, or with one of LEVEL,LEVEL; may be repeated"
     parser.add_argument("--where", action="append", default=[], metavar="FACTOR=LEVEL", help=about)
     about = "YAML file with names of treatments and additional factors"
     parser.add_argument("--treatments", type=Path, metavar="FILE", help=about)
@@ -173,7 +175,7 @@ def _add_common_arguments(parser: argparse.ArgumentParser, output: str) -> None:
 
 
 def _add_formats(parser: argparse.ArgumentParser, formats: Mapping[str, str]) -> None:
-    """Add ``--format`` if there are several formats, and the options of a figure's style."""
+    """Add ``--format`` if there are several formats, and the options for a figure's style."""
     from .drawing.finish import LETTERS
 
     if formats:
@@ -181,19 +183,19 @@ def _add_formats(parser: argparse.ArgumentParser, formats: Mapping[str, str]) ->
         default = next(iter(formats))
         parser.add_argument("--format", choices=formats, default=default, help=about)
     if formats is FIGURE_FORMATS:
-        about = "the figure's width in columns of a page: 3.5 in or 7 in"
+        about = "the figure's width in page columns: 3.5 in or 7 in"
         parser.add_argument("--columns", type=int, choices=(1, 2), help=about)
         about = (
-            "a matplotlib style file, such as a journal's, or a style of matplotlib: "
-            "fonts, font.size, and the width of figure.figsize for one column"
+            "a matplotlib style file, such as a journal's, or the name of a matplotlib style, for "
+            "fonts, font.size, and the width of one column (figure.figsize)"
         )
         parser.add_argument("--style", metavar="FILE", help=about)
-        about = "letter the panels, beginning with this letter"
+        about = "letter the panels, starting with this letter"
         parser.add_argument("--panel-letters", choices=LETTERS, default="", help=about)
 
 
 def import_subcommand(name: str) -> Subcommand:
-    """Import the module of a subcommand, and matplotlib with it."""
+    """Import the module of a subcommand, which may import matplotlib."""
     return cast(Subcommand, import_module(SUBCOMMANDS[name], __package__))
 
 

@@ -1,7 +1,7 @@
-"""Number of clusters among points: Ward's method, silhouettes, and two tests.
+"""The number of clusters among points, by Ward's method, silhouettes and two tests.
 
-Clustering finds clusters in any cloud of points. The best silhouette is therefore compared with
-clouds without clusters (``find_clusters``) and with samples from a larger pool
+Clustering finds clusters in any point cloud. The best silhouette is therefore compared with
+the silhouettes of clouds without clusters (``find_clusters``) and of samples from a larger pool
 (``compare_with_samples``).
 """
 
@@ -39,12 +39,12 @@ class Clusters:
 
     @property
     def count(self) -> int:
-        """The number of clusters; 1 if there is no structure."""
+        """The number of clusters; 1 without significant structure."""
         return len(set(self.cut.tolist())) if self.real else 1
 
     @property
     def labels(self) -> NDArray[np.int64]:
-        """Cluster of each point (n,), from 1; all 1 if there is no structure."""
+        """The cluster of each point (n,), from 1; all 1 without significant structure."""
         return self.cut if self.real else np.ones_like(self.cut)
 
 
@@ -53,11 +53,11 @@ def find_clusters(points: Array, draws: int = DRAWS) -> Clusters:
 
     Ward's method uses Euclidean distances; silhouettes follow Rousseeuw (1987), J. Comput. Appl.
     Math. 20, 53-65. The clouds without clusters are uniform in a box along the principal components
-    of the points and have their covariance (the reference of the gap statistic: Tibshirani et al.
-    2001, J. R. Stat. Soc. B 63, 411-423). Their number of clusters is chosen in the same way. They
-    are uniform because such clouds split better than others without clusters. Points along a curve
-    look clustered to this test, so the coordinates must map one varying quantity to a line. The
-    order of the points makes no difference.
+    of the points and have the same covariance (the reference of the gap statistic: Tibshirani et
+    al. 2001, J. R. Stat. Soc. B 63, 411-423). The number of clusters in a cloud is chosen in the
+    same way. The clouds are uniform because uniform clouds split better than others without
+    clusters. Points along a curve look clustered to this test, so the coordinates must map one
+    varying quantity to a line. The order of the points makes no difference.
     """
     n = len(points)
     if n < MIN_POINTS or not np.ptp(points, axis=0).any():
@@ -77,7 +77,7 @@ def find_clusters(points: Array, draws: int = DRAWS) -> Clusters:
 
 
 def compare_with_samples(silhouette: float, n: int, pool: Array, draws: int = DRAWS) -> float:
-    """Return the p-value of a silhouette against n points of ``pool`` (m, d); NaN if m < 2 n."""
+    """Return a silhouette's p-value against samples of n from ``pool`` (m, d); NaN if m < 2 n."""
     if np.isnan(silhouette) or len(pool) < 2 * n:
         return np.nan
     ordered = pool[np.lexsort(pool.T)]
@@ -98,10 +98,10 @@ def cut_best(points: Array) -> tuple[float, NDArray[np.int64]]:
 
 
 def _cuts(tree: Array) -> list[NDArray[np.int64]]:
-    """Cut a tree of ``linkage`` into 2 to ``MAX_CLUSTERS`` clusters, numbered from 1.
+    """Cut a tree from ``linkage`` into 2 to ``MAX_CLUSTERS`` clusters, numbered from 1.
 
-    SciPy's ``fcluster`` may return fewer clusters for merges at equal distances. Both it and
-    ``cut_tree`` take ten times as long, which dominates the time for many small clouds.
+    SciPy's ``fcluster`` may return fewer clusters for merges at equal distances. ``fcluster`` and
+    ``cut_tree`` take ten times as long, which would dominate the time for many small clouds.
     """
     n = len(tree) + 1
     members = {node: [node] for node in range(n)}  # points by node, in ascending order
@@ -122,7 +122,7 @@ def _number(clusters: Iterable[list[int]], n: int) -> NDArray[np.int64]:
 
 
 def _silhouette(distances: Array, labels: NDArray[np.int64]) -> float:
-    """Return the mean silhouette over all points, which SciPy lacks; lone points count as 0."""
+    """Return the mean silhouette of all points (not in SciPy); single-point clusters count as 0."""
     row, column = np.arange(len(labels)), labels - 1
     size = np.bincount(column)
     sums = distances @ (labels[:, None] == np.arange(1, len(size) + 1))  # (n, clusters)

@@ -1,4 +1,4 @@
-"""Cones of sensors and outlines of robots from above, in the robot's frame (x forward, y left)."""
+"""Sensor cones and robot outlines in top view, in the robot's frame (x forward, y left)."""
 
 import math
 from collections.abc import Iterable
@@ -24,7 +24,7 @@ def outline_part(part: Part) -> Array:
 
 def dilate(vertices: Array, radius_m: float) -> Array:
     """Return the corners (k, 2) [m] of all points within a radius of a convex polygon (n, 2)."""
-    if radius_m == 0.0:  # saves time, as a large world has thousands of boxes
+    if radius_m == 0.0:  # a shortcut, because a large world has thousands of boxes
         return vertices
     turn = np.linspace(0.0, 2 * math.pi, _CORNERS, endpoint=False)
     rim = radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
@@ -35,7 +35,7 @@ def dilate(vertices: Array, radius_m: float) -> Array:
 def trace_cones(sensors: pd.DataFrame, reach_m: float = math.inf) -> list[Array]:
     """Return the cone (k, 2) [m] of each sensor, cut at ``reach_m``.
 
-    A cone's range is drawn along the ground, because the lowest rays are nearly level.
+    Pitch does not shorten a cone, because the lowest rays are nearly level.
     """
     return [
         trace_sector(x, y, yaw, fov, min(range_m, reach_m))
@@ -46,7 +46,7 @@ def trace_cones(sensors: pd.DataFrame, reach_m: float = math.inf) -> list[Array]
 def trace_sector(
     x_m: float, y_m: float, yaw_deg: float, width_deg: float, radius_m: float
 ) -> Array:
-    """Return the tip and arc (k, 2) [m] of a sector centred on ``yaw_deg``, from the right."""
+    """Return the tip and arc (k, 2) [m] of a sector centred on ``yaw_deg``, from right to left."""
     count = 2 + math.ceil(width_deg / 360 * _CORNERS)
     angles = np.radians(yaw_deg + np.linspace(-width_deg / 2, width_deg / 2, count))
     arc = radius_m * np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -73,7 +73,7 @@ def trace_zone(
 
 
 def find_covered(sensors: pd.DataFrame, x: Array, y: Array, cell_m: float, reach_m: float) -> Array:
-    """Return True for each point x, y [m], of equal shape, inside a cone of any sensor.
+    """Return True for each point x, y [m] (arrays of one shape) inside any sensor's cone.
 
     A cone extends at least half a cell to either side, so that a single ray also covers cells.
     """
@@ -92,7 +92,7 @@ def find_covered(sensors: pd.DataFrame, x: Array, y: Array, cell_m: float, reach
 def fit_window(
     contexts: Iterable[FigureContext], sensors: pd.DataFrame, reach_m: float, margin_m: float = 0.03
 ) -> Window:
-    """Return the window that contains the robots and cones, symmetric about the x axis."""
+    """Return the window around the robots and cones, symmetric about the x axis."""
     outlines = [outline_part(part) for context in contexts for part in context.parts]
     points = np.vstack([*outlines, *trace_cones(sensors, reach_m), np.zeros((1, 2))])
     (x_low, _), (x_high, _) = points.min(axis=0), points.max(axis=0)

@@ -1,4 +1,4 @@
-"""Features of designs, one row each, and comparisons of champions with random designs."""
+"""Features of designs, one row per design, and comparisons of champions with random designs."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -24,22 +24,22 @@ from .clusters import Clusters, compare_with_samples, find_clusters
 
 STEP_DEG = 5
 HEADINGS_DEG = np.arange(-180.0, 180.0, STEP_DEG)
-"""Headings in the robot's frame: 0 is ahead, left is positive, -180 equals 180."""
+"""Headings in the robot's frame: 0 is straight ahead, left is positive, -180 equals 180."""
 AHEAD_DEG = 30.0
 """Headings within this angle of straight ahead count as ahead."""
 QUANTILES = 36
 DESIGN = ["run", "treatment", "seed", "design"]
 """The columns of a sensor table that identify a design."""
 NEAR_M, NEAR_DEG = 0.05, 15.0
-"""Sensors that differ by at most this distance and angle (half a beam) are redundant."""
+"""Maximum distance and angle (half a beam) between redundant sensors."""
 _PLACE = ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "pair"]
 
 
 def compute_profiles(sensors: pd.DataFrame) -> pd.DataFrame:
     """Count the sensors that cover each heading: one row per design, one column per heading [deg].
 
-    Each count is the exact mean over the ``STEP_DEG`` around the heading; counts at single headings
-    would not distinguish designs that differ by less. The index, sorted, is ``DESIGN``.
+    Each count is the exact mean over ``STEP_DEG`` centred on the heading; counts at single headings
+    would not distinguish designs that differ by less. The table is sorted by its index ``DESIGN``.
     """
     frame = pd.DataFrame(_overlap(sensors, HEADINGS_DEG, STEP_DEG / 2) / STEP_DEG)
     frame.columns = pd.Index(HEADINGS_DEG)
@@ -47,7 +47,7 @@ def compute_profiles(sensors: pd.DataFrame) -> pd.DataFrame:
 
 
 def share_ahead(sensors: pd.DataFrame, within_deg: float = AHEAD_DEG) -> "pd.Series[float]":
-    """Return the share of each design's total field of view near ahead; NaN without sensors."""
+    """Return the share of each design's total field of view near 0 deg; NaN without sensors."""
     placed = sensors.yaw_deg.notna().to_numpy()
     opening = np.where(placed, _openings(sensors), 0.0)
     seen = _overlap(sensors, np.zeros(1), within_deg)[:, 0]
@@ -58,7 +58,7 @@ def share_ahead(sensors: pd.DataFrame, within_deg: float = AHEAD_DEG) -> "pd.Ser
 
 
 def _overlap(sensors: pd.DataFrame, headings: Array, around: float) -> Array:
-    """Return the degrees that each sensor covers within ``around`` of a heading, (n, headings)."""
+    """Return the degrees (n, headings) that each sensor covers within ``around`` of a heading."""
     yaw, half = sensors.yaw_deg.to_numpy(float)[:, None], _openings(sensors)[:, None] / 2
     overlap = np.zeros((len(sensors), len(headings)))
     for turn in (-360.0, 0.0, 360.0):
@@ -75,16 +75,16 @@ def _openings(sensors: pd.DataFrame) -> Array:
 
 
 def compute_directions(profiles: pd.DataFrame) -> Array:
-    """Return quantiles of the angle from ahead [deg] over all covered headings, (n, ``QUANTILES``).
+    """Return quantiles (n, ``QUANTILES``) of covered headings' angles [deg] from straight ahead.
 
-    Left and right count alike; blind designs have 180. The Euclidean distance of two rows, divided
-    by the root of ``QUANTILES``, is the Wasserstein distance of order 2. If all sensors rotate
-    together, these points move along a line, whereas profiles move along a curve.
+    Left and right count alike; a blind design has 180 everywhere. The Euclidean distance of two
+    rows, divided by the root of ``QUANTILES``, is the Wasserstein distance of order 2. If all
+    sensors rotate together, these points move along a line, whereas profiles move along a curve.
     """
     values = profiles.to_numpy(float)
     mirrored = np.roll(values[:, ::-1], 1, axis=1)  # -180 stays, 5 moves to -5
     zero = len(HEADINGS_DEG) // 2
-    # The columns are 0, 5 ... 180 deg off ahead.
+    # The columns are 0, 5, ..., 180 deg from straight ahead.
     both_sides = np.hstack([values + mirrored, 2 * values[:, :1]])[:, zero:]
     edges = np.clip(np.arange(both_sides.shape[1] + 1) - 0.5, 0, zero) * STEP_DEG
     seen = np.hstack([np.zeros((len(values), 1)), np.cumsum(both_sides * np.diff(edges), axis=1)])
@@ -97,7 +97,7 @@ def compute_directions(profiles: pd.DataFrame) -> Array:
 
 
 def normalize_profiles(profiles: pd.DataFrame) -> Array:
-    """Divide each profile by its sum, (n, 73); the last column is 1 for a blind design."""
+    """Return profiles divided by their sums (n, 73); the last column is 1 for a blind design."""
     values = profiles.to_numpy(float)
     total = values.sum(axis=1, keepdims=True)
     blind = total == 0
@@ -116,12 +116,12 @@ def measure_nearness(
     near_m: float = NEAR_M,
     near_deg: float = NEAR_DEG,
 ) -> pd.DataFrame:
-    """Measure how close the sensors of each design are: one row per design, sorted by ``DESIGN``.
+    """Measure how close each design's sensors are: one row per design, sorted by ``DESIGN``.
 
     ``redundant`` is true if two sensors that are not twins are at most ``near_m`` apart and differ
-    by at most ``near_deg`` in yaw and pitch. ``closest_m`` is the minimum distance, infinite for
-    fewer than two sensors. ``lost`` is the expected number of sensors that fail if damage with
-    ``rings`` (default: from the paper) hits one of them.
+    by at most ``near_deg`` in yaw and pitch. ``closest_m`` is the minimum distance between two
+    sensors, infinite for fewer than two. ``lost`` is the expected number of sensors that fail if
+    damage with ``rings`` (default: the paper's) hits one of them.
     """
     rings = tuple(rings) or paper_rings()
     rows = {key: _measure(places, rings, near_m, near_deg) for key, places in _designs(sensors)}
@@ -131,7 +131,7 @@ def measure_nearness(
 
 
 def _designs(sensors: pd.DataFrame) -> Iterator[tuple[tuple[object, ...], Array]]:
-    """Yield each design's key and its sensors' ``_PLACE`` (n, 6); n is 0 without sensors."""
+    """Yield each design's key, and its sensors' ``_PLACE`` columns (n, 6)."""
     ordered = sensors.sort_values(DESIGN, kind="stable", ignore_index=True)
     keys = list(zip(*(ordered[name].tolist() for name in DESIGN), strict=True))
     values = ordered[_PLACE].to_numpy(float)
@@ -158,7 +158,7 @@ def _measure(
 
 FRONT, SIDE, NEITHER = "front array", "side mounts", "no sensors"
 ALL = "all"
-"""Value of the column ``treatment`` for the champions of all treatments together."""
+"""Value of ``treatment`` in rows about the champions of all treatments together."""
 _ORDER = ("treatment", "measure", "at", "value", "low", "high", "n", "random", "n_random", "p")
 Row = dict[str, object]
 
@@ -174,8 +174,8 @@ def describe_designs(
 
     A design is a front array if at least half of its total field of view lies within 30 deg of
     straight ahead.
-    Clustered champions take the class of their cluster's mean. Random designs are dropped if no
-    champion of their treatment has the same number of sensors.
+    If champions form clusters, each is classified by the mean of its cluster. Random designs are
+    dropped if no champion of the treatment has the same number of sensors.
     """
     best = _describe(champions, rings, near_m, near_deg).assign(random=False)
     clusters = find_clusters(compute_directions(best[HEADINGS_DEG]))
@@ -201,7 +201,7 @@ def _describe(
 
 
 def _classify(share: float) -> str:
-    """Name the strategy for a share of the field of view ahead; NaN: no sensors."""
+    """Name the strategy for a share of the field of view near 0 deg; NaN means no sensors."""
     if np.isnan(share):
         return NEITHER
     return FRONT if share >= 0.5 else SIDE
@@ -256,7 +256,7 @@ def _structure(best: pd.DataFrame, drawn: pd.DataFrame) -> Iterator[Row]:
 
 
 def cluster_designs(designs: pd.DataFrame) -> Clusters:
-    """Cluster the designs of a table of ``describe_designs`` by the headings that they cover."""
+    """Cluster the designs in a table of ``describe_designs`` by the headings that they cover."""
     return find_clusters(compute_directions(designs[HEADINGS_DEG]))
 
 
@@ -285,7 +285,7 @@ def _p(best: "pd.Series[float]", drawn: "pd.Series[float]") -> float:
 
 
 def _adjust(frame: pd.DataFrame) -> "pd.Series[float]":
-    """Adjust the p-values of each measure over the treatments, using Holm's method."""
+    """Adjust each measure's p-values over the treatments by Holm's method."""
     single = frame[frame.p.notna() & (frame.treatment != ALL)]
     adjusted = frame.p.where(frame.treatment == ALL).copy()
     for rows in single.groupby(["measure", "at"], dropna=False).groups.values():

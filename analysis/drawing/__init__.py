@@ -1,1 +1,1 @@
-"""Shared drawing: style, pages of panels, tables of text, robots and worlds from above."""
+"""Shared drawing: style, pages of panels, text tables, and top views of robots and worlds."""

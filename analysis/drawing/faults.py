@@ -18,12 +18,12 @@ from evoros.filter.protocol import ALTERS, ENDS, GROWS
 from ..tables.tracks import PARTS
 from .style import ORANGE, VERMILLION, YELLOW
 
-_LABEL_M = 1.2  # failures within this distance share a label
+_LABEL_M = 1.2  # failures closer than this share a label
 DASHES: Mapping[int, Any] = {1: "-", 2: (0, (2.5, 1.0))}
 """Line style of each phase of a mission."""
 _HEAD: dict[str, Any] = {"ls": "none", "ms": 4.5, "mec": "black", "mew": 0.5}
 _HEADS = {1: {**_HEAD, "mfc": "black"}, 2: {**_HEAD, "mfc": "white"}}
-_APART_M, _ARROWHEAD_M = 7.0, 0.3  # arrowhead spacing, and path length for direction
+_APART_M, _ARROWHEAD_M = 7.0, 0.3  # arrowhead spacing, and length of path that gives the direction
 _ARROW_M = 1.5  # length of the arrow at the start of the path
 _POINT: dict[str, Any] = {"ls": "none", "marker": "v", "ms": 5, "mec": "black", "mew": 0.7}
 _MARKS: Mapping[str, Mapping[str, Any]] = {
@@ -33,19 +33,19 @@ _MARKS: Mapping[str, Mapping[str, Any]] = {
 }
 _WORDS = {
     ENDS: "sensor fails: {} (number)",
-    ALTERS: "sensor errs: {} (number)",
-    GROWS: "error begins: {} (sensor)",
+    ALTERS: "sensor error: {} (number)",
+    GROWS: "error starts: {} (number)",
 }
 _PART: dict[str, Any] = {**_POINT, "marker": "D", "ms": 5.5, "mfc": VERMILLION}
 _WEDGE: dict[str, Any] = {"color": ORANGE, "alpha": 0.45}
 _WIDEST_PT = 6.0  # maximum width of a growing fault's band
 GROWN_S = 60.0
 """Seconds until the band of a growing error has its full width."""
-_STRETCHES = 60  # number of segments of a widening band
+_STRETCHES = 60  # number of segments in a widening band
 
 
 def draw_faults(axes: Axes, path: pd.DataFrame, effects: Mapping[str, str]) -> None:
-    """Mark failures on a path by their ``effects``; a growing fault gets a widening band."""
+    """Mark failures on a path by their ``effects``; a growing error has a widening band."""
     for effect, rows in _split(path):
         kind = effects.get(effect, ENDS)
         if kind == GROWS:
@@ -60,7 +60,7 @@ def draw_faults(axes: Axes, path: pd.DataFrame, effects: Mapping[str, str]) -> N
 
 
 def _name_part(axes: Axes, place: tuple[float, float], name: str) -> None:
-    """Write a part's name next to a place, towards the middle of the map."""
+    """Write a part's name next to a point, towards the middle of the map."""
     left = place[0] > sum(axes.get_xlim()) / 2
     style: dict[str, Any] = {"ha": "right" if left else "left", "va": "center", "zorder": 6}
     halo = [withStroke(linewidth=2.0, foreground="white")]
@@ -72,7 +72,7 @@ def _name_part(axes: Axes, place: tuple[float, float], name: str) -> None:
 def _split(
     path: pd.DataFrame, failed: str = "failed_sensors", failed_by: str = "failed_by"
 ) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Yield each effect with the rows in which items failed by it, reduced to these items."""
+    """Yield each effect with the rows in which it failed items, reduced to these items."""
     if failed not in path:
         return
     hit = path[path[failed].fillna("") != ""]  # other robots' parts cannot fail
@@ -87,7 +87,7 @@ def _split(
 
 
 def _draw_growth(axes: Axes, path: pd.DataFrame, begin: int) -> None:
-    """Draw a band along the path from the row ``begin`` on, widening with time."""
+    """Draw a band along the path from row ``begin`` on that widens with time."""
     rows = path.loc[begin:]
     places: Array = rows[["x_m", "y_m"]].to_numpy(float)
     time_s = rows["time_s"].to_numpy(float)
@@ -126,7 +126,7 @@ def split_by_mode(path: pd.DataFrame) -> Iterator[tuple[str, Array]]:
 
 
 def split_by_phase(path: pd.DataFrame) -> Iterator[tuple[int, pd.DataFrame]]:
-    """Split a mission's path into phases 1 and 2, which share the point between them."""
+    """Split a mission's path into phases 1 and 2, which share the point where they meet."""
     phases = path["phase"].to_numpy(int) if "phase" in path else np.ones(len(path), dtype=int)
     back = int(np.argmax(phases == 2)) if (phases == 2).any() else len(path)
     yield 1, path.iloc[: back + 1]
@@ -148,7 +148,7 @@ def draw_direction(axes: Axes, path: pd.DataFrame, phase: int) -> None:
 
 
 def make_phase_handles(tracks: pd.DataFrame) -> list[Line2D]:
-    """Make the legend entries of the phases; none if there is only one."""
+    """Make the legend entries of the phases; none if there is only one phase."""
     phases = set(tracks["phase"]) if "phase" in tracks else {1}
     words = {1: "first phase", 2: "second phase, backwards"}
     return [
@@ -172,14 +172,14 @@ def draw_arrow(axes: Axes, path: pd.DataFrame) -> None:
 def write_numbers(
     axes: Axes, rows: pd.DataFrame, column: str, offset_pt: tuple[float, float]
 ) -> None:
-    """Write the sensor numbers of a column next to the places of the rows."""
+    """Write the sensor numbers in a column next to the rows' positions."""
     style: dict[str, Any] = {"textcoords": "offset points", "fontsize": "small", "zorder": 6}
     for place, text in _group_labels(rows, column):
         axes.annotate(text, place, xytext=offset_pt, **style)
 
 
 def _group_labels(rows: pd.DataFrame, column: str) -> Iterator[tuple[tuple[float, float], str]]:
-    """Yield places and labels of sensor numbers; nearby rows share a label without repetition."""
+    """Yield positions and labels of sensor numbers; nearby rows share a label."""
     groups: list[tuple[tuple[float, float], list[str]]] = []
     places = zip(rows["x_m"].tolist(), rows["y_m"].tolist(), strict=True)
     for place, text in zip(places, rows[column].tolist(), strict=True):

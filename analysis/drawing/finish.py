@@ -18,9 +18,9 @@ from matplotlib.transforms import Bbox
 from evoros.base.arrays import Array
 
 LETTERS = ("A", "a", "(a)")
-"""Styles of panel letters, each given as the first panel's letter."""
+"""Styles of panel letters, each by the first panel's letter."""
 _GAP_PT = 2.0  # minimum gap between tick labels
-_ROUNDS = 8  # maximum number of rounds that remove ticks
+_ROUNDS = 8  # maximum number of attempts to remove ticks
 _LETTERED = "lettered"  # group id of a figure with panel letters
 COLOUR_BAR = "<colorbar>"
 """Matplotlib's label for the axes of a colour bar."""
@@ -30,7 +30,7 @@ def prepare_figure(figure: Figure, letters: str = "") -> None:
     """Prepare a figure for its layout; ``letters`` is one of ``LETTERS``, or empty."""
     if letters and figure.get_gid() != _LETTERED:
         _add_letters(figure, letters)
-        figure.set_gid(_LETTERED)  # prevents repeated letters
+        figure.set_gid(_LETTERED)  # so that letters are added only once
     for axes in figure.axes:
         _keep_marks_whole(axes)
         _spell_names(axes)
@@ -40,13 +40,13 @@ def prepare_figure(figure: Figure, letters: str = "") -> None:
 
 
 def fit_text(figure: Figure) -> None:
-    """Remove ticks and move notes until none overlap, in a figure with a fixed layout."""
+    """Remove ticks and move notes so that no text overlaps, in a figure with a fixed layout."""
     _thin_ticks(figure)
     _part_numbers(figure)
 
 
 def list_panels(figure: Figure) -> list[Axes]:
-    """List the axes that are panels, row by row, without colour bars, twins and pictures."""
+    """List the axes that are panels, without colour bars, twins and pictures."""
     panels: list[Axes] = []
     for axes in figure.axes:
         twin = any(np.allclose(axes.bbox.bounds, other.bbox.bounds) for other in panels)
@@ -74,7 +74,7 @@ def _add_letters(figure: Figure, first: str) -> None:
 
 
 def letter(index: int) -> str:
-    """Return the letter of an index: A to Z, then AA, BB ...; it stands for a name too long."""
+    """Return the letter for an index: A to Z, then AA, BB ..."""
     return chr(ord("A") + index % 26) * (1 + index // 26)
 
 
@@ -85,7 +85,7 @@ def _find_titles(axes: Axes) -> list[Text]:
 
 
 def _sort(panels: Sequence[Axes]) -> list[Axes]:
-    """Sort panels by rows from the top, then from the left."""
+    """Sort panels by row from the top, then from left to right."""
     rows: list[list[Axes]] = []
     for axes in sorted(panels, key=lambda axes: -axes.get_position().y1):
         top = axes.get_position().y1
@@ -97,7 +97,7 @@ def _sort(panels: Sequence[Axes]) -> list[Axes]:
 
 
 def _spell_names(axes: Axes) -> None:
-    """Replace underscores in titles and labels by spaces."""
+    """Replace underscores in titles and labels with spaces."""
     _spell([*_find_titles(axes), axes.xaxis.label, axes.yaxis.label])
     for axis in (axes.xaxis, axes.yaxis):
         formatter = axis.get_major_formatter()
@@ -113,7 +113,7 @@ def _spell(texts: Iterable[Text]) -> None:
 
 
 def _keep_marks_whole(axes: Axes) -> None:
-    """Let markers inside the axes extend over the edges."""
+    """Let markers inside the axes extend over the axes' edges."""
     for artist in axes.get_children():
         places = find_marks(artist, axes)
         if places is not None and len(places) and _within(places, axes):
@@ -121,7 +121,7 @@ def _keep_marks_whole(axes: Axes) -> None:
 
 
 def find_marks(artist: Artist, axes: Axes) -> Array | None:
-    """Return the places (n, 2) of an artist's markers; None without markers in data units."""
+    """Return the positions (n, 2) of an artist's markers; None without markers in data units."""
     if isinstance(artist, PathCollection) and artist.get_offset_transform() == axes.transData:
         return _fill(artist.get_offsets())
     if isinstance(artist, Line2D) and artist.get_transform() == axes.transData:
@@ -135,7 +135,7 @@ def _fill(places: Any) -> Array:
 
 
 def _within(places: Array, axes: Axes) -> bool:
-    """Return True if all known places are within the axes' limits, or on them."""
+    """Return True if all known positions lie within the axes' limits or on them."""
     limits = np.sort([axes.get_xlim(), axes.get_ylim()], axis=1)
     slack = 1e-9 * np.ptp(limits, axis=1)
     known = places[np.isfinite(places).all(axis=1)]
@@ -144,7 +144,7 @@ def _within(places: Array, axes: Axes) -> bool:
 
 
 def _thin_ticks(figure: Figure) -> None:
-    """Remove ticks, where a locator chooses them, until no labels of an axis collide."""
+    """Remove ticks chosen by a locator until no labels of an axis collide."""
     for _ in range(_ROUNDS):
         figure.draw_without_rendering()
         crowded = [axis for axis in _number_axes(figure) if collide(list_tick_labels(axis))]
@@ -176,7 +176,7 @@ def _move(note: Annotation, others: Sequence[Text]) -> None:
 
 
 def _number_axes(figure: Figure) -> Iterator[Axis]:
-    """Yield the numeric axes with ticks that a locator chooses."""
+    """Yield the numeric axes whose ticks a locator chooses."""
     for axes in figure.axes:
         if axes.axison and axes.get_visible():
             for axis in (axes.xaxis, axes.yaxis):

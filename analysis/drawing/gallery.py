@@ -1,4 +1,4 @@
-"""Small pictures of designs: some next to the plot they come from, or one per cell."""
+"""Small pictures of designs, next to the plot that they come from or one per cell."""
 
 from collections.abc import Sequence
 
@@ -17,14 +17,14 @@ from .style import BLUE, VERMILLION, assign_colours
 
 LENGTHS = 1.5  # length at which cones are cut off, in robot lengths
 _QUARTILES = (0.25, 0.5, 0.75)
-MIN_IN = 0.19  # minimum side of a cell with a recognizable design
-SHORT = 0.7  # the same in a cell
+MIN_IN = 0.19  # minimum side of a cell in which a design is recognizable
+SHORT = 0.7  # length of the cones in a cell, in robot lengths
 _SHARE = 0.9  # size of a design as a share of its cell's side
 _BODY, _WHEEL, _EDGE = "0.97", "0.35", "black"
 
 
 def choose_apart(points: Array, count: int) -> list[int]:
-    """Choose rows of ``points`` (n, 2): the first, then repeatedly the one farthest from these."""
+    """Choose rows of ``points`` (n, 2): the first, then always the farthest from those chosen."""
     scale = np.ptp(points, axis=0)
     scaled = points / np.where(scale > 0, scale, 1.0)
     chosen = [0]
@@ -42,7 +42,7 @@ def draw_designs(
     designs: Sequence[pd.DataFrame],
     context: FigureContext,
 ) -> None:
-    """Draw one design with its cones per panel; ``designs`` have ``designs.COLUMNS``."""
+    """Draw one design per panel, with its cones; the designs have ``designs.COLUMNS``."""
     reach = LENGTHS * robot_length(context)
     everything = pd.concat(list(designs))
     view = fit_window([context], everything, reach)
@@ -62,7 +62,7 @@ def draw_in_cells(
 ) -> None:
     """Draw each design into its cell, all to the same scale.
 
-    The cells' ``centres`` (n, 2) and ``side`` (2,) are in the units of the axes. ``designs`` have
+    The cells' ``centres`` (n, 2) and ``side`` (2,) are in the units of the axes. The designs have
     ``designs.COLUMNS``.
     """
     reach = SHORT * robot_length(context)
@@ -98,7 +98,7 @@ def _to_cell(points: Array, view: Window) -> Array:
 def draw_growth(
     axes: Axes, growth: pd.DataFrame, treatments: Sequence[str], pooled: bool, column: str
 ) -> None:
-    """Draw a column against missions: each run, or the median and quartiles of each treatment.
+    """Plot a column against missions: each run, or the median and quartiles of each treatment.
 
     ``growth`` has the columns ``treatment``, ``run``, ``generation`` and ``missions``.
     """
@@ -114,6 +114,6 @@ def draw_growth(
         low, middle, high = (by_generation[column].quantile(share) for share in _QUARTILES)
         axes.fill_between(missions, low, high, color=colour, alpha=0.2, lw=0)
         axes.plot(missions, middle, color=colour, lw=1.2, marker=".", ms=3)
-    axes.set_xlabel("missions of a run")
+    axes.set_xlabel("missions per run")
     axes.set_ylim(bottom=0)
     axes.set_xlim(left=0)

@@ -1,4 +1,4 @@
-"""A robot from above and from the side, with its outline and sensor poses."""
+"""Top and side views of a robot, with its outline and sensor poses."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,12 +21,12 @@ _BODY, _WHEEL, _CASTER, _EDGE = "0.88", "0.45", "0.65", "0.35"
 
 
 def draw_robot_picture(robot: Robot, places: Mapping[str, Array]) -> bytes:
-    """Draw a robot as PNG; see ``draw_inspected_robot``."""
+    """Draw a robot as a PNG; see ``draw_inspected_robot``."""
     return render(draw_inspected_robot(robot, places), "png")
 
 
 def draw_inspected_robot(robot: Robot, places: Mapping[str, Array]) -> Figure:
-    """Draw a robot from above and from the right, with sensor poses (n, 5) by region."""
+    """Draw a robot's top and right-hand views, with sensor poses (n, 5) by region."""
     with use_style():
         figure = Figure(figsize=(PAGE_IN, 0.5 * PAGE_IN), layout="constrained")
         length, width = np.ptp(robot.outline, axis=0)
@@ -38,15 +38,15 @@ def draw_inspected_robot(robot: Robot, places: Mapping[str, Array]) -> Figure:
         side.axhline(0.0, color="0.3", lw=0.8, zorder=0)
         for colour, poses in zip(_cycle(len(places)), places.values(), strict=True):
             _draw_places(above, side, poses, colour)
-        above.set(xlabel="y, left [m]", ylabel="x, forward [m]", title="from above", aspect="equal")
+        above.set(xlabel="y, left [m]", ylabel="x, forward [m]", title="top view", aspect="equal")
         above.invert_xaxis()
-        side.set(xlabel="x, forward [m]", ylabel="z [m]", title="from the side", aspect="equal")
+        side.set(xlabel="x, forward [m]", ylabel="z [m]", title="side view", aspect="equal")
         figure.legend(handles=_legend(places), loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 
 def _draw_view(axes: Axes, robot: Robot, plane: tuple[int, int]) -> None:
-    # The nearest part comes last, which is the highest or the rightmost one.
+    # The part nearest to the viewer (the highest, or the rightmost) is drawn last.
     parts = [(shape_points(part.shape, part.pose), part) for part in robot.visuals]
     parts.sort(key=lambda item: item[0][:, Z].max() if Z not in plane else -item[0][:, Y].min())
     wheels = {part.link for part in robot.visuals if part.rolls} - {*robot.drive.caster_links}
@@ -57,7 +57,7 @@ def _draw_view(axes: Axes, robot: Robot, plane: tuple[int, int]) -> None:
 
 
 def _draw_places(above: Axes, side: Axes, poses: Array, colour: str) -> None:
-    """Draw a dot for each pose, and a short line in the direction of the sensor."""
+    """Draw a dot for each pose, and a short line in the sensor's direction."""
     length = 0.03
     for x, y, z, yaw, pitch in poses.tolist():
         ahead = length * math.cos(pitch)

@@ -1,4 +1,4 @@
-"""A mission on the map: path by mode, collisions and failures, and the legend."""
+"""Draw a mission on the map: path by mode, collisions, failures, and the legend."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -51,7 +51,7 @@ _TIME: dict[str, Any] = {"fontsize": "x-small", "zorder": 4.7, "textcoords": "of
 _TIME["xytext"] = (3, 2)
 _MARK: dict[str, Any] = {"ls": "none", "marker": "o", "mec": "black", "mew": 0.4, "ms": 6}
 POSE = ("x_m", "y_m", "yaw_rad")
-COLOURS = (ORANGE, SKY, PURPLE)  # differ from the first robot's, if it has few modes
+COLOURS = (ORANGE, SKY, PURPLE)  # differ from the first robot's colours if it has few modes
 ROBOT_DASHES = ((0, (4, 1)), (0, (4, 1, 1, 1)), (0, (1.5, 1)))
 _WIDTH_PT = 1.3
 _HIT: dict[str, Any] = {"mfc": "black", "mec": "white", "mew": 0.6}
@@ -100,7 +100,7 @@ def _draw_phase(axes: Axes, phase: int, path: pd.DataFrame, modes: Sequence[str]
 
 
 def _styles(modes: Sequence[str]) -> dict[str, tuple[str, float]]:
-    """Return colour and width of each mode; the last layer is drawn first."""
+    """Return the colour and width of each mode; the last layer is drawn first."""
     styles = {name: PATHS[i % len(PATHS)] for i, name in enumerate(modes)}
     return dict(reversed([*styles.items(), (NONE, UNDECIDED)]))
 
@@ -133,19 +133,19 @@ def make_handles(
 
 
 def has_estimate(tracks: pd.DataFrame) -> bool:
-    """Return True if missions have an estimated pose."""
+    """Return True if the missions recorded an estimated pose."""
     return "estimated_x_m" in tracks
 
 
 def draw_errors(figure: SubFigure, paths: Mapping[str, pd.DataFrame], columns: int) -> None:
-    """Draw a panel for each mission: position and heading errors over the distance driven."""
+    """Draw a panel for each mission: position and heading errors against the distance driven."""
     rows = -(-len(paths) // columns)
     grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
     panels: Sequence[Axes] = list(grid.flat)
     twins = []
     for axes, path in zip(panels, paths.values(), strict=False):
         way, place, heading = measure_drift(path)
-        if not len(way):  # empty if not run
+        if not len(way):  # a mission that was not run
             way, place, heading = np.zeros((3, 1))
         axes.plot(way, place, color=BLUE, lw=1.0)
         axes.set(xlabel="distance driven [m]", xlim=(0.0, max(float(way[-1]), 1e-3)))
@@ -168,7 +168,7 @@ def draw_errors(figure: SubFigure, paths: Mapping[str, pd.DataFrame], columns: i
 
 
 def measure_drift(path: pd.DataFrame) -> tuple[Array, Array, Array]:
-    """Return the distance driven [m], and position [m] and heading errors [deg], each (n,).
+    """Return the distance driven [m], position error [m] and heading error [deg], each (n,).
 
     The last record is left out, because its estimate is from an earlier decision.
     """
@@ -187,7 +187,7 @@ def draw_companions(
     others: Mapping[str, pd.DataFrame],
     robots: Mapping[str, FigureContext],
 ) -> None:
-    """Draw the other robots' paths, and each one's closest approach to the first robot."""
+    """Draw the other robots' paths, and the closest approach of each to the first robot."""
     for place, (name, other) in enumerate(others.items()):
         if len(path) and len(other):
             style = _choose_style(place)
@@ -196,13 +196,13 @@ def draw_companions(
 
 
 def _choose_style(place: int) -> dict[str, Any]:
-    """Choose a robot's line style, distinct in colour and in grey."""
+    """Choose a robot's line style, distinct in colour and in greyscale."""
     colour, dashes = COLOURS[place % len(COLOURS)], ROBOT_DASHES[place % len(ROBOT_DASHES)]
     return {"color": colour, "ls": dashes, "lw": _WIDTH_PT}
 
 
 def draw_path(axes: Axes, path: pd.DataFrame, style: Mapping[str, Any]) -> None:
-    """Draw a robot's path with its collisions, from its home, a star, to the end."""
+    """Draw a robot's path and collisions, with a star at its home."""
     axes.plot(path["x_m"], path["y_m"], zorder=2.4, **style)
     x, y = path["x_m"].iloc[0], path["y_m"].iloc[0]
     axes.plot(x, y, marker="*", mfc=style["color"], mec="black", mew=0.4, ms=7, zorder=5)
@@ -213,7 +213,7 @@ def draw_path(axes: Axes, path: pd.DataFrame, style: Mapping[str, Any]) -> None:
 def draw_meeting(
     axes: Axes, paths: Sequence[pd.DataFrame], robots: Sequence[FigureContext], colour: str
 ) -> None:
-    """Draw two robots at their closest approach, with the time; the first robot is white."""
+    """Draw two robots at their closest approach, with the time; the first one is white."""
     both = paths[0].merge(paths[1], on="time_s", suffixes=("", "_other"))
     first = both[[*POSE]].to_numpy(float)
     other = both[[f"{name}_other" for name in POSE]].to_numpy(float)
@@ -226,7 +226,7 @@ def draw_meeting(
 
 
 def draw_outline(axes: Axes, robot: FigureContext, pose: Sequence[float], colour: str) -> None:
-    """Draw a robot from above at a pose x, y [m], yaw [rad]."""
+    """Draw a robot's top view at a pose x, y [m], yaw [rad]."""
     parts = sorted(robot.parts, key=lambda part: part.top_m)
     areas = [_place(outline_part(part), pose) for part in parts]
     colours = ["0.25" if part.wheel else colour for part in parts]
@@ -247,7 +247,7 @@ def make_companion_handles(names: Sequence[str]) -> list[Line2D]:
     """Make the legend entries of the other robots."""
     handles = [Line2D([], [], label=name, **_choose_style(i)) for i, name in enumerate(names)]
     if handles:
-        handles.append(Line2D([], [], ls="none", label="nearest (time)", **_MEETING))
+        handles.append(Line2D([], [], ls="none", label="closest approach (time)", **_MEETING))
     return handles
 
 
@@ -271,7 +271,7 @@ def draw_walkers(axes: Axes, walkers: Sequence[WalkerTrack], path: pd.DataFrame)
 
 
 def _find_nearest(walker: Array, robot: Array) -> int:
-    """Return the sample at which two paths (n, 2) [m] are closest to each other."""
+    """Return the index at which two paths (n, 2) [m] are closest to each other."""
     count = min(len(walker), len(robot))
     apart = walker[:count] - robot[:count]
     return int(np.nanargmin((apart * apart).sum(axis=1)))
@@ -282,8 +282,8 @@ def make_walker_handles(walkers: Sequence[WalkerTrack]) -> list[Artist]:
     if not walkers:
         return []
     handles: list[Artist] = [
-        Line2D([], [], label="way of a walker", **_WAY),
-        Line2D([], [], mfc=SKY, label="walker, nearest (time)", **_MARK),
+        Line2D([], [], label="path of a walker", **_WAY),
+        Line2D([], [], mfc=SKY, label="walker, closest (time)", **_MARK),
     ]
     if any(walker.find_touch(0) is not None for walker in walkers):
         handles.append(Line2D([], [], mfc=VERMILLION, label="walker, touched (time)", **_MARK))

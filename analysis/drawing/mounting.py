@@ -1,4 +1,4 @@
-"""Mounting drawing of a robot's sensors: from above, from the right, and as a table."""
+"""Mounting drawing of a robot's sensors: top view, right-hand view, and a table."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -53,8 +53,8 @@ class PlacedSensor:
     yaw_deg: float  # left is positive
     pitch_deg: float  # nose up is positive
     fov_deg: float | None  # None if the sensor casts no rays
-    reach: str  # its range, or the zone of a bumper, in words
-    corners_mm: Array  # corners of its body (n, 3); empty without size
+    reach: str  # the sensor's range, or a bumper's zone, in words
+    corners_mm: Array  # corners of the sensor's body (n, 3); empty if it has no size
 
     @property
     def direction(self) -> Array:
@@ -67,7 +67,7 @@ class PlacedSensor:
 
 @dataclass(frozen=True, eq=False)
 class MountingPlan:
-    """The content of a drawing; lengths start at the origin of the robot's frame, the datum."""
+    """The content of a drawing, dimensioned from the datum, the origin of the robot's frame."""
 
     title: str
     source: str
@@ -87,8 +87,8 @@ class MountingPlan:
         return points.min(axis=0), points.max(axis=0)
 
 
-LINE = 3.9  # height of a line of the table and the notes [mm]
-_ARROW = 11.0  # length of the arrow of a sensor on the page [mm]
+LINE = 3.9  # line height of the table and the notes [mm]
+_ARROW = 11.0  # length of a sensor's arrow on the page [mm]
 _LABEL = 19.0  # distance of a label from its sensor [mm]
 _BALLOON, _ANGLE = 3.9, 11.0  # width of a number and of an angle [mm]
 _COLUMNS = (
@@ -111,7 +111,7 @@ def _mark_point(axes: Axes, place: tuple[float, float], colour: str) -> None:
 
 
 def _dimension_above(axes: Axes, plan: MountingPlan, view: View, top: float) -> None:
-    """Write x above the view and y on its right, each value once."""
+    """Write x above the view and y on the right of it, each value once."""
     places = [sensor.place_mm for sensor in plan.sensors]
     xs = group_values((p[X], view.along(p[Y])) for p in places)
     ys = group_values((p[Y], view.across(p[X])) for p in places)
@@ -121,12 +121,12 @@ def _dimension_above(axes: Axes, plan: MountingPlan, view: View, top: float) -> 
     end = view.across(plan.bounds[1][X]) + 33.0
     write_ordinates(axes, dict(sorted(ys.items())), Rail(view.along, end, False))
     caption: dict[str, Any] = {"fontsize": TEXT_PT, "color": GREY, "va": "center"}
-    axes.text(4.0, top + 2.0, "from above: x ahead", **caption)
+    axes.text(4.0, top + 2.0, "top view: x forward", **caption)
     axes.text(end, view.along(plan.bounds[1][Y]) + 9.0, "y to the left", ha="center", **caption)
 
 
 def _dimension_side(axes: Axes, plan: MountingPlan, view: View) -> None:
-    """Write z on the right of the view, and x of reference points below it."""
+    """Write z on the right of the view, and the x of reference points below it."""
     low, high = plan.bounds
     zs = group_values((s.place_mm[Z], view.across(s.place_mm[X])) for s in plan.sensors)
     zs.setdefault(0.0, [view.across(high[X]) + 4.0])
@@ -140,7 +140,7 @@ def _dimension_side(axes: Axes, plan: MountingPlan, view: View) -> None:
     write_ordinates(axes, xs, Rail(view.across, bottom, True), GREY)
     caption: dict[str, Any] = {"fontsize": TEXT_PT, "color": GREY, "va": "center"}
     axes.text(view.across(high[X]) + 5.0, bottom - 3.0, "x of axles and ends", **caption)
-    axes.text(4.0, view.along(high[Z]) + 16.0, "from the right: x ahead, z up", **caption)
+    axes.text(4.0, view.along(high[Z]) + 16.0, "right-hand view: x forward, z up", **caption)
 
 
 def _label_above(axes: Axes, plan: MountingPlan, view: View) -> None:
@@ -158,7 +158,7 @@ def _label_above(axes: Axes, plan: MountingPlan, view: View) -> None:
 
 
 def _label_side(axes: Axes, plan: MountingPlan, view: View) -> None:
-    """Write numbers and pitch above the view; sensors alike from the right share a label."""
+    """Write numbers and pitch above the view; sensors that coincide in it share a label."""
     alike: dict[tuple[float, ...], list[int]] = {}
     for index, sensor in enumerate(plan.sensors):
         key = (*sensor.place_mm[[X, Z]].round(1).tolist(), round(sensor.pitch_deg, 1))
@@ -177,7 +177,7 @@ def _label_side(axes: Axes, plan: MountingPlan, view: View) -> None:
 
 
 def _write_label(axes: Axes, place: Sequence[float], numbers: Sequence[int], angle: str) -> None:
-    """Write numbers in discs and an angle, centred at a place."""
+    """Write numbers in discs and an angle, centred on a point."""
     middle, y = place
     left = middle - (len(numbers) * _BALLOON + _ANGLE) / 2
     for position, index in enumerate(numbers):
@@ -195,7 +195,7 @@ def _write_length(value: float) -> str:
 
 
 def _write_angle(degrees: float, positive: str, negative: str) -> str:
-    """Format an angle without its sign, followed by the word for its side."""
+    """Format an angle without its sign, followed by the word for its direction."""
     size = f"{abs(degrees):.1f}\N{DEGREE SIGN}"
     return size if not round(degrees, 1) else f"{size} {positive if degrees > 0 else negative}"
 
@@ -205,13 +205,13 @@ def _list_notes(plan: MountingPlan) -> Iterator[tuple[str, str]]:
     yield DARK, f"datum of all dimensions: {plan.datum}"
     if plan.centre_mm is not None:
         place = ", ".join(map(_write_length, plan.centre_mm.tolist()))
-        yield VERMILLION, f"centre of mass of the description: {place} mm"
+        yield VERMILLION, f"centre of mass according to the description: {place} mm"
 
 
 def write_table(
     axes: Axes, plan: MountingPlan, notes: Sequence[tuple[str, str]], top: float
 ) -> None:
-    """Write the notes, and a row for each sensor below them, downwards from ``top``."""
+    """Write the notes downwards from ``top``, and a row for each sensor below them."""
     for line, (colour, note) in enumerate(notes):
         y = top - LINE * (line + 0.5)
         _mark_point(axes, (6.0, y), colour)
@@ -233,7 +233,7 @@ def write_table(
 
 
 _BODY, _WHEEL = "0.9", "0.72"
-_LEFT, _RIGHT = 16.0, 42.0  # margins next to the views [mm]
+_LEFT, _RIGHT = 16.0, 42.0  # margins left and right of the views [mm]
 _ABOVE, _BETWEEN, _BELOW = 38.0, 40.0, 17.0  # room above, between and below the views [mm]
 _TALL, _MINIMUM = 280.0, 60.0  # maximum page height, and minimum height of both views [mm]
 _FAN = 9.0  # length of a sensor's field of view on the page [mm]
@@ -269,7 +269,7 @@ def draw_mounting(plan: MountingPlan) -> Figure:
 
 
 def _draw_view(axes: Axes, plan: MountingPlan, view: View) -> None:
-    """Draw the robot, its parts closest to the viewer last, then its sensors and its datum."""
+    """Draw the robot (parts closest to the viewer last), then its sensors and datum."""
     depth, sign = (Z, 1.0) if view.up == Y else (Y, -1.0)
     for solid in sorted(plan.solids, key=lambda s: float((sign * s.points_mm[:, depth]).max())):
         look = {"fc": _WHEEL if solid.wheel else _BODY, "ec": GREY, "alpha": 0.9}
@@ -296,7 +296,7 @@ def _fill(axes: Axes, view: View, points: Array, look: Mapping[str, Any]) -> Non
 
 
 def _draw_beam(axes: Axes, sensor: PlacedSensor, view: View) -> None:
-    """Draw a sensor's direction, and its field of view as seen from above."""
+    """Draw a sensor's direction, and in the top view its field of view."""
     start = view.place(sensor.place_mm[None])[0]
     step = sensor.direction[[view.right, view.up]] * _ARROW
     if view.up == Y and sensor.fov_deg is not None and sensor.fov_deg < 360.0:

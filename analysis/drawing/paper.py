@@ -16,9 +16,9 @@ INCH_MM = 25.4
 SMALL_PT, TEXT_PT, TITLE_PT = 6.0, 7.0, 9.0
 THIN, MEDIUM = 0.35, 0.7  # line widths [pt]
 GREY, DARK = "0.45", "0.15"
-LABEL_MM = 2.9  # minimum distance of two lines of labels
+LABEL_MM = 2.9  # minimum distance between two lines of labels
 _STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
-"""Usual scales 1:N, as multiples of each power of ten."""
+"""Usual scales 1:N, as multiples of a power of ten."""
 _BARS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # lengths of the scale bar [mm]
 
 
@@ -33,7 +33,7 @@ def choose_scale(length_mm: float, room_mm: float) -> float:
 
 
 def make_page(width_mm: float, height_mm: float) -> tuple[Figure, Axes]:
-    """Make an empty page with axes in millimetres, from the lower left corner."""
+    """Make an empty page whose axes are in millimetres from the lower left corner."""
     figure = Figure(figsize=(width_mm / INCH_MM, height_mm / INCH_MM))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set(xlim=(0.0, width_mm), ylim=(0.0, height_mm))
@@ -43,9 +43,9 @@ def make_page(width_mm: float, height_mm: float) -> tuple[Figure, Axes]:
 
 @dataclass(frozen=True)
 class View:
-    """Two axes of the robot on the page, pointing right and up."""
+    """A view along one axis of the robot, with its other two axes on the page."""
 
-    right: int  # index of the axis
+    right: int  # index of the robot axis that points right
     up: int
     scale: float  # robot millimetres per page millimetre
     origin: tuple[float, float]  # origin of the robot's frame on the page [mm]
@@ -65,7 +65,7 @@ class View:
 
 
 def spread(places: Sequence[float], minimum: float) -> list[float]:
-    """Move increasing places as little as possible to be at least ``minimum`` apart."""
+    """Move increasing positions as little as possible until they are ``minimum`` apart."""
     if np.all(np.diff(places) >= minimum):
         return list(places)
     gaps = np.array(places) - minimum * np.arange(len(places))
@@ -74,7 +74,7 @@ def spread(places: Sequence[float], minimum: float) -> list[float]:
 
 
 def label_sensors(axes: Axes, sensors: pd.DataFrame, aside: float, apart: float) -> None:
-    """Write each sensor's ``label`` next to the robot, optionally ``bold``, with a line to it."""
+    """Write each sensor's ``label`` next to the robot (in bold if ``bold``), with a leader line."""
     for side in (1.0, -1.0):
         chosen = sensors[(sensors["y_m"] >= 0.0) == (side > 0.0)].sort_values("x_m")
         levels = spread(chosen["x_m"].tolist(), apart)
@@ -87,7 +87,7 @@ def label_sensors(axes: Axes, sensors: pd.DataFrame, aside: float, apart: float)
 
 
 def group_values(pairs: Iterable[tuple[float, float]]) -> dict[float, list[float]]:
-    """Group the starts of dimension lines by the dimension as written; pairs are (value, start)."""
+    """Group the starts of dimension lines by rounded value; ``pairs`` are (value, start)."""
     groups: dict[float, list[float]] = {}
     for value, begin in pairs:
         groups.setdefault(round(value, 1) + 0.0, []).append(begin)
@@ -95,10 +95,10 @@ def group_values(pairs: Iterable[tuple[float, float]]) -> dict[float, list[float
 
 
 class Rail(NamedTuple):
-    """Positions of the values on an axis of a view."""
+    """The line along which the dimensions on one axis of a view are written."""
 
     place: Callable[[float], float]  # page position of a value
-    end: float  # end of the lines, across the axis
+    end: float  # end of the leader lines, across the axis
     upright: bool  # True: lines are vertical, and labels rotated
 
 
@@ -108,7 +108,7 @@ def write_ordinates(
     rail: Rail,
     colour: str = DARK,
 ) -> None:
-    """Write the values of an axis on a rail, each with a line from its measured point."""
+    """Write the values of an axis on a rail, each with a line from the measured point."""
     place, end, upright = rail
     levels = spread([place(value) for value in values], LABEL_MM)
     for (value, begins), level in zip(values.items(), levels, strict=True):
@@ -126,7 +126,7 @@ def write_ordinates(
 
 
 def draw_scale_bar(axes: Axes, corner: tuple[float, float], scale: float) -> None:
-    """Draw a scale bar for a round length on the robot, with this length and the scale."""
+    """Draw a scale bar for a round length on the robot, labelled with the length and scale."""
     length = max(v for v in _BARS if v / scale <= 40.0 or v == 1)
     x, y = corner
     for part in range(4):
@@ -140,7 +140,7 @@ def draw_scale_bar(axes: Axes, corner: tuple[float, float], scale: float) -> Non
 
 
 def separate(boxes: Array, size: tuple[float, float], rounds: int = 200) -> Array:
-    """Move the centres (n, 2) of boxes of equal size apart until none overlap."""
+    """Move the centres (n, 2) of equal boxes apart until no boxes overlap."""
     moved = boxes.astype(np.float64).copy()
     wanted = np.array(size)
     for _ in range(rounds):

@@ -1,4 +1,4 @@
-"""A robot from above with the sensors and cones of one or more designs: forward is up."""
+"""Top view of a robot with the sensors and cones of one or more designs; forward is up."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -31,12 +31,12 @@ _BODY, _WHEEL = "0.88", "0.45"
 _EDGE = "0.35"
 RAY = VERMILLION
 LINE_DEG = 2.0
-"""Narrower beams are drawn as a line of fixed width."""
-_HEADING_IN, _RAY_PT = 0.075, 1.2  # length of a heading, width of a ray
+"""Field of view below which a beam is drawn as a line of fixed width."""
+_HEADING_IN, _RAY_PT = 0.075, 1.2  # length of a heading line, width of a ray
 
 
 def aspect_ratio(view: Window) -> float:
-    """Return the height of a window's picture over its width."""
+    """Return a window's height on the page divided by its width."""
     x_low, x_high, y_low, y_high = view
     return (x_high - x_low) / (y_high - y_low)
 
@@ -47,7 +47,7 @@ def to_page(points: Array) -> Array:
 
 
 def frame_axes(axes: Axes, view: Window) -> None:
-    """Fit axes to a window at equal scales, with x forward up and y left to the left."""
+    """Fit axes to a window at equal scales, with x (forward) up and y (left) to the left."""
     x_low, x_high, y_low, y_high = view
     axes.set(xlim=(y_high, y_low), ylim=(x_low, x_high), aspect="equal")
     axes.tick_params(length=2, pad=2, labelsize="small")
@@ -57,7 +57,7 @@ def frame_axes(axes: Axes, view: Window) -> None:
 
 
 def draw_robot(axes: Axes, context: FigureContext, fill: bool = True, zorder: float = 1.0) -> None:
-    """Draw the parts of a robot from the lowest up, or only their edges, to cover others."""
+    """Draw a robot's parts from the lowest to the highest; without ``fill``, only their edges."""
     for part in sorted(context.parts, key=lambda part: part.top_m):
         face, alpha = _WHEEL if part.wheel else _BODY, 0.85 if fill else 0.6
         look: dict[str, Any] = {"fc": face if fill else "none", "ec": _EDGE, "lw": 0.4}
@@ -67,7 +67,7 @@ def draw_robot(axes: Axes, context: FigureContext, fill: bool = True, zorder: fl
 def draw_cones(
     axes: Axes, sensors: pd.DataFrame, colours: Sequence[str], reach_m: float = math.inf
 ) -> PolyCollection:
-    """Draw each sensor's cone in its colour, cut at ``reach_m``; return the filled areas."""
+    """Draw each sensor's cone in its colour, cut off at ``reach_m``; return the filled areas."""
     cones = [to_page(cone) for cone in trace_cones(sensors, reach_m)]
     areas = PolyCollection(cones, facecolors=list(colours), alpha=0.4, linewidths=0.0, zorder=2.0)
     edges = PolyCollection(
@@ -109,7 +109,7 @@ def draw_sensors(
     markers: Mapping[str, str],
     look: tuple[float, float] = (3.0, 1.0),
 ) -> None:
-    """Draw each sensor with its type's marker; ``look`` has the size [pt] and opacity."""
+    """Draw each sensor with its type's marker; ``look`` is the marker's size [pt] and opacity."""
     size_pt, alpha = look
     for kind, marker in markers.items():
         chosen = (sensors["type"] == kind).to_numpy()
@@ -122,10 +122,10 @@ def draw_sensors(
 
 
 def _draw_headings(axes: Axes, sensors: pd.DataFrame, alpha: float) -> None:
-    """Draw a short line from each sensor along its heading; its length on paper is fixed."""
+    """Draw a line of fixed length on paper from each sensor along its heading."""
     places = to_page(sensors[["x_m", "y_m"]].to_numpy(dtype=np.float64))
     yaw = np.radians(sensors["yaw_deg"].to_numpy(dtype=np.float64))
-    # Angles refer to the page, not to the axes.
+    # Angles refer to the page, not to the data axes.
     units = {"angles": "uv", "units": "inches", "scale_units": "inches"}
     sizes = {"scale": 1.0 / _HEADING_IN, "width": 0.011, "headwidth": 1.0, "headlength": 0.0}
     look: dict[str, Any] = {**units, **sizes, "headaxislength": 0.0, "color": "black"}
@@ -133,10 +133,10 @@ def _draw_headings(axes: Axes, sensors: pd.DataFrame, alpha: float) -> None:
 
 
 def make_place_handles(sensors: pd.DataFrame) -> list[Line2D]:
-    """Make the legend entries of sensors with headings, and of rays; none without sensors."""
+    """Make the legend entries for sensors and single rays; none without sensors."""
     if sensors.empty:
         return []
-    dot = Line2D([], [], marker="o", ms=3, lw=1.0, color="black", label="sensor, its heading")
+    dot = Line2D([], [], marker="o", ms=3, lw=1.0, color="black", label="sensor and heading")
     ray = Line2D([], [], marker="o", ms=2.5, lw=_RAY_PT, color=RAY, label="single ray")
     return [dot, ray] if (sensors["fov_deg"] < LINE_DEG).any() else [dot]
 
@@ -148,7 +148,7 @@ def assign_markers(sensors: pd.DataFrame) -> dict[str, str]:
 
 
 def make_type_handles(markers: Mapping[str, str]) -> list[Line2D]:
-    """Make the legend entries of sensor types; none if there is only one type."""
+    """Make the legend entries for sensor types; none if there is only one type."""
     if len(markers) < 2:
         return []
     return [
@@ -164,7 +164,7 @@ _HATCH = "/////"
 
 @dataclass(frozen=True, eq=False)
 class Champions:
-    """Champions and their sensors; a row without a place is a champion without sensors."""
+    """Champions and their sensors; a row without a position is a champion without sensors."""
 
     sensors: pd.DataFrame
     contexts: Mapping[str, FigureContext]  # one per treatment
@@ -173,7 +173,7 @@ class Champions:
 
     @cached_property
     def placed(self) -> pd.DataFrame:
-        """The sensors with a place."""
+        """The rows that have a sensor."""
         return self.sensors.dropna(subset="x_m")
 
     @cached_property
@@ -197,15 +197,15 @@ class Champions:
         return int(self.numbers.max()) > 1
 
     def make_handles(self, with_rays: bool = True) -> list[Line2D | Patch]:
-        """Make the legend entries of places and sensor types."""
+        """Make the legend entries for sensors, rays and sensor types."""
         places = robot.make_place_handles(self.placed)
         types = robot.make_type_handles(self.markers)
         return [*places[: None if with_rays else 1], *types, *_make_signal_handles(self.others)]
 
     def draw_on_each_other(self, axes: Axes, treatment: str, cut_m: float, places: bool) -> None:
-        """Draw the rays of a treatment's champions and, optionally, their sensors' places."""
+        """Draw the rays of a treatment's champions and, with ``places``, their sensors."""
         chosen = self.placed[self.placed.treatment == treatment]
-        alpha = 0.35 if self.several else 0.8  # overlapping dots are darker
+        alpha = 0.35 if self.several else 0.8  # so that overlapping dots are darker
         robot.draw_rays(axes, chosen, [robot.RAY] * len(chosen), cut_m, alpha)
         if places:
             robot.draw_sensors(axes, chosen, ["black"] * len(chosen), self.markers, (2.5, alpha))
@@ -239,7 +239,7 @@ class Champions:
 def draw_signals(
     axes: Axes, signals: pd.DataFrame, context: FigureContext, alpha: float = 1.0
 ) -> None:
-    """Draw each sensor's place, and each bumper's zone up to the robot's edge."""
+    """Draw each sensor's position, or a bumper's zone up to the robot's edge."""
     columns = ["x_m", "y_m", "yaw_deg", "width_m", "depth_m"]
     bumpers = signals.loc[signals["width_m"] > 0.0, columns].to_numpy(float).tolist()
     zones = [
@@ -258,7 +258,7 @@ def draw_signals(
 def _make_signal_handles(signals: pd.DataFrame) -> list[Line2D | Patch]:
     kinds = signals.drop_duplicates("type")
     return [
-        Patch(fc="none", ec=PURPLE, hatch=_HATCH, lw=0.6, label=f"{kind}, its zone")
+        Patch(fc="none", ec=PURPLE, hatch=_HATCH, lw=0.6, label=f"{kind} (zone)")
         if width > 0.0
         else Line2D([], [], label=str(kind), **_style(str(measures)))
         for kind, measures, width in zip(

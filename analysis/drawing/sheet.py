@@ -1,6 +1,6 @@
-"""Panels at exact page positions, for axes with equal scales and given shapes.
+"""Panels at exact page positions, for axes with equal scales and fixed aspect ratios.
 
-Matplotlib's layouts would fit such panels into cells of other shapes and misalign them.
+Matplotlib's layouts would fit such panels into cells of other aspect ratios and misalign them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,9 +14,9 @@ from .style import COLUMN_IN, scale_type
 
 SMALL = "small"
 LINE_IN, TABLE_IN, EDGE_IN = 0.13, 3.38, 0.06
-"""Height of a line, width of a table, and the table's minimum distance from the edge."""
+"""Line height, width of a table, and the table's minimum distance from the edge."""
 Heads = Mapping[str, tuple[float, str]]
-"""Columns: position as a share of the table's width, and horizontal alignment."""
+"""Position (as a share of the table's width) and horizontal alignment of each column."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Sheet:
 
     width: float
     columns: int
-    ratios: Sequence[float]  # panel height over width, one per row
+    ratios: Sequence[float]  # panel height divided by width, one per row
     heads: Sequence[float]  # room above each row
     left: float = 0.56
     right: float = 0.08
@@ -65,7 +65,7 @@ class Sheet:
 
 
 def table_height(rows: int, note: bool = False) -> float:
-    """Return the height [in] of a table with its heads, and a note if any."""
+    """Return the height [in] of a table with column heads and, if any, a note."""
     return scale_type(LINE_IN) * (rows + 2 + note)
 
 
@@ -88,7 +88,7 @@ class Layout:
         return self.width / self._columns, self.table
 
     def make_figure(self) -> tuple[Figure, list[tuple[SubFigure, SubFigure]]]:
-        """Make a figure with subfigures for panels and tables; without tables, each pair is one."""
+        """Make a figure with (panel, table) subfigures; without tables, both are the same."""
         rows = ceil(self.count / self._columns)
         height = (self.panel + self.table) * rows
         figure = Figure(figsize=(self.width, height), layout="constrained")
@@ -110,7 +110,7 @@ def write_table(
     size_in: tuple[float, float],
     note: str = "",
 ) -> None:
-    """Write heads, rows and a note, centred, from the top of a subfigure of size ``size_in``."""
+    """Write heads, rows and a note from the top of a subfigure of size ``size_in``."""
     width, height = size_in
     table = min(scale_type(TABLE_IN), width - 2 * EDGE_IN)
     left = max(EDGE_IN, (width - table) / 2)

@@ -20,7 +20,7 @@ from evoros.files.resources import expand_home
 from .finish import fit_text, letter, prepare_figure
 
 _DPI = 300
-"""Dots per inch for print."""
+"""Resolution for print, in dots per inch."""
 COLOURS = 256
 VISIBLE = 0.1
 """Mean palette error, in steps of 1/255, above which a picture keeps all its colours."""
@@ -28,20 +28,20 @@ COLUMN_IN = 3.5  # width of one column of a two-column page
 PAGE_IN = 7.0  # width of both columns
 FONT_PT = 8.0
 STYLE: dict[Any, Any] = {
-    "font.size": FONT_PT,  # other sizes are relative
+    "font.size": FONT_PT,  # other sizes are relative to this one
     "axes.titlesize": "medium",
     "legend.fontsize": "small",
     "legend.title_fontsize": "small",
     "text.parse_math": False,  # folder names may contain a $
-    "figure.autolayout": False,  # would change finished layouts
+    "figure.autolayout": False,  # it would change finished layouts
     "figure.constrained_layout.use": False,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "pdf.fonttype": 42,  # embeds TrueType fonts, as most publishers require
+    "pdf.fonttype": 42,  # embed TrueType fonts, as most publishers require
     "svg.hashsalt": "evoros",  # otherwise the ids in an SVG are random
 }
 _OURS = ("savefig.", "backend", "figure.autolayout", "figure.constrained_layout", "text.")
-"""Parameters that a style file cannot change: formats, layout, and text parsing."""
+"""Prefixes of parameters that a style file cannot change: formats, layout, text parsing."""
 _chosen: ContextVar[Mapping[Any, Any] | None] = ContextVar("chosen", default=None)
 _DATES = {"svg": "Date", "pdf": "CreationDate"}
 
@@ -57,17 +57,17 @@ BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
 )
 """The colours of Okabe and Ito (2008), which colour-blind readers can distinguish."""
 CATEGORIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
-"""Colours in the order of assignment; the first few also differ in grey."""
+"""Colours in the order of assignment; the first few also differ in greyscale."""
 
 
 @contextmanager
 def choose_style(name: str | None) -> Iterator[None]:
-    """Apply a matplotlib style inside the context, from a file or matplotlib's library.
+    """Apply a matplotlib style (a file, or a name from matplotlib's library) inside the context.
 
-    All sizes follow ``font.size``, and ``figure.figsize`` has the width of one column.
+    All sizes follow ``font.size``; the width in ``figure.figsize`` is the width of one column.
 
     Raises:
-        InputError: there is no such style, or the file cannot be read.
+        InputError: no such style was found, or the file cannot be read.
     """
     parameters = {} if name is None else _read_style(name)
     token = _chosen.set(
@@ -86,7 +86,7 @@ def _read_style(name: str) -> Mapping[Any, Any]:
     if name in style.library and not path.exists():
         return dict(style.library[name])
     try:
-        # Matplotlib would also try the internet, and ignore unknown keys.
+        # Matplotlib itself would also look on the internet, and ignore unknown keys.
         for line in path.read_text().splitlines():
             key = line.partition("#")[0].partition(":")[0].strip()
             if key and key not in mpl.rcParams:
@@ -94,21 +94,21 @@ def _read_style(name: str) -> Mapping[Any, Any]:
         return dict(mpl.rc_params_from_file(path, fail_on_error=True, use_default_template=False))
     except (OSError, ValueError, KeyError) as error:
         raise InputError(
-            f"--style: must be a matplotlib style file, or the name of one of its styles, not "
-            f"{name} ({single_line(error)}); fix the file or the name"
+            f"--style: {name} is neither a matplotlib style file nor the name of a style "
+            f"({single_line(error)}); fix the file or the name"
         ) from error
 
 
 @contextmanager
 def use_style(more: Mapping[str, Any] | None = None) -> Iterator[None]:
-    """Apply the style of figures, then the chosen style, inside the context."""
+    """Apply the default figure style, then the chosen style, inside the context."""
     parameters: dict[Any, Any] = {**STYLE, **(_chosen.get() or {}), **(more or {})}
     with mpl.rc_context(parameters):
         yield
 
 
 def scale_type(length: float) -> float:
-    """Scale a length [in or pt] that was chosen for ``FONT_PT`` to the style's font size."""
+    """Scale a length [in or pt] that suits ``FONT_PT`` to the style's font size."""
     return length * float(_find("font.size", FONT_PT)) / FONT_PT
 
 
@@ -117,7 +117,7 @@ def _find(key: str, default: Any) -> Any:
 
 
 def figure_width(columns: int | None, default: int = 1) -> float:
-    """Return the width [in] of a figure over one or two columns of a page."""
+    """Return the width [in] of a figure that spans one or two columns of a page."""
     width = float(_find("figure.figsize", (COLUMN_IN, 0.0))[0])
     return width if (columns or default) == 1 else width * PAGE_IN / COLUMN_IN
 
@@ -128,7 +128,7 @@ def is_wide(width: float) -> bool:
 
 
 def assign_colours(treatments: Sequence[str]) -> dict[str, str]:
-    """Assign a colour to each treatment, the same one in all figures of a study."""
+    """Assign a colour to each treatment, the same in all figures of a study."""
     names = dict.fromkeys(treatments)
     return {name: CATEGORIES[i % len(CATEGORIES)] for i, name in enumerate(names)}
 
@@ -140,7 +140,7 @@ def abbreviate(names: Sequence[str], length: int) -> dict[str, str]:
 
 
 def scatter_aside(count: int) -> Array:
-    """Return offsets (count,) from -0.5 to 0.5 that keep neighbours apart."""
+    """Return offsets (count,) from -0.5 to 0.5 that keep neighbouring dots apart."""
     return np.asarray(np.arange(count) * 0.6180339887498949 % 1 - 0.5)
 
 
@@ -196,15 +196,15 @@ def _fix_layout(figure: Figure) -> None:
 
 
 def write_png(figure: Figure, file: Path | str | IO[bytes], dpi: float = _DPI) -> None:
-    """Write a figure with a palette of 256 colours, if these suffice."""
+    """Write a figure, with a palette of 256 colours if these suffice."""
     whole = BytesIO()
-    figure.savefig(whole, format="rgba", dpi=dpi)  # avoids compressing a PNG twice
+    figure.savefig(whole, format="rgba", dpi=dpi)  # a PNG would be compressed twice
     width, height = (int(length * dpi) for length in figure.get_size_inches())
     save_png(Image.frombytes("RGBA", (width, height), whole.getbuffer()), file, dpi)
 
 
 def save_png(picture: Image.Image, file: Path | str | IO[bytes], dpi: float = _DPI) -> None:
-    """Write a picture with a palette of 256 colours, if it is opaque and these suffice."""
+    """Write a picture, with a palette of 256 colours if it is opaque and these suffice."""
     chosen = picture
     if np.asarray(picture.convert("RGBA"))[..., 3].min() == 255:
         opaque = picture.convert("RGB")
@@ -215,7 +215,7 @@ def save_png(picture: Image.Image, file: Path | str | IO[bytes], dpi: float = _D
 
 
 def wrap_lines(text: str, room: float, minimum: int = 8) -> list[str]:
-    """Split a string into lines of ``room`` characters, only between words."""
+    """Split a string between words into lines of up to ``room`` characters."""
     words = text.replace("_", " ")
     return textwrap.wrap(
         words, max(minimum, int(room)), break_long_words=False, break_on_hyphens=False

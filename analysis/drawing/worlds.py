@@ -1,4 +1,4 @@
-"""Worlds from above: obstacles coloured by height, courses, and robot tracks."""
+"""Top views of worlds: obstacles coloured by height, courses, and robot tracks."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -25,11 +25,11 @@ HALO = withStroke(linewidth=1.5, foreground="white")
 _NUMBER: dict[str, Any] = {"fontsize": "x-small", "ha": "center", "va": "center", "zorder": 4.8}
 PICTURE_IN = 4.5  # width of a world's picture
 OVERHEAD_M = 1.0
-"""Parts with a higher underside hide nothing that a robot can touch or see."""
+"""Height of the underside above which a part hides nothing that a robot can touch or see."""
 
 
 def draw_world_picture(worlds: Mapping[str, World]) -> bytes:
-    """Draw worlds and their courses from above, as PNG."""
+    """Draw top views of worlds and their courses, as a PNG."""
     figure = draw_worlds(worlds, width=PICTURE_IN * len(worlds))
     axes = figure.axes[0]
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
@@ -63,7 +63,7 @@ def draw_worlds(
 def draw_obstacles(
     axes: Axes, world: World, cmap: str = "cividis_r", heights: Normalize = HEIGHTS_M
 ) -> PatchCollection:
-    """Draw a world's obstacles, coloured by height [m]; lintels and roofs only have edges."""
+    """Draw a world's obstacles, coloured by height; only the edges of lintels and roofs."""
     patches: list[Patch] = []
     overhead: list[Patch] = []
     tops: list[float] = []
@@ -90,12 +90,12 @@ def draw_obstacles(
 def _to_patch(area: Footprint) -> Patch:
     if len(area.vertices) == 1:
         return Circle((area.vertices[0, 0], area.vertices[0, 1]), area.radius)
-    # A leaning cylinder, even by rounding, has a segment and a radius.
+    # A tilted cylinder, even if tilted by rounding only, is a segment with a radius.
     return Polygon(dilate(area.vertices, area.radius))
 
 
 def draw_course(axes: Axes, course: Course) -> None:
-    """Draw the route, home as a star, and numbered waypoints with their acceptance circles."""
+    """Draw the route, a star at home, and numbered waypoints with acceptance circles."""
     axes.plot(*course.first_phase.T, color="0.5", lw=0.7, ls=":")
     for index, (x, y) in enumerate(course.waypoints, 1):
         axes.add_patch(Circle((x, y), course.acceptance_m, fill=False, ec="0.5", lw=0.7))

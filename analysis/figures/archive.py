@@ -1,4 +1,4 @@
-"""Best designs per cell of a grid over two descriptors, and the growth of the grid."""
+"""The best design in each cell of a grid over two descriptors, and the archive's growth."""
 
 import argparse
 import math
@@ -32,7 +32,7 @@ HELP = "the best design in each cell of two descriptors; growth of coverage and 
 NEEDS = "runs that recorded at least two descriptors"
 FILES = {
     "archive.csv": "the best design in each cell",
-    "archive_growth.csv": "coverage and QD score over the missions",
+    "archive_growth.csv": "coverage and QD score by the number of missions",
 }
 DESIGNS, COLUMNS = 6, 2  # designs drawn next to a single map
 MOST_COLUMNS = 5  # maximum number of maps in a row
@@ -44,13 +44,13 @@ LINE_IN = 0.14
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options for the descriptors, the number of cells and the grouping of runs."""
     add_choice(parser)
-    about = "cells along each descriptor; default: the optimizer's, or 10"
+    about = "number of cells along each descriptor; default: the optimizer's number, or 10"
     parser.add_argument("--cells", type=int, metavar="N", help=about)
     add_grouping(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the archive of each treatment or run; the tables list its elites and growth."""
+    """Draw the archive of each treatment or run; the tables list the elites and the growth."""
     archive = read_archive(study, options)
     x, y, _ = archive.grid
     groups = group_runs(study, options.by)
@@ -70,7 +70,7 @@ def draw_archives(
 ) -> Figure:
     """Draw one map per group of runs, with coverage and QD score below.
 
-    ``elites`` maps groups to their elites; a single map has some of its designs next to it.
+    ``elites`` maps each group to its elites. A single map is drawn next to some of its designs.
     """
     with use_style():
         titles = _make_titles(study, elites, by)
@@ -109,7 +109,7 @@ def _make_titles(study: Study, elites: Mapping[str, pd.DataFrame], by: str) -> d
 
 
 def _lay_out(count: int, titles: Mapping[str, str], below: float) -> Sheet:
-    """Lay out several maps: up to three in a row, more in a square."""
+    """Lay out several maps: up to three in one row, more in a nearly square grid."""
     columns = count if count <= 3 else min(MOST_COLUMNS, math.ceil(math.sqrt(count)))
     rows = math.ceil(count / columns)
     lines = max(_wrap_title(title, columns).count("\n") for title in titles.values())
@@ -207,13 +207,13 @@ def _draw_map(
 
 
 def _measure_cells(grid: Grid) -> Array:
-    """Return the sides (2,) of a cell, in the units of the descriptors."""
+    """Return the width and height (2,) of a cell, in the units of the descriptors."""
     x, y, cells = grid
     return np.array([axis.bounds[1] - axis.bounds[0] for axis in (x, y)]) / cells
 
 
 def _find_centres(elites: pd.DataFrame, grid: Grid) -> Array:
-    """Return the centres (n, 2) of the cells of elites, in the units of the descriptors."""
+    """Return the centres (n, 2) of the elites' cells, in the units of the descriptors."""
     *axes, cells = grid
     low, high = np.array([axis.bounds for axis in axes]).T
     places = elites[["cell_x", "cell_y"]].to_numpy(float)
@@ -233,7 +233,7 @@ def mark_number(
 def draw_chosen(
     study: Study, candidates: pd.DataFrame, chosen: Sequence[int], panels: Sequence[Axes]
 ) -> None:
-    """Draw designs of the runs into panels, titled with their number and fitness."""
+    """Draw the chosen candidates into panels, each titled with its number and fitness."""
     designs, titles = [], []
     unit = study.records[0].context.fitness.unit
     for index, row in enumerate(chosen, start=1):

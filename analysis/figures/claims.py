@@ -47,7 +47,7 @@ READS: tuple[Callable[[Record], object], ...] = (
     read_champion,
     read_initial_sensors,
 )
-"""Functions that must all be able to read a run; otherwise the run does not count."""
+"""Readers that must all succeed on a run; otherwise the run is left out."""
 NUMBER_FORMATS = {SHARE: "{:.0%}", DEGREES: "{:.0f}", NUMBER: "{:.2f}"}
 SUFFIXES = {SHARE: "", DEGREES: " deg", NUMBER: ""}
 MARKS: dict[str, dict[str, Any]] = {
@@ -62,12 +62,12 @@ BOLD_PER_IN = 15.0
 WIDE = {"measure": 1.85, "measured [95%]": 1.05, "n": 0.28, "against": 0.77, "verdict": 1.05}
 WIDE[""] = 2.0
 NARROW = {"measure": 1.42, "measured [95%]": 1.04, "verdict": 1.04}
-"""Columns and their widths [in]."""
+"""Columns of wide and of narrow tables, with their widths [in]."""
 Rows = list[tuple[list[str], list[list[str]], str]]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the claims file and the redundancy thresholds."""
+    """Add ``--claims`` and the redundancy thresholds."""
     about = "YAML file of claims"
     parser.add_argument("--claims", type=Path, metavar="FILE", help=about)
     add_thresholds(parser)
@@ -77,7 +77,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Judge the claims in a file, using all finished runs and evaluations of their champions."""
     check_thresholds(options)
     if options.claims is None:
-        raise InputError("--claims: missing; write a file of claims, and type --claims FILE")
+        raise InputError("--claims: missing; write a claims file, and add --claims FILE")
     claims = read_claims(options.claims)
     study = study.select_finished(*READS)
     near = (options.near_m, options.near_deg)
@@ -91,7 +91,7 @@ def tabulate_findings(
     options: argparse.Namespace,
     messages: Iterable[str] = (),
 ) -> Product:
-    """Draw the findings as a table, and report each in a line after ``messages``."""
+    """Draw the findings as a table, and report each finding on one line after ``messages``."""
     table = pd.DataFrame([asdict(finding) for finding in findings])
     figure = draw_claims(table, figure_width(options.columns, 2))
     messages = [*messages, *map(_report, table.itertuples())]
@@ -135,7 +135,7 @@ def format_value(row: Any) -> str:
 
 
 def _format_reference(row: Any) -> str:
-    """Format the values with which the rule compares."""
+    """Format the values that the rule compares with."""
     form = NUMBER_FORMATS[row.unit]
     parts = [] if np.isnan(row.reference) else [form.format(row.reference)]
     parts += [] if np.isnan(row.random) else [f"random {form.format(row.random)}"]
@@ -143,7 +143,7 @@ def _format_reference(row: Any) -> str:
 
 
 def _rows(table: pd.DataFrame, sizes: Mapping[str, float], width: float) -> Rows:
-    """Return, for each measure, the lines of a new claim, its cells' lines, and its verdict."""
+    """Return for each row the lines of its claim (if new) and of each cell, and its verdict."""
     rows: Rows = []
     claim = ""
     for row in table.itertuples():

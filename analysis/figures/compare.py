@@ -1,4 +1,4 @@
-"""Treatments compared: every replicate, box plots, and pairwise tests."""
+"""Comparison of treatments: every replicate, box plots, and pairwise tests."""
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,22 +30,22 @@ from ..tables.validated import (
 )
 from .options import add_conditions, score_runs
 
-HELP = "treatments compared by recorded and validated fitness: tests, effects, intervals"
-NEEDS = "finished runs, at least two treatments with replicates for tests"
+HELP = "comparison of treatments by recorded and validated fitness: tests, effects, intervals"
+NEEDS = "finished runs; for tests, at least two treatments with replicates"
 FILES = {
-    "compare.csv": "the tests, a row for each pair of treatments and measure",
+    "compare.csv": "the tests, a row for each measure and pair of treatments",
     "compare_runs.csv": "the scores of each run",
 }
 MAX_TESTS = 30
-"""Maximum number of tests below the picture; longer lists are only in the table."""
+"""Maximum number of tests below the figure; longer lists appear only in the table."""
 NAME_LENGTH = 10
-"""Maximum length of a treatment's name in the tests; letters replace longer names."""
+"""Maximum length of a treatment's name in the tests; longer names become letters."""
 LINE_LENGTH = 20
 """Maximum number of characters in a line of a label."""
 TITLE_LENGTH = 28
 """Maximum number of characters in a line below an axis."""
 BOX, DOTS = (-0.22, 0.24), (0.18, 0.3)
-"""Offset from the middle of a treatment's row, and height, of boxes and dots."""
+"""Offsets of boxes and dots from the middle of a treatment's row, and their heights."""
 ROW_IN = 0.36
 KEY = "box: quartiles, bar: median, dots: runs"
 HEADS = {
@@ -56,9 +56,9 @@ HEADS = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options for common conditions and for the tests below the picture."""
+    """Add ``--under`` and ``--without-tables``."""
     add_conditions(parser)
-    about = "leave out the tests below the picture"
+    about = "leave out the tests below the figure"
     parser.add_argument("--without-tables", action="store_true", help=about)
 
 
@@ -80,26 +80,26 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def _report_sources(runs: pd.DataFrame) -> Iterator[str]:
-    """Report the sources of the validated fitness; runs validate with few trials."""
+    """Report the sources of the validated fitness; the runs themselves use few trials."""
     for source, column in ((BY_EVALUATION, "fresh_trials"), (BY_RUN, "in_run_trials")):
         rows = runs[runs["validated_by"] == source]
         if len(rows):
             trials = ", ".join(f"{count:.0f}" for count in sorted(set(rows[column])))
             name = "evaluations" if source == BY_EVALUATION else "the runs themselves"
             share = f"{len(rows)} of {len(runs)} runs"
-            yield f"validated fitness of {share}: by {name}, {trials} trials"
+            yield f"validated fitness of {share}: from {name}, {trials} trials"
     if (runs["validated_by"] != BY_EVALUATION).any():
         yield (
-            "for a validation on more trials, score the champions under the conditions of their "
-            "runs and give that folder, too: evoros evaluate designs=SWEEP trials=40 ..."
+            "to validate on more trials, evaluate the champions under the conditions of their runs "
+            "and add that folder: evoros evaluate designs=SWEEP trials=40 ..."
         )
 
 
 def _report_unused(study: Study) -> Iterator[str]:
     for name, parts in list_unused(study).items():
         yield (
-            f"{name} validates no run, because it differs in {' and '.join(parts)}; "
-            f"{shell_line('--under', name)} compares all runs in it"
+            f"{name} validates no run, because it differs from the runs in {' and '.join(parts)}; "
+            f"{shell_line('--under', name)} compares all runs in this evaluation"
         )
 
 
@@ -111,9 +111,9 @@ def _report_conditions(study: Study) -> Iterator[str]:
     parts.pop("design", None)
     if parts:
         yield (
-            f"the runs differ in {' and '.join(parts)}, each measured under its own conditions; a "
-            f"difference may come from these, not from the designs; --under NAME compares all "
-            f"runs in one evaluation"
+            f"the runs differ in {' and '.join(parts)}, and each was scored under its own "
+            f"conditions; a difference in score may come from the conditions, not from the "
+            f"designs; --under NAME compares all runs in one evaluation"
         )
 
 
@@ -126,8 +126,9 @@ def draw_comparison(
 ) -> Figure:
     """Draw one panel per measure: a dot for each run below a box plot, with tests underneath.
 
-    ``width`` is in inches, and ``label`` names the fitness. Boxes are quartiles; whiskers end at
-    the last value within 1.5 times the box. The median, its interval and n are written alongside.
+    ``width`` is in inches, and ``label`` names the fitness. Boxes span the quartiles;
+    whiskers end at the last value within 1.5 interquartile ranges. The median, its interval and n
+    are written on the right.
     """
     names = list(dict.fromkeys(runs["treatment"].astype(str)))
     letters = style.abbreviate(names, NAME_LENGTH)
@@ -174,7 +175,7 @@ def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[st
             text = f"{value}, n = {values.size}\n{bounds}".rstrip()
             beside = axes.get_yaxis_transform()
             axes.text(1.02, row, text, transform=beside, va="center", fontsize=SMALL)
-    axes.use_sticky_edges = False  # dots at the end of a box stay whole
+    axes.use_sticky_edges = False  # so that dots at the end of a box are not clipped
     axes.set(ylim=(len(names) - 0.45, -0.45))
     axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     axes.tick_params(axis="y", length=0)
@@ -203,4 +204,4 @@ def _table_rows(tests: pd.DataFrame, letters: Mapping[str, str]) -> list[tuple[s
 def _note(tests: pd.DataFrame) -> str:
     few = bool((tests["least_p_holm"] >= LEVEL).any())
     needed = minimum_replicates(len(tests))
-    return f"{TEST}; [ ]: 95 %" + f"; *too few: each needs {needed}" * few
+    return f"{TEST}; [ ]: 95 %" + f"; *too few runs: {needed} each needed" * few

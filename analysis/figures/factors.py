@@ -47,18 +47,18 @@ TESTS = (
 )
 EFFECTS = ("measure", "effect", "contrast", "difference", "low", "high")
 PLACES = ((0.0, "left"), (0.66, "right"), (0.81, "right"), (1.0, "right"))
-EFFECT_LENGTH = 32  # maximum length of an effect in the table
+EFFECT_LENGTH = 32  # maximum length of an effect's name in the table
 PANEL_IN = 2.2
-LETTERS_PER_IN = 15  # characters of axis labels per inch
-LEGEND_LETTERS = 44  # characters in a line of the legend, without its marks
+LETTERS_PER_IN = 15  # axis label characters per inch
+LEGEND_LETTERS = 44  # characters in a legend line, markers excluded
 PROBABILITIES = ("p", "p_holm")
 CROSS, TIMES = " x ", " \N{MULTIPLICATION SIGN} "
 """Separator between the factors of an interaction, in tables and in figures."""
-SPREAD = 0.5  # width that the second factor's levels share
+SPREAD = 0.5  # total width of the second factor's levels
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add ``--factors`` and the options for common conditions."""
+    """Add ``--factors`` and ``--under``."""
     about = "one or two factors; default: the factors that differ between the runs, up to two"
     parser.add_argument("--factors", metavar="A,B", help=about)
     add_conditions(parser)
@@ -92,7 +92,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def choose_factors(study: Study, wanted: str | None) -> list[str]:
-    """Choose the named factors; default: those that differ and do not follow from others."""
+    """Choose the named factors, by default all that differ and do not follow from others."""
     columns = {
         name: tuple(record.levels[name] for record in study.records) for name in study.factors
     }
@@ -106,7 +106,7 @@ def choose_factors(study: Study, wanted: str | None) -> list[str]:
         if not columns:
             raise InputError(
                 "--factors: no factor differs, because all runs belong to one treatment; add runs "
-                "of another"
+                "of another treatment"
             )
         typed = "" if wanted is None else f", not {wanted}"
         raise InputError(
@@ -135,15 +135,15 @@ def _group(runs: pd.DataFrame, measure: str, names: Sequence[str]) -> dict[Cell,
         values = known[measure][rows].to_numpy(float)
         if not values.size:
             raise InputError(
-                f"{measure}: no finished run of {_describe(names, cell)} found; "
-                f"run some, or exclude a level with --where"
+                f"{measure}: no finished run with {_describe(names, cell)} was found; "
+                f"add such runs, or exclude a level with --where"
             )
         cells[cell] = values
     few = next((cell for cell, values in cells.items() if len(values) < 2), None)
     if few:
         raise InputError(
-            f"{measure}: {_describe(names, few)} has one finished run; it needs two, or better "
-            f"{MIN_VALUES}; type: evoros -m ... 'seed=range({MIN_VALUES})'"
+            f"{measure}: {_describe(names, few)} has only one finished run; at least two are "
+            f"needed, and {MIN_VALUES} are better; type: evoros -m ... 'seed=range({MIN_VALUES})'"
         )
     return cells
 
@@ -156,7 +156,7 @@ def _describe(names: Sequence[str], cell: Cell) -> str:
 def list_tests(
     measure: str, cells: Mapping[Cell, Array], names: Sequence[str]
 ) -> Iterator[dict[str, object]]:
-    """Yield the rows of ``TESTS`` of a measure: one per factor, and the interaction of two."""
+    """Yield a measure's tests, with the columns ``TESTS``: each factor, and their interaction."""
     values = np.concatenate(list(cells.values()))
     levels = {
         name: [cell[i] for cell, sample in cells.items() for _ in sample]
@@ -179,7 +179,7 @@ def _describe_contrast(measure: str, contrast: Contrast) -> dict[str, object]:
 
 
 def conclude(tests: pd.DataFrame, effects: pd.DataFrame, label: str = FITNESS) -> Iterator[str]:
-    """Yield a conclusion for each effect, with its differences; ``label`` names the fitness."""
+    """Yield a conclusion for each effect, with its contrasts; ``label`` names the fitness."""
     for row in tests.to_dict("records"):
         rows = effects[(effects.measure == row["measure"]) & (effects.effect == row["effect"])]
         shown = "; ".join(
@@ -209,9 +209,9 @@ def draw_factors(
 ) -> Figure:
     """Draw one panel per measure: replicates, means and intervals, with the tests below.
 
-    ``bounds`` are the minimum and maximum of a value, and ``width`` is in inches. The first
-    factor's levels lie along the axis; the second factor's levels have colours. Lines between
-    means are parallel if there is no interaction.
+    ``bounds`` are the minimum and maximum possible values, and ``width`` is in inches. The first
+    factor's levels lie along the x axis, and colours show the second factor's levels. Lines
+    between means are parallel if there is no interaction.
     """
     lines = max(_wrap_level(level, width, cells).count("\n") for level in _list_first(cells))
     panel_in = PANEL_IN + style.scale_type(0.13) * lines
@@ -230,7 +230,7 @@ def draw_factors(
             statistic = "F" if tested["a12"].isna().all() else "A12 [95 %]"
             heads = dict(zip(("effect", statistic, "p", "p (Holm)"), PLACES, strict=True))
             rows = [_write_test(row) for row in tested.to_dict("records")]
-            note = f"bars: means, 95 % intervals; {tested['test'].iloc[0]}"
+            note = f"bars: 95 % intervals of means; {tested['test'].iloc[0]}"
             write_table(bottom, heads, rows, layout.table_size, note)
     return figure
 
@@ -249,7 +249,7 @@ def _list_first(cells: Mapping[str, Mapping[Cell, Array]]) -> list[str]:
 
 
 def _wrap_level(level: str, width: float, cells: Mapping[str, Mapping[Cell, Array]]) -> str:
-    """Describe a level in lines that fit between a panel's ticks."""
+    """Wrap a level's description to fit between a panel's ticks."""
     panel = width / (2 if width > 1.5 * style.COLUMN_IN and len(cells) > 1 else 1) - 0.7
     room = LETTERS_PER_IN * panel / len(_list_first(cells))
     return "\n".join(

@@ -22,15 +22,15 @@ FILES = {
     "fitness.csv": "the individuals of one run, or quartiles over the replicates",
 }
 LABELS = {"recorded": "best, recorded", "validated": "best, validated", "mean": "mean of pool"}
-ONE = "dots: designs of the generation's pool"
+ONE = "dots: designs in the generation's pool"
 SEVERAL = "lines: medians over the runs; bands: quartiles"
-STYLES = {  # colour and dashes, both distinct for print in grey
+STYLES = {  # colours and dash patterns, both distinct for greyscale print
     "recorded": ("black", "-"),
     "validated": (VERMILLION, (0, (4, 1))),
     "mean": ("0.45", (0, (1, 1.2))),
 }
 _PANEL_IN = 2.2  # minimum width of a panel
-_LETTERS_PER_IN = 13  # characters of a title per inch
+_LETTERS_PER_IN = 13  # title characters per inch
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:

@@ -1,4 +1,4 @@
-"""Designs that no other design dominates, drawn next to their front."""
+"""The Pareto front of two objectives, drawn next to some of its designs."""
 
 import argparse
 from collections.abc import Mapping, Sequence
@@ -27,7 +27,7 @@ FILES = {
 DESIGNS, COLUMNS = 6, 3  # designs drawn next to the front
 HEIGHT_IN, PLOT_IN, LINE_IN = 3.25, 2.65, 0.14
 LEFT_IN, BOTTOM_IN = 0.8, 0.56  # room for two-line labels
-LETTERS = 42  # characters in a line of a label
+LETTERS = 42  # characters in a label's line
 MARKERS = "os^Dvp"
 
 
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the front of each treatment or run; the table lists their designs."""
+    """Draw the front of each treatment or run; the table lists the designs on it."""
     shown = read_front(study, options)
     groups = group_runs(study, options.by)
     front = pd.concat([shown.select_front(runs) for runs in groups.values()], ignore_index=True)
@@ -87,7 +87,7 @@ def _draw_candidates(axes: Axes, shown: Front) -> None:
     x, y, candidates = shown.x, shown.y, shown.candidates
     places = candidates[x.column], candidates[y.column]
     axes.scatter(*places, s=6, color="0.7", linewidths=0, label="evaluated", zorder=1)
-    better = {1.0: "more is better", -1.0: "less is better"}
+    better = {1.0: "higher is better", -1.0: "lower is better"}
     labels = (wrap(f"{axis.label} ({better[axis.sign]})", LETTERS) for axis in (x, y))
     axes.set(**dict(zip(("xlabel", "ylabel"), labels, strict=True)))
     axes.margins(0.08)

@@ -1,4 +1,4 @@
-"""The champion's missions from above: obstacles, course, path by mode, and failures (Fig. 6)."""
+"""Top view of the champion's missions: obstacles, course, path by mode, and failures (Fig. 6)."""
 
 import argparse
 import math
@@ -46,17 +46,17 @@ ENDINGS = {
 _PANEL_IN = 1.7  # minimum width of a panel
 _ERRORS_IN = 1.3  # height of a panel of errors
 _WORDS_IN, _LINE_IN = 0.45, 0.15  # heights of a panel's labels and of a title line
-_PER_IN, _SMALL_PER_IN = 13.5, 16.5  # characters of titles and legends per inch
+_PER_IN, _SMALL_PER_IN = 13.5, 16.5  # title and legend characters per inch
 _HARD_SPACE = "\N{NO-BREAK SPACE}"
-_HANDLE = 6  # characters that a legend mark takes
+_HANDLE = 6  # width of a legend marker, in characters
 UNITS = {
     "mps": "speed\n[m/s]",
     "radps": "rate\n[rad/s]",
     "mps2": "acceleration\n[m/s²]",
     "": "closed",
 }
-"""Axis label by unit of a channel; bumpers have no unit."""
-PANEL_IN, LEGEND_IN = 0.85, 0.6  # heights of a panel and of the legend below
+"""Axis labels by a channel's unit; bumpers have no unit."""
+PANEL_IN, LEGEND_IN = 0.85, 0.6  # heights of a readings panel and of the legend below
 _STYLES = ("-", "--", "-.", ":")
 
 
@@ -93,11 +93,11 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 class Missions:
     """The missions of a champion, one in each world."""
 
-    tracks: pd.DataFrame  # all robots, with ``tracks.COLUMNS``
+    tracks: pd.DataFrame  # tracks of all robots, with ``tracks.COLUMNS``
     worlds: Mapping[str, World]
     modes: Sequence[str]  # one per controller layer
     robots: Mapping[str, FigureContext] = field(default_factory=dict)
-    """Contexts by name in the column ``agent``, which is empty for the first robot."""
+    """Contexts by the name in the column ``agent``, which is empty for the first robot."""
     traces: Mapping[str, Sequence[Trace]] = field(default_factory=dict)
     """Readings in each world, drawn below the maps."""
     rates: Mapping[str, str] = field(default_factory=dict)  # completion rates by world
@@ -162,7 +162,7 @@ def draw_missions(missions: Missions, width: float = PAGE_IN) -> Figure:
 
 
 def _draw_map(axes: Axes, missions: Missions, name: str, room: float) -> None:
-    """Draw all robots' mission in a world; title lines have up to ``room`` characters."""
+    """Draw all robots' missions in a world; title lines have up to ``room`` characters."""
     path, robots = missions.paths[name], missions.robots
     mission_map.draw_mission(axes, missions.worlds[name], path, missions.modes, missions.effects)
     mission_map.draw_walkers(axes, missions.walkers.get(name, ()), path)
@@ -204,7 +204,7 @@ def _measure_panel(panels: Sequence[Axes], width: float) -> float:
 def _read(
     record: Record, wanted: Sequence[str] | None
 ) -> tuple[list[pd.DataFrame], dict[str, World]]:
-    """Read tracks and worlds; report and skip unreadable ones."""
+    """Read tracks and worlds; report and skip worlds whose missions are unreadable."""
     require_trajectories(record)
     tracks, worlds = [], {}
     for name in record.context.courses:
@@ -216,7 +216,7 @@ def _read(
                 LOGGER.warning("%s; %s is left out", error, name)
     if not worlds:
         raise InputError(
-            f"{record.path}: no complete mission of its champion found; restore the folder"
+            f"{record.path}: no complete mission of the champion was found; restore the folder"
         )
     return tracks, worlds
 
@@ -266,7 +266,7 @@ def _add_legend(
 
 
 def draw_readings(figure: SubFigure, traces: Mapping[str, Sequence[Trace]], columns: int) -> None:
-    """Draw one panel per mission and unit; triangles mark failures of sensors."""
+    """Draw one panel per mission and unit; triangles mark sensor failures."""
     units = _list_units(traces)
     rows = -(-len(traces) // columns)
     grid = figure.subplots(rows * len(units), columns, squeeze=False, sharey="row")

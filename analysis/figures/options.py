@@ -13,12 +13,12 @@ from ..tables.study import Study
 from ..tables.validated import score_under, validate_champions
 
 TREATMENT, RUN = "treatment", "run"
-"""Choices of the groups in which designs are pooled."""
+"""Choices of ``--by``: the groups in which designs are pooled."""
 
 
 def add_thresholds(parser: argparse.ArgumentParser) -> None:
     """Add the redundancy thresholds."""
-    about = f"maximum distance of redundant sensors [m]; default: {NEAR_M}"
+    about = f"maximum distance between redundant sensors [m]; default: {NEAR_M}"
     parser.add_argument("--near-m", type=float, default=NEAR_M, metavar="M", help=about)
     about = f"maximum angle between redundant sensors [deg]; default: {NEAR_DEG}"
     parser.add_argument("--near-deg", type=float, default=NEAR_DEG, metavar="DEG", help=about)
@@ -34,16 +34,16 @@ def check_thresholds(options: argparse.Namespace) -> None:
 
 
 def add_conditions(parser: argparse.ArgumentParser) -> None:
-    """Add the option for common conditions."""
+    """Add ``--under``, which scores all champions under common conditions."""
     about = (
-        "compare the champions' scores in the evaluations with this name or label, "
+        "compare the champions by their scores in the evaluations with this name or label, "
         "under the same conditions for all"
     )
     parser.add_argument("--under", metavar="NAME", help=about)
 
 
 def add_grouping(parser: argparse.ArgumentParser) -> None:
-    """Add the option to pool designs by treatment or keep runs separate."""
+    """Add ``--by``, which pools designs by treatment or keeps runs separate."""
     about = (
         f"pool the designs of each {TREATMENT}, or keep each {RUN} separate; default: {TREATMENT}"
     )

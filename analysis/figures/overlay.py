@@ -1,8 +1,8 @@
 """All champions on one robot: positions and coverage of their sensors (the paper's Fig. 8).
 
-Short cones show the positions on a robot; full ranges show the covered directions. The shade counts
-champions, or the sensors of single champions, because overlapping translucent cones would not show
-numbers.
+Short cones show where sensors are mounted; full-range cones show the covered directions. The shade
+counts champions (sensors if every treatment has a single champion), because overlapping translucent
+cones would not show counts.
 """
 
 import argparse
@@ -37,7 +37,7 @@ from ..tables.champions import read_champion
 from ..tables.study import Study
 
 ONE_ROBOT = True
-HELP = "sensors and cones of the champions on one robot, darker where they coincide (Fig. 8)"
+HELP = "sensors and cones of the champions on one robot, darker where they overlap (Fig. 8)"
 NEEDS = "runs with at least one generation"
 FILES = {
     "overlay.csv": "the number of champions that cover each point",
@@ -46,13 +46,13 @@ FILES = {
 }
 Shades = tuple[ListedColormap, BoundaryNorm]
 PER_ROW_IN = 1.5  # minimum width of a panel
-LETTERS_PER_IN = 16  # characters of a title per inch
+LETTERS_PER_IN = 16  # title characters per inch
 APART = 2.5
 """Ratio of ranges above which the shorter cones would look like specks."""
 BAR_IN = 0.75  # room for the colour bar
 HEADS_IN = (0.38, 0.6)  # room above the first and the other views
 LINE_IN = 0.13  # height of a title line
-BAR_LABEL = "whose cones cover a place"
+BAR_LABEL = "whose cones cover the point"
 CELLS = 300  # cells along a cone, about 0.1 mm each in print
 SPAN = ["treatment", "cut_m", "cell_m", "x_m", "y_low_m", "y_high_m"]
 UNITS = {"champions": ["run"], "sensors": ["run", "sensor"]}
@@ -86,9 +86,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 def choose_cuts(
     sensors: pd.DataFrame, contexts: Mapping[str, FigureContext], near_m: float | None = None
 ) -> tuple[float, ...]:
-    """Choose the lengths [m] at which cones are cut: near, and the full range if longer.
+    """Choose the lengths [m] at which cones are cut: a near one, and the full range if longer.
 
-    The shortest cones also appear whole if they would look like specks next to the longest ones.
+    The shortest range is added if its cones would look like specks next to the longest ones.
     """
     if near_m is not None and not 0 < near_m < math.inf:
         raise InputError(
@@ -142,7 +142,7 @@ def draw_overlay(cover: pd.DataFrame, champions: Champions, width: float = COLUM
 
 
 def _shades(maximum: int) -> Shades:
-    """Return colours and norm of the counts from 1 to ``maximum``, also ordered in greyscale."""
+    """Return the colour map and norm of counts up to ``maximum``, ordered in greyscale, too."""
     cmap = ListedColormap(mpl.colormaps["YlGnBu"](np.linspace(0.15, 1.0, 256)))
     return cmap, BoundaryNorm(np.arange(0.5, maximum + 1), cmap.N)
 
@@ -241,7 +241,7 @@ def _spans(sensors: pd.DataFrame, context: FigureContext, cut: float, unit: str)
     for _, members in sensors.groupby(UNITS[unit]):
         count += find_covered(members, along, across, cell, cut).astype(np.int64)
     edges = np.pad(count, ((0, 0), (1, 1)))
-    row, first = np.nonzero(edges[:, 1:] != edges[:, :-1])  # changes of the count
+    row, first = np.nonzero(edges[:, 1:] != edges[:, :-1])  # where the count changes
     last = np.where(np.diff(row, append=-1), 0, np.roll(first, -1))
     span = last > first
     row, first, last = row[span], first[span], last[span]

@@ -31,25 +31,26 @@ TITLES = {
     "recorded": "recorded fitness",
     "validated": "validated fitness",
     COMPLETED: "completed missions",
-    "gain_recorded": "gain of recorded fitness",
-    "gain_validated": "gain of validated fitness",
-    "ahead": "share of the cones within 30 deg of ahead",
+    "gain_recorded": "gain in recorded fitness",
+    "gain_validated": "gain in validated fitness",
+    "ahead": "share of the cones within 30 deg of straight ahead",
     "redundant": "champions with a redundant pair",
-    "closest_m": "minimum distance of two sensors [m]",
+    "closest_m": "minimum distance between two sensors [m]",
     "lost": "sensors lost to damage",
 }
 SHARES = (COMPLETED, "ahead", "redundant")
 NAMED = (*FITNESS, COMPLETED, *GAINS, *FEATURES)
 Near = tuple[float, float]
-"""The thresholds of redundancy [m] and [deg]."""
+"""The redundancy thresholds: distance [m] and angle [deg]."""
 
 
 def judge_own(claim: OwnClaim, study: Study, near: Near) -> finding.Finding:
     """Judge a claim by the finished runs of its treatments.
 
-    The value is the champions' mean over runs, or a difference of two such means. A claim is
+    The value is the champions' mean over runs, or the difference between two such means. A claim is
     supported if the interval lies beyond the threshold, and the champions exceed their runs' random
-    designs in the same direction. It is not supported if the interval lies on the other side.
+    designs in the same direction. It is not supported if the interval lies on the other side of the
+    threshold.
     """
     values = measure_runs(claim.measure, study, near, claim.place)
     groups = [claim.treatments, *([claim.against] if claim.against else [])]
@@ -70,7 +71,7 @@ def judge_own(claim: OwnClaim, study: Study, near: Near) -> finding.Finding:
     why = f"{claim.comparison} {' to '.join(bounds)}"
     rate, excess = _compare_with_random(sides)
     if not np.isnan(excess.value):
-        why += f"; against random designs {excess.value:+.2g} [{excess.low:.2g}, {excess.high:.2g}]"
+        why += f"; over random designs {excess.value:+.2g} [{excess.low:.2g}, {excess.high:.2g}]"
         above, below = excess.low > 0, excess.high < 0
         beyond = {ABOVE: above, BELOW: below}.get(claim.comparison, above or below)
         verdict, why = finding.require_beyond_random(verdict, why, beyond)
@@ -84,7 +85,7 @@ def title_measure(measure: str) -> str:
 
 
 def _compare_with_random(sides: Sequence[pd.DataFrame]) -> tuple[float, Interval]:
-    """Return the value of random designs and the champions' excess; NaN if a run lacks them."""
+    """Return the random designs' value and the champions' excess; NaN without random designs."""
     random = [side.random.to_numpy(float) for side in sides]
     if any(np.isnan(drawn).any() for drawn in random):
         return np.nan, NOTHING
@@ -98,9 +99,9 @@ def _compare_with_random(sides: Sequence[pd.DataFrame]) -> tuple[float, Interval
 def _estimate(
     samples: Sequence[Array], plain: bool = False, bounds: tuple[float, float] = UNBOUNDED
 ) -> Interval:
-    """Return the mean or the difference between two means, and its interval, exact if binary.
+    """Return a mean or a difference between two means with its interval, exact for binary values.
 
-    ``bounds`` are the minimum and maximum of a value.
+    ``bounds`` are the minimum and maximum possible values.
     """
     if len(samples) == 2:
         return contrast_interval(samples, [1.0, -1.0], bounds)
@@ -125,7 +126,7 @@ def _judge(claim: OwnClaim, measured: Interval) -> str:
 
 
 def measure_runs(measure: str, study: Study, near: Near, place: str) -> pd.DataFrame:
-    """Return by run the champion's ``value`` and the random designs' mean, ``random``."""
+    """Return a row per run: the champion's ``value`` and the random designs' mean, ``random``."""
     readers: Mapping[str, Callable[[], pd.DataFrame]] = {
         **dict.fromkeys(FITNESS, lambda: _measure_fitness(measure, study)),
         **dict.fromkeys(GAINS, lambda: _measure_gain(measure, study)),
@@ -161,7 +162,7 @@ def _read_column(record: Record, column: str) -> tuple[float, float]:
 
 
 def _measure_fitness(measure: str, study: Study) -> pd.DataFrame:
-    """Measure the champion's fitness, and the best fitness of the first generation as random."""
+    """Return the champions' fitness, and the first generation's best fitness as ``random``."""
     champions = validate_champions(study).set_index("run")[measure].to_dict()
 
     def read(record: Record) -> tuple[float, float]:
@@ -172,7 +173,7 @@ def _measure_fitness(measure: str, study: Study) -> pd.DataFrame:
 
 
 def _measure_gain(measure: str, study: Study) -> pd.DataFrame:
-    """Measure the gain of the best from first to last generation, without random designs."""
+    """Return the best design's gain from the first to the last generation; ``random`` is NaN."""
 
     def read(record: Record) -> tuple[float, float]:
         line = trace_fitness(record.run.generations)[measure.removeprefix("gain_")]
@@ -190,7 +191,7 @@ def _measure_feature(measure: str, study: Study, near: Near) -> pd.DataFrame:
 
 
 def _measure_completion(study: Study) -> pd.DataFrame:
-    """Measure the share of completed missions on fresh draws, in the run's simulator."""
+    """Return the shares of missions completed on fresh draws, in the run's simulator."""
     missions, drawn = list_missions(study), list_random_missions(study)
 
     def read(record: Record) -> tuple[float, float]:

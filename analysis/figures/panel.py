@@ -1,4 +1,4 @@
-"""One panel per replicate: its champion's sensors and cones, twins in one colour (Fig. 7)."""
+"""One panel per replicate: the champion's sensors and cones, with twins in one colour (Fig. 7)."""
 
 import argparse
 import math
@@ -29,12 +29,12 @@ FILES = {
     "panel.csv": "the champions' sensors",
     "panel_signals.csv": "the champions' sensors that cast no rays, if there are any",
 }
-CUT = 0.6  # maximum cone length over the robot's, to leave room for the robot
+CUT = 0.6  # maximum cone length in robot lengths, so that the robot stays large
 PANEL_IN, MIN_PANEL_IN = 1.25, 0.8  # width of a panel, and its minimum on a full page
 PAGE_HEIGHT_IN = 9.2
 SIDE_IN, FOOT_IN, HEADING_IN, TITLE_IN, LINE_IN = 0.5, 0.5, 0.2, 0.22, 0.17
 CERTIFIED_IN = 0.13  # additional height of a title with an interval
-TITLES = "seed: recorded fitness (validated in the run) [interval of this]"
+TITLES = "seed: recorded fitness (validated in the run) [validation interval]"
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
@@ -52,7 +52,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def rank_pairs(sensors: pd.DataFrame) -> pd.DataFrame:
-    """Add the colour ``rank`` of each pair: 0 faces closest to ahead; twins share a rank."""
+    """Add the colour ``rank`` of each pair: 0 for the pair that faces closest to straight ahead."""
     facing = sensors.assign(facing=sensors.yaw_deg.abs().round(9))
     pairs = facing.dropna(subset="pair").sort_values(["run", "facing", "pair"])
     pairs = pairs.drop_duplicates(["run", "pair"])
@@ -99,7 +99,7 @@ def draw_panels(
 def _make_colour_handles(placed: pd.DataFrame) -> list[Patch]:
     """Make a legend entry for each rank; only the first and last have individual names."""
     ranks = sorted(placed["rank"].astype(int).unique())[: len(CATEGORIES)]
-    labels = {len(ranks) - 1: "faces most aside", 0: "faces most ahead"}
+    labels = {len(ranks) - 1: "farthest from forward", 0: "closest to forward"}
     colours = {rank: CATEGORIES[rank % len(CATEGORIES)] for rank in ranks}
     words = {rank: labels.get(rank, "in between") for rank in ranks}
     return [Patch(fc=colours[rank], alpha=0.6, label=words[rank]) for rank in ranks]
@@ -116,7 +116,7 @@ def _title(row: pd.Series) -> str:
 def _note(placed: pd.DataFrame, cut: float, width: float) -> str:
     ranges = sorted(placed.range_m.unique())
     lengths = " to ".join(f"{range_m:g}" for range_m in dict.fromkeys([*ranges[:1], *ranges[-1:]]))
-    cones = [f"cones of {lengths} m cut at {cut:g} m"] if ranges and ranges[-1] > cut else []
+    cones = [f"cones of {lengths} m cut off at {cut:g} m"] if ranges and ranges[-1] > cut else []
     return ("; " if is_wide(width) else "\n").join([TITLES, *cones])
 
 
@@ -152,16 +152,16 @@ def _make_panels(
 def lay_out(
     numbers: Sequence[int], ratio: float, width: float, foot: float, above: float = TITLE_IN
 ) -> Sheet:
-    """Lay out the panels of each treatment, which shrink if they then fit on one page.
+    """Lay out the panels of each treatment; panels shrink if they then fit on one page.
 
-    ``numbers`` has the number of panels by treatment, and ``ratio`` is height over width.
-    ``foot`` is room for the legend, and ``above`` for a title [in].
+    ``numbers`` holds the number of panels per treatment; ``ratio`` is a panel's height divided by
+    its width. ``foot`` and ``above`` are the heights [in] of the legend and of a panel's title.
     """
     heading = HEADING_IN * (len(numbers) > 1)
     pages = []
     for panel_in in (PANEL_IN, MIN_PANEL_IN):
         columns = max(1, int((width - SIDE_IN) / panel_in))
-        columns = math.ceil(max(numbers) / math.ceil(max(numbers) / columns))  # balances the rows
+        columns = math.ceil(max(numbers) / math.ceil(max(numbers) / columns))  # even rows
         rows = [math.ceil(panels / columns) for panels in numbers]
         heads = [above + heading * (row == 0) for count in rows for row in range(count)]
         pages.append(Sheet(width, columns, [ratio] * len(heads), heads, bottom=foot))
@@ -171,7 +171,7 @@ def lay_out(
 
 def _shrink(page: Sheet) -> Sheet:
     """Shrink the panels to fit on one page, down to the minimum width, and widen the gaps."""
-    room = PAGE_HEIGHT_IN - sum(page.heads) - page.bottom - 1e-6  # allows for rounding
+    room = PAGE_HEIGHT_IN - sum(page.heads) - page.bottom - 1e-6  # margin for rounding
     panel = min(max(room / sum(page.ratios), MIN_PANEL_IN), page.panel)
     spare = page.columns * (page.panel - panel)
     return replace(page, gap=page.gap + spare / max(page.columns - 1, 1))

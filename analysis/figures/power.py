@@ -1,4 +1,4 @@
-"""Number of replicates that detect a difference with the test of ``compare``."""
+"""The number of replicates needed to detect a difference with the test of ``compare``."""
 
 import argparse
 from collections.abc import Hashable, Mapping, Sequence
@@ -27,38 +27,38 @@ from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
 from .options import add_conditions, score_runs
 
-HELP = "number of replicates that detect a given difference, simulated from these runs"
+HELP = "number of replicates needed to detect a given difference, simulated from these runs"
 NEEDS = "finished runs with replicates"
 FILES = {
     "power.csv": "the number of replicates for each difference",
-    "power_curves.csv": "the power by the number of replicates",
+    "power_curves.csv": "the power for each number of replicates",
 }
 USUAL = (0.5, 1.0, 1.5)
 """Default differences, in standard deviations."""
-BAR_STEP = 0.03  # step between the bars of two differences, in power
-TITLE_LENGTH = 36  # characters in a line of the legend's title
+BAR_STEP = 0.03  # vertical distance between the bars of two differences, in power
+TITLE_LENGTH = 36  # characters in a line of the legend title
 POINTS = 14
 """Number of points at which a curve is computed."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the difference to detect, the power, the number of comparisons and the fitness."""
+    """Add the options for the difference, the power, the comparisons and the fitness."""
     about = (
-        "difference of fitness between two treatments; may be repeated; default: 0.5, 1 and "
+        "difference in fitness between two treatments; may be repeated; default: 0.5, 1 and "
         "1.5 standard deviations of the replicates"
     )
     parser.add_argument("--difference", type=float, action="append", metavar="D", help=about)
     about = "probability of detecting the difference; default: 0.8"
     parser.add_argument("--power", type=float, default=0.8, metavar="P", help=about)
-    about = "number of compared pairs of treatments; default: all pairs of the given runs"
+    about = "number of pairs of treatments to compare; default: all pairs in the given runs"
     parser.add_argument("--comparisons", type=int, metavar="K", help=about)
-    about = "use the recorded fitness, not the validated one"
+    about = "use the recorded fitness, not the validated fitness"
     parser.add_argument("--recorded", action="store_true", help=about)
     add_conditions(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw power over replicates; the tables list the required numbers and the curves."""
+    """Plot power against replicates; the tables list the required numbers and the curves."""
     _check(options)
     runs, measures = score_runs(study, options.under)
     label = label_fitness(study.records)
@@ -67,9 +67,8 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     scatter = measure_scatter(groups)
     if scatter is None:
         raise InputError(
-            f"{title_measure(measure, label)}: too few replicates to estimate power; one "
-            f"treatment must have at least {MIN_SCATTER} that differ; run more "
-            f"seeds first"
+            f"{title_measure(measure, label)}: too few different replicates to estimate power; "
+            f"run at least {MIN_SCATTER} seeds of one treatment first"
         )
     comparisons = options.comparisons or max(1, comb(len(groups), 2))
     simulation = Simulation(scatter, comparisons)
@@ -106,7 +105,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _trace(simulation: Simulation, plans: Sequence[Mapping[str, float]]) -> pd.DataFrame:
-    """Compute the power by number of replicates, for each difference."""
+    """Compute the power for each difference and number of replicates."""
     ends = [plan["replicates"] for plan in plans]
     longest = max((end for end in ends if not isinf(end)), default=MAX_REPLICATES)
     end = min(MAX_REPLICATES, max(10, int(1.5 * longest)))
@@ -130,10 +129,10 @@ def _conclude(row: Mapping[Hashable, Any], title: str) -> str:
     adjusted = "one comparison" if pairs == 1 else f"Holm over {pairs} comparisons"
     needed, low, high = (_format(row[f"replicates{end}"]) for end in ("", "_low", "_high"))
     return (
-        f"{title}: {needed} replicates of each treatment [95 % interval, "
-        f"for normal values: {low} to {high}] detect a difference of {row['difference']:.3g} "
+        f"{title}: {needed} replicates per treatment [95 % interval, "
+        f"assuming normal values: {low} to {high}] detect a difference of {row['difference']:.3g} "
         f"({row['in_sd']:.2g} standard deviations) at the {100 * LEVEL:.0f} % level with a "
-        f"chance of {100 * row['power']:.0f} % ({TEST}, {adjusted}), if they scatter like the "
+        f"probability of {100 * row['power']:.0f} % ({TEST}, {adjusted}), if they scatter like the "
         f"{row['runs']} given runs"
     )
 
@@ -149,7 +148,7 @@ def draw_power(
     width: float = COLUMN_IN,
     title: str = FITNESS,
 ) -> Figure:
-    """Draw power over replicates, ``width`` inches wide; dots mark the required numbers.
+    """Plot power against replicates, ``width`` inches wide; dots mark the required numbers.
 
     ``title`` names the quantity that differs.
     """
@@ -164,14 +163,14 @@ def draw_power(
             label = f"{plan['difference']:.3g} ({plan['in_sd']:.2g} SD)"
             axes.plot(rows["replicates"], rows["power"], color=colour, lw=1.2, label=label)
             low, high = (min(plan[f"replicates_{side}"], end) for side in ("low", "high"))
-            y = power + BAR_STEP * ((len(plans) - 1) / 2 - i)  # bars do not overlap
+            y = power + BAR_STEP * ((len(plans) - 1) / 2 - i)  # so that bars do not overlap
             axes.plot([low, high], [y, y], color=colour, lw=1.2)
             if plan["replicates_high"] > end:
                 axes.plot(high, y, ">", color=colour, ms=4, clip_on=False)
             if plan["replicates"] <= end:
                 axes.plot(plan["replicates"], power, "o", color=colour, ms=4.5)
-        axes.set(xlabel="replicates of each treatment", ylabel="chance to detect the difference")
+        axes.set(xlabel="replicates per treatment", ylabel="probability of detection")
         axes.set(ylim=(0, 1.03), xlim=(0, end * 1.03))
-        about = wrap(f"difference of {title} (bars: 95 % intervals)", TITLE_LENGTH)
+        about = wrap(f"difference in {title} (bars: 95 % intervals)", TITLE_LENGTH)
         axes.legend(title=about, frameon=False, loc="lower right")
     return figure

@@ -1,4 +1,4 @@
-"""Regions in which sensors may be placed, and the headings that they may have (Fig. 5)."""
+"""The regions in which sensors may be placed, and the allowed headings (Fig. 5)."""
 
 import argparse
 import math
@@ -24,12 +24,12 @@ from ..subcommands import Product
 from ..tables.study import Study
 
 ONE_ROBOT = True
-HELP = "regions of the robot in which sensors may be placed, and their headings (Fig. 5)"
+HELP = "regions of the robot in which sensors may be placed, and allowed headings (Fig. 5)"
 NEEDS = "runs"
 FILES = {
     "regions.csv": "the corners and headings of each region",
 }
-FAN = 0.25  # radius of a fan over the robot's length
+FAN = 0.25  # radius of a fan, in robot lengths
 TWINS = "twins are mirrored across the dash-dotted line"
 MINUS = "\N{MINUS SIGN}"
 MAX_FANS = 3  # maximum number of fans along a line region
@@ -47,7 +47,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def group_contexts(study: Study) -> dict[str, FigureContext]:
-    """Group contexts that look the same; names join their treatments."""
+    """Merge contexts that look the same; each result is named after its treatments."""
     treatments: dict[str, list[str]] = {}
     contexts: dict[str, FigureContext] = {}
     for record in (*study.records, *study.evaluations):
@@ -98,8 +98,8 @@ def draw_regions(
 ) -> Figure:
     """Draw one panel per context: the robot, its regions, and fans of headings.
 
-    Mirror images that are not regions have dashed edges. ``width`` is in inches; ``named`` also
-    gives a single panel a title.
+    Mirror images that are not regions have dashed edges. ``width`` is in inches; with ``named``,
+    even a single panel has a title.
     """
     reach = FAN * max(map(robot_length, contexts.values()))
     view = _fit_window(contexts, reach)
@@ -149,7 +149,7 @@ def _draw_areas(axes: Axes, context: FigureContext, reach: float) -> None:
 
 
 def _corners(area: Area) -> frozenset[tuple[float, float]]:
-    """Return rounded corners, which are equal if two areas are the same."""
+    """Return the corners, rounded so that equal areas compare equal."""
     return frozenset((round(x, 9), round(y, 9)) for x, y in area.corners)
 
 

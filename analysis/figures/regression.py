@@ -1,4 +1,4 @@
-"""Two versions of a software stack on equal random draws: changed missions, and their tests."""
+"""Two versions of a software stack on the same random draws: changed missions, and tests."""
 
 import argparse
 from collections.abc import Hashable, Iterator, Mapping, Sequence
@@ -53,9 +53,9 @@ FILES = {
 }
 SKEWED = ("change of a time, bootstrap", "paired values change, sign flips")
 SHOWN = 5
-"""Maximum number of missions with printed commands."""
+"""Maximum number of missions whose replay commands are printed."""
 LOOKS: Mapping[str, tuple[str, str, str, float]] = {
-    SAME: ("as before", "o", "0.75", 2.5),
+    SAME: ("unchanged", "o", "0.75", 2.5),
     BETTER: ("better", "^", SKY, 3.0),
     WORSE: ("worse", "v", "#e0a080", 3.0),
     GAINED: ("completed only in B", "^", BLUE, 5.0),
@@ -86,10 +86,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--of", action="append", choices=QUANTITIES, help=about)
     about = (
         f"require that the mean of {' or '.join(BOUNDED)} falls by less than X in each world, such "
-        f"as {COMPLETED}=0.05; may be repeated; only margins then decide the exit status"
+        f"as {COMPLETED}=0.05; may be repeated; the exit status then depends only on the margins"
     )
     parser.add_argument("--margin", action="append", default=[], metavar="QUANTITY=X", help=about)
-    about = "confidence of the results of --margin; default: 0.95"
+    about = "confidence level of the --margin results; default: 0.95"
     parser.add_argument("--confidence", type=float, default=0.95, metavar="C", help=about)
     about = "the design to draw; default: the one with the worst change"
     parser.add_argument("--design", metavar="NAME", help=about)
@@ -144,7 +144,7 @@ def _choose(pairs: pd.DataFrame, wanted: str | None) -> str:
     names = list(dict.fromkeys(pairs["design"]))
     if wanted not in (None, *names):
         raise InputError(
-            f"--design: must be a design of both folders, not {wanted!r}; choose one of "
+            f"--design: {wanted!r} is not a design in both folders; choose one of "
             f"{', '.join(names)}"
         )
     return wanted or names[0]
@@ -161,14 +161,15 @@ def _introduce(one: Record, other: Record, pairs: pd.DataFrame) -> Iterator[str]
     """Describe the comparison and the limits of its results."""
     changes = list_changes(one, other)
     what = f"differ in {', '.join(changes)}" if changes else "have the same configuration"
-    yield f"A: {one.name}, B: {other.name}: {len(pairs)} missions under equal draws; they {what}"
+    about = f"A: {one.name}, B: {other.name}: {len(pairs)} missions on the same random draws"
+    yield f"{about}; the folders {what}"
     if any(
         key.startswith("requirements.") and key.endswith(".of")
         for key in (*one.values, *other.values)
     ):
         yield (
-            "requirements stopped an evaluation early; p-values need a fixed number of trials, "
-            "but a result of --margin holds for any number"
+            "requirements can stop an evaluation early; p-values need a fixed number of trials, "
+            "but results of --margin hold for any number"
         )
 
 
@@ -182,7 +183,7 @@ def _describe(row: Mapping[Hashable, Any]) -> str:
         )
     said = row["result"] or "no significant change"
     alone = row["quantity"] == COMPLETED and row["trials"] == row["missions"]
-    test = "McNemar's test" if alone else "test of the permuted signs of trials"
+    test = "McNemar's test" if alone else "sign permutation test over trials"
     return (
         f"design {row['design']}{where}, {row['quantity']}: {said}: {row['mean_a']:.3g} to "
         f"{row['mean_b']:.3g}, {format_change(row)}; {counts}; "
@@ -192,9 +193,9 @@ def _describe(row: Mapping[Hashable, Any]) -> str:
 
 def _describe_margin(row: Mapping[Hashable, Any]) -> str:
     return (
-        f"{row['result']}: design {row['design']} in {row['world']}: mean {row['quantity']} falls "
-        f"by less than {row['margin']:g}; it changes by {format_change(row)} in {row['trials']} "
-        f"trials, each bound with confidence {row['confidence']:g}"
+        f"{row['result']}: design {row['design']} in {row['world']}: mean {row['quantity']} must "
+        f"fall by less than {row['margin']:g}; it changes by {format_change(row)} in "
+        f"{row['trials']} trials (each bound at confidence {row['confidence']:g})"
     )
 
 
@@ -202,10 +203,10 @@ def _list_worst(pairs: pd.DataFrame) -> Iterator[str]:
     """Count the changed missions, and print the commands that replay the worst of them."""
     counts: Mapping[Hashable, int] = pairs["change"].value_counts().to_dict()
     said: Sequence[str] = [f"{counts.get(name, 0)} {name}" for name in (LOST, GAINED)]
-    yield f"missions {' and '.join(said)}, {len(pairs) - counts.get('same', 0)} changed in all"
+    yield f"missions: {', '.join(said)}, {len(pairs) - counts.get('same', 0)} changed in total"
     for row in pairs[pairs["change"].isin([LOST, WORSE])].head(SHOWN).to_dict("records"):
         yield f"{row['change']}: design {row['design']}, trial {row['trial']} in {row['world']}"
-        yield from (f"  again in {side.upper()}: {row[f'replay_{side}']}" for side in "ab")
+        yield from (f"  replay in {side.upper()}: {row[f'replay_{side}']}" for side in "ab")
 
 
 def draw_paired_times(
@@ -213,8 +214,8 @@ def draw_paired_times(
 ) -> Figure:
     """Draw each mission at its times in A and B, with the tests over all worlds below.
 
-    Incomplete missions lie in bands beyond the longest time; less progress is further out.
-    ``sides`` are the names of A and B. ``width`` is in inches.
+    Incomplete missions lie in bands beyond the longest time, further out if they made less
+    progress. ``sides`` are the names of A and B. ``width`` is in inches.
     """
     names = [f"{side}: {name}" for side, name in zip("AB", sides, strict=True)]
     note = cut_short(", ".join([*names, *([design] if design else [])]), NOTE_LENGTH)
@@ -259,11 +260,11 @@ def _draw_pairs(axes: Axes, pairs: pd.DataFrame) -> None:
 
 def _label(axes: Axes, known: bool, low: float, high: float, end: float) -> None:
     axes.set(xlim=(low, end), ylim=(low, end), aspect="equal")
-    axes.set(xlabel="time of completion in A [s]", ylabel="time of completion in B [s]")
+    axes.set(xlabel="completion time in A [s]", ylabel="completion time in B [s]")
     for axis in (axes.xaxis, axes.yaxis):
         ticks = MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(low, high)
         axis.set_ticks([tick for tick in ticks if known and low <= tick <= high])
     style: dict[str, Any] = {"fontsize": SMALL, "color": "0.4"}
-    middle = (low + high) / 2  # middle of the band's label
+    middle = (low + high) / 2  # centre of the bands' labels
     axes.text(middle, end, "not completed in B", ha="center", va="bottom", **style)
     axes.text(end, middle, " not completed in A", ha="left", va="center", rotation=270, **style)

@@ -1,4 +1,4 @@
-"""Evolved against random designs: coverage, front arrays, side mounts, redundancy, damage."""
+"""Evolved and random designs compared: coverage, front arrays, side mounts, redundancy, damage."""
 
 import argparse
 from collections.abc import Mapping, Sequence
@@ -33,7 +33,7 @@ from ..tables.study import Study
 from .options import add_thresholds, check_thresholds
 
 ONE_ROBOT = True
-HELP = "what evolved: coverage by direction, front arrays, side mounts, redundancy, clusters"
+HELP = "evolved features: coverage by direction, front arrays, side mounts, redundancy, clusters"
 NEEDS = "finished runs"
 FILES = {
     "strategies.csv": "the measures of each treatment and of random designs",
@@ -78,7 +78,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def report_designs(summary: pd.DataFrame) -> list[str]:
-    """Report each treatment in a line, and the clusters of all champions in another."""
+    """Report each treatment on one line, and the clusters among all champions on another."""
     lines = []
     for treatment, rows in summary.groupby("treatment", sort=False):
         measures = rows.set_index("measure")
@@ -101,7 +101,7 @@ def report_designs(summary: pd.DataFrame) -> list[str]:
 
 
 def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = PAGE_IN) -> Figure:
-    """Draw coverage by treatment and heading, and three features; ``width`` is in inches."""
+    """Plot coverage by treatment and heading, and three features; ``width`` is in inches."""
     treatments = list(dict.fromkeys(table.treatment))
     columns = max(1, int(width / PANEL_IN))
     across = min(columns, len(treatments))
@@ -132,21 +132,21 @@ def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = P
 
 
 def _make_upper_key(colours: Mapping[str, str]) -> list[Artist]:
-    """Make the legend entries of the coverage, in the first treatment's colour."""
+    """Make the legend entries for the coverage panels, in the first treatment's colour."""
     colour = next(iter(colours.values()))
     band = Patch(fc=colour, alpha=0.25, label="95 % interval")
-    single = Line2D([], [], color=colour, lw=0.4, alpha=0.35, label="each champion")
+    single = Line2D([], [], color=colour, lw=0.4, alpha=0.35, label="single champions")
     mean = Line2D([], [], color=colour, lw=1.4, label="champions, mean")
     return [mean, band, single, _MIDDLE]
 
 
 def _shorten(treatments: Sequence[str]) -> dict[str, str]:
-    """Map treatments to tick labels: letters if a name is too long or treatments are many."""
+    """Map treatments to tick labels: letters if a name is too long or there are many treatments."""
     return abbreviate(treatments, NAME_LENGTH if len(treatments) <= 4 else 0)
 
 
 def _title(treatment: str, treatments: Sequence[str], table: pd.DataFrame, room: float) -> str:
-    """Return a panel's title in lines of ``room`` characters."""
+    """Return a panel's title in lines of up to ``room`` characters."""
     count = int(((table.treatment == treatment) & ~table.random).sum())
     short = _shorten(treatments)[treatment]
     name = treatment if short == treatment else f"{short}: {treatment}"
@@ -192,7 +192,7 @@ def _draw_ahead(axes: Axes, table: pd.DataFrame, summary: pd.DataFrame) -> None:
     _draw_strips(axes, table, "ahead")
     axes.set_ylim(-0.03, 1.12)
     axes.set_yticks([0, 0.25, 0.5, 0.75, 1])
-    axes.set_ylabel(f"share of the cones within\n{AHEAD_DEG:.0f} deg of ahead")
+    axes.set_ylabel(f"share of the cones within\n{AHEAD_DEG:.0f} deg of straight ahead")
     counts = summary[summary.measure == FRONT].set_index("treatment")
     for i, (share, n) in enumerate(counts[["value", "n"]].to_numpy(float)):
         axes.text(i, 1.03, f"{share * n:.0f} : {n - share * n:.0f}", ha="center", fontsize="small")
@@ -205,7 +205,7 @@ def _draw_lost(axes: Axes, table: pd.DataFrame, summary: pd.DataFrame) -> None:
     places = np.arange(len(rows)) + 0.3
     value, errors = _with_errors(rows)
     axes.errorbar(places, value, errors, fmt="_", color="black", lw=1, ms=5)
-    axes.set_ylabel("sensors that a blow\nto one of them takes")
+    axes.set_ylabel("sensors lost to\na blow on one of them")
 
 
 def _with_errors(rows: pd.DataFrame) -> tuple[Array, list[Array]]:

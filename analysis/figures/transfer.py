@@ -44,7 +44,7 @@ HELP = (
 NEEDS = "evaluations of the same designs under different conditions, or runs with a confirmation"
 FILES = {
     "transfer.csv": "a row for each design",
-    "transfer_summary.csv": "correlation and mean change of each panel and group",
+    "transfer_summary.csv": "rank correlation and mean change, a row for each panel and group",
 }
 NUMBERS = ("n", "spearman", "spearman_low", "spearman_high", "change", "change_low", "change_high")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
@@ -55,7 +55,7 @@ HEADS = {
     "mean change": (0.67, "left"),
 }
 MIN_DESIGNS = next(n for n in count(2) if 2 / factorial(n) < LEVEL)
-"""Minimum number of designs whose order can be significant, as two of n! orders match fully."""
+"""Minimum number of designs for a significant rank correlation: 2 of n! orders are extreme."""
 NOTE = f"*too few designs for a conclusion: {MIN_DESIGNS} or more are needed"
 NAME_LENGTH, RUNG_LENGTH = 16, 17
 """Maximum lengths of a group's and a rung's name in the table."""
@@ -66,15 +66,15 @@ RUNG_HEADS = {
     "mean change": (0.67, "left"),
 }
 NAMED = 8
-"""Maximum number of designs with colours and names; beyond it, all are grey."""
+"""Maximum number of designs with colours and names; larger numbers are drawn in grey."""
 _APART = 0.03  # distance between the dots of two designs, in rungs
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options for the differing part and for a ladder."""
-    about = "the part to compare, if evaluations differ in several parts: simulator, failure ..."
+    """Add ``--between`` and ``--ladder``."""
+    about = "the part to compare, such as simulator, if evaluations differ in several parts"
     parser.add_argument("--between", metavar="PART", help=about)
-    about = "compare each evaluation with the next, as rungs in this order"
+    about = "compare each evaluation with the next one, as rungs of a ladder in the given order"
     parser.add_argument("--ladder", action="store_true", help=about)
 
 
@@ -117,7 +117,7 @@ def _conclude(row: Mapping[Hashable, Any]) -> str:
     order, change = _format_interval(row, "spearman"), _format_change(row)
     kept = "partly preserved" if row["spearman_low"] > 0 else "not shown to be preserved"
     kept = kept if row["n"] >= MIN_PAIRS else f"not judged below {MIN_PAIRS} designs"
-    what = "fitness rises:" if row["change_low"] > 0 else "no significant change of fitness:"
+    what = "fitness rises:" if row["change_low"] > 0 else "no significant change in fitness:"
     what = "fitness falls:" if row["change_high"] < 0 else what
     return f"{head}: {row['n']} designs: ranking {kept}, rank correlation {order}; {what} {change}"
 

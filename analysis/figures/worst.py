@@ -40,7 +40,7 @@ HELP = "the smallest set of failed sensors that stops a design, and the risk of 
 NEEDS = "evaluations in one simulator"
 FILES = {
     "worst.csv": "the cases: sets of failed sensors and times",
-    "worst_sets.csv": "the sets by their size",
+    "worst_sets.csv": "the sets, by size",
     "worst_risks.csv": "the probability of failure in each world",
 }
 REACH_M = 0.25  # length of the drawn cones
@@ -84,7 +84,7 @@ def _choose(cases: pd.DataFrame, wanted: str | None) -> tuple[str, str]:
     if chosen.empty:
         names = ", ".join(dict.fromkeys(known["design"]))
         raise InputError(
-            f"--design: must be a design of the evaluations, not {wanted!r}; choose one of {names}"
+            f"--design: {wanted!r} is not a design of the evaluations; choose one of {names}"
         )
     row = chosen.iloc[0]
     return str(row["source"]), str(row["design"])
@@ -108,7 +108,7 @@ class TestedDesign:
     def describe(self) -> Iterator[str]:
         """Describe the smallest set that stops the design, how to repeat it, and the risks.
 
-        The results of a search for worst cases are described elsewhere.
+        ``describe_worst_cases`` describes the results of a search for worst cases.
         """
         if self.cases.empty:
             return
@@ -119,7 +119,7 @@ class TestedDesign:
             yield f"{self.name}: {self._describe_smallest()}"
         for row in self.risks[self.risks["world"] == ""].to_dict("records"):
             yield (
-                f"{self.name}: under {row['evaluation']}, a trial fails with a probability of "
+                f"{self.name}: in {row['evaluation']}, a trial fails with a probability of "
                 f"{row['risk']:.3f} (95 % interval {row['risk_low']:.3f} to "
                 f"{row['risk_high']:.3f}, {row['missions']} trials)"
             )
@@ -136,7 +136,7 @@ class TestedDesign:
         return (
             f"not completed in {worlds} with {sensors} failed ({numbers}) at "
             f"{first['failed_at_s']:g} s{others} ({extent}); "
-            f"to tell failure from noise, repeat it with failure=given "
+            f"to tell failure from noise, repeat this case with failure=given "
             f"failure.sensors=[{numbers}] failure.time_s={first['failed_at_s']:g} trials=40"
         )
 
@@ -203,17 +203,17 @@ def _draw_shares(axes: Axes, sets: pd.DataFrame) -> None:
             bar.set(facecolor="none", edgecolor=VERMILLION, hatch="////")
     for row in sets.to_dict("records"):
         some = f"{row['stopping']}/{row['sets']}\nsets"
-        none = f"{row['stopped']}/{row['missions']}\nmissions"  # often few
+        none = f"{row['stopped']}/{row['missions']}\nmissions"
         text, place = some if row["failed"] else none, row["stopped"] / row["missions"]
         style: dict[str, Any] = {"textcoords": "offset points", "ha": "center"}
         axes.annotate(text, (row["failed"], place), (0, 2), fontsize="small", **style)
     axes.set(ylim=(0.0, 1.2), xlabel="failed sensors", ylabel="missions not completed")
-    axes.set_title(wrap("numbers: sets with a mission not completed, of those met", 40))
+    axes.set_title(wrap("numbers: sets with an incomplete mission, of all sets that occurred", 40))
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     axes.set_yticks([0.0, 0.25, 0.5, 0.75, 1.0])
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     if not whole.all():
-        handle = Patch(fc="none", ec=VERMILLION, hatch="////", label="not all sets were met")
+        handle = Patch(fc="none", ec=VERMILLION, hatch="////", label="not all sets occurred")
         axes.legend(handles=[handle], frameon=False, loc="upper left")
 
 
@@ -230,6 +230,6 @@ def _draw_plan(
     labels = sensors.assign(label=sensors["sensor"], bold=sensors["sensor"].isin(failed))
     label_sensors(axes, labels, 0.85 * reach, 0.14 * reach)
     axes.set(xlabel=robot.AXES[0], ylabel=robot.AXES[1])
-    kinds = [(VERMILLION, "failed"), (BLUE, "works")] if failed else [(BLUE, "sensor")]
+    kinds = [(VERMILLION, "failed"), (BLUE, "working")] if failed else [(BLUE, "sensor")]
     handles = [Patch(fc=colour, alpha=0.6, label=label) for colour, label in kinds]
     axes.legend(handles=handles, frameon=False, loc="lower center", ncols=2)

@@ -1,1 +1,1 @@
-"""The subcommand ``report``: one HTML page of a study."""
+"""The subcommand ``report``, which writes one HTML page about a study."""

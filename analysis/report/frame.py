@@ -1,4 +1,4 @@
-"""Pages that open in any browser without a network: templates, tables and recorded missions."""
+"""Pages that open in any browser offline: templates, tables and recorded missions."""
 
 import base64
 import hashlib
@@ -32,8 +32,8 @@ HEADER, LINKS, MISSIONS = "header", "links", "missions"
 class Page:
     """The content of a page.
 
-    A playback has a ``label``, a ``key``, the names of its ``players``, and as ``content`` the
-    result of ``encode_shown``; ``grounds`` are shared by playbacks.
+    A playback has a ``label``, a ``key``, the names of the ``players`` that offer it, and as
+    ``content`` the result of ``encode_shown``. Playbacks share ``grounds``.
     """
 
     title: str
@@ -56,7 +56,7 @@ def render_parts(page: Page) -> dict[str, Markup]:
 
 
 def name_section(name: str) -> str:
-    """Return the id of a section."""
+    """Return the HTML id of a section."""
     return name.lower().replace(" ", "-")
 
 
@@ -66,7 +66,7 @@ def render_section(name: str, content: Markup) -> Markup:
 
 
 def render_page(page: Page, scripts: Sequence[str]) -> bytes:
-    """Render a page as a file; ``scripts`` are names of files in ``web/``."""
+    """Render a page to the content of a file; ``scripts`` name files in ``web/``."""
     script = read_scripts(scripts)
     return assemble(page.title, render_parts(page), script, write_policy(script)).encode()
 
@@ -78,7 +78,7 @@ def assemble(
     policy: str,
     styles: Sequence[str] = ("style",),
 ) -> Markup:
-    """Assemble a page from its rendered parts; ``styles`` are names of files in ``web/``."""
+    """Assemble a page from its rendered parts; ``styles`` name files in ``web/``."""
     sections = [part for key, part in parts.items() if key not in (HEADER, LINKS, MISSIONS)]
     style = Markup("").join(_read_asset(f"{name}.css") for name in styles)
     values = {"policy": policy, "title": title, "style": style, "script": script}
@@ -91,7 +91,7 @@ def read_scripts(names: Sequence[str]) -> Markup:
 
 
 def write_policy(script: str, connect: str = "'none'") -> str:
-    """Write the Content-Security-Policy, which allows only this script and no other source.
+    """Return the Content-Security-Policy that allows this script and nothing else.
 
     ``connect`` lists the addresses that the script may contact.
     """
@@ -103,12 +103,12 @@ def write_policy(script: str, connect: str = "'none'") -> str:
 
 
 def render(template: str, **values: Any) -> Markup:
-    """Render a template of ``web/``; all values except ``Markup`` are escaped."""
+    """Render a template in ``web/``; all values except ``Markup`` are escaped."""
     return Markup(_TEMPLATES.get_template(template).render(values))
 
 
 def _read_asset(name: str) -> Markup:
-    """Read a style or script of ``web/`` for embedding without escapes."""
+    """Read a style or script in ``web/``, to be embedded without escaping."""
     return Markup((_WEB / name).read_text(encoding="utf-8"))
 
 
@@ -116,7 +116,7 @@ def _read_asset(name: str) -> Markup:
 class Table:
     """A table with formatted cells."""
 
-    columns: list[tuple[str, bool]]  # heading, and True for numbers
+    columns: list[tuple[str, bool]]  # heading, and True if the cells are numbers
     rows: list[tuple[str, ...]]
 
 
@@ -129,7 +129,7 @@ def format_table(frame: pd.DataFrame) -> Table:
 
 
 def _format_column(column: pd.Series) -> tuple[bool, list[str]]:
-    """Return True if a column is numeric, and its cells with equal numbers of decimals."""
+    """Return True if a column is numeric, and the cells, with equal numbers of decimals."""
     values = column.to_numpy()
     if values.dtype.kind in "iu":
         return True, [str(value) for value in values]

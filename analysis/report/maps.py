@@ -1,7 +1,7 @@
-"""The archive and front of a study as maps in the page, with marks that select a design.
+"""The archive and Pareto front of a study as maps in the page, with marks that select designs.
 
-A mark is a cell of the archive or a point of the front. Its design is drawn next to the map, and
-its missions can be played if the run has kept them.
+A mark is a cell of the archive or a point on the front. The selected design is drawn next to the
+map, and its missions can be played if the run has kept them.
 """
 
 import argparse
@@ -38,7 +38,7 @@ _CMAP = "viridis"
 
 
 class Mark(NamedTuple):
-    """A cell or point; positions and sizes are percentages of the map, from its lower left."""
+    """A cell or point; positions and sizes are in percent of the map, from its lower left."""
 
     x: float
     y: float
@@ -52,7 +52,7 @@ class Mark(NamedTuple):
 
 
 class Tick(NamedTuple):
-    """A number at an axis, at a percentage of its length."""
+    """A number on an axis; ``at`` is in percent of the axis' length."""
 
     at: float
     text: str
@@ -62,24 +62,24 @@ class Tick(NamedTuple):
 class DesignMap:
     """One map of the page."""
 
-    name: str  # name of its figure
+    name: str  # name of the figure
     axes: tuple[str, str]
     ticks: tuple[list[Tick], list[Tick]]
     marks: list[Mark]
     dots: list[tuple[float, float]]  # other designs, in percent
     designs: list[tuple[Record, int]]  # one per mark
-    data: Markup  # all designs, as JSON
-    low: float  # fitness at the ends of the scale of colours
+    data: Markup  # all designs as JSON
+    low: float  # fitness at the ends of the colour scale
     high: float
     view_box: str  # shared by all pictures
     outline: Markup  # the robot, shared by all pictures
     key: str = ""  # unique in the page
-    title: str = ""  # its treatment, if the study has several
+    title: str = ""  # treatment, if the study has several
     runs: int = 1  # number of runs with designs in the map
 
     @property
     def points(self) -> Any:
-        """The positions of the marks (n, 2), for a choice of designs that lie apart."""
+        """The positions (n, 2) of the marks, for ``choose_apart``."""
         return np.array([(mark.x, mark.y) for mark in self.marks])
 
     @property
@@ -99,23 +99,23 @@ class DesignMap:
 
 
 def _colour_share(share: float) -> str:
-    """Return the colour of a fitness, given as a share between minimum and maximum."""
+    """Return the colour of a fitness, given as a share of the range from minimum to maximum."""
     return to_hex(mpl.colormaps[_CMAP](share))
 
 
 MOST_DRAWN = 18
-"""Maximum number of cells along a descriptor for which designs are drawn into cells."""
+"""Maximum number of cells along a descriptor up to which designs are drawn into cells."""
 MOST_DOTS = 3000
 MARGIN = 0.06  # margin around a front's points, as a share of its width
 FITNESS = "fitness"
-BETTER = {1.0: "more is better", -1.0: "less is better"}
+BETTER = {1.0: "higher is better", -1.0: "lower is better"}
 TITLES = {"archive": "Archive", "front": "Front"}
 
 
 def make_maps(study: Study, options: argparse.Namespace) -> dict[str, DesignMap]:
-    """Make the maps of the measures that the runs have recorded, for the first robot, by key.
+    """Make maps of the recorded objectives and descriptors, for the first robot, by key.
 
-    Each treatment has a separate map with the same axes and colours, as in the figures.
+    As in the figures, each treatment has a separate map, with the same axes and colours.
     """
     makers = {"archive": _map_archive, "front": _map_front}
     maps: dict[str, DesignMap] = {}
@@ -125,7 +125,7 @@ def make_maps(study: Study, options: argparse.Namespace) -> dict[str, DesignMap]
         try:
             ground, select = make(first, parse([name, *map(str, options.folders)]))
         except InputError:
-            continue  # the section of its figure reports why
+            continue  # the figure's section reports why
         contents = {treatment: select(runs) for treatment, runs in groups.items()}
         fitness = pd.concat([content.table.fitness for content in contents.values()])
         scale = float(fitness.min()), float(fitness.max())
@@ -139,7 +139,7 @@ def make_maps(study: Study, options: argparse.Namespace) -> dict[str, DesignMap]
 
 
 class _Content(NamedTuple):
-    """The designs of a map and their positions."""
+    """The designs on a map and their positions."""
 
     table: pd.DataFrame
     places: Array  # (n, 2), in percent
@@ -152,18 +152,18 @@ class _Ground(NamedTuple):
     name: str
     axes: tuple[Axis, Axis]
     bounds: Sequence[tuple[float, float]]
-    width: float = 0.0  # width of a mark, in percent; 0 for points
+    width: float = 0.0  # width of a mark in percent; 0 for points
     drawn: bool = False  # True: marks have pictures
 
     @property
     def labels(self) -> tuple[str, str]:
-        """The labels of the axes, with the better direction for points."""
+        """The labels of the axes; for points, with the better direction."""
         x, y = (a.label if self.width else f"{a.label} ({BETTER[a.sign]})" for a in self.axes)
         return x, y
 
 
 Maker = tuple[_Ground, Callable[[Sequence[int]], _Content]]
-"""The axes of a map, and the function that selects the designs of some runs."""
+"""The axes of a map, and the function that selects the designs of given runs."""
 
 
 def _map_archive(study: Study, options: argparse.Namespace) -> Maker:
@@ -212,7 +212,7 @@ def _make_map(
     scale: tuple[float, float],
     context: FigureContext,
 ) -> DesignMap:
-    """Make a map of designs on the robot of ``context``, coloured by fitness on a scale."""
+    """Make a map of designs on the robot of ``context``; ``scale`` bounds the fitness colours."""
     table = content.table
     records = [study.records[int(place)] for place in table.place]
     designs = [
@@ -244,7 +244,7 @@ def _make_map(
 
 
 def _list_marks(table: pd.DataFrame, places: Array, ground: _Ground) -> Iterator[Mark]:
-    """Yield the mark of each design; names include the run if there are several."""
+    """Yield the mark of each design; its name includes the run if there are several runs."""
     several = table.place.nunique() > 1
     for row, (x, y) in zip(table.to_dict("records"), places.round(3).tolist(), strict=True):
         run = f" of {row['record'].name}" if several else ""

@@ -1,4 +1,4 @@
-"""One page about a study that opens in any browser without a network: ``report.html``."""
+"""One page about a study that opens in any browser offline: ``report.html``."""
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,17 +22,17 @@ from .playback import PLAYER, Flown, Json, encode_shown, select_playbacks
 from .section import make_section
 
 MAX_RECORDS = 300
-"""Maximum number of samples per mission of a design in a map."""
+"""Maximum number of samples per mission, for designs in maps."""
 
 
 @dataclass
 class Missions:
-    """The missions of designs in the page, and the grounds that they share."""
+    """The designs' missions in the page, and the grounds that the missions share."""
 
     playbacks: dict[tuple[str, int], Markup] = field(default_factory=dict)  # one per run and design
     maps: dict[tuple[str, int], list[str]] = field(
         default_factory=dict
-    )  # keys of the design's maps
+    )  # keys of the maps with the design
     labels: dict[tuple[str, int], str] = field(default_factory=dict)
     grounds: dict[str, Json] = field(default_factory=dict)
 
@@ -43,7 +43,7 @@ class Missions:
             yield {**about, "content": content, "players": self.maps[key]}
 
     def render(self, chosen: DesignMap) -> Markup:
-        """Render a map and the player of its designs."""
+        """Render a map and the player for its designs."""
         keys = [(record.name, design) for record, design in chosen.designs]
         playable = [key in self.playbacks for key in keys]
         return render("map.html", map=chosen, playable=playable, played=sum(playable))
@@ -70,7 +70,7 @@ def collect_missions(maps: Mapping[str, DesignMap], study: Study, max_bytes: flo
 
 
 def _take_turns(maps: Mapping[str, DesignMap]) -> Iterator[tuple[str, int]]:
-    """Yield the maps' keys in turn, each with the index of one of the map's playable marks."""
+    """Yield the maps' keys in turn, each with the index of a playable mark of the map."""
     orders = {}
     for name, chosen in maps.items():
         playable = [i for i, mark in enumerate(chosen.marks) if mark.playable]
@@ -81,48 +81,49 @@ def _take_turns(maps: Mapping[str, DesignMap]) -> Iterator[tuple[str, int]]:
             yield from ((name, i) for i in order[turn : turn + 1])
 
 
-HELP = "one HTML page with all results, which plays the champions' missions"
+HELP = "one HTML page with all results, in which the champions' missions can be played"
 NEEDS = "runs or evaluations"
 FILES = {"report.html": "the page"}
 FORMATS = {"html": ""}
 CLAIMS = "claims"
 LEFT_OUT = {"report", "requirements", "video", "power", "regression", CLAIMS, *EXPORTS}
 FIGURES = tuple(name for name in SUBCOMMANDS if name not in LEFT_OUT)
-"""The subcommands with results in the page; claims are added on request."""
+"""The subcommands whose results are in the page; claims are added on request."""
 OWN_SECTION = {"compare": "Statistics", CLAIMS: "Claims"}
-"""Titles of the subcommands with separate sections; other subcommands are under Figures."""
+"""Titles of the subcommands with separate sections; the others are under "Figures"."""
 SCRIPTS = (*PLAYER, "maps", "tables")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the sizes of the missions that can be played, and the claims."""
+    """Add ``--playbacks``, ``--designs`` and ``--claims``."""
     about = (
-        "size of the missions in the page: always the best run of each treatment, "
-        "then others that fit; about 0.3 per run; default: 3"
+        "size limit for the missions in the page; always includes the best run of each "
+        "treatment, then other runs that fit; about 0.3 MB per run; default: 3"
     )
     parser.add_argument("--playbacks", type=float, default=3.0, metavar="MB", help=about)
     about = (
-        "size of the missions of designs in archives and fronts; about 0.04 per design; default: 3"
+        "size limit for the missions of designs in archives and fronts; about 0.04 MB per "
+        "design; default: 3"
     )
     parser.add_argument("--designs", type=float, default=3.0, metavar="MB", help=about)
-    about = "also judge claims, from a YAML file, or from the 2018 paper with the word paper"
+    about = "also judge the claims in a YAML file, or the 2018 paper's claims if FILE is paper"
     parser.add_argument("--claims", metavar="FILE", help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Make the page of a study as a file."""
+    """Make ``report.html`` for a study."""
     page = make_page(study, options)
     content = render_page(page, SCRIPTS)
     played = sum("run" in each["players"] for each in page.playbacks)
     message = f"missions of {played} of {len(study.records)} runs"
     if len(page.playbacks) > played:
         message += f" and {len(page.playbacks) - played} other designs"
-    message = f"report.html: {len(content) / 1e6:.1f} MB; plays the {message}"
+    message = f"report.html: {len(content) / 1e6:.1f} MB; includes the {message}"
     return Product(messages=[message], files={"report.html": content})
 
 
 def make_page(study: Study, options: argparse.Namespace, flown: Flown | None = None) -> Page:
-    """Make the page of a study; ``flown`` adds missions that unfinished runs have not kept."""
+    """Make the page about a study; ``flown`` adds missions that unfinished runs did not keep."""
     flown = flown or Flown()
     playbacks = select_playbacks(study, options.playbacks * 1e6, flown.playbacks)
     maps = make_maps(study, options)
@@ -143,7 +144,7 @@ def make_page(study: Study, options: argparse.Namespace, flown: Flown | None = N
 
 
 def _render_player(study: Study, playbacks: Mapping[str, Markup], flown: Flown) -> Markup:
-    """Render the player of runs, and the reasons why other runs are missing."""
+    """Render the player for runs, and the reasons why other runs are missing."""
     kept = sum(keeps_shown(run) or run.name in flown.playbacks for run in study.records)
     counts = {"played": len(playbacks), "others": kept - len(playbacks)}
     return render("player.html", without=len(study.records) - kept, notes=flown.notes, **counts)
@@ -193,7 +194,7 @@ def _render_sections(
 
 
 def _configure(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the differences between treatments, their common configuration, and their files."""
+    """Return the treatments' differences, common configuration, and configuration files."""
     first = {record.treatment: record for record in reversed(records)}
     differences = _tabulate_differences(records)
     varied = {*differences["key"], *(["seed"] if len(records) > 1 else [])}
@@ -213,7 +214,7 @@ def _configure(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def outline(values: Values, choices: Choices) -> list[tuple[str, str, str]]:
-    """List key, name and values of each part but the executor; other values form ``run``."""
+    """List key, name and values of each part except the executor; other values form ``run``."""
     parts: dict[str, dict[str, Any]] = {}
     loose: dict[str, Any] = {}
     for key, value in values.items():
@@ -231,7 +232,7 @@ def outline(values: Values, choices: Choices) -> list[tuple[str, str, str]]:
 def _outline_part(
     part: str, inner: Values, values: Values, choices: Choices
 ) -> tuple[str, str, str]:
-    """Return key, name and values; nested parts have names, sets of parts list their keys."""
+    """Return a part's key, name and values: names of nested parts, and keys of sets of parts."""
     values_here = {key: value for key, value in inner.items() if "." not in key and key != TARGET}
     below: dict[str, dict[str, None]] = {}
     for key in inner:

@@ -1,8 +1,8 @@
-"""The missions of champions or best designs so far, as data for the player of a report.
+"""Encode the missions of champions, or best designs so far, for the player of a report.
 
 Positions and readings are in integer millimetres, times in milliseconds, angles in milliradians.
-Each column lists differences between samples, or ``[sample, value]`` at each change, which keeps
-the numbers short.
+To keep numbers short, each column lists differences between samples, or ``[sample, value]`` at
+each change.
 """
 
 import math
@@ -37,11 +37,11 @@ from ..tables.walkers import WalkerTrack, list_walkers
 Json = dict[str, Any]
 MARGIN_M = 0.5  # margin around the drawing
 MAX_RECORDS = 6000
-"""Maximum number of samples of a mission; longer ones are thinned out evenly."""
+"""Maximum number of samples of a mission; longer missions are thinned out evenly."""
 
 
 def encode_parts(context: FigureContext) -> list[Json]:
-    """Encode a robot's shapes from above, lowest first."""
+    """Encode a robot's shapes in top view, lowest first."""
     return [
         {**_encode_shape(part.vertices, part.radius_m), "wheel": part.wheel}
         for part in sorted(context.parts, key=lambda part: part.top_m)
@@ -49,7 +49,7 @@ def encode_parts(context: FigureContext) -> list[Json]:
 
 
 def encode_sensors(table: pd.DataFrame) -> Iterator[Json]:
-    """Encode the place and the cone of each sensor."""
+    """Encode the pose and the cone of each sensor."""
     for row in table.to_dict("records"):
         yield {
             **encode_place(row),
@@ -61,7 +61,7 @@ def encode_sensors(table: pd.DataFrame) -> Iterator[Json]:
 
 
 def encode_obstacles(world: World) -> Iterator[Json]:
-    """Yield the shapes of the obstacles in drawing order, from the lowest top up."""
+    """Yield the shapes of the obstacles in drawing order, in order of rising top."""
     placed = [
         (shape, body.pose @ shape.pose)
         for body in standing_obstacles(world)
@@ -78,7 +78,7 @@ def _encode_shape(vertices: Iterable[Sequence[float]], radius_m: float) -> Json:
 
 
 def encode_course(course: Course) -> Json:
-    """Encode the home and the waypoints."""
+    """Encode a course's home and waypoints."""
     return {
         "home": list(course.home[:2]),
         "waypoints": [list(point) for point in course.waypoints],
@@ -87,7 +87,7 @@ def encode_course(course: Course) -> Json:
 
 
 def find_extent(places: Array, course: Course, obstacles: Sequence[Json]) -> list[float]:
-    """Return x and y of the drawing's lower left and upper right corners [m]."""
+    """Return x and y [m] of the drawing's lower left and upper right corners."""
     corners = np.array([course.home[:2], *course.waypoints])
     solid = [
         np.array(shape["vertices"]) + sign * shape["radius"]
@@ -101,13 +101,13 @@ def find_extent(places: Array, course: Course, obstacles: Sequence[Json]) -> lis
 
 
 def thin_out(records: int, most: int = MAX_RECORDS) -> list[int]:
-    """Choose at most ``most`` rows, evenly, including the first and the last."""
+    """Choose at most ``most`` evenly spaced rows, including the first and the last."""
     places = np.linspace(0, records - 1, min(records, most))
     return [round(place) for place in places.tolist()]
 
 
 def encode_place(sensor: Mapping[Any, Any]) -> dict[str, Any]:
-    """Encode type, number and place of a sensor from its row."""
+    """Encode a sensor's type, number and planar pose."""
     return {
         "type": str(sensor["type"]),
         "number": int(sensor["sensor"]),
@@ -135,7 +135,7 @@ def encode_numbers(values: Array) -> list[int | None]:
 
 
 def encode_differences(values: Sequence[int | None]) -> list[int | None]:
-    """Replace each value by its difference from the last known one; None stays."""
+    """Replace each value with its difference from the last known value; None stays."""
     last, differences = 0, list[int | None]()
     for value in values:
         differences.append(None if value is None else value - last)
@@ -150,7 +150,7 @@ def encode_changes(values: Sequence[int | None]) -> list[list[int | None]]:
 
 
 def describe_signals(sensors: pd.DataFrame, context: FigureContext) -> Iterator[dict[str, Any]]:
-    """Describe place, zone and displayed channels of each sensor that casts no rays."""
+    """Describe the pose, zone and displayed channels of each sensor that casts no rays."""
     for row in sensors.to_dict("records"):
         signal = context.signals[row["type"]]
         yield {
@@ -165,7 +165,7 @@ def describe_signals(sensors: pd.DataFrame, context: FigureContext) -> Iterator[
 def encode_signals(
     trajectory: pd.DataFrame, sensors: pd.DataFrame, context: FigureContext
 ) -> list[list[list[int | None]]]:
-    """Encode the displayed readings by sensor and channel, in thousandths of their unit."""
+    """Encode the displayed readings by sensor and channel, in thousandths of the unit."""
     return [
         [
             encode_numbers(trajectory[column].to_numpy(float))
@@ -176,18 +176,18 @@ def encode_signals(
 
 
 MAX_SECTORS = 36
-"""Maximum number of sectors in which the player shows one sensor's ranges."""
+"""Maximum number of sectors in which the player shows a sensor's ranges."""
 PLAYER = ("missions", "plan", "readings", "signals", "player")
 """Scripts in ``web/`` that play the missions."""
 
 
 @dataclass(frozen=True)
 class Flown:
-    """Repeated missions of the best designs so far, for runs that kept none."""
+    """Repeated missions of the best designs so far, for runs that kept no missions."""
 
     playbacks: Mapping[str, Markup] = field(default_factory=dict)  # one per run name
     notes: Sequence[str] = ()
-    """Sentences on the repeated missions, and on why other missions were not repeated."""
+    """Sentences about the repeated missions, and the reasons why others were not repeated."""
 
 
 def select_playbacks(
@@ -195,8 +195,8 @@ def select_playbacks(
 ) -> dict[str, Markup]:
     """Encode the missions of each treatment's best run, and of other runs that fit.
 
-    The other runs follow, best first, up to a total of ``max_bytes``. Keys are run names. An
-    unfinished run shows its best design so far, if its missions were kept or repeated.
+    The other runs follow, best first, up to a total of ``max_bytes``. Keys are run names. For an
+    unfinished run, these are its best design's missions so far, if kept or repeated.
     """
 
     def encode(record: Record) -> Markup:
@@ -217,7 +217,7 @@ def select_playbacks(
 
 
 def encode_playback(record: Record) -> Markup:
-    """Encode the missions of a champion or best design so far as JSON for a ``script``."""
+    """Encode the missions of a champion, or best design so far, as JSON for a ``script``."""
     design = find_shown(record)
     return encode_shown(
         read_champion_shown(record) if design is None else read_shown(record, design)
@@ -229,7 +229,7 @@ def encode_shown(
 ) -> Markup:
     """Encode the missions of a design as JSON, with at most ``most`` samples each.
 
-    Courses and obstacles go into ``grounds``, if given, which designs share.
+    If ``grounds`` is given, courses and obstacles are stored there, to be shared by designs.
     """
     context = shown.record.context
     content = {
@@ -286,7 +286,7 @@ def _encode_walker(walker: WalkerTrack, rows: Sequence[int]) -> Json:
 
 
 def _encode_faults(row: "pd.Series[str]", effects: Mapping[str, str]) -> Iterator[Json]:
-    """Encode time and effect of each sensor failure, and the seconds until its full display."""
+    """Encode each sensor failure's time, effect, and seconds until it is drawn in full."""
     for sensor, time, effect in list_failures(row):
         kind = effects.get(effect, ENDS)
         grown_s = GROWN_S if kind == GROWS else 0.0
@@ -324,7 +324,7 @@ def _encode_columns(trajectory: pd.DataFrame, bearings_deg: Sequence[Sequence[fl
 
 
 def _encode_waypoints(trajectory: pd.DataFrame, course: Course) -> Iterator[list[float]]:
-    """Yield ``[time, number]`` of each visited waypoint, the closest to the robot; -1 is home."""
+    """Yield ``[time, number]`` of each visited waypoint (the closest one); -1 means home."""
     goals = np.array([course.home[:2], *course.waypoints])
     for index in _find_increases(trajectory["visited"]):
         row = trajectory.iloc[index]
@@ -340,7 +340,7 @@ def _encode_collisions(trajectory: pd.DataFrame) -> Iterator[Json]:
 
 
 def _find_increases(column: pd.Series) -> list[int]:
-    """Find the rows in which a count, which begins at 0, has increased."""
+    """Find the rows in which a count that starts at 0 has increased."""
     return np.flatnonzero(np.diff(column.to_numpy(float), prepend=0) > 0).tolist()
 
 

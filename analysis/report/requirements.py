@@ -1,4 +1,4 @@
-"""One page with the verdicts on requirements and their worst missions: ``requirements.html``."""
+"""One page with the verdicts on requirements and the worst missions: ``requirements.html``."""
 
 import argparse
 from collections import Counter
@@ -27,7 +27,7 @@ from .summary import name_page, summarize, tabulate_versions
 
 GENERATION = 0
 """The generation of all missions of an evaluation."""
-HELP = "one HTML page with the verdicts on requirements, which plays their worst missions"
+HELP = "one HTML page with the verdicts on requirements, in which worst missions can be played"
 NEEDS = "an evaluation with requirements"
 FILES = {
     "requirements.html": "the page",
@@ -50,7 +50,7 @@ class Required:
 
     @property
     def key(self) -> str:
-        """The id of the verdict in a page."""
+        """The verdict's HTML id."""
         names = ("source", "design", "requirement", "level")
         return "/".join([self.record.name, *(self.verdict[name] for name in names)])
 
@@ -62,7 +62,7 @@ class Required:
 
 
 def list_required(study: Study) -> list[Required]:
-    """List the verdicts of all finished evaluations: violated, undecided, then met.
+    """List the verdicts of all finished evaluations in the order violated, undecided, met.
 
     Raises:
         InputError: no evaluation has requirements.
@@ -71,7 +71,7 @@ def list_required(study: Study) -> list[Required]:
     verdicts = [Required(record, row) for record, rows in tables for row in rows]
     if not verdicts:
         raise InputError(
-            "requirements: no finished evaluation with requirements found; "
+            "requirements: no finished evaluation with requirements was found; "
             "make one with evoros evaluate requirements=..."
         )
     order = ["violated", "undecided", MET]
@@ -79,10 +79,10 @@ def list_required(study: Study) -> list[Required]:
 
 
 def read_worst(required: Required) -> ShownDesign:
-    """Read the design and the worst mission for the verdict.
+    """Read the design and the worst mission of a verdict.
 
     Raises:
-        InputError: the evaluation has not kept its trajectory.
+        InputError: the evaluation has not kept the mission's trajectory.
     """
     record, columns = required.record, name_worst(required.verdict)
     missions = record.run.missions
@@ -97,8 +97,8 @@ def read_worst(required: Required) -> ShownDesign:
     mission = (GENERATION, number, columns["world"], int(columns["trial"]))
     if not (record.path / trajectory_file(mission)).is_file():
         raise InputError(
-            f"{record.path}: has not kept the trajectory of {required.place}; rerun it without "
-            f"record=none"
+            f"{record.path}: has not kept the trajectory of {required.place}; repeat the "
+            f"evaluation without record=none"
         )
     trajectory = record.run.mission_trajectory(*mission)
     world = load_mission_world(record.run, record.context, row)
@@ -120,18 +120,18 @@ def read_worst(required: Required) -> ShownDesign:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the size of the missions that can be played."""
-    about = "size of the missions in the page, violated requirements first; default: 10"
+    """Add ``--playbacks``."""
+    about = "size limit for the missions in the page, violated requirements first; default: 10"
     parser.add_argument("--playbacks", type=float, default=10.0, metavar="MB", help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Make the page of evaluations."""
+    """Make ``requirements.html`` for the evaluations of a study."""
     verdicts = list_required(study)
     playbacks, missing = _encode_worst(verdicts, options.playbacks * 1e6)
     sections = dict(_render_sections(study, verdicts, playbacks, missing))
     page = Page(name_page(options.folders), summarize(study), sections, playbacks)
-    message = f"requirements.html: {_count(verdicts)}; plays {len(playbacks)} missions"
+    message = f"requirements.html: {_count(verdicts)}; includes {len(playbacks)} missions"
     return Product(messages=[message], files={"requirements.html": render_page(page, SCRIPTS)})
 
 
@@ -143,7 +143,7 @@ def _count(verdicts: Sequence[Required]) -> str:
 def _encode_worst(
     verdicts: Sequence[Required], max_bytes: float
 ) -> tuple[list[Json], dict[str, None]]:
-    """Encode the worst missions of unmet requirements; also return why others are missing."""
+    """Encode the worst missions of unmet requirements; also return why some are missing."""
     playbacks, missing = list[Json](), dict[str, None]()
     room = max_bytes
     for each in verdicts:
@@ -156,7 +156,9 @@ def _encode_worst(
             continue
         room -= len(content)
         if room < 0:
-            missing["Further missions are left out because of their size; see --playbacks."] = None
+            missing["Further missions are left out to limit the page's size; see --playbacks."] = (
+                None
+            )
             break
         names = [each.verdict[name] for name in ("requirement", "level") if each.verdict[name]]
         label = f"{' '.join(names)}, design {each.verdict['design']}: {each.place}"

@@ -1,4 +1,4 @@
-"""A section of a report with its figure, messages and numbers, and designs as HTML elements."""
+"""Sections of a report (figure, messages, table), and drawings of designs as SVG elements."""
 
 import argparse
 import base64
@@ -26,20 +26,20 @@ from .frame import Table, format_table, render
 
 MAX_SVG = 1_000_000
 """Maximum size in bytes of an embedded SVG; larger figures become PNGs."""
-SCALE = 1.5  # enlargement for screens, which are further away than paper
+SCALE = 1.5  # magnification on screens, which are viewed from farther away than paper
 _CSS_PER_IN, _PT_PER_IN = 96, 72
 _OUTLINE = Markup(
     '<path d="{}" fill="{}" stroke="#000" stroke-width=".5" vector-effect="non-scaling-stroke"/>'
 )
 _NAMESPACE = re.compile(r"\{[^}]*\}")
 MAX_ROWS = 400
-"""Maximum number of rows of a table in the page; longer tables are left out."""
+"""Maximum number of rows of a table in the page; larger tables are left out."""
 
 
 FIGURE_OF_PAPER = re.compile(r" \([^()]*Figs?\. [^()]*\)")
-"""References to figures of the 2018 paper, which other studies do not need."""
+"""References to figures of the 2018 paper, which captions of other studies leave out."""
 PAPER = "paper"
-"""The word that selects the 2018 paper's claims."""
+"""The value of ``--claims`` that selects the 2018 paper's claims."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,12 @@ class Section:
     """The content of a section."""
 
     name: str
-    missing: str = ""  # reason for missing content
+    missing: str = ""  # reason why there is no content
     caption: str = ""
     picture: Markup | None = None
     messages: Sequence[str] = ()
     rows: int = 0  # number of rows of the table
-    numbers: Table | None = None  # None without a table, or with too many rows
+    numbers: Table | None = None  # None if there is no table or it has too many rows
     left_out: Sequence[str] = ()
 
     def render(self, own_section: bool) -> Markup:
@@ -61,7 +61,7 @@ class Section:
 
 
 def make_section(name: str, study: Study, options: argparse.Namespace) -> Section:
-    """Make a subcommand's results with default options; an error only affects this section."""
+    """Make a subcommand's results with default options; an error affects only this section."""
     failure = ""
     with withhold_messages() as records:
         try:
@@ -98,7 +98,7 @@ def _make_section(name: str, study: Study, options: argparse.Namespace) -> Secti
 
 
 def embed_figure(figure: Figure, name: str) -> Markup:
-    """Return a figure as an ``svg`` with ids prefixed by its name, or as an ``img`` if large."""
+    """Return a figure as an ``svg`` element with prefixed ids, or as an ``img`` if it is large."""
     svg = style.render(figure, "svg", as_text=True)  # text stays searchable
     if len(svg) <= MAX_SVG:
         return _inline_svg(svg, name)
@@ -109,7 +109,7 @@ def embed_figure(figure: Figure, name: str) -> Markup:
 
 
 def _inline_svg(svg: bytes, name: str) -> Markup:
-    """Convert an SVG file to an HTML element with ids prefixed by ``name``, without metadata."""
+    """Convert an SVG file to an HTML element without metadata, with ids prefixed by ``name``."""
     root = ElementTree.fromstring(svg)
     for parent in root.iter():
         for child in list(parent):
@@ -136,7 +136,7 @@ def _prefix(key: str, value: str, name: str) -> str:
 
 
 def _set_width(root: ElementTree.Element, name: str) -> None:
-    """Set the width on screens; the page limits it to the available space."""
+    """Set the width on screens; the page's style limits it to the available space."""
     points = float(root.attrib.pop("width").removesuffix("pt"))
     width = points * _CSS_PER_IN / _PT_PER_IN * SCALE
     root.attrib.pop("height")
@@ -144,7 +144,7 @@ def _set_width(root: ElementTree.Element, name: str) -> None:
 
 
 def draw_outline(context: FigureContext) -> Markup:
-    """Return the parts of a robot from above as SVG elements."""
+    """Return a robot's parts in top view as SVG elements."""
     return Markup("").join(
         _OUTLINE.format(_trace(outline_part(part)), "#595959" if part.wheel else "#f7f7f7")
         for part in sorted(context.parts, key=lambda part: part.top_m)
@@ -152,12 +152,12 @@ def draw_outline(context: FigureContext) -> Markup:
 
 
 def draw_sensors(sensors: pd.DataFrame, reach_m: float) -> Markup:
-    """Return the cones and places of sensors as SVG elements."""
+    """Return the cones and positions of sensors as SVG elements."""
     cones = "".join(_trace(cone) for cone in trace_cones(sensors, reach_m))
     dots = "".join(f"M{-y:.3f} {-x:.3f}h0" for x, y in sensors[["x_m", "y_m"]].to_numpy(float))
     return Markup('<path class="cone" d="{}"/><path class="dot" d="{}"/>').format(cones, dots)
 
 
 def _trace(outline: Array) -> str:
-    """Return the SVG path of a polygon in the robot's frame, with forward up and left left."""
+    """Return the SVG path of a polygon in the robot's frame; forward is up, left is left."""
     return "M" + "L".join(f"{-y:.3f} {-x:.3f}" for x, y in outline.tolist()) + "Z"

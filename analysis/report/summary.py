@@ -1,4 +1,4 @@
-"""Summaries of runs and evaluations for a report: tables, and findings in sentences."""
+"""Summaries of runs and evaluations for a report, as tables and as findings in words."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -24,12 +24,12 @@ VALIDATED, RECORDED = "validated", "recorded"
 
 
 def name_page(folders: Sequence[Path]) -> str:
-    """Name a page by the folders that it covers."""
+    """Name a page after the folders that it covers."""
     return ", ".join(escape(expand_home(folder).resolve().name) for folder in folders)
 
 
 def summarize(study: Study) -> str:
-    """Return the numbers of runs, treatments and evaluations, and their dates."""
+    """Return the numbers of runs, treatments and evaluations, and the range of dates."""
     parts = []
     if study.records:
         finished = sum(record.finished for record in study.records)
@@ -44,9 +44,9 @@ def summarize(study: Study) -> str:
 
 
 def label_runs(records: Sequence[Record]) -> dict[str, str]:
-    """Label each run, by name, with treatment and seed, or with the run's name if these repeat.
+    """Map run names to labels: treatment and seed, or the run's name if these are not unique.
 
-    The label of an unfinished run adds that its best design so far is shown.
+    The label of an unfinished run says that the best design so far is shown.
     """
     short = [f"{record.treatment}, seed {record.seed}" for record in records]
     names = [record.name for record in records]
@@ -56,7 +56,7 @@ def label_runs(records: Sequence[Record]) -> dict[str, str]:
 
 
 def tabulate_runs(records: Sequence[Record]) -> pd.DataFrame:
-    """List one row per run: its progress, best fitness, missions and pace."""
+    """List one row per run, with its progress, best fitness, missions and pace."""
     table = pd.DataFrame([_run_row(record) for record in records])
     place = 1 + list(table.columns).index("treatment") if len(table) else 0
     for factor in dict.fromkeys(name for record in records for name in record.levels):
@@ -78,7 +78,7 @@ def _run_row(record: Record) -> dict[str, Any]:
         "validated": status.get("best_validated_fitness"),
         "low": status.get("fitness_low"),
         "high": status.get("fitness_high"),
-        "a rival may lead by": status.get("rival_advantage"),
+        "max. lead of a rival": status.get("rival_advantage"),
         "missions": status.get("missions"),
         "simulated [s]": _simulated_s(record),
         "pace [s/s]": status.get("session_simulated_s", 0.0) / wall_s if wall_s else None,
@@ -87,11 +87,11 @@ def _run_row(record: Record) -> dict[str, Any]:
 
 
 def _simulated_s(record: Record) -> float | None:
-    """Return the simulated time of all missions [s], including earlier sessions."""
+    """Return the simulated time [s] of all missions, including earlier sessions."""
     try:
         return float(record.run.missions["time_s"].sum())
     except (InputError, LookupError, ValueError, TypeError) as error:
-        LOGGER.warning("%s; its simulated time is left out", single_line(error))
+        LOGGER.warning("%s; the simulated time is left out", single_line(error))
         return None
 
 
@@ -155,7 +155,7 @@ def list_findings(study: Study) -> tuple[list[str], str]:
 
 
 def _describe_treatments(runs: pd.DataFrame, measure: str, label: str) -> Iterator[str]:
-    """Yield each treatment's median with its interval, best first."""
+    """Yield each treatment's median and its interval, best treatment first."""
     by = runs.dropna(subset=measure).groupby("treatment", sort=False)[measure]
     for treatment in by.median().sort_values(ascending=False).index:
         values = by.get_group(treatment).to_numpy(float)
@@ -166,7 +166,7 @@ def _describe_treatments(runs: pd.DataFrame, measure: str, label: str) -> Iterat
 
 
 def _describe_best(study: Study, label: str) -> Iterator[str]:
-    """Yield the best design, the interval of its fitness, and the possible lead of a rival."""
+    """Describe the best design, the interval of its fitness, and a rival's possible lead."""
     try:
         best = study.ranked[0]
     except InputError:
@@ -188,4 +188,4 @@ def _describe_best(study: Study, label: str) -> Iterator[str]:
 def _describe_scale(measure: str) -> Iterator[str]:
     yield "brackets are 95 % intervals"
     if measure == RECORDED:
-        yield "recorded scores use the draws that selected a design, so they include luck"
+        yield "recorded scores use the draws on which a design was selected, so they include luck"

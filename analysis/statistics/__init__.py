@@ -1,1 +1,1 @@
-"""Tests, intervals and effect sizes of small samples, and their findings."""
+"""Tests, intervals and effect sizes for small samples, and the findings from them."""

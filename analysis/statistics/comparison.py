@@ -1,4 +1,4 @@
-"""Pairwise comparisons of treatments: tests, effect sizes and intervals, and their conclusions."""
+"""Pairwise comparisons of treatments: tests, effect sizes, intervals and conclusions."""
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from itertools import combinations
@@ -22,10 +22,10 @@ COLUMNS = (
 
 
 def compare_treatments(runs: pd.DataFrame, measures: Sequence[str] = MEASURES) -> pd.DataFrame:
-    """Compare each pair of treatments ``a`` and ``b`` in each measure: one row per comparison.
+    """Compare each pair of treatments ``a`` and ``b`` by each measure: one row per comparison.
 
-    ``runs`` has a row for each run; ``docs/analysis.md`` describes the columns. A single treatment
-    has one row, in which ``b`` and the comparison are empty.
+    ``runs`` has a row for each run; ``docs/analysis.md`` describes the columns. If there is only
+    one treatment, it has one row, in which ``b`` and the comparison are empty.
     """
     rows = [row for measure in measures for row in _compare(measure, group_values(runs, measure))]
     return pd.DataFrame(rows, columns=list(COLUMNS))
@@ -64,12 +64,12 @@ def _describe_side(side: str, values: Array) -> dict[str, object]:
 
 
 def title_measure(measure: str, label: str = FITNESS) -> str:
-    """Name a column of the scores of runs; ``label`` is the name of the fitness."""
+    """Name a score column; ``label`` is the name of the fitness."""
     return f"{measure} {label}" if measure in MEASURES else f"{label} {measure}"
 
 
 def conclude(table: pd.DataFrame, label: str = FITNESS) -> list[str]:
-    """Return a sentence for each row, or one for a measure without enough replicates.
+    """Return a sentence for each row, but only one for a measure without enough replicates.
 
     ``label`` is the name of the fitness.
     """
@@ -90,7 +90,7 @@ def _conclude_pair(row: Mapping[Hashable, Any], pairs: int, label: str) -> str:
     measure = title_measure(row["measure"], label)
     if not b:
         return f"{measure}: all runs belong to one treatment, so there is nothing to compare"
-    head = f'{measure}, "{a}" against "{b}"'
+    head = f'{measure}, "{a}" versus "{b}"'
     if row["least_p_holm"] >= LEVEL:
         return f"{head}: {ask_for_replicates((row['n_a'], row['n_b']), pairs)}"
     result = f"{format_p(row['p_holm'])} ({TEST}, Holm), A12 = {format_effect(row)} (95 % interval)"

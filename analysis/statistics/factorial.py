@@ -1,8 +1,8 @@
-"""Tests of one or two factors and their interaction, and intervals of differences of means.
+"""Tests of one or two factors and their interaction, and intervals of contrasts.
 
 Welch's statistic lets cells differ in size and spread. It is permuted (Pauly, Brunner and
 Konietschke 2015, J. R. Stat. Soc. B 77, 461-473), which controls the level for non-normal values,
-too. Ranks are not used: they make a main effect of skewed values look like an interaction.
+too. Ranks are not used, because they make a main effect on skewed values look like an interaction.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,16 +23,16 @@ TEST = "permuted Welch-James test"
 CELLS = 2_000_000
 """Maximum number of values permuted at a time, to limit memory."""
 DIGITS = 9
-"""Digits of the permuted statistic, so that ties are the same on every processor."""
+"""Digits kept of the permuted statistic, so that ties are the same on every processor."""
 Cell = tuple[str, ...]
 """A level of each factor."""
 
 
 @dataclass(frozen=True)
 class EffectTest:
-    """The test of an effect: F and its degrees of freedom, or A12 if there are two samples."""
+    """The test of an effect: F and its degrees of freedom, or A12 for two samples."""
 
-    effect: tuple[str, ...]  # its factors; two for an interaction
+    effect: tuple[str, ...]  # one factor, or two for an interaction
     test: str
     p: float
     f: float = nan
@@ -57,10 +57,10 @@ def permute_effects(
 
     ``levels`` maps each of one or two factors to the level of each value. A main effect compares
     means over the levels of the other factor, which have equal weights. Each cell needs at least
-    two values. One factor with two levels gets the test of two samples, and its p-value.
+    two values. One factor with two levels gets the two-sample test.
 
-    Each p-value comes from ``resamples`` permutations, including the observed order. It does not
-    depend on the order of the values or on the names of the levels.
+    Each p-value comes from ``resamples`` permutations, including the observed order, and depends
+    neither on the order of the values nor on the names of the levels.
     """
     names, rows = list(levels), list(zip(*levels.values(), strict=True))
     cells = {
@@ -116,7 +116,7 @@ def _contrast_levels(levels: Sequence[str], compare: bool) -> Array:
 
 
 def welch_james(values: Array, sizes: Places, contrasts: Array) -> tuple[Array, Array]:
-    """Return F and its error's degrees of freedom, for contrasts (k, cells) of the cells' means.
+    """Return F and the error's degrees of freedom, for contrasts (k, cells) of the cell means.
 
     ``values`` (..., n) are ordered by cell. F has k degrees of freedom (Johansen 1980, Biometrika
     67, 85-92). For one factor, it is Welch's F (1951, Biometrika 38, 330-336); for one contrast,
@@ -142,9 +142,9 @@ def list_contrasts(
     levels: Mapping[str, Sequence[str]],
     bounds: tuple[float, float] = (-inf, inf),
 ) -> Iterator[Contrast]:
-    """Yield the differences of means by factor and interaction; cells have equal weights.
+    """Yield the contrasts of means by factor and interaction; cells have equal weights.
 
-    ``bounds`` are the minimum and maximum of a value.
+    ``bounds`` are the minimum and maximum possible values.
     """
     keys, samples = list(cells), list(cells.values())
     for place, (name, known) in enumerate(levels.items()):
@@ -164,11 +164,11 @@ def list_contrasts(
 def contrast_interval(
     cells: Sequence[Sample], weights: Sample, bounds: tuple[float, float] = (-inf, inf)
 ) -> Interval:
-    """Return a weighted sum of the means of cells and its interval.
+    """Return a weighted sum of cell means and its interval.
 
     Cells may differ in size and variance (Welch 1947, Biometrika 34, 28-35). ``bounds``, the
-    minimum and maximum of a value, limit the interval. The interval is NaN if a cell has a single
-    value, or if the values do not vary in any cell.
+    minimum and maximum possible values, limit the interval. The interval is NaN if a cell has a
+    single value, or if the values do not vary in any cell.
     """
     used = [(w, np.asarray(x, float)) for w, x in zip(weights, cells, strict=True) if w]
     value = float(sum(w * x.mean() for w, x in used))

@@ -1,4 +1,4 @@
-"""Findings on claims: a value, its interval and a verdict by a rule."""
+"""Findings on claims: a value, its interval, and the verdict of a rule."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,14 +13,14 @@ BUILT_IN = "built in"
 SHARE, DEGREES, NUMBER = "share", "deg", ""
 """Units of the measured values."""
 MIN_REPLICATES = 6
-"""Smallest sample whose full range covers the median in at least 95 % of samples."""
+"""Minimum sample size for which the full range covers the median in 95 % of samples."""
 SIZE = 0.2
-"""Shares, and spreads relative to random designs, count as equal below this difference."""
+"""Difference below which shares, and spreads relative to random designs, count as equal."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A row of the table of claims."""
+    """A row of the claims table."""
 
     claim: str  # text of the claim
     measure: str  # the measured quantity
@@ -29,17 +29,17 @@ class Finding:
     low: float  # bounds of the 95 % interval; NaN: no interval
     high: float
     n: int  # number of replicates
-    reference: float  # a bound of the rule
-    random: float  # value of random designs; NaN: none, or unknown
+    reference: float  # bound of the rule
+    random: float  # value for random designs; NaN: none, or unknown
     p: float  # p-value of the test in the rule; NaN: no test
     verdict: str
     why: str
 
 
 class Against(NamedTuple):
-    """The values with which a rule compares; missing values are NaN."""
+    """The values that a rule compares with; missing values are NaN."""
 
-    reference: float = np.nan  # a bound of the rule
+    reference: float = np.nan  # bound of the rule
     random: float = np.nan  # value of random designs
     p: float = np.nan  # p-value of the test in the rule
 
@@ -49,7 +49,7 @@ NOTHING_ELSE = Against()
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim and the quantity that is measured for it."""
+    """A claim and the quantity measured to judge it."""
 
     text: str
     measure: str
@@ -66,35 +66,35 @@ class Claim:
         return Finding(*measures, measured.high, n, *against, verdict, why)
 
     def lack(self, data: str) -> Finding:
-        """Return a finding without a value, which names the missing data."""
+        """Return an inconclusive finding that names the missing data."""
         return self.conclude(NOTHING, 0, (UNKNOWN, f"needs {data}"))
 
 
 def judge_above(measured: Interval, bound: float) -> str:
-    """Support a value if its interval lies above the bound; reject it if below."""
+    """Support a value if its interval lies above the bound; reject it if the interval is below."""
     if measured.low > bound:
         return SUPPORTED
     return NOT_SUPPORTED if measured.high < bound else UNKNOWN
 
 
 def judge_within(measured: Interval, low: float, high: float) -> str:
-    """Support a value if its interval lies within the bounds; reject it if outside."""
+    """Support a value if its interval lies within the bounds; reject it if entirely outside."""
     if low <= measured.low and measured.high <= high:
         return SUPPORTED
     return NOT_SUPPORTED if measured.high < low or measured.low > high else UNKNOWN
 
 
 def judge_more(difference: Interval) -> str:
-    """Support a difference if it is surely above 0; reject it if surely below ``SIZE``."""
+    """Support a difference whose interval lies above 0; reject it if below ``SIZE``."""
     return SUPPORTED if difference.low > 0 else judge_above(difference, SIZE)
 
 
 def require_beyond_random(
     verdict: str, why: str, beyond: bool, difference: Interval = NOTHING
 ) -> tuple[str, str]:
-    """Withhold support if random designs meet the claim as well, and add that to the reason.
+    """Withhold support if random designs meet the claim just as well, and say so in the reason.
 
-    The claim is built in if the difference from random designs is surely below ``SIZE``.
+    The claim is built in if the difference's interval lies within ``SIZE`` of 0.
     """
     if verdict != SUPPORTED or beyond:
         return verdict, why
@@ -103,5 +103,5 @@ def require_beyond_random(
 
 
 def require_replicates(verdict: str, *counts: int) -> str:
-    """Withhold the verdict of a resampled interval if a count is below ``MIN_REPLICATES``."""
+    """Withhold the verdict from a resampled interval if a count is below ``MIN_REPLICATES``."""
     return verdict if min(counts) >= MIN_REPLICATES else UNKNOWN

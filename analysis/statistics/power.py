@@ -1,4 +1,4 @@
-"""Number of replicates needed to detect a difference, simulated from the available replicates."""
+"""The number of replicates needed to detect a difference, simulated from given replicates."""
 
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,15 +14,15 @@ from .small_samples import LEVEL, SEED, Interval
 from .two_samples import compute_statistics, find_critical
 
 SAMPLES = 2000
-"""Number of simulated comparisons; the standard error of a power is at most 1.1 %."""
+"""Number of simulated comparisons, for a standard error of the power of at most 1.1 %."""
 MAX_REPLICATES = 200
 MIN_SCATTER = 3
-"""Minimum number of values over the treatments that have at least two."""
+"""Number of replicates of one treatment that suffice; several treatments pool their residuals."""
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """Deviations of replicates from the means of their treatments."""
+    """Deviations of replicates from their treatments' means."""
 
     residuals: Array  # pooled over all treatments
     treatments: int  # number of treatments
@@ -42,7 +42,7 @@ class Scatter:
 
 
 def measure_scatter(groups: Sequence[Array]) -> Scatter | None:
-    """Pool the deviations from the means of groups of two or more; None if they do not vary."""
+    """Pool the deviations from the means of groups of two or more; None if too few or equal."""
     known = [group for group in groups if group.size > 1]
     residuals = [group - group.mean() for group in known]
     scatter = Scatter(np.concatenate([*residuals, np.empty(0)]), len(known))
@@ -60,7 +60,7 @@ class Simulation:
     """
 
     scatter: Scatter
-    comparisons: int  # number of comparisons that p-values are adjusted for
+    comparisons: int  # number of comparisons for which p-values are adjusted
     samples: int = SAMPLES
 
     @cached_property
@@ -75,9 +75,9 @@ class Simulation:
         return first, second
 
     def compute_power(self, difference: float, n: int) -> float:
-        """Return the share of comparisons of n replicates that detect a difference [deviations].
+        """Return the power to detect a difference [standard deviations] with n replicates.
 
-        Each p-value gets Holm's adjustment of the smallest one, the strictest possible.
+        Each p-value is adjusted like the smallest one in Holm's method, the strictest adjustment.
         """
         first, second = (noise[:, :n] for noise in self._noise)
         statistics = compute_statistics(first + difference, second)
@@ -85,7 +85,7 @@ class Simulation:
         return float(np.mean((statistics < low) | (statistics > high)))
 
     def find_replicates(self, difference: float, power: float) -> float:
-        """Return the minimum number with this power; infinity if above ``MAX_REPLICATES``."""
+        """Return the minimum number with this power; infinite if above ``MAX_REPLICATES``."""
 
         numbers = range(1, MAX_REPLICATES + 1)  # the search skips 1
         index = bisect_left(numbers, power, 1, key=lambda n: self.compute_power(difference, n))

@@ -16,15 +16,16 @@ from ..tables.paired_missions import COMPLETED, QUANTITIES
 from .small_samples import CELLS, LEVEL, RESAMPLES, SEED, Interval, holm, mean_interval
 
 MIN_CHANGED = 20
-"""Minimum number of pairs that differ, for the interval of a mean without known bounds."""
+"""Minimum number of differing pairs for an interval of a mean without known bounds."""
 _HALVINGS = 60
 
 
 def mcnemar(gained: int, lost: int) -> float:
     """Return the two-sided p-value of McNemar's exact test of two paired shares.
 
-    ``gained`` is the number of pairs that are true only in the second sample, ``lost`` only in the
-    first. Concordant pairs do not enter (McNemar 1947, Psychometrika 12, 153-157).
+    ``gained`` is the number of pairs that are true only in the second sample, and ``lost`` the
+    number that are true only in the first. Concordant pairs do not count (McNemar 1947,
+    Psychometrika 12, 153-157).
     """
     changed = gained + lost
     return float(scipy.stats.binomtest(gained, changed, 0.5).pvalue) if changed else 1.0
@@ -34,8 +35,8 @@ def sign_flips(differences: Array) -> float:
     """Return the two-sided p-value of the sign-flip test of paired differences (Fisher 1935).
 
     Under the null hypothesis, either sign of each difference is equally likely. The p-value is
-    exact for few differences, and for differences of equal size, when it is McNemar's; otherwise
-    the signs are sampled.
+    exact for few differences, and for differences of equal size, for which it equals McNemar's;
+    otherwise the signs are sampled.
     """
     changed = np.sort(differences[differences != 0])
     if not changed.size:
@@ -58,7 +59,8 @@ def sign_flips(differences: Array) -> float:
 def share_change_interval(gained: int, lost: int, pairs: int) -> Interval:
     """Return the change in a paired share and its score interval.
 
-    Unlike a bootstrap, it has a width even if no pair changes (Tango, Stat. Med. 17, 1998, 891).
+    Unlike a bootstrap interval, it has a width even if no pair changes (Tango 1998, Stat. Med. 17,
+    891).
     """
     change = (gained - lost) / pairs
     upper = _find_upper(gained, lost, pairs)
@@ -66,7 +68,7 @@ def share_change_interval(gained: int, lost: int, pairs: int) -> Interval:
 
 
 def _find_upper(gained: int, lost: int, pairs: int) -> float:
-    """Return the maximum change that the score test does not reject."""
+    """Return the maximum change not rejected by the score test."""
     z = NormalDist().inv_cdf(1 - LEVEL / 2)
     low, high = (gained - lost) / pairs, 1.0
     for _ in range(_HALVINGS):
@@ -78,7 +80,7 @@ def _find_upper(gained: int, lost: int, pairs: int) -> float:
 
 
 def _fit_lost(gained: int, lost: int, pairs: int, change: float) -> float:
-    """Return the maximum-likelihood share of lost pairs for a share that changes by ``change``."""
+    """Return the maximum-likelihood share of lost pairs, given the change in the share."""
     b = (2 * pairs - gained + lost) * change - gained - lost
     c = -lost * change * (1 - change)
     return (math.sqrt(b * b - 8 * pairs * c) - b) / (4 * pairs)
@@ -87,9 +89,9 @@ def _fit_lost(gained: int, lost: int, pairs: int, change: float) -> float:
 def bounded_change_interval(differences: Array) -> Interval:
     """Return the mean of differences from -1 to 1 and its interval.
 
-    The differences must be independent and in an order that does not depend on their values. The
-    bounds come from betting (``evoros.requirement.bets``) and hold even if pairs rarely differ. A
-    bootstrap underestimates the scatter of few changes, and finds none without changes.
+    The differences must be independent, in an order that does not depend on their values. The
+    bounds come from betting (``evoros.requirement.bets``) and hold even if pairs rarely differ,
+    when a bootstrap underestimates the scatter or finds none.
     """
     low, high = (2 * end - 1 for end in bound((1 + differences) / 2, 1 - LEVEL / 2))
     return Interval(float(differences.mean()), low, high)
@@ -98,7 +100,8 @@ def bounded_change_interval(differences: Array) -> Interval:
 def change_interval(differences: Array) -> Interval:
     """Return the mean of differences without known bounds, and its bootstrap interval.
 
-    The interval is NaN if fewer than ``MIN_CHANGED`` are not 0, too few to show the tail.
+    The interval is NaN if fewer than ``MIN_CHANGED`` differences are nonzero, too few to show the
+    distribution's tail.
     """
     changed = int(np.count_nonzero(differences))
     interval = mean_interval(np.sort(differences))
@@ -106,7 +109,7 @@ def change_interval(differences: Array) -> Interval:
 
 
 BOUNDED = ("completed", "progress")
-"""Quantities from 0 to 1, whose change can be proven small."""
+"""Quantities from 0 to 1, for which a change can be shown to be small."""
 ALL_WORLDS = ""
 MINUS = "\N{MINUS SIGN}"
 COUNTS = ("missions", "trials", "better", "worse", "both", "neither")
@@ -124,7 +127,7 @@ def compare_missions(pairs: pd.DataFrame, quantities: Sequence[str]) -> pd.DataF
     """Test the changes of each design: one row per quantity and world, and one over all worlds.
 
     ``pairs`` comes from ``pair_missions``. Holm's method adjusts all p-values together, except in
-    rows without a changed mission, which can never be significant. ``result`` is ``worse`` or
+    rows without a changed mission, which cannot be significant. ``result`` is ``worse`` or
     ``better`` for a significant change, otherwise empty.
     """
     rows = [
@@ -143,7 +146,7 @@ def compare_missions(pairs: pd.DataFrame, quantities: Sequence[str]) -> pd.DataF
 
 
 def _list_groups(pairs: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
-    """Yield each design's missions over all worlds and, if it has several worlds, in each one."""
+    """Yield each design's missions over all worlds and, if there are several, in each world."""
     for design, of_design in pairs.groupby("design", sort=True):
         yield str(design), ALL_WORLDS, of_design
         if of_design["world"].nunique() > 1:
@@ -154,7 +157,7 @@ def _list_groups(pairs: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]
 def _compare(missions: pd.DataFrame, quantity: str) -> dict[str, Any]:
     """Compare a quantity over the missions that have it on both sides; empty without any.
 
-    The worlds of a trial share its draws, so the test and the interval use the means of trials.
+    The worlds of a trial share random draws, so the test and the interval use trial means.
     """
     known = missions.set_index("trial")[[f"{quantity}_a", f"{quantity}_b"]].dropna()
     if known.empty:
@@ -189,7 +192,7 @@ def _estimate_change(differences: Array, quantity: str, missions: int) -> Interv
 
 
 def format_change(row: Mapping[Hashable, Any]) -> str:
-    """Format a row's mean change and its interval, with digits that suit their size."""
+    """Format a row's mean change and its interval, with decimals that suit their size."""
     change = Interval(row["difference"], row["low"], row["high"])
     size = max(map(abs, (change.value, *(x for x in (change.low, change.high) if x == x))))
     return change.write(f"+.{3 if size < 1 else 2 if size < 100 else 0}f").replace("-", MINUS)
@@ -198,9 +201,9 @@ def format_change(row: Mapping[Hashable, Any]) -> str:
 def judge_margins(
     pairs: pd.DataFrame, margins: Mapping[str, float], confidence: float
 ) -> pd.DataFrame:
-    """Test for each design and world whether the mean of a quantity falls by less than its margin.
+    """Test, by design and world, whether the mean of a quantity falls by less than its margin.
 
-    Trials are tested one after another, as in requirements, so the result holds for any number.
+    Trials are tested one after another, as for requirements, so the result holds for any number.
     """
     rows = [
         [design, world, name, margin, *_judge(missions, name, margin, confidence)]

@@ -1,4 +1,4 @@
-"""Statistics of small samples of replicates: intervals and corrections of tests.
+"""Statistics of small samples of replicates: intervals, and corrections for multiple tests.
 
 Every function is deterministic: resampling uses a generator with a fixed seed.
 """
@@ -28,7 +28,7 @@ Sample = Sequence[float] | Numbers
 
 @dataclass(frozen=True)
 class Interval:
-    """An estimate and the bounds of its interval; NaN if there are too few values for one."""
+    """An estimate and the bounds of its interval, which are NaN if there are too few values."""
 
     value: float
     low: float = np.nan
@@ -39,7 +39,7 @@ class Interval:
         return Interval(-self.value, -self.high, -self.low, self.confidence)
 
     def write(self, form: str = ".2f") -> str:
-        """Format the estimate and any bounds; state the coverage if it is below 1 - LEVEL."""
+        """Format the estimate and any bounds, with the coverage if it is below 1 - LEVEL."""
         short = f"; {100 * self.confidence:.0f} %" if self.confidence < 1 - LEVEL else ""
         bounds = f" [{self.low:{form}}, {self.high:{form}}{short}]" if self.low <= self.high else ""
         return f"{self.value:{form}}{bounds}"
@@ -50,7 +50,7 @@ NOTHING = Interval(np.nan)
 
 
 def choose_form(values: Sample) -> str:
-    """Choose a format of values: two decimals, or fewer if the values are large."""
+    """Choose a number format: two decimals, fewer for large values, more for small ones."""
     size = float(np.abs(np.asarray(values, float)).max())
     if 0 < size < 0.1:
         return ".3g"
@@ -60,9 +60,9 @@ def choose_form(values: Sample) -> str:
 def holm(p: Sample) -> list[float]:
     """Adjust the p-values of a family of tests so that each can be compared with ``LEVEL``.
 
-    Holm (1979), Scand. J. Stat. 6, 65-70: the i-th smallest of n is multiplied by n + 1 - i and
-    raised to the maximum of the smaller ones, but is at most 1. The order of ``p`` is kept. SciPy
-    only controls the false discovery rate.
+    Holm (1979), Scand. J. Stat. 6, 65-70: the i-th smallest of n is multiplied by n + 1 - i, raised
+    to the adjusted value of the previous one if that is larger, and limited to 1. The order of
+    ``p`` is kept. SciPy only controls the false discovery rate.
     """
     raw = np.asarray(p, float)
     order = np.argsort(raw)
@@ -75,8 +75,8 @@ def holm(p: Sample) -> list[float]:
 def median_interval(values: Sample) -> Interval:
     """Return the median and its exact interval, for any distribution of the values.
 
-    The ends are values of the sample. The number of values below the median is binomial, which
-    determines the ends (Thompson 1936, Ann. Math. Stat. 7, 122-128). With fewer than six values,
+    The ends are values of the sample, chosen by the binomial distribution of the number of values
+    below the median (Thompson 1936, Ann. Math. Stat. 7, 122-128). With fewer than six values,
     the interval is the full range, which contains the median with less than 95 % confidence.
     """
     ordered = np.sort(np.asarray(values, float))
@@ -95,7 +95,7 @@ def mean_interval(values: Sample) -> Interval:
 
 
 def spearman(x: Sample, y: Sample) -> Interval:
-    """Return Spearman's rank correlation of pairs and its interval; NaN if one side is constant.
+    """Return Spearman's rank correlation and its interval; NaN if ``x`` or ``y`` is constant.
 
     Below ``MIN_PAIRS`` pairs, there is no interval.
     """
@@ -105,7 +105,7 @@ def spearman(x: Sample, y: Sample) -> Interval:
 
 
 def share_interval(count: int, total: int) -> Interval:
-    """Return a share and its exact interval (``bound_rate``); NaN if the total is 0."""
+    """Return a share and its exact interval (see ``bound_rate``); NaN if the total is 0."""
     return Interval(count / total, *bound_rate(count, total, 1 - LEVEL)) if total else NOTHING
 
 
@@ -127,7 +127,7 @@ def fisher(count: int, total: int, other_count: int, other_total: int) -> float:
 
 
 def ratio_interval(parts: Sample, wholes: Sample) -> Interval:
-    """Return the ratio of the sums and its bootstrap interval, expanded for small samples.
+    """Return the ratio of two sums and its bootstrap interval, expanded for small samples.
 
     Each replicate's part and whole are resampled together.
     """
@@ -135,12 +135,12 @@ def ratio_interval(parts: Sample, wholes: Sample) -> Interval:
 
 
 def expand_tail(n: int) -> float:
-    """Return the share of resamples beyond each bound that lets the interval cover a mean of n.
+    """Return the share of resamples beyond each bound for an interval of the mean of n values.
 
     Resampled means of n values scatter less than true means, by the factor sqrt((n - 1) / n), and
     normal quantiles ignore the degrees of freedom. For six normal values, the plain interval covers
-    the mean in only 84 % of samples. The expanded percentile interval corrects both (Hesterberg
-    2015, Am. Stat. 69, 371-386).
+    the mean in only 84 % of samples. The expanded percentile interval corrects both effects
+    (Hesterberg 2015, Am. Stat. 69, 371-386).
     """
     if n < 2:
         return LEVEL / 2
@@ -190,8 +190,8 @@ def _ratio(parts: Array, wholes: Array, axis: int = -1) -> Array:
 def _rank_correlation(x: Array, y: Array, axis: int = -1) -> Array:
     """Correlate the ranks over the last axis; NaN if one side is constant.
 
-    ``scipy.stats.spearmanr`` takes one pair of samples at a time, and ``pearsonr`` of ranks is not
-    exactly 1 for equal orders.
+    ``scipy.stats.spearmanr`` accepts one pair of samples at a time, and ``pearsonr`` of ranks is
+    not exactly 1 for equal orders.
     """
     a, b = (
         ranks - ranks.mean(axis=axis, keepdims=True)
@@ -202,10 +202,10 @@ def _rank_correlation(x: Array, y: Array, axis: int = -1) -> Array:
 
 
 class Shortfall(NamedTuple):
-    """The lowest coverage or highest error over all sample sizes [%]; None if within the level."""
+    """The lowest coverage or highest error rate over all sample sizes [%]; None if as claimed."""
 
-    usual: int | None  # values of any shape without outliers
-    outlier: int | None = None  # one value in a hundred is far from all others
+    usual: int | None  # any distribution without outliers
+    outlier: int | None = None  # one value in a hundred is an outlier
 
 
 INTERVALS: Mapping[str, Shortfall] = {
@@ -226,10 +226,10 @@ TESTS: Mapping[str, Shortfall] = {
 
 
 def describe_shortfalls(*names: str) -> Iterator[str]:
-    """Yield one line about the intervals among ``names``, and another about the tests."""
+    """Yield a line about the intervals among ``names``, and another about the tests."""
     lines = (
-        ("these 95 % intervals may contain the true value less often", INTERVALS),
-        ("these 5 % tests may err more often than in 5 % of cases", TESTS),
+        ("these 95 % intervals may cover the true value less often", INTERVALS),
+        ("these tests at the 5 % level may err more often", TESTS),
     )
     for text, known in lines:
         if short := [f"{name}: {_write(known[name])}" for name in names if name in known]:

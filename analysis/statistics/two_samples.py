@@ -1,4 +1,4 @@
-"""The two-sample test and the effect size A12 with its interval, from one statistic.
+"""The two-sample test, and the effect size A12 with its interval, from one statistic.
 
 The statistic (Brunner and Munzel 2000, Biom. J. 42, 17-25) is A12 minus 0.5, divided by a standard
 error that lets the samples differ in spread and size. It is permuted (Neubert and Brunner 2007,
@@ -23,20 +23,20 @@ from .small_samples import CELLS, LEVEL, RESAMPLES, SEED, Interval, Sample
 
 TEST = "permuted Brunner-Munzel test"
 MIN_VALUES = 5
-"""Minimum size of a sample, below which p is 1. At an A12 of 0.5, chance can separate four values
-from any number of others in up to one of eight pairs of samples."""
+"""Minimum sample size, below which p is 1. At an A12 of 0.5, chance can completely separate four
+values from any number of others in up to one of eight pairs of samples."""
 MAX_SPLITS = 20_000
-"""Maximum number of splits of the values into two samples to enumerate; beyond it, some are drawn.
+"""Maximum number of splits into two samples to enumerate; if there are more, some are drawn.
 """
 MAX_PERMUTED = 400
-"""Maximum number of values to permute; beyond it, the statistic follows Student's distribution."""
+"""Maximum number of values to permute; for more, Student's distribution is used."""
 DIGITS = 9
-"""Digits of the statistic, so that ties are the same on every processor."""
+"""Digits kept of the statistic, so that ties are the same on every processor."""
 Places = NDArray[np.int64]
 
 
 class _Ranking(NamedTuple):
-    """A12 of samples, its standard error, and the degrees of freedom of that error, all (...)."""
+    """A12, its standard error, and the error's degrees of freedom, all of one shape."""
 
     a12: Array
     error: Array
@@ -52,17 +52,17 @@ class _Ranking(NamedTuple):
         return np.asarray(self.error / (self.a12 * (1 - self.a12)))
 
     def move(self, quantile: float) -> float:
-        """Return the A12 whose null hypothesis gives a statistic equal to ``quantile``."""
+        """Return the A12 that, as the null hypothesis, gives the statistic ``quantile``."""
         end = float(scipy.special.expit(_logit(self.a12) - quantile * self._logit_error))
-        return round(end, DIGITS - 1)  # has the precision of the statistic
+        return round(end, DIGITS - 1)  # precise to the digits of the statistic
 
 
 def brunner_munzel(x: Sample, y: Sample) -> float:
     """Return the two-sided p-value for ``x`` exceeding ``y`` as often as the reverse.
 
-    It is exact if the distributions are equal and all splits are enumerated. With unequal spreads
-    and sizes of at least five, it falls below 0.05 in 2 to 7 % of pairs of samples without a
-    difference. It is 1 if a sample has fewer than ``MIN_VALUES`` values.
+    The p-value is exact if the distributions are equal and all splits are enumerated. With unequal
+    spreads and sizes of at least five, it falls below 0.05 in 2 to 7 % of pairs of samples without
+    a difference. It is 1 if a sample has fewer than ``MIN_VALUES`` values.
     """
     if min(len(x), len(y)) < MIN_VALUES:
         return 1.0
@@ -77,7 +77,7 @@ def brunner_munzel(x: Sample, y: Sample) -> float:
 
 
 def a12(x: Sample, y: Sample) -> float:
-    """Return the probability that a value of ``x`` exceeds one of ``y``; ties count half."""
+    """Return the probability that a value of ``x`` exceeds a value of ``y``; ties count half."""
     a, b = np.asarray(x, float)[:, None], np.asarray(y, float)
     return float(np.mean((a > b) + 0.5 * (a == b)))
 
@@ -86,10 +86,11 @@ def a12_interval(x: Sample, y: Sample) -> Interval:
     """Return A12 (Vargha and Delaney 2000, J. Educ. Behav. Stat. 25, 101-132) and its interval.
 
     The bounds are within 0 and 1. If the samples separate completely, or all values are equal, k
-    independent pairs agree, where k is the size of the smaller sample. This has a probability of at
-    most A12 ** k, which bounds A12 for distributions of any shape. With some ties, the interval is
-    at least as wide as Student's with k - 1 degrees of freedom: if the samples differ, permutations
-    of ties scatter too little, and the interval of two values covers in only 70 to 95 %.
+    independent pairs agree, where k is the size of the smaller sample. The probability of this is
+    at most A12 ** k, which bounds A12 for distributions of any shape. With some ties, the interval
+    is at least as wide as Student's with k - 1 degrees of freedom, because permutations of ties
+    scatter too little if the samples differ: with two distinct values, the coverage would be only
+    70 to 95 %.
     """
     value, few = a12(x, y), min(len(x), len(y))
     if value in (0.0, 1.0) or np.ptp([*x, *y]) == 0:
@@ -118,7 +119,7 @@ def compute_statistics(x: Array, y: Array) -> Array:
 def find_critical(n: int, level: float) -> tuple[float, float]:
     """Return the lower and upper statistics beyond which p < level, for two samples of n values.
 
-    The values have no ties.
+    The values must have no ties.
     """
     if n < MIN_VALUES:
         return -inf, inf
@@ -133,7 +134,7 @@ def minimum_p(m: int, n: int) -> float:
 
 
 def minimum_replicates(comparisons: int) -> int:
-    """Return the number of values per sample that can give a p below ``LEVEL`` after ``holm``."""
+    """Return the minimum sample size that can give a p below ``LEVEL`` after ``holm``."""
     n = MIN_VALUES
     while comparisons * minimum_p(n, n) >= LEVEL and not _count_drawn(n, n):
         n += 1
@@ -145,12 +146,12 @@ def _logit(share: Array) -> Array:
 
 
 def _count_drawn(m: int, n: int) -> int:
-    """Return 1 if splits are drawn, to which the observed one is added; otherwise 0."""
+    """Return 1, for the observed split, if splits are drawn; 0 if all are enumerated."""
     return int(comb(m + n, m) > MAX_SPLITS)
 
 
 def _order(x: Sample, y: Sample) -> tuple[NDArray[np.bool_], Places, Places]:
-    """Return masks of the values of ``x`` in ascending order, and the start and end of each tie."""
+    """Return which pooled values, in ascending order, are from ``x``, and the ends of each tie."""
     pooled = np.concatenate([np.asarray(x, float), np.asarray(y, float)])
     order = np.argsort(pooled)
     values = pooled[order]
@@ -163,10 +164,10 @@ def _rank(x: Sample, y: Sample) -> _Ranking:
 
 
 def _compare(first: NDArray[np.bool_], starts: Places, ends: Places) -> _Ranking:
-    """Compare the values of the first sample, a mask (..., m + n), with the second sample's.
+    """Compare the first sample, a mask (..., m + n) of the ordered values, with the second.
 
-    Twice the number of the other sample's values below each value, with ties counted half, is a
-    whole number, so the sums are exact.
+    Twice the number of the other sample's values below a value, counting ties half, is an integer,
+    so the sums are exact.
     """
     below = np.zeros((*first.shape[:-1], first.shape[-1] + 1), np.int64)
     np.cumsum(first, axis=-1, out=below[..., 1:])
@@ -180,7 +181,7 @@ def _compare(first: NDArray[np.bool_], starts: Places, ends: Places) -> _Ranking
         scatter = size * (counts**2).sum(axis=-1) - counts.sum(axis=-1) ** 2
         variances.append(scatter / (4 * size**2 * (size - 1) * other**2))
     square = variances[0] + variances[1]
-    least = 0.5 / (m * n)  # separated values count as if their nearest two were tied
+    least = 0.5 / (m * n)  # counts the nearest two values of separated samples as tied
     parts = sum(part**2 / (size - 1) for part, size in zip(variances, (m, n), strict=True))
     with np.errstate(invalid="ignore"):  # separated values give 0 / 0
         freedom = np.asarray(square**2 / parts)
@@ -189,7 +190,7 @@ def _compare(first: NDArray[np.bool_], starts: Places, ends: Places) -> _Ranking
 
 
 def _permute_samples(x: Sample, y: Sample) -> Array | None:
-    """Return the sorted statistics of splits of both samples; None if the samples are large."""
+    """Return the sorted statistics of splits of the pooled samples; None for large samples."""
     if len(x) + len(y) > MAX_PERMUTED:
         return None
     ends = _order(x, y)[2]
@@ -200,7 +201,7 @@ def _permute_samples(x: Sample, y: Sample) -> Array | None:
 
 @lru_cache(maxsize=256)
 def _permute(m: int, ends_of_ties: bytes) -> Array:
-    """Return the sorted statistics of m values against the remaining ones, over the splits."""
+    """Return the sorted statistics of m values against the rest, over the splits."""
     ends = np.frombuffer(ends_of_ties, np.int64)
     starts = np.searchsorted(ends, ends)
 

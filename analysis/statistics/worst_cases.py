@@ -1,4 +1,4 @@
-"""Sensor failures that stop a design: cases, sets of failed sensors, and their risk."""
+"""Sensor failures that stop a design: cases, sets of failed sensors, and risks."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -20,10 +20,11 @@ KEYS = ("source", "design")
 
 
 def collect_missions(study: Study) -> pd.DataFrame:
-    """Concatenate the missions of all evaluations, and flag their failures.
+    """Concatenate the missions of all evaluations, and classify their failures.
 
-    ``evaluation`` is the end of the evaluation's path or, if there is only one, its failure model.
-    ``drawn`` is true if shares estimate a risk, and ``intact`` if no sensor was meant to fail.
+    ``evaluation`` is the end of the evaluation's path or, for a single evaluation, the name of the
+    failure model. ``drawn`` is true if the mission's failures were drawn at random, so that shares
+    estimate a risk; ``intact`` is true if no sensor was meant to fail.
     """
     _require_one_simulator(study)
     several = len(study.evaluations) > 1
@@ -40,7 +41,7 @@ def collect_missions(study: Study) -> pd.DataFrame:
     ]
     if not frames:
         raise InputError(
-            "worst: no evaluation found among the folders; make one with evoros evaluate "
+            "worst: the folders contain no evaluation; make one with evoros evaluate "
             "designs=FOLDER failure=exhaustive trials=..."
         )
     table = pd.concat(frames, ignore_index=True).astype(dict.fromkeys(KEYS, str))
@@ -55,7 +56,7 @@ def count_sensors(record: EvaluationRecord) -> Iterator[tuple[tuple[str, str], i
 
 
 def _is_stated(missions: pd.DataFrame) -> "pd.Series[bool]":
-    """Return True for each mission with a stated case, from the model or a worst-case search."""
+    """Return True for each mission whose case was stated by the model or a worst-case search."""
     if CASE not in missions:
         return pd.Series(False, index=missions.index)
     return missions[CASE].notna()
@@ -68,22 +69,22 @@ def _find_intact(record: EvaluationRecord, missions: pd.DataFrame) -> "pd.Series
 
 
 def _require_one_simulator(study: Study) -> None:
-    """Refuse evaluations in several simulators, as their missions are not comparable."""
+    """Refuse evaluations in different simulators, whose missions are not comparable."""
     simulators: dict[str, str] = {}
     for record in study.evaluations:
-        # Only the first simulator counts, because a second one confirms.
+        # Only the first simulator counts; a second one only confirms.
         for name in record.run.manifest.get("simulators", ())[:1]:
             simulators.setdefault(str(name), record.name)
     if len(simulators) > 1:
         given = ", ".join(f"{name} ({folder})" for name, folder in simulators.items())
         raise InputError(
-            f"worst: needs evaluations in one simulator, not in {given}; name the folders "
+            f"worst: needs evaluations in one simulator, but they are in {given}; name the folders "
             f"of one simulator"
         )
 
 
 def _write_set(cell: object) -> str:
-    """List the failed sensors in ascending order, from a cell with semicolons."""
+    """Return the failed sensors of a semicolon-separated cell, in ascending order."""
     return " ".join(map(str, sorted({int(float(part)) for part in split_cell(cell)})))
 
 
@@ -118,7 +119,7 @@ def list_cases(missions: pd.DataFrame) -> pd.DataFrame:
 def count_sets(cases: pd.DataFrame, sensors: Mapping[tuple[str, str], int]) -> pd.DataFrame:
     """Count the sets that occurred and the sets that stop a design, by number of failed sensors.
 
-    ``sensors`` has the number of sensors of each design; ``docs/analysis.md`` describes ``SETS``.
+    ``sensors`` maps each design to its number of sensors; ``docs/analysis.md`` describes ``SETS``.
     """
     rows = []
     for (source, design), tested in cases.groupby(list(KEYS), sort=False):
@@ -133,10 +134,10 @@ def count_sets(cases: pd.DataFrame, sensors: Mapping[tuple[str, str], int]) -> p
 
 
 def estimate_risks(missions: pd.DataFrame) -> pd.DataFrame:
-    """Estimate the probability that a mission is not completed, for randomly drawn failures.
+    """Estimate the probability that a mission with randomly drawn failures is not completed.
 
-    In rows with an empty ``world``, which pool the worlds, a trial fails if any of its missions
-    fails. The interval is exact.
+    Rows with an empty ``world`` pool the worlds, where a trial fails if any of its missions fails.
+    The interval is exact.
     """
     rows: list[tuple[Any, ...]] = []
     drawn = missions[missions["drawn"]]

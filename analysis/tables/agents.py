@@ -1,4 +1,4 @@
-"""Runs as seen by one of their robots, for figures and exports of a single robot."""
+"""Views of a run that show a single robot, for figures and exports."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -25,12 +25,12 @@ GROUPS = ("robot", "design", "controller")
 
 @dataclass(frozen=True)
 class AgentRun(Run):
-    """A run seen from one agent, with the column names of a single robot."""
+    """A run as one of its agents sees it, with the column names of a single-robot run."""
 
     whole: Run
-    context: FigureContext  # the first robot's, with the contexts of all others
+    context: FigureContext  # the first robot's context, which contains the other robots' contexts
     agent: str
-    designed: str  # name of the robot whose design the agent has; '' for the first robot
+    designed: str  # name of the robot whose design the agent uses; '' for the first robot
 
     @cached_property
     def missions(self) -> pd.DataFrame:
@@ -76,11 +76,11 @@ class AgentRun(Run):
 
 
 def select_agent(record: AnyRecord, name: str) -> AnyRecord:
-    """Return a run's record from the view of one of its agents."""
+    """Return a run's record as seen by one of its agents."""
     if name not in record.context.agents:
         raise InputError(
-            f"{record.path}: must have the agent {name!r}, but has "
-            f"{', '.join(record.context.agents) or 'none'}; choose one of these for --agent"
+            f"{record.path}: has no agent {name!r}, only "
+            f"{', '.join(record.context.agents) or 'one robot'}; choose one of these for --agent"
         )
     whole = record.run
     has_design = any(key.startswith(f"agents.{name}.design.") for key in record.values)
@@ -103,7 +103,7 @@ def list_robots(record: Record) -> list[Record]:
 
 
 def read_tracks(record: Record, world: str) -> pd.DataFrame:
-    """Read the tracks of all robots; if there are several, the last column has the name."""
+    """Read the tracks of all robots; with several robots, the last column has their names."""
     robots, design = list_robots(record), find_shown(record)
     tracks = [read_track(robot.run, robot.context, world, design) for robot in robots]
     if len(tracks) == 1:
@@ -113,7 +113,7 @@ def read_tracks(record: Record, world: str) -> pd.DataFrame:
 
 
 def _select_values(values: Mapping[str, Any], agent: str) -> dict[str, Any]:
-    """Return one robot's configuration, in which its parts replace the first robot's."""
+    """Return an agent's configuration: its parts in place of the first robot's."""
     start = f"agents.{agent}."
     parts = {key.removeprefix(start): v for key, v in values.items() if key.startswith(start)}
     groups = [group for group in GROUPS if any(key.startswith(f"{group}.") for key in parts)]
@@ -122,7 +122,7 @@ def _select_values(values: Mapping[str, Any], agent: str) -> dict[str, Any]:
 
 
 class Choice(NamedTuple):
-    """A study of one robot per run, this robot's name (empty if alone), and the other robots."""
+    """A study of one robot per run, the robot's name (empty if alone), and the other robots."""
 
     study: Study
     robot: str = ""
@@ -130,7 +130,7 @@ class Choice(NamedTuple):
 
 
 def choose_robot(study: Study, agent: str | None) -> Choice:
-    """Return the study of each run's first robot, or of the named agent in the runs that have it.
+    """Reduce a study to each run's first robot, or to the named agent of the runs that have it.
 
     Raises:
         InputError: no run has the named agent.
@@ -139,10 +139,10 @@ def choose_robot(study: Study, agent: str | None) -> Choice:
     known = list(dict.fromkeys(name for record in several for name in record.context.agents))
     if agent not in (None, *known):
         if not known:
-            raise InputError("--agent: the runs have a single robot each; leave the option out")
+            raise InputError("--agent: each run has a single robot; leave the option out")
         raise InputError(
-            f"--agent: must be one of the agents in the runs ({', '.join(known)}), not {agent!r}; "
-            f"choose one of these, or leave the option out"
+            f"--agent: no run has an agent {agent!r}; choose one of {', '.join(known)}, or leave "
+            f"the option out"
         )
     if not known:
         return Choice(study)
@@ -160,7 +160,7 @@ def choose_robot(study: Study, agent: str | None) -> Choice:
 def _show_robot(
     study: Study, records: Iterable[AnyRecord], agent: str | None
 ) -> Iterator[AnyRecord]:
-    """Yield the records of a robot, with its name in their treatments; report missing robots."""
+    """Yield one robot's records, with its name in the treatments; report runs without it."""
     for record in records:
         agents, label = record.context.agents, agent or FIRST
         if agent is not None and agent not in agents:

@@ -17,11 +17,11 @@ from .validated import Scores, identify_champion, list_differences, read_evaluat
 
 
 def list_missions(study: Study) -> pd.DataFrame:
-    """List the missions of champions on fresh draws, with the failure under which they evolved.
+    """List the missions of champions on fresh draws, with the failures they evolved under.
 
-    Columns: ``run``; ``kind``, the class of its failure; ``source``, the origin of the missions;
-    ``failed``, true if a sensor or another part had failed; ``completed``; ``draws``, the key of
-    the mission's random draws.
+    Columns: ``run``; ``kind``, the class of the run's failure; ``source``, the origin of the
+    mission; ``failed``, true if a sensor or another part failed; ``completed``; ``draws``, the
+    key of the mission's random draws.
     """
     evaluations = read_evaluations(study)
     frames = []
@@ -31,16 +31,16 @@ def list_missions(study: Study) -> pd.DataFrame:
             failed = has_failed(missions)
             outcome = {"failed": failed, "completed": missions.completed, "draws": missions.draws}
             frames.append(pd.DataFrame({**marks, **outcome}))
-    # Evaluations with the same seed share missions, each of which counts once.
+    # Evaluations with the same seed share missions; each mission counts once.
     table = pd.concat(frames, ignore_index=True)
     return table.drop_duplicates(["source", "run", "draws"], ignore_index=True)
 
 
 def list_random_missions(study: Study) -> pd.DataFrame:
-    """List the missions of the random designs of generation 0 of each run.
+    """List the missions of each run's random designs in generation 0.
 
-    These missions did not select the designs, so luck does not bias the outcome. Columns: ``kind``,
-    ``run``, ``failed`` and ``completed``, as in ``list_missions``, and ``design``.
+    The designs were not selected by these missions, so luck does not bias the outcome. Columns:
+    ``kind``, ``run``, ``failed`` and ``completed``, as in ``list_missions``, and ``design``.
     """
     columns = ["kind", "run", "design", "failed", "completed"]
     frames = [pd.DataFrame(columns=columns).astype({"failed": bool, "completed": bool})]
@@ -59,7 +59,7 @@ def list_random_missions(study: Study) -> pd.DataFrame:
 
 
 def _sources(record: Record, evaluations: list[Scores]) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Yield the missions of a run's champion by their source: the run, then evaluations."""
+    """Yield the missions of a run's champion by source: first the run, then evaluations."""
     missions = record.run.missions
     best = record.run.champion.design.iloc[0]
     yield (
@@ -74,7 +74,7 @@ def _sources(record: Record, evaluations: list[Scores]) -> Iterator[tuple[str, p
 
 
 def describe_rates(record: Record) -> dict[str, str]:
-    """Describe the champion's completion rate on fresh draws and its interval, by world.
+    """Describe, by world, the champion's completion rate on fresh draws, with its interval.
 
     Worlds without fresh draws are omitted. The result is empty for an unfinished run.
     """
@@ -96,7 +96,7 @@ def describe_rates(record: Record) -> dict[str, str]:
 
 
 def classify_failure(record: Record) -> str:
-    """Return "spatial" for a failure with damage rings, otherwise the run's choice of failure."""
+    """Return "spatial" for a failure with damage rings, otherwise the name of the run's failure."""
     name = name_part("failure", record.values, record.choices)
     return "spatial" if record.context.rings and name != "combined" else name
 

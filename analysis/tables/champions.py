@@ -1,4 +1,4 @@
-"""Tables of the champions of runs, or of the best individuals so far of unfinished runs."""
+"""Tables of runs' champions; unfinished runs have their best individual so far instead."""
 
 import pandas as pd
 
@@ -16,14 +16,14 @@ BEST_SO_FAR = "best so far"
 
 
 def read_champion_sensors(record: Record) -> pd.DataFrame:
-    """Read a champion's sensors, and its recorded and validated fitness with the interval."""
+    """Read a champion's sensors, its recorded fitness, and its validated fitness with interval."""
     return designs.place_sensors(_read_mounts(record), adapt_context(record)).assign(
         **_fitness(record)
     )
 
 
 def read_champion_signals(record: Record) -> pd.DataFrame:
-    """Read the sensors of a run's champion that cast no rays; see ``read_champion_sensors``."""
+    """Read the champion's sensors that cast no rays; see ``read_champion_sensors``."""
     return designs.place_signals(_read_mounts(record), adapt_context(record))
 
 
@@ -37,7 +37,7 @@ def read_champion(record: Record) -> pd.DataFrame:
 
 
 def adapt_context(record: Record) -> FigureContext:
-    """Return the robot's context; its sensor types have the champion's evolved parameters."""
+    """Return the robot's context, with the champion's evolved sensor parameters."""
     design = find_shown(record)
     if design is not None:
         return designs.adapt_types(record.context, designs.read_evolved(record, design))
@@ -47,23 +47,23 @@ def adapt_context(record: Record) -> FigureContext:
 
 
 def find_shown(record: Record) -> int | None:
-    """Find the best individual so far of an unfinished run; None means the champion."""
+    """Find the best individual so far of an unfinished run; None for a finished run."""
     return None if record.finished else int(designs.read_best(record)["id"].iloc[0])
 
 
 def require_trajectories(record: Record) -> None:
-    """Require that the run keeps the trajectories of its champion or its best design so far."""
+    """Require that the run has recorded trajectories of its champion or best design so far."""
     kept = record.run.manifest.get("record")
     if not record.finished and kept not in ("all", "none"):
         raise InputError(
-            f"{record.path}: must be finished to have the trajectories and worlds of its champion "
+            f"{record.path}: is not finished, and has no trajectories and worlds of a champion yet "
             f"(record={kept}); {advise_finish(record.path)}"
         )
     record.run.require_trajectories()
 
 
 def load_shown_world(record: Record, name: str) -> World:
-    """Load the world of the champion's first mission, or of the best design's so far."""
+    """Load the world of the first mission of the champion, or of the best design so far."""
     design = find_shown(record)
     if design is None:
         return load_champion_world(record.run, record.context, name)

@@ -1,4 +1,4 @@
-"""The user's claims, read from the file given to ``evoros analyze claims --claims``."""
+"""Read the user's claims from the file given to ``evoros analyze claims --claims``."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -51,10 +51,10 @@ class OwnClaim:
     text: str
     measure: str
     comparison: str  # ``ABOVE``, ``BELOW`` or ``WITHIN``
-    low: float  # the threshold; the lower one of ``WITHIN``
+    low: float  # the threshold, or the lower threshold of ``WITHIN``
     high: float
     treatments: Group
-    against: Group | None  # the claim is about the difference from this group
+    against: Group | None  # if given, the claim is about the difference from this group
     place: str  # prefix of error messages
 
 
@@ -67,16 +67,16 @@ def read_claims(path: Path) -> list[OwnClaim]:
 def _read(entry: object, place: str) -> OwnClaim:
     if not isinstance(entry, dict):
         raise InputError(
-            f"{place}: must be a mapping with {', '.join(KEYS)}; start it with - claim:"
+            f"{place}: is not a mapping; start it with - claim: and add keys from {', '.join(KEYS)}"
         )
     for key in entry:
         if key not in KEYS:
             raise InputError(
-                f"{place}: has an unknown key {key!r}; remove it, or use one of {', '.join(KEYS)}"
+                f"{place}: unknown key {key!r}; remove it, or use one of {', '.join(KEYS)}"
             )
     for key in REQUIRED:
         if not isinstance(entry.get(key), str) or not entry[key].strip():
-            raise InputError(f"{place}: {key} must be a string, not {entry.get(key)!r}; write it")
+            raise InputError(f"{place}: {key} must be a string, not {entry.get(key)!r}; set it")
     comparison = entry["comparison"]
     if comparison not in (ABOVE, BELOW, WITHIN):
         raise InputError(
@@ -111,6 +111,6 @@ def _read_group(given: object, place: str) -> Group:
     if isinstance(labels, list) and labels and all(isinstance(name, str) for name in labels):
         return Group({}, tuple(labels))
     raise InputError(
-        f"{place} must be levels by factor, as in {{failure: none}}, or labels of treatments, not "
-        f"{given!r}; set it to either"
+        f"{place} must map factors to levels, as in {{failure: none}}, or list treatment labels, "
+        f"not {given!r}; change it"
     )

@@ -1,4 +1,4 @@
-"""Conditions on runs, as in ``failure=none,random``, by factors or by configuration keys."""
+"""Conditions on the factors or configuration keys of runs, as in ``failure=none,random``."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -23,8 +23,8 @@ def parse_conditions(texts: Sequence[str]) -> dict[str, tuple[str, ...]]:
         given = tuple(filter(None, (level.strip() for level in levels.split(","))))
         if not factor or not given:
             raise InputError(
-                f"--where: must be FACTOR=LEVEL or FACTOR=LEVEL,LEVEL..., not {text!r}; "
-                f"type it like failure=none"
+                f"--where: must have the form FACTOR=LEVEL or FACTOR=LEVEL,LEVEL..., not {text!r}; "
+                f"type failure=none, for example"
             )
         conditions[factor] = (*conditions.get(factor, ()), *given)
     return conditions
@@ -50,8 +50,8 @@ def find_record_factors(records: Sequence[Record]) -> list[Factor]:
 def find_levels(records: Sequence[Record], name: str) -> list[str] | None:
     """Return each record's level of a factor or a key; None if no record has the key.
 
-    A factor is found by its column name, words or key; a key is found by its end. ``treatment``
-    stands for the given name.
+    ``name`` may be a factor's column name, words or key, or the end of a configuration key;
+    ``treatment`` stands for the treatment's given name.
     """
     wanted = name.replace("_", " ")
     for factor in find_record_factors(records):
@@ -74,7 +74,7 @@ def find_levels(records: Sequence[Record], name: str) -> list[str] | None:
 
 
 def is_level(level: str, wanted: str) -> bool:
-    """Return True if a level equals the wanted string, words or number."""
+    """Return True if a level equals the wanted one as a string, in words or as a number."""
     if level.replace("_", " ") == wanted.replace("_", " "):
         return True
     try:
@@ -84,7 +84,7 @@ def is_level(level: str, wanted: str) -> bool:
 
 
 def select_rows(records: Sequence[Record], conditions: Conditions, source: str) -> list[bool]:
-    """Return True for each record that meets all conditions; ``source`` begins error messages."""
+    """Return True for each record that meets all conditions; ``source`` prefixes messages."""
     chosen = [True] * len(records)
     for name, allowed in conditions.items():
         levels = require_levels(records, name, source)
@@ -110,7 +110,7 @@ def require_levels(records: Sequence[Record], name: str, source: str) -> list[st
         factors = [factor.name for factor in find_record_factors(records)]
         there = ", ".join(factors) or "none, as all runs belong to one treatment"
         raise InputError(
-            f"{source}: must name a factor or a key of the runs, not {name!r}; their factors: "
+            f"{source}: {name!r} is neither a factor nor a key of the runs; their factors are "
             f"{there}"
         )
     return levels
@@ -128,19 +128,19 @@ def _describe(error: UnicodeDecodeError | yaml.YAMLError) -> str:
 
 
 def read_entries(path: Path, content: str, keys: str, begin: str) -> Sequence[object]:
-    """Read the entries of a YAML file; ``content``, ``keys`` and ``begin`` are for messages."""
+    """Read the list in a YAML file; ``content``, ``keys`` and ``begin`` are for messages."""
     try:
         entries = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(
-            f"{path}: cannot be read ({error.strerror}); give a YAML file of {content}"
+            f"{path}: cannot be read ({error.strerror}); give a YAML file with {content}"
         ) from error
     except (UnicodeDecodeError, yaml.YAMLError) as error:
         raise InputError(
-            f"{path}: is not valid YAML ({_describe(error)}); fix the syntax there"
+            f"{path}: is not valid YAML ({_describe(error)}); fix the syntax"
         ) from error
     if not isinstance(entries, list) or not entries:
         raise InputError(
-            f'{path}: must be a list of {content}, each with {keys}; write "{begin}" for each'
+            f'{path}: must be a list of {content}, each with {keys}; write "{begin}" for each entry'
         )
     return entries

@@ -1,4 +1,4 @@
-"""Tables of candidates, and of designs with a row per sensor in the robot's frame."""
+"""Tables of candidates, and of designs' sensors in the robot's frame."""
 
 import math
 import re
@@ -19,10 +19,10 @@ COLUMNS = (
     *("design", "sensor", "type", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"),
     *("fov_deg", "range_m", "pair"),
 )
-"""``pair`` numbers the placed sensors; mirrored twins share a number."""
+"""Columns of sensors that cast rays; mirrored twins share the number ``pair``."""
 SIGNAL_COLUMNS = (*COLUMNS[:8], "measures", "width_m", "depth_m")
-"""Columns of sensors that cast no rays; the last two are a bumper's zone, otherwise 0."""
-TYPES = "design.sensors."  # prefix of the keys of sensor types
+"""Columns of sensors that cast no rays; the last two are a bumper's size, otherwise 0."""
+TYPES = "design.sensors."  # key prefix of sensor types
 
 
 def place_sensors(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
@@ -48,7 +48,7 @@ def place_signals(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
 
 
 def _transform_mounts(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
-    """Transform mounts from the frames of their links to the robot's frame, and number pairs."""
+    """Transform mounts from their links' frames to the robot's frame, and number the pairs."""
     frame = mounts[mounts.sensor.notna()].copy()
     frame["link"] = frame.link.astype(str)
     kinds = (*context.beams, *context.signals)
@@ -56,8 +56,8 @@ def _transform_mounts(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFr
     if unknown:
         known = ", ".join((*context.places, *kinds))
         raise InputError(
-            f"design.csv: links and types must be listed in setting.json ({known}), not "
-            f"{', '.join(map(str, unknown))}; restore the files"
+            f"design.csv: the links or types {', '.join(map(str, unknown))} are not listed in "
+            f"setting.json ({known}); restore the files"
         )
     links = np.array([context.places[link] for link in frame.link]).reshape(-1, 4)
     x, y = frame.x_m.to_numpy(float), frame.y_m.to_numpy(float)
@@ -72,7 +72,7 @@ def _transform_mounts(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFr
 
 
 def _number_pairs(frame: pd.DataFrame, context: FigureContext) -> "pd.Series[int]":
-    """Number the pairs of each design; fixed sensors, which have no twins, follow."""
+    """Number the pairs of each design, then the fixed sensors, which have no twins."""
     fixed = frame.type.isin([mount.sensor for mount in context.fixed])
     among = frame.groupby([frame.design, fixed]).cumcount()
     pairs = frame.design.map((~fixed).groupby(frame.design).sum() // 2)
@@ -106,12 +106,12 @@ def _adapt_beam(beam: Beam, changes: dict[str, Any]) -> Beam:
 
 
 def to_number(value: object) -> float:
-    """Convert a value to a float; anything but a number becomes NaN."""
+    """Convert a number to a float, and anything else to NaN."""
     return float(value) if isinstance(value, int | float) else math.nan
 
 
 RANDOM = ("initial", "random", "sobol")
-"""Operators that sample the whole space; other optimizers begin with ``initial``."""
+"""Operators that sample the whole space; most optimizers start with ``initial``."""
 
 
 def read_generations(record: Record) -> pd.DataFrame:
@@ -123,12 +123,12 @@ def read_generations(record: Record) -> pd.DataFrame:
 
 
 def read_best(record: Record) -> pd.DataFrame:
-    """Read the row of the best individual so far, the best one of the last generation."""
+    """Read the row of the best individual so far, which is the best of the last generation."""
     return select_bests(read_generations(record)).tail(1).reset_index()
 
 
 def read_initial_sensors(record: Record) -> pd.DataFrame:
-    """Read the sensors of the random designs of generation 0."""
+    """Read the sensors of the random designs in generation 0."""
     drawn = select_random(read_generations(record))
     return place_candidates(drawn.drop_duplicates("id"), record)
 
@@ -149,12 +149,12 @@ def place_candidates(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
 
 
 def _list_beam_genes(record: Record) -> Iterator[tuple[str, str, str]]:
-    """Yield each gene of a field of view or range, with its sensor type and its column."""
+    """Yield each gene that sets a field of view or range, with its sensor type and column."""
     columns = {"fov_deg": "fov_deg", "range_max_m": "range_m"}
     for gene, key in record.context.genes.items():
         value = re.fullmatch(rf"{re.escape(TYPES)}(.+)\.(fov_deg|range_max_m)", key)
         beam = record.context.beams.get(value[1]) if value else None
-        if value and beam and (beam.fov_deg or value[2] != "fov_deg"):  # a single ray has no field
+        if value and beam and (beam.fov_deg or value[2] != "fov_deg"):  # not single rays
             yield gene, value[1], columns[value[2]]
 
 
@@ -192,7 +192,7 @@ def _fix(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
 
 
 def _slot(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
-    """List the sensors of one slot; missing columns take the constants of the region."""
+    """List the sensors of one slot; constants of the region fill missing columns."""
     prefix = f"sensor{slot}_"
     mounts = candidates[[name for name in candidates if str(name).startswith((prefix, "id"))]]
     mounts = mounts.rename(
@@ -224,7 +224,7 @@ def select_bests(generations: pd.DataFrame) -> pd.DataFrame:
 
 
 def trace_fitness(generations: pd.DataFrame) -> pd.DataFrame:
-    """Compute the ``LINES`` of a run by generation: two scores of its best, and the mean."""
+    """Compute a run's ``LINES`` by generation: two scores of the best candidate, and the mean."""
     best = select_bests(generations)
     return pd.DataFrame(
         {
@@ -246,7 +246,7 @@ def compute_quartiles(generations: pd.DataFrame) -> pd.DataFrame:
     """Compute the quartiles of the ``LINES`` over runs: one row per treatment and generation.
 
     ``replicates`` is the number of runs that have the generation, and ``validated_replicates`` the
-    number of runs that validated its best. Quartiles are interpolated linearly.
+    number of runs that validated its best candidate. Quartiles are interpolated linearly.
     """
     runs = generations.groupby(["treatment", "run"])[list(generations.columns)]
     grouped = runs.apply(trace_fitness).groupby(["treatment", "generation"])

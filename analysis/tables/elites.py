@@ -1,4 +1,4 @@
-"""Best designs per cell of a grid over two descriptors, and fronts of objectives."""
+"""The best design in each cell of a grid over two descriptors, and Pareto fronts."""
 
 import argparse
 from collections.abc import Iterable, Sequence
@@ -23,7 +23,7 @@ MOST_CELLS = 1000
 class Axis:
     """One measure of a run."""
 
-    column: str  # column in the generations' tables; also the measure's key
+    column: str  # column in the generations table, and the measure's key
     label: str
     bounds: tuple[float, float]
     sign: float  # -1 if the measure is minimized
@@ -34,7 +34,7 @@ Grid = tuple[Axis, Axis, int]
 
 
 def read_axes(record: Record, group: str) -> list[Axis]:
-    """Read the measures of a run in a group, ``OBJECTIVES`` or ``DESCRIPTORS``."""
+    """Read a run's measures of one group, ``OBJECTIVES`` or ``DESCRIPTORS``."""
     columns = [str(name) for name in read_generations(record) if str(name).startswith(f"{group}.")]
     return [_read_axis(record, column) for column in columns]
 
@@ -48,21 +48,21 @@ def _read_axis(record: Record, column: str) -> Axis:
 
 
 def add_choice(parser: argparse.ArgumentParser) -> None:
-    """Add ``--x`` and ``--y``, the two measures that are drawn."""
+    """Add ``--x`` and ``--y``, the two measures to draw."""
     for name, default in (("x", "first"), ("y", "second")):
-        about = f"measure along {name}; default: the {default} one"
+        about = f"measure along the {name} axis; default: the {default} measure"
         parser.add_argument(f"--{name}", metavar="NAME", help=about)
 
 
 def choose_axes(study: Study, group: str, options: argparse.Namespace) -> tuple[Axis, Axis]:
-    """Choose the two measures to draw, from the first run's."""
+    """Choose the two measures to draw among the first run's measures."""
     if not study.records:
-        raise InputError(f"{options.subcommand}: no run found; add the folder of one")
+        raise InputError(f"{options.subcommand}: no run found; add a run's folder")
     known = {axis.column.partition(".")[2]: axis for axis in read_axes(study.records[0], group)}
     if len(known) < 2:
         raise InputError(
-            f"{study.records[0].path}: must have recorded two {group}, not {list(known)}; start a "
-            f"run with two or more, for example +measure@{group}.spread=spread"
+            f"{study.records[0].path}: at least two recorded {group} are needed, but it has only "
+            f"{list(known)}; start a run with more, for example +measure@{group}.spread=spread"
         )
     names = [options.x or next(name for name in known if name != options.y)]
     names.append(options.y or next(name for name in known if name != names[0]))
@@ -70,7 +70,7 @@ def choose_axes(study: Study, group: str, options: argparse.Namespace) -> tuple[
         if name not in known or names[0] == names[1]:
             raise InputError(
                 f"--{option}: must be one of {', '.join(known)} and differ from the other axis, "
-                f"not {name}; correct it"
+                f"not {name}; change it"
             )
     return known[names[0]], known[names[1]]
 
@@ -81,14 +81,14 @@ def read_measured(record: Record, axes: Sequence[Axis]) -> pd.DataFrame:
     for axis in axes:
         if axis.column not in table:
             raise InputError(
-                f"{record.path}: must have recorded {axis.column}, as the first run has; give runs "
-                f"with equal measures"
+                f"{record.path}: has not recorded {axis.column}, unlike the first run; give runs "
+                f"with the same measures"
             )
     return table
 
 
 def take_latest(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the last row of each individual, as its score may have changed."""
+    """Return each individual's last row, because scores can change between generations."""
     return table.drop_duplicates("id", keep="last")
 
 
@@ -104,24 +104,24 @@ class Archive(NamedTuple):
     """The candidates of a study's runs on one grid."""
 
     grid: Grid
-    candidates: pd.DataFrame  # latest scores; ``place`` is the index of the run
+    candidates: pd.DataFrame  # latest scores; ``place`` is the run's index
     growth: pd.DataFrame  # one row per run and generation
 
     def select_elites(self, places: Sequence[int]) -> pd.DataFrame:
-        """Select the fittest candidate in each cell over some runs, sorted by falling fitness."""
+        """Select the fittest candidate of some runs in each cell, in order of falling fitness."""
         return find_elites(self.candidates[self.candidates.place.isin(places)], self.grid)
 
 
 class Front(NamedTuple):
-    """The candidates of a study's runs, and the two objectives that are drawn."""
+    """The candidates of a study's runs, and the two objectives to draw."""
 
     x: Axis
     y: Axis
     objectives: Sequence[Axis]
-    candidates: pd.DataFrame  # latest scores; ``place`` is the index of the run
+    candidates: pd.DataFrame  # latest scores; ``place`` is the run's index
 
     def select_front(self, places: Sequence[int]) -> pd.DataFrame:
-        """Select the candidates of some runs that no other one dominates, sorted by ``x``."""
+        """Select the candidates of some runs that no other candidate dominates, sorted by ``x``."""
         rows = self.candidates[self.candidates.place.isin(places)]
         values = np.column_stack([axis.sign * rows[axis.column] for axis in self.objectives])
         columns = [self.x.column, self.y.column]
@@ -129,7 +129,7 @@ class Front(NamedTuple):
 
 
 def read_archive(study: Study, options: argparse.Namespace) -> Archive:
-    """Read the archive; ``options`` has the descriptors ``x`` and ``y``, and ``cells``."""
+    """Read the archive; ``options`` holds the descriptors ``x`` and ``y``, and ``cells``."""
     x, y = choose_axes(study, DESCRIPTORS, options)
     cells = options.cells or int(study.records[0].values.get("optimizer.cells", 10))
     if not 1 <= cells <= MOST_CELLS:
@@ -154,7 +154,7 @@ def _pool(tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
 
 
 def assign_cells(table: pd.DataFrame, grid: Grid) -> pd.DataFrame:
-    """Add the cells of candidates; values out of bounds fall into the outermost cells."""
+    """Add each candidate's cell; values out of bounds fall into the outermost cells."""
     *axes, cells = grid
     columns = {}
     for name, axis in zip(("cell_x", "cell_y"), axes, strict=True):
@@ -165,7 +165,7 @@ def assign_cells(table: pd.DataFrame, grid: Grid) -> pd.DataFrame:
 
 
 def find_elites(candidates: pd.DataFrame, grid: Grid) -> pd.DataFrame:
-    """Return the fittest candidate of each occupied cell, sorted by falling fitness."""
+    """Return the fittest candidate of each occupied cell, in order of falling fitness."""
     ranked = assign_cells(candidates, grid).sort_values(
         ["fitness", "id"], ascending=[False, True], kind="stable"
     )
@@ -175,8 +175,8 @@ def find_elites(candidates: pd.DataFrame, grid: Grid) -> pd.DataFrame:
 def trace_growth(table: pd.DataFrame, missions: "pd.Series[int]", grid: Grid) -> pd.DataFrame:
     """Return one row per generation: missions so far, coverage from 0 to 1, and QD score.
 
-    The coverage is the share of occupied cells. The QD score is the sum of the fitness of
-    their elites (Pugh et al., Frontiers in Robotics and AI 3, 2016).
+    The coverage is the share of occupied cells, and the QD score is the sum of the elites' fitness
+    (Pugh et al., Frontiers in Robotics and AI 3, 2016).
     """
     rows = []
     for generation, count in missions.items():
@@ -187,7 +187,7 @@ def trace_growth(table: pd.DataFrame, missions: "pd.Series[int]", grid: Grid) ->
 
 
 def read_front(study: Study, options: argparse.Namespace) -> Front:
-    """Read the objectives; ``options`` chooses the two that are drawn, ``x`` and ``y``."""
+    """Read the objectives; ``options`` names the two to draw, ``x`` and ``y``."""
     x, y = choose_axes(study, OBJECTIVES, options)
     axes = read_axes(study.records[0], OBJECTIVES)
     return Front(x, y, axes, _pool(read_measured(record, axes) for record in study.records))

@@ -1,7 +1,7 @@
 """Factors of a study: the differences between its runs, except seeds, and their levels.
 
 A factor is a part of the configuration whose name differs (``failure``), a value that differs
-(``population_size``), or a level that the user has given (``treatment`` in the configuration).
+(``population_size``), or a level given by the user (``treatment`` in the configuration).
 """
 
 import re
@@ -11,35 +11,36 @@ from functools import partial
 from typing import Any
 
 IGNORED = ("seed", "executor", "observers", "figures", "record", "treatment")
-"""First parts of keys that may differ between replicates; ``treatment`` is read separately."""
+"""Top-level keys that may differ between replicates; ``treatment`` is read separately."""
 TARGET = "_target_"
 RESERVED = ("name", "run", "treatment", "seed")
 """Names that a factor cannot have."""
 Values = Mapping[str, Any]
 """Configuration values by dotted key."""
 Choices = Mapping[str, str]
-"""Choices of groups, by the dotted key of the part that each one configures."""
+"""The choice of each group, by the dotted key of the part that the group configures."""
 Given = Mapping[str, Any]
 """The user's description of a treatment: its ``name``, and levels by factor."""
 _WORLD = "world"
-_MANY = 24  # maximum length of listed world names
+_MANY = 24  # maximum length of a label that lists world names
 
 
 @dataclass(frozen=True)
 class Factor:
     """A factor, with the level of each run."""
 
-    key: str  # dotted key of the configuration, or the name that the user has given
+    key: str  # dotted configuration key, or the name given by the user
     name: str  # column name: the shortest end of the key that no other factor has
     levels: tuple[str, ...]  # one per run; '' if the run has none
-    named: bool = False  # its levels are names that need no further words
+    named: bool = False  # True: the levels are names that need no further words
     whole: bool = False  # True: the factor may determine any key
 
 
 def read_choices(recorded: object) -> dict[str, str]:
-    """Convert the ``choices`` of ``manifest.json`` from groups to the keys of their parts.
+    """Return the ``choices`` of ``manifest.json`` by the keys of parts instead of by groups.
 
-    ``filter@failure.effect`` is at ``failure.effect``. Groups without a choice are dropped.
+    The choice of ``filter@failure.effect`` is at ``failure.effect``. Groups without a choice are
+    dropped.
     """
     groups = recorded if isinstance(recorded, dict) else {}
     return {
@@ -57,19 +58,19 @@ def read_given(values: Values) -> dict[str, Any]:
 
 
 def name_part(key: str, values: Values, choices: Choices) -> str:
-    """Name the part at a dotted key by the choice of its group, otherwise by its class."""
+    """Name the part at a dotted key by the choice of its group, or by its class if unchosen."""
     return choices.get(key) or _name_class(key, values)
 
 
 def find_factors(
     configurations: Sequence[Values], choices: Sequence[Choices] = (), given: Sequence[Given] = ()
 ) -> list[Factor]:
-    """Find the factors in which configurations differ, given ones first.
+    """Find the factors in which configurations differ, starting with factors given by the user.
 
-    Two configurations have the same levels if and only if they are equal, apart from ``IGNORED``
-    keys, and given the same levels. A key is no separate factor if its value is determined by given
-    factors, by the choice of an experiment, or by an enclosing part. ``choices`` and ``given`` are
-    in the order of the configurations.
+    Two configurations have the same levels if and only if they are equal apart from ``IGNORED``
+    keys and were given the same levels. A key is no separate factor if its value follows from the
+    given factors, the chosen experiment, or an enclosing part. ``choices`` and ``given`` are in the
+    order of the configurations.
     """
     compared = [_select(values) for values in configurations]
     keys = list(dict.fromkeys(key for values in compared for key in values))
@@ -90,7 +91,7 @@ def find_factors(
 
 
 def format_level(values: Values, key: str) -> str:
-    """Format the value at a key as in YAML; empty if there is none."""
+    """Format the value at a key as in YAML; empty if the key is missing."""
     if key not in values:
         return ""
     value = values[key]
@@ -104,7 +105,7 @@ def format_level(values: Values, key: str) -> str:
 def list_conditions(
     configurations: Sequence[Values], given: Sequence[Given] = ()
 ) -> list[tuple[tuple[str, str], ...]]:
-    """Return what identifies the treatment of each configuration: all but ``IGNORED`` keys."""
+    """Return each configuration's values except ``IGNORED`` ones, which identify its treatment."""
     named = given or [{}] * len(configurations)
     return [
         tuple(
@@ -174,7 +175,7 @@ def _find_part(
 def _name_levels(
     part: str, compared: Sequence[Values], choices: Sequence[Choices]
 ) -> Iterator[tuple[str, ...]]:
-    """Yield possible names of a part in each configuration, the preferred ones first."""
+    """Yield ways to name a part in each configuration, the preferred way first."""
     if part == _WORLD:
         worlds = [
             dict.fromkeys(key.split(".")[1] for key in values if key.startswith("world."))
@@ -191,7 +192,7 @@ def _name_levels(
 
 
 def _name_level(part: str, values: Values, choices: Choices) -> str:
-    """Name a part that a configuration has, or that a choice leaves out; otherwise ''."""
+    """Name a part that a configuration has or chooses as none; otherwise return ''."""
     there = any(key.startswith(f"{part}.") for key in values)
     nothing = choices.get(part) == "none" or values.get(part) == {}
     return name_part(part, values, choices) if there or nothing else ""
@@ -202,19 +203,19 @@ def _name_class(key: str, values: Values) -> str:
 
 
 def _around(key: str, factors: Sequence[Factor]) -> list[tuple[str, ...]]:
-    """Return the levels of factors that may determine a key: ``whole`` ones and enclosing parts."""
+    """Return the levels of the ``whole`` factors and enclosing parts, which may determine a key."""
     return [f.levels for f in factors if f.whole or key.startswith(f"{f.key}.")]
 
 
 def follows(column: Sequence[str], others: Collection[Sequence[str]]) -> bool:
-    """Return True if a column's values are determined by the others, row by row."""
+    """Return True if the other columns determine this column's values, row by row."""
     known: dict[tuple[str, ...], str] = {}
     rows = zip(*others, strict=True) if others else ((),) * len(column)
     return all(known.setdefault(row, v) == v for row, v in zip(rows, column, strict=True))
 
 
 def _drop_references(factors: Sequence[Factor]) -> list[Factor]:
-    """Keep only the shortest among keys with the same last part and the same levels."""
+    """Keep only the shortest of several keys with the same last part and the same levels."""
     best: dict[tuple[str, tuple[str, ...]], Factor] = {}
     for factor in factors:
         same = (factor.key.rpartition(".")[2], factor.levels)

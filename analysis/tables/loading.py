@@ -19,26 +19,26 @@ from .study import AnyRecord, Study
 from .treatments import label_treatments, name_treatments, read_treatments
 
 _MOST_SPACES = 3
-"""Maximum number of spaces in a path that is restored after a missing quote has split it."""
+"""Maximum number of spaces in a path that can be pieced together after lacking quotes."""
 
 
 def load_study(
     folders: Sequence[str | Path], where: Sequence[str] = (), treatments: Path | None = None
 ) -> Study:
-    """Load the complete runs and evaluations below these folders; report the other folders.
+    """Load the complete runs and evaluations below some folders; report the other folders.
 
-    ``where`` has conditions on the runs, such as ``failure=none``; without runs, they apply to the
-    evaluations. ``treatments`` is a file with the names of the treatments.
+    ``where`` holds conditions on the runs, such as ``failure=none``; without runs, they apply to
+    the evaluations. ``treatments`` is a file that names the treatments.
 
     Raises:
-        InputError: no folder is complete, or no run meets the conditions.
+        InputError: no complete folder was found, or no run meets the conditions.
     """
     conditions = parse_conditions(where)
     paths = [open_folder(folder) for folder in folders]
     records, left_out = _read(find_folders(paths))
     if not records:
         raise InputError(
-            f"{', '.join(map(str, paths))}: no complete run or evaluation found; "
+            f"{', '.join(map(str, paths))}: no complete run or evaluation was found; "
             f"see the warnings above"
         )
     for record in records:
@@ -60,7 +60,7 @@ def load_study(
 
 
 def _read(folders: Sequence[Path]) -> tuple[list[Record], list[str]]:
-    """Read the folders; return the readable ones, and the reasons why others are not readable."""
+    """Read the folders; return the records, and the reasons why other folders are unreadable."""
     names = shorten_names(folders)
     records, left_out = list[Record](), list[str]()
     for folder in folders:
@@ -69,7 +69,7 @@ def _read(folders: Sequence[Path]) -> tuple[list[Record], list[str]]:
         except InputError as error:
             LOGGER.warning("%s; left out", error)
             left_out.append(str(error))
-        except Exception as error:  # a forged file must not affect other folders
+        except Exception as error:  # one malformed file must not affect other folders
             reason = explain_path(error) or (
                 f"{folder}: cannot be read ({single_line(f'{type(error).__name__}: {error}')}); "
                 f"restore it from a copy"
@@ -80,9 +80,9 @@ def _read(folders: Sequence[Path]) -> tuple[list[Record], list[str]]:
 
 
 def _name_copies(runs: Sequence[Record]) -> set[str]:
-    """Return the names of runs that repeat the configuration and seed of another; report them.
+    """Report the runs that repeat another run's configuration and seed, and return their names.
 
-    A repeated seed is no replicate. Among such runs, the one that got furthest counts.
+    A repeated seed is not a replicate. Of several such runs, the most advanced one counts.
     """
     values = [run.values for run in runs]
     conditions = list_conditions(values, [*map(read_given, values)])
@@ -95,14 +95,14 @@ def _name_copies(runs: Sequence[Record]) -> set[str]:
         copies |= {run.name: f"{run.name} (as {best.name})" for run in group if run is not best}
     if copies:
         LOGGER.warning(
-            "left out, as another run has the same configuration and seed: %s",
+            "left out, because another run has the same configuration and seed: %s",
             ", ".join(copies.values()),
         )
     return set(copies)
 
 
 def _report_versions(runs: Sequence[Record]) -> None:
-    """Warn if different code or packages made the runs, which can explain a difference."""
+    """Warn if the runs used different code or packages, which can explain a difference."""
     made: dict[str, list[str]] = {}
     for run in runs:
         manifest = run.run.manifest
@@ -113,8 +113,8 @@ def _report_versions(runs: Sequence[Record]) -> None:
         made.setdefault(", ".join(versions), []).append(run.name)
     if len(made) > 1:
         LOGGER.warning(
-            "the runs were made by different versions, which may explain differences: %s",
-            "; ".join(f"{', '.join(names)} by {versions}" for versions, names in made.items()),
+            "the runs used different versions, which may explain differences in results: %s",
+            "; ".join(f"{', '.join(names)} used {versions}" for versions, names in made.items()),
         )
 
 
@@ -123,13 +123,13 @@ def _select(records: Sequence[AnyRecord], conditions: Conditions) -> list[AnyRec
     kept = [record for record, fits in zip(records, chosen, strict=True) if fits]
     if records and not kept:
         raise InputError(
-            f"--where: none of the {len(records)} runs meets all conditions; remove a condition"
+            f"--where: none of {len(records)} runs meets all conditions; remove a condition"
         )
     return kept
 
 
 def _label(records: Sequence[AnyRecord]) -> tuple[AnyRecord, ...]:
-    """Give each record its treatment's label and its levels of the factors."""
+    """Give each record the label of its treatment, and its level of each factor."""
     names = label_treatments(
         [r.values for r in records], [r.choices for r in records], [r.given for r in records]
     )
@@ -142,7 +142,7 @@ def _label(records: Sequence[AnyRecord]) -> tuple[AnyRecord, ...]:
 
 
 def find_folders(paths: Sequence[Path]) -> list[Path]:
-    """Find the run and evaluation folders below paths, each once, so that none counts twice."""
+    """Find the run and evaluation folders below some paths, without duplicates."""
     folders: dict[Path, Path] = {}
     for i, path in enumerate(paths):
         if not path.is_dir():
@@ -156,7 +156,7 @@ def find_folders(paths: Sequence[Path]) -> list[Path]:
 
 
 def _advise(paths: Sequence[Path], missing: int) -> str:
-    """Suggest a correction for a path that may be part of a path with a space."""
+    """Suggest a fix for a missing path, which may be a piece of a path with a space."""
     starts, ends = range(max(0, missing - _MOST_SPACES), missing + 1), range(1, _MOST_SPACES + 2)
     for start, length in product(starts, ends):
         whole = Path(" ".join(map(str, paths[start : start + length])))

@@ -1,4 +1,4 @@
-"""Missions of two evaluations or two runs with equal draws: one row per pair."""
+"""Missions of two evaluations or two runs, paired by their random draws: one row per pair."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -16,27 +16,27 @@ from .validated import find_differences, is_within
 
 COMPLETED, PROGRESS, TIME, COLLISIONS = "completed", "progress", "completion_time_s", "collisions"
 QUANTITIES: Mapping[str, int] = {COMPLETED: 1, PROGRESS: 1, COLLISIONS: -1, TIME: -1}
-"""Compared quantities in order of importance: 1 if higher is better, -1 if lower is better."""
+"""Quantities to compare, most important first: 1 if higher is better, -1 if lower is better."""
 DRAWN_BY = ("seed", "evaluation_draws", "world", "failure")
-"""Keys, or first parts of keys, that determine the draws of a mission together with its trial."""
+"""Keys, or key prefixes, that determine a mission's random draws together with its trial."""
 FREE = ("executor", "figures", "record", "trials", "optimizer", "requirements", "treatment")
-"""Keys, or first parts of keys, that do not affect the outcome of a mission."""
+"""Keys, or key prefixes, that do not affect the outcome of a mission."""
 CHAMPION = "champion"
 LOST, GAINED, WORSE, BETTER, SAME = "lost", "gained", "worse", "better", "same"
-"""Changes from first to second: completion lost or gained, otherwise another quantity's change."""
+"""Changes from the first mission to the second: in completion, otherwise in a lesser quantity."""
 
 
 def find_pair(study: Study) -> tuple[Record, Record]:
-    """Return the two finished folders of a study, whose missions must have equal draws.
+    """Return the two finished folders of a study, whose missions must have the same draws.
 
     Raises:
-        InputError: there are not two of a kind, or their missions have different draws.
+        InputError: there are not two folders of one kind, or their missions have different draws.
     """
     records = study.evaluations or study.given  # both versions may have run the same configuration
     if len(records) != 2 or (study.evaluations and study.records):
         names = ", ".join(record.name for record in (*study.evaluations, *study.records))
         raise InputError(
-            f"regression: needs two evaluations or two runs, but has {names or 'none'}; "
+            f"regression: needs two evaluations or two runs, but found {names or 'none'}; "
             f"type: evoros analyze regression BEFORE AFTER"
         )
     one, other = records
@@ -46,15 +46,15 @@ def find_pair(study: Study) -> tuple[Record, Record]:
     for key in (key for top in DRAWN_BY for key in differing if is_within(key, top)):
         values = [format_value(record.values.get(key, "absent")) for record in records]
         raise InputError(
-            f"{other.path / 'config.yaml'}: {key} must be {values[0]}, as in {one.path}, for equal "
-            f"draws, not {values[1]}; repeat one of the two with the {key} of the other"
+            f"{other.path / 'config.yaml'}: {key} is {values[1]}, but {values[0]} in {one.path}, "
+            f"so the random draws differ; repeat one of the two with the {key} of the other"
         )
     first, second = (record.run.manifest.get("sha256", {}) for record in records)
     for name in find_differences(first, second):
         if name.startswith("world."):
             raise InputError(
-                f"{other.path}: the file of {name} must be the same as in {one.path}, but it "
-                f"differs; repeat one of the two with the file of the other"
+                f"{other.path}: the file of {name} differs from the one used in {one.path}; "
+                f"repeat one of the two with the file of the other"
             )
     return one, other
 
@@ -66,7 +66,7 @@ def list_changes(one: Record, other: Record) -> list[str]:
 
 
 def pair_missions(study: Study, one: Record, other: Record) -> pd.DataFrame:
-    """Pair the missions with equal draws: one row per pair, the worst change first.
+    """Pair the missions with the same draws: one row per pair, the worst change first.
 
     ``docs/analysis.md`` describes the columns.
 
@@ -79,7 +79,7 @@ def pair_missions(study: Study, one: Record, other: Record) -> pd.DataFrame:
     table = first.merge(second, on=key, suffixes=("_a", "_b"), validate="one_to_one")
     if table.empty:
         raise InputError(
-            f"{other.path}: no mission matches a design, world and trial of "
+            f"{other.path}: no mission has the same design, world and trial as a mission of "
             f"{one.name}; evaluate the same designs"
         )
     differing = table[table["draws_a"] != table["draws_b"]]
@@ -113,11 +113,11 @@ def _name_change(row: Mapping[Any, float]) -> str:
 
 
 def _read_missions(record: Record) -> pd.DataFrame:
-    """Read the missions of given designs, or the missions that validate a run's champion."""
+    """Read the missions of an evaluation's designs, or those that validate a run's champion."""
     missions = record.run.missions
     if isinstance(record, EvaluationRecord):
         columns = ["source", "design", "world", "trial"]
-        searched = "worst_cases.most" in record.values  # its search adds later trials
+        searched = "worst_cases.most" in record.values  # the search adds later trials
         chosen = missions[missions["trial"] < MOST_REPEATS] if searched else missions
     else:
         columns = ["generation", "design", "world", "trial", "purpose"]
@@ -126,7 +126,7 @@ def _read_missions(record: Record) -> pd.DataFrame:
         chosen = missions[of_champion]
     if chosen.empty:
         raise InputError(
-            f"{record.path}: no missions on fresh draws found; score its champion "
+            f"{record.path}: no missions on fresh draws were found; evaluate the champion "
             f"with evoros evaluate"
         )
     done = chosen["completed"].astype(bool)
@@ -156,8 +156,8 @@ def _name_designs(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Give each compared design the same name in both tables, and drop the other designs.
 
-    Equal names match. If both folders have a single design, these match, too. A name that several
-    designs share is extended by their source.
+    Designs match by name, or if both folders have a single design. A name that several designs
+    share is extended by the source of each.
     """
     tables = [table.assign(design=list(_qualify(table))) for _, table in (first, second)]
     names = [list(dict.fromkeys(table["design"])) for table in tables]
@@ -167,7 +167,7 @@ def _name_designs(
         for (record, _), of_record, others in zip((first, second), names, names[::-1], strict=True):
             for name in of_record:
                 if name not in others:
-                    study.report(f"{record.path}: design {name} is only in this folder")
+                    study.report(f"{record.path}: design {name} is in this folder only")
     one, other = (table.drop(columns="source") for table in tables)
     return one, other
 

@@ -25,7 +25,7 @@ from .validated import (
 )
 
 NAMES = ("source", "design")
-"""Columns that name a design; a ladder takes the names from its lowest rung."""
+"""Columns that name a design; a ladder uses the names from its lowest rung."""
 COLUMNS = (
     *("between", "x", "y", "group", "source", "design"),
     *("x_fitness", "x_sd", "x_trials", "y_fitness", "y_sd", "y_trials", "change"),
@@ -37,8 +37,9 @@ def pair_scores(study: Study, between: str | None = None) -> pd.DataFrame:
     """Pair the scores of designs under two conditions: one row per design and pair.
 
     The conditions come from evaluations that differ in one part (``between``), from the only two
-    evaluations, or from the simulators of runs with a confirmation. Among several scores under the
-    same conditions, those with the most trials count. ``docs/analysis.md`` describes the columns.
+    evaluations, or from the simulators of runs with a confirmation. Of several scores under the
+    same conditions, the one with the most trials counts. ``docs/analysis.md`` describes the
+    columns.
     """
     rows = list(_pair_evaluations(study)) or list(_pair_confirmations(study))
     parts = list(dict.fromkeys(str(row["between"]) for row in rows))
@@ -51,7 +52,7 @@ def pair_scores(study: Study, between: str | None = None) -> pd.DataFrame:
     if between not in (None, *parts) or (between is None and len(parts) > 1):
         wrong = f", but not in {between}" if between else ""
         raise InputError(
-            f"--between: the evaluations differ in {', '.join(parts)}{wrong}; choose one of these"
+            f"--between: the evaluations differ in {', '.join(parts)}{wrong}; choose one part"
         )
     table = pd.DataFrame([row for row in rows if row["between"] == (between or parts[0])])
     table = table.assign(trials=table[["x_trials", "y_trials"]].min(axis=1), order=table.index)
@@ -75,7 +76,7 @@ def _pair_evaluations(study: Study) -> Iterator[Row]:
         groups = label_treatments([_only(values, others) for values in conditions], choices)
         if not parts:  # the evaluations differ in their draws or trials
             names = [evaluation.name for evaluation, _ in evaluations]
-        if names.index(names[i]) > names.index(names[j]):  # all pairs have the same axes
+        if names.index(names[i]) > names.index(names[j]):  # so that all pairs have the same axes
             i, j = j, i
         pair = {"between": " and ".join(parts) or "draws", "x": names[i], "y": names[j]}
         for row in join_designs(evaluations[i][1], evaluations[j][1]):
@@ -147,7 +148,7 @@ def _only(values: Values, parts: Collection[str]) -> dict[str, Any]:
 
 
 def climb(study: Study) -> pd.DataFrame:
-    """Pair the scores of designs on each rung with those on the next, with ``COLUMNS``.
+    """Pair the designs' scores on each rung with their scores on the next; see ``COLUMNS``.
 
     Rungs are evaluations in the given order. Designs missing on a rung are left out and reported.
     """
@@ -174,7 +175,7 @@ def climb(study: Study) -> pd.DataFrame:
 
 
 def _name_rungs(rungs: Sequence[Scores]) -> list[str]:
-    """Name each evaluation by the choices of its differing parts, otherwise by its folder."""
+    """Name each evaluation by the choices of the parts that differ, otherwise by its folder."""
     conditions = [select_conditions(evaluation) for evaluation, _ in rungs]
     choices = [apply_confirmation(evaluation.choices) for evaluation, _ in rungs]
     keys = [key for values in conditions[1:] for key in find_differences(conditions[0], values)]

@@ -1,4 +1,4 @@
-"""Sensor readings in a trajectory, by sensor."""
+"""Read the sensor readings in a trajectory, by sensor."""
 
 import math
 import re
@@ -19,13 +19,13 @@ from .records import Record
 from .tracks import list_failures, read_mission
 
 _LEVEL = ("rate_z", "acceleration_x", "acceleration_y")
-"""The displayed channels of an IMU, because mission pictures show only the plane."""
-_MOST = 6  # maximum number of displayed channels per sensor
+"""The IMU channels to plot: mission figures show only planar motion."""
+_MOST = 6  # maximum number of channels to plot per sensor
 _RANGE = re.compile(r"range_(\d+)(?:_\d+)?_m")
 
 
 def group_ranges(trajectory: pd.DataFrame) -> dict[int, Array]:
-    """Return the ranges (rows, channels) [m] of each range sensor by its number."""
+    """Return the ranges (rows, channels) [m] of each range sensor, by sensor number."""
     columns: dict[int, list[str]] = {}
     for name in map(str, trajectory.columns):
         if match := _RANGE.fullmatch(name):
@@ -35,9 +35,9 @@ def group_ranges(trajectory: pd.DataFrame) -> dict[int, Array]:
 
 @dataclass(frozen=True, eq=False)
 class RecordedSensor:
-    """A mounted sensor and its readings; its index in the list is its number."""
+    """A mounted sensor and its readings; the index in the list is the sensor's number."""
 
-    link: str  # name of its link: type and number
+    link: str  # link name: sensor type and number
     type: str
     kind: Beam | Signal
     readings: Array  # (rows, channels)
@@ -46,7 +46,7 @@ class RecordedSensor:
 def read_sensors(
     trajectory: pd.DataFrame, links: Collection[str], context: FigureContext, source: str
 ) -> list[RecordedSensor]:
-    """Return all sensors of a robot with readings; ``source`` is the origin of its ``links``."""
+    """Return all sensors of a robot, with readings; ``source`` says where ``links`` come from."""
     prefix = find_prefix(links, context.types)
     types = _find_types(links, context.types, prefix)
     ranges = group_ranges(trajectory)
@@ -54,9 +54,8 @@ def read_sensors(
     if [*ranges] != seeing:
         wanted, linked = (", ".join(map(str, sensors)) or "none" for sensors in (ranges, seeing))
         raise InputError(
-            f"{source}: must have links for the sensors {wanted}, which have ranges in the "
-            f"trajectory, but has links for {linked}; give the description of the robot that ran "
-            f"the mission"
+            f"{source}: the trajectory has ranges of the sensors {wanted}, but the robot has links "
+            f"for {linked}; give the description of the robot that ran the mission"
         )
     sensors = []
     for i, name in enumerate(types):
@@ -79,26 +78,26 @@ def _find_types(links: Collection[str], types: Sequence[str], prefix: str) -> li
 def _read_signal(trajectory: pd.DataFrame, name: str, columns: list[str], source: str) -> Array:
     if not {*columns} <= {*trajectory}:
         raise InputError(
-            f"{source}: has the sensor {name}, so the trajectory must have the "
-            f"columns {', '.join(columns)}; give the description of the robot that ran the mission"
+            f"{source}: has the sensor {name}, but the trajectory lacks its columns "
+            f"{', '.join(columns)}; give the description of the robot that ran the mission"
         )
     return trajectory[columns].to_numpy(float)
 
 
 def find_nearest(ranges: Array) -> Array:
-    """Return the minimum of the ranges (rows, channels) in each row; NaN if all are silent."""
+    """Return the minimum range in each row of (rows, channels); NaN if all channels are silent."""
     return np.asarray(np.fmin.reduce(ranges, axis=1))
 
 
 def merge_sectors(ranges: Array, bearings_deg: Sequence[float], most: int) -> list[Array]:
-    """Return the minimum ranges (rows,) in up to ``most`` equal groups of beams, from the right."""
+    """Return the minimum ranges (rows,) of up to ``most`` equal groups of beams, right to left."""
     ordered = np.argsort(bearings_deg, kind="stable")
     sectors = np.array_split(ordered, min(most, len(ordered)))
     return [find_nearest(ranges[:, sector]) for sector in sectors]
 
 
 def list_channels(sensor: int, signal: Signal) -> list[tuple[str, str, str]]:
-    """List name, unit and column of a sensor's channels that are plotted over time."""
+    """List the name, unit and column of each channel of a sensor to plot against time."""
     columns = name_readings(sensor, signal.channels)
     channels = [(*channel, name) for channel, name in zip(signal.channels, columns, strict=True)]
     by_name = {channel[0]: channel for channel in channels}
@@ -117,7 +116,7 @@ class Trace(NamedTuple):
 
 
 def read_traces(record: Record, world: str) -> list[Trace]:
-    """Read the traces in a world; an IMU's are the yaw rate and the horizontal accelerations."""
+    """Read the traces in a world; for an IMU, the yaw rate and the horizontal accelerations."""
     mission, trajectory = read_mission(record.run, world, find_shown(record))
     context, failures = record.context, list_failures(mission)
     failed = {sensor: time for sensor, time, _ in reversed(failures)}

@@ -20,9 +20,9 @@ from evoros.storage.reading import Run, load_run, read_table
 from .factors import read_choices, read_given
 
 _REFERENCE = re.compile(r"\$\{([\w.]+)\}")
-"""A reference to another key. The manifest only has hashes of other kinds, which may be secret."""
+"""A reference to another key. Other interpolations may be secret, so only hashes are recorded."""
 _DEPTH = 20
-"""Maximum length of a chain of references, which stops circular ones."""
+"""Maximum length of a chain of references, in case of a circular one."""
 FITNESS = "fitness"
 
 
@@ -30,16 +30,16 @@ FITNESS = "fitness"
 class Record:
     """A run of a study."""
 
-    name: str  # the shortest end of its path that is unique in the study
+    name: str  # the shortest end of the run's path that is unique in the study
     run: Run
     context: FigureContext
     values: Mapping[str, Any]  # configuration values by dotted key
-    treatment: str = ""  # label of its differences from other runs, except the seed
+    treatment: str = ""  # label of the differences from other runs, except the seed
     levels: Mapping[str, str] = field(default_factory=dict)  # level by factor
     given: Mapping[str, Any] = field(
         default_factory=dict
-    )  # the user's description of its treatment
-    agent: str = ""  # name of the robot in view; '' for the first robot
+    )  # the user's description of the treatment
+    agent: str = ""  # name of the robot that the record shows; '' for the first robot
 
     @property
     def path(self) -> Path:
@@ -54,7 +54,7 @@ class Record:
 
     @property
     def choices(self) -> dict[str, str]:
-        """The recorded choices of groups, by the key of the part that each one configures."""
+        """The recorded choice of each group, by the key of the part that the group configures."""
         return read_choices(self.run.manifest.get("choices"))
 
     @property
@@ -64,12 +64,12 @@ class Record:
 
     @cached_property
     def not_run(self) -> str:
-        """A warning if none of its missions could be run; otherwise empty."""
+        """A warning if none of the run's missions could be run; otherwise empty."""
         return warn_not_run(self.path)
 
     @property
     def finished(self) -> bool:
-        """True if the run is finished, so that it has a champion."""
+        """True if the run is finished and thus has a champion."""
         return bool(self.run.status.get("state") == FINISHED)
 
     @property
@@ -79,17 +79,17 @@ class Record:
 
     @property
     def progress(self) -> str:
-        """A message about the progress of an unfinished run."""
+        """A message that reports the progress of an unfinished run."""
         done, wanted = self.generations_done, self.run.status.get("generations")
         return f"{self.path}: not finished; shown up to generation {done} of {wanted}"
 
     def require_finished(self) -> None:
-        """Require that the run is finished, so that it has a champion."""
+        """Require that the run is finished and thus has a champion."""
         if not self.finished:
             state = self.run.status.get("state")
             raise InputError(
-                f"{self.path}: must be a finished run, which has a champion; its state is "
-                f"{state}; {advise_finish(self.path)}"
+                f"{self.path}: has no champion yet, because the run is not finished (its state is "
+                f"{state}); {advise_finish(self.path)}"
             )
 
 
@@ -98,12 +98,12 @@ class EvaluationRecord(Record):
 
     @cached_property
     def mounts(self) -> pd.DataFrame:
-        """One row per sensor of the given designs; a design without sensors has one row."""
+        """One row per sensor of the given designs; a design without sensors has one row, too."""
         return read_table(self.path / "designs_in.csv", ("x_m", "y_m", "z_m", "yaw_deg"))
 
     @cached_property
     def genes(self) -> pd.DataFrame:
-        """One row per other evolved value of the given designs."""
+        """One row per evolved value of the given designs, other than sensors."""
         return read_table(self.path / "genes_in.csv", ("value",))
 
 
@@ -122,13 +122,13 @@ def read_record(folder: Path, name: str) -> Record:
 
 
 def label_fitness(records: Iterable[Record]) -> str:
-    """Return the title and unit of the fitness; "fitness" if the records have several kinds."""
+    """Return the title and unit of the fitness; "fitness" if it differs between the records."""
     labels = {record.context.fitness.label for record in records}
     return labels.pop() if len(labels) == 1 else FITNESS
 
 
 def bound_scores(records: Iterable[Record]) -> tuple[float, float]:
-    """Return the minimum and maximum of the fitness over all records; infinite if unbounded."""
+    """Return the minimum and maximum possible fitness of all records; infinite if unbounded."""
     bounds = {record.context.fitness.bounds or UNBOUNDED for record in records} or {UNBOUNDED}
     lows, highs = zip(*bounds, strict=True)
     return min(lows), max(highs)
@@ -145,7 +145,7 @@ def read_values(path: Path) -> dict[str, Any]:
         tree, _ = read_yaml(path)
     except (OSError, ValueError) as error:
         raise InputError(
-            f"{path}: must be valid YAML ({single_line(error)}); restore the file"
+            f"{path}: is not valid YAML ({single_line(error)}); restore the file"
         ) from error
     if not isinstance(tree, dict):
         raise InputError(f"{path}: must be a mapping of keys to values; restore the file")

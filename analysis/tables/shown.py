@@ -1,4 +1,4 @@
-"""Designs whose missions a run has kept, with all data to replay them."""
+"""Designs whose missions a run has kept, with all the data to replay the missions."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,10 +20,10 @@ from .study import read_complete
 class ShownMission(NamedTuple):
     """A kept mission."""
 
-    row: "pd.Series[str]"  # its row of ``missions.csv``
+    row: "pd.Series[str]"  # the mission's row of ``missions.csv``
     trajectory: pd.DataFrame
     world: World
-    ground: str  # equal for missions in one world
+    ground: str  # key of the world; equal for missions in the same world
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ def read_shown(
     design: int,
     read_mission: Callable[[Record, "pd.Series[str]"], ShownMission] = read_kept,
 ) -> ShownDesign:
-    """Read any design of a run and its first missions, which ``read_mission`` reads."""
+    """Read any design of a run, and its first missions by ``read_mission``."""
     names = record.context.courses
     missions = [
         read_mission(record, tracks.find_first_mission(record.run, design, name)) for name in names
@@ -121,5 +121,5 @@ def _require_rows(record: Record, missions: Sequence[ShownMission]) -> list[Show
     """
     run = [mission for mission in missions if len(mission.trajectory)]
     if not run:
-        raise InputError(f"{record.path}: none of its missions was run; choose another run")
+        raise InputError(f"{record.path}: none of the missions was run; choose another run")
     return run

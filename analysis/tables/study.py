@@ -1,6 +1,6 @@
 """A study: the complete runs and evaluations in some folders.
 
-A study is read from plain files. Code that a folder's configuration names is not imported.
+A study is read from plain files, without importing code that a folder's configuration names.
 """
 
 import math
@@ -35,7 +35,7 @@ class Study:
     left_out: tuple[str, ...] = ()
     """One line per incomplete or damaged folder."""
     given: tuple[Record, ...] = ()
-    """All runs, including copies of ``records`` with equal configuration and seed."""
+    """All runs, including those that repeat the configuration and seed of one in ``records``."""
     _reported: set[str] = field(default_factory=set, repr=False)
 
     def gather(self, read: Callable[[Record], pd.DataFrame]) -> pd.DataFrame:
@@ -49,7 +49,7 @@ class Study:
     def _mark(
         self, records: Iterable[Record], read: Callable[[Record], pd.DataFrame]
     ) -> list[pd.DataFrame]:
-        """Read the non-empty tables, with ``KEYS`` as first columns."""
+        """Read all tables that are not empty, with ``KEYS`` as their first columns."""
         frames = []
         for record, frame in self.read_each(records, read):
             marked = frame.assign(run=record.name, treatment=record.treatment, seed=record.seed)
@@ -59,7 +59,7 @@ class Study:
     def read_each(
         self, records: Iterable[AnyRecord], read: Callable[[AnyRecord], Result]
     ) -> Iterator[tuple[AnyRecord, Result]]:
-        """Yield each record with the result of reading it; report and skip unreadable ones."""
+        """Yield each record with the result of ``read``; report and skip unreadable records."""
         for record in records:
             try:
                 result = self._read(record, read)
@@ -96,7 +96,7 @@ class Study:
 
     @cached_property
     def signals(self) -> pd.DataFrame:
-        """One row per sensor of each champion that casts no rays; may be empty."""
+        """One row per champion's sensor that casts no rays; may be empty."""
         others = [record for record in self.records if record.context.signals]
         frames = self._mark(others, read_champion_signals)
         empty = pd.DataFrame(columns=[*KEYS, *SIGNAL_COLUMNS])
@@ -104,7 +104,7 @@ class Study:
 
     @cached_property
     def initial(self) -> pd.DataFrame:
-        """One row per sensor of the random designs of generation 0 of each run."""
+        """One row per sensor of each run's random designs in generation 0."""
         return self.gather(read_initial_sensors)
 
     @property
@@ -119,7 +119,7 @@ class Study:
 
     @property
     def rings(self) -> tuple[Ring, ...]:
-        """The rings of the first run with spatial damage; empty if there are none."""
+        """The damage rings of the first run with spatial damage; empty if no run has any."""
         return next((record.context.rings for record in self.records if record.context.rings), ())
 
     def check_worlds(self, names: Iterable[str]) -> None:
@@ -134,7 +134,7 @@ class Study:
                 )
 
     def select_finished(self, *reads: Callable[[Record], object]) -> "Study":
-        """Keep the finished runs that all ``reads`` accept; report each other run once."""
+        """Keep the finished runs that all ``reads`` can read; report each other run once."""
 
         def check(record: Record) -> pd.DataFrame:
             record.require_finished()
@@ -146,7 +146,7 @@ class Study:
         return self.keep(record for record in self.records if record.name in names)
 
     def keep(self, records: Iterable[Record]) -> "Study":
-        """Return the study with only the given runs, and all evaluations."""
+        """Return the study with only the given runs, but all evaluations."""
         return replace(self, records=tuple(records))
 
     def find(self, name: str) -> Record:
@@ -188,7 +188,7 @@ class Study:
     ) -> tuple[Record, Result]:
         """Read the named run, or the best one that can be read.
 
-        ``unfinished`` allows unfinished runs, too, which rank below finished ones.
+        With ``unfinished``, unfinished runs are allowed, too; they rank below finished runs.
         """
         study = self if name is None else self.keep([self.find(name)])
         candidates = study.ordered if unfinished else study.ranked
@@ -196,7 +196,7 @@ class Study:
             return candidates[0], self._read(candidates[0], read)
         for record, result in self.read_each(candidates, read):
             return record, result
-        raise InputError("no run has a champion that can be shown; restore or resume one")
+        raise InputError("no run has a champion that can be shown; restore or resume a run")
 
 
 def read_complete(record: AnyRecord, read: Callable[[AnyRecord], Result]) -> Result:
@@ -205,7 +205,7 @@ def read_complete(record: AnyRecord, read: Callable[[AnyRecord], Result]) -> Res
         return read(record)
     except (LookupError, ValueError, TypeError, AttributeError) as error:
         raise InputError(
-            f"{record.path}: incomplete or damaged files ({single_line(error)}); restore them"
+            f"{record.path}: incomplete or damaged files ({single_line(error)}); restore the folder"
         ) from error
 
 

@@ -1,4 +1,4 @@
-"""First missions of champions in each world, and tracks of single robots."""
+"""A champion's first mission in each world, and the tracks of single robots."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ from evoros.world.loading import load_world
 from evoros.world.model import World
 
 NONE = "none"
-"""The mode if no layer of the controller decided."""
+"""The mode when no layer of the controller decided."""
 COLUMNS = (
     *("world", "time_s", "x_m", "y_m", "yaw_rad", "mode", "phase", "contact"),
     *("failed_sensors", "failed_by", "ended"),
@@ -43,11 +43,11 @@ def select_track(tracks: pd.DataFrame, world: str, agent: str = "") -> pd.DataFr
 def read_track(
     run: Run, context: FigureContext, world: str, design: int | None = None
 ) -> pd.DataFrame:
-    """Read the mission of a design in a world: one row per sample, with ``COLUMNS``.
+    """Read a robot's track in a world: one row per sample, with ``COLUMNS``.
 
-    The track ends with the robot, even if the mission continues for others. It is empty if the
-    mission could not be run. ``PARTS``, ``ESTIMATE`` and ``TOUCHED`` follow if the mission has
-    them; ``docs/analysis.md`` describes the columns. ``read_mission`` explains ``design``.
+    The track ends when the robot's mission ends, even if other robots continue. It is empty if the
+    mission could not be run. ``PARTS``, ``ESTIMATE`` and ``TOUCHED`` follow if the mission recorded
+    them; ``docs/analysis.md`` describes the columns. See ``read_mission`` for ``design``.
     """
     mission, trajectory = read_mission(run, world, design)
     ended = float(mission["time_s"]) + 1e-6
@@ -59,7 +59,7 @@ def read_track(
         file = run.path / (name if design is None else trajectory_file(find_key(mission)))
         raise InputError(
             f"{file}: mode must be from 0 to "
-            f"{len(names) - 1}, the modes of setting.json, not {modes.max()}; restore the files"
+            f"{len(names) - 1} (the modes in setting.json), not {modes.max()}; restore the files"
         )
     table = trajectory[["time_s", "x_m", "y_m", "yaw_rad", "contact"]].astype(float)
     table["world"], table["mode"] = world, names[modes]
@@ -87,7 +87,7 @@ def read_track(
 def read_mission(
     run: Run, world: str, design: int | None = None
 ) -> tuple["pd.Series[str]", pd.DataFrame]:
-    """Read the row and trajectory of a first mission: the champion's, or a kept design's."""
+    """Read the row and trajectory of the first mission of the champion, or of a kept design."""
     if design is None:
         return find_champion_mission(run, world), run.trajectory(world)
     row = find_first_mission(run, design, world)
@@ -95,7 +95,7 @@ def read_mission(
 
 
 def find_key(row: "pd.Series[str]") -> MissionKey:
-    """Return the key of a mission from its row of ``missions.csv``."""
+    """Return a mission's key from its row of ``missions.csv``."""
     return int(row["generation"]), int(row["design"]), str(row["world"]), int(row["trial"])
 
 
@@ -105,14 +105,14 @@ def find_champion_mission(run: Run, world: str) -> "pd.Series[str]":
 
 
 def find_first_mission(run: Run, design: int, world: str) -> "pd.Series[str]":
-    """Find a design's first scored mission in a world: confirmation if any, otherwise selection."""
+    """Find a design's first mission in a world: a confirmation if any, otherwise a selection."""
     missions = run.missions
     candidates = missions[(missions["design"] == design) & (missions["world"] == world)]
     confirmed = candidates[candidates["purpose"] == "confirmation"]
     scored = confirmed if len(confirmed) else candidates[candidates["purpose"] == "selection"]
     if scored.empty:
         raise InputError(
-            f"{run.path / 'missions.csv'}: no mission of design {design} in {world} found; "
+            f"{run.path / 'missions.csv'}: no mission of design {design} in {world} was found; "
             f"restore the file"
         )
     return scored.sort_values(["generation", "trial"]).iloc[0]
@@ -129,12 +129,12 @@ def load_champion_world(run: Run, context: FigureContext, name: str) -> World:
 
 
 def load_mission_world(run: Run, context: FigureContext, row: "pd.Series[str]") -> World:
-    """Load the world of a kept mission, which may have been drawn for it."""
+    """Load the world of a kept mission, which may have been drawn for that mission alone."""
     return _load_recorded(find_mission_world(run, row), context.courses[str(row["world"])])
 
 
 def _load_recorded(path: Path, course: Course) -> World:
-    """Load a world as a run wrote it, without repeating the run's messages."""
+    """Load a world that a run wrote, without repeating the run's messages."""
     if not path.is_file():
         raise InputError(f"{path}: not found; resume the run, or restore the file")
     verify_world(path)
@@ -150,14 +150,14 @@ def find_mission_world(run: Run, row: "pd.Series[str]") -> Path:
 
 
 def list_failures(mission: "pd.Series[str]") -> list[tuple[int, float, str]]:
-    """List sensor (from 0), time [s] and effect of each failure in a row of ``missions.csv``."""
+    """List the sensor (from 0), time [s] and effect of each failure in a ``missions.csv`` row."""
     names = ("failed_sensors", "failed_at_s", "failed_by")
     failures = zip(*(split_cell(mission[name]) for name in names), strict=True)
     return [(int(float(sensor)), float(time), effect) for sensor, time, effect in failures]
 
 
 def list_part_failures(mission: "pd.Series[str]") -> list[tuple[str, float, str]]:
-    """List part, time [s] and effect of each failure of other parts in a row of missions."""
+    """List the part, time [s] and effect of each failure of a part other than a sensor."""
     names = ("failed_parts", "parts_failed_at_s", "parts_failed_by")
     if names[0] not in mission:
         return []
@@ -172,7 +172,7 @@ def has_failed(missions: pd.DataFrame) -> "pd.Series[bool]":
 
 
 def _place(failures: Sequence[tuple[object, float, str]], times: Array) -> pd.DataFrame:
-    """List failed items and effects, each in the first row at or after the failure."""
+    """Return cells with failed items and effects, in the first row at or after each failure."""
     cells = pd.DataFrame("", range(len(times)), ["failed", "by"], dtype=str)
     table = pd.DataFrame(failures, columns=["failed", "time", "by"])
     rows = np.searchsorted(times, table.pop("time")).clip(max=len(times) - 1)
@@ -182,7 +182,7 @@ def _place(failures: Sequence[tuple[object, float, str]], times: Array) -> pd.Da
 
 
 def split_cell(value: object) -> list[str]:
-    """Split the list in a cell; pandas reads a single number as a number."""
+    """Split the list in a table cell; pandas reads a single number as a number."""
     return [] if pd.isna(value) else str(value).split(";")  # type: ignore[call-overload]
 
 
@@ -199,10 +199,10 @@ def name_robots(table: pd.DataFrame) -> "pd.Series[str]":
 
 
 def select_trajectory(trajectory: pd.DataFrame, name: str) -> pd.DataFrame:
-    """Select the time and another robot's columns, without the prefix of its name."""
+    """Select the time and one agent's columns, without the agent's name as prefix."""
     prefix = f"{name}."
     columns = [column for column in map(str, trajectory.columns) if column.startswith(prefix)]
     if not columns:
-        raise InputError(f"the trajectory has no columns of the robot {name}; restore the file")
+        raise InputError(f"the trajectory has no columns for robot {name}; restore the file")
     table = trajectory[["time_s", *columns]]
     return table.rename(columns=lambda column: str(column).removeprefix(prefix))

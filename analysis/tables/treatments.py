@@ -1,7 +1,7 @@
 """Names of treatments: from a configuration, from a file of treatments, or from levels.
 
-The file of ``--treatments`` lists treatments as in a configuration, each with its runs: ``where``,
-levels of factors, or ``folders``, patterns of the runs' names.
+The file given to ``--treatments`` lists treatments as in a configuration. Each entry selects its
+runs by ``where`` (levels of factors) or ``folders`` (patterns of run names).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -29,7 +29,7 @@ _SELECTING = ("where", "folders")
 SINGLE = "all runs"
 """The label of a single treatment."""
 LABEL_LENGTH = 60  # characters; longer labels leave out levels that follow from others
-LEVEL_LENGTH = 24  # characters of a level in a label
+LEVEL_LENGTH = 24  # maximum number of characters of a level in a label
 UNITS = {"m": "m", "s": "s", "deg": "deg", "rad": "rad", "mps": "m/s", "kg": "kg"}
 """Units by suffix of a key."""
 OWN_NAMES = {
@@ -45,7 +45,7 @@ OWN_NAMES = {
     "sobol": "Sobol'",
     "tpe": "TPE",
 }
-"""The field's spelling of choices that are written in lower case."""
+"""The customary spelling of choices that are written in lower case."""
 
 
 def label_treatments(
@@ -53,8 +53,8 @@ def label_treatments(
 ) -> list[str]:
     """Label each configuration by its given name, otherwise by its levels of all factors.
 
-    If several treatments share a name, their differences follow it. Two configurations have the
-    same label if and only if they belong to one treatment; see ``find_factors``.
+    If several treatments share a name, their differences follow the name. Two configurations have
+    the same label if and only if they belong to one treatment; see ``find_factors``.
     """
     factors = find_factors(configurations, choices, given)
     conditions = list_conditions(configurations, given)
@@ -74,9 +74,9 @@ def label_treatments(
 
 
 def label_levels(factors: Sequence[Factor], count: int) -> list[str]:
-    """Label each of ``count`` runs by its level of every factor; a single factor needs no name.
+    """Label each of ``count`` runs by its level of every factor.
 
-    Long labels leave out levels that follow from earlier factors.
+    A single factor is not named. Long labels leave out levels that follow from earlier factors.
     """
     labels = _join(factors, count)
     if max(map(len, labels), default=0) > LABEL_LENGTH:
@@ -114,7 +114,7 @@ def _split(name: str) -> tuple[str, str]:
 
 
 def _describe(factor: Factor, level: str, inside: bool) -> str:
-    """Describe a level; empty if the level belongs to a part that the run does not have."""
+    """Describe a level; empty if it belongs to a part that the run does not have."""
     words, unit = _split(factor.name)
     if not level:
         return "" if inside else f"no {words}"
@@ -122,7 +122,7 @@ def _describe(factor: Factor, level: str, inside: bool) -> str:
 
 
 def describe_level(level: str) -> str:
-    """Describe a level in words, with the field's spelling; shorten a long level."""
+    """Describe a level in words, with its customary spelling; shorten a long level."""
     text = OWN_NAMES.get(level, level.replace("_", " "))
     return text if len(text) <= LEVEL_LENGTH else text[: LEVEL_LENGTH - 3] + "..."
 
@@ -134,7 +134,7 @@ def _number(label: str, taken: Iterable[str]) -> str:
 
 @dataclass(frozen=True)
 class NamedTreatment:
-    """An entry of the file of treatments."""
+    """An entry of the treatments file."""
 
     given: Mapping[str, Any]  # name, and levels by factor
     where: Conditions
@@ -162,8 +162,8 @@ def read_treatments(path: Path) -> list[NamedTreatment]:
 def _read_entry(entry: object, place: str) -> NamedTreatment:
     if not isinstance(entry, dict) or not any(key in entry for key in _SELECTING):
         raise InputError(
-            f"{place}: must have name, and where (levels of factors) or folders (patterns of the "
-            f"names of runs); add them"
+            f"{place}: needs the keys name, and where (levels of factors) or folders (patterns of "
+            f"run names); add them"
         )
     given = {str(key): value for key, value in entry.items() if key not in _SELECTING}
     problem = describe_problem(given) or ("" if given.get("name") else "name must be a string")
@@ -181,7 +181,7 @@ def _read_entry(entry: object, place: str) -> NamedTreatment:
 def name_treatments(
     records: Sequence[Record], entries: Sequence[NamedTreatment], path: Path
 ) -> tuple[Record, ...]:
-    """Give each record the name of its only matching entry; report entries that match no run."""
+    """Name each record after the one entry that matches it; report entries that match no run."""
     fitting = [_fit(records, entry, path) for entry in entries]
     labels = label_levels(find_record_factors(records), len(records))
     named = []
@@ -190,8 +190,8 @@ def name_treatments(
         about = f"{labels[i]} ({record.name})"
         if len(chosen) != 1:
             names = " and ".join(repr(entry.name) for entry in chosen)
-            problem = f"matches both {names}" if chosen else "matches none"
-            fix = "make where narrower" if chosen else "add an entry"
+            problem = f"matches both {names}" if chosen else "matches no entry"
+            fix = "narrow their conditions" if chosen else "add an entry"
             raise InputError(
                 f"{path}: each run must match exactly one entry, but {about} {problem}; {fix}"
             )
@@ -207,7 +207,7 @@ def name_treatments(
 
 
 def _fit(records: Sequence[Record], entry: NamedTreatment, path: Path) -> list[bool]:
-    """Return True for each record that matches an entry; unknown levels match no record."""
+    """Return True for each record that matches an entry; an unknown level matches no record."""
     rows = [
         not entry.folders
         or any(fnmatch(r.name, p) or fnmatch(r.path.name, p) for p in entry.folders)

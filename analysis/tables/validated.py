@@ -1,6 +1,7 @@
-"""Champions measured again, by an evaluation or their run, matched by content.
+"""Champions' validated scores, from an evaluation or from their run, matched by content.
 
-Folders may be moved and renamed, and design numbers have no meaning outside their run.
+Champions are matched by content because folders may be moved or renamed, and design numbers have
+no meaning outside their run.
 """
 
 import math
@@ -28,7 +29,7 @@ MISSION = (
 )
 """Configuration keys, or prefixes of keys, that determine the score of a given design.
 
-The worlds include the ``course``; the rest of ``design`` only limits which designs can evolve.
+``world`` includes the ``course``; the rest of ``design`` only limits which designs can evolve.
 """
 POSE = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
 CONFIRMING = "confirmation.simulator"
@@ -37,7 +38,7 @@ Value = TypeVar("Value")
 
 
 def select_conditions(record: Record) -> dict[str, Any]:
-    """Select the values that determine a design's score; a confirming simulator counts."""
+    """Select the values that determine a design's score, with any confirming simulator."""
     values = apply_confirmation(record.values)
     return {
         key: value for key, value in values.items() if any(is_within(key, top) for top in MISSION)
@@ -45,7 +46,7 @@ def select_conditions(record: Record) -> dict[str, Any]:
 
 
 def apply_confirmation(entries: Mapping[str, Value]) -> dict[str, Value]:
-    """Replace the simulator's entries (values or choices by key) by the confirming simulator's."""
+    """Replace the simulator's entries (values or choices) with those for the confirming one."""
     confirming = {
         key.removeprefix("confirmation."): entry
         for key, entry in entries.items()
@@ -67,7 +68,7 @@ def find_differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[s
 
 
 def list_differences(evaluation: EvaluationRecord, record: Record) -> list[str]:
-    """List the keys by which the conditions of an evaluation and a run differ, except genes."""
+    """List the keys in which the conditions of an evaluation and a run differ, except genes."""
     evolved = read_champion_genes(record)
     differences = find_differences(select_conditions(evaluation), select_conditions(record))
     return [key for key in differences if key not in evolved]
@@ -79,14 +80,14 @@ def identify_champion(record: Record) -> Content:
 
 
 def read_champion_genes(record: Record) -> dict[str, float]:
-    """Read the evolved values other than sensors of a finished run's champion, by key."""
+    """Read the evolved values of a finished run's champion, other than sensors, by key."""
     return _genes(record.run.genes)
 
 
 def read_scores(evaluation: EvaluationRecord) -> pd.DataFrame:
     """Read the content and the scores of each design in a finished evaluation.
 
-    ``fitness`` is the evaluation's fitness of the trials, usually their mean.
+    ``fitness`` is computed from the trials as the evaluation does, usually as their mean.
     """
     names = ["source", "design"]
     mounts, genes, scores = (
@@ -103,7 +104,7 @@ def read_scores(evaluation: EvaluationRecord) -> pd.DataFrame:
 
 
 def _content(mounts: pd.DataFrame, genes: Mapping[str, float]) -> Content:
-    """Combine the sensors, in the order that failures refer to, and the genes, sorted by key."""
+    """Combine the sensors, in the order that failures count them, and the genes, sorted by key."""
     placed = mounts[mounts["sensor"].notna()].assign(robot=name_robots)
     placed = placed.sort_values(["robot", "sensor"])
     poses = placed[list(POSE)].astype(float).itertuples(index=False, name=None)
@@ -124,9 +125,9 @@ Scores = tuple[EvaluationRecord, pd.DataFrame]
 def validate_champions(study: Study) -> pd.DataFrame:
     """Collect the recorded and validated fitness of each finished run's champion.
 
-    The matching evaluation with the most trials validates, otherwise the run itself. With a
-    confirmation, the confirming simulator's scores count. ``docs/analysis.md`` describes the
-    columns.
+    The validated fitness comes from the matching evaluation with the most trials, otherwise from
+    the run itself. With a confirmation, the confirming simulator's scores count.
+    ``docs/analysis.md`` describes the columns.
     """
     evaluations = read_evaluations(study)
     return study.gather(lambda record: _validate(record, evaluations))
@@ -135,8 +136,8 @@ def validate_champions(study: Study) -> pd.DataFrame:
 def score_under(study: Study, name: str) -> pd.DataFrame:
     """Collect the score of each finished run's champion under common conditions.
 
-    ``under NAME`` is the mean fitness in the evaluation of that name or treatment with the most
-    trials; NaN if no such evaluation contains the champion.
+    The column ``under NAME`` is the mean fitness in the evaluation with that name or treatment that
+    has the most trials; NaN if no such evaluation contains the champion.
     """
     evaluations = read_evaluations(study)
     column = f"under {name}"
@@ -145,7 +146,7 @@ def score_under(study: Study, name: str) -> pd.DataFrame:
         known = dict.fromkeys(record.treatment for record, _ in evaluations)
         fix = f"choose one of {', '.join(known)}" if known else "evaluate the champions first"
         raise InputError(
-            f"--under: must be the label or name of a finished evaluation, not {name!r}; {fix}"
+            f"--under: {name!r} is not the label or name of a finished evaluation; {fix}"
         )
     scores = pd.concat(named).sort_values("trials", kind="stable")
     means = dict(zip(scores["content"], scores["fitness"], strict=True))
@@ -157,7 +158,7 @@ def score_under(study: Study, name: str) -> pd.DataFrame:
     runs = study.gather(score)
     if runs[column].isna().all():
         raise InputError(
-            f"--under {name}: contains no champion of these runs; type: "
+            f"--under {name}: the evaluation contains no champion of these runs; type: "
             f"evoros evaluate designs=SWEEP ..."
         )
     return runs
@@ -169,7 +170,7 @@ def read_evaluations(study: Study) -> list[Scores]:
 
 
 def list_unused(study: Study) -> dict[str, list[str]]:
-    """List, by evaluation that matches no run, the parts that differ from the most similar run."""
+    """Map each evaluation that matches no run to its differences from the most similar run."""
     unused = {}
     runs = [record for record in study.records if record.finished]
     for evaluation in study.evaluations:

@@ -1,4 +1,4 @@
-"""Walkers of recorded missions: their tracks, and the robots that they touched."""
+"""Walkers in recorded missions: their tracks, and the robots that touched them."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -28,10 +28,10 @@ class WalkerTrack(NamedTuple):
     height_m: float
     time_s: Array
     places: Array  # (n, 2) [m]
-    touched_by: Array  # (n,) sum of 2**i over the robots i touched so far
+    touched_by: Array  # (n,) sum of 2**i over the robots i that have touched the walker so far
 
     def find_touch(self, robot: int) -> int | None:
-        """Return the first record at which the walker has touched a robot; None if it never has."""
+        """Return the index at which the robot first touched the walker; None if it never did."""
         touched = [has_touched(report, robot) for report in self.touched_by.tolist()]
         return touched.index(True) if any(touched) else None
 
@@ -39,7 +39,7 @@ class WalkerTrack(NamedTuple):
 def list_walkers(trajectory: pd.DataFrame, values: Mapping[str, Any]) -> list[WalkerTrack]:
     """List the walkers of a mission; ``values`` is the configuration of its run.
 
-    Actors, and groups that are missing in the configuration, have the size of people.
+    Actors, and groups missing from the configuration, have the size of a person.
     """
     tracks = []
     time = trajectory["time_s"].to_numpy(float)
@@ -63,7 +63,7 @@ def _find_size(values: Mapping[str, Any], name: str) -> tuple[float, float]:
 
 
 def read_walkers(record: Record, world: str) -> list[WalkerTrack]:
-    """Read the walkers of a champion's displayed mission in a world."""
+    """Read the walkers in the champion's mission shown for a world."""
     whole = list_robots(record)[0]
     _, trajectory = read_mission(whole.run, world, find_shown(record))
     return list_walkers(trajectory, record.values)

@@ -207,7 +207,7 @@ def test_figures_of_designs_draw_the_place_of_each_sensor_and_the_zones_of_bumpe
         assert np.ptp(left[:, 1]) == pytest.approx(width)  # faces left
         assert front[:, 1].max() > 0.25 > front[:, 1].min()
         texts = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-        assert {"bumper, its zone", "imu", "odometry", "infrared", "lidar"} <= {*texts}
+        assert {"bumper (zone)", "imu", "odometry", "infrared", "lidar"} <= {*texts}
 
 
 def test_the_map_of_a_mission_has_the_bumpers_that_closed(

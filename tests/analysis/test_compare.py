@@ -232,7 +232,9 @@ def test_all_champions_can_be_compared_under_the_same_conditions(
 ) -> None:
     arguments = ["compare", str(study), "--output", str(tmp_path / "out"), "--format", "svg"]
     assert evoros_analyze(arguments) == DONE
-    assert "the runs differ in failure, each measured under its own" in (capsys.readouterr().out)
+    assert "the runs differ in failure, and each was scored under its own" in (
+        capsys.readouterr().out
+    )
     assert evoros_analyze([*arguments, "--under", "silent"]) == DONE
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "fitness (Eq. 1) under silent is known for 4 of 4 champions"
@@ -243,7 +245,7 @@ def test_all_champions_can_be_compared_under_the_same_conditions(
     for run, value in zip(runs["run"], runs["under silent"], strict=True):
         assert value == means[str(study / "runs" / run)]
     assert evoros_analyze([*arguments, "--under", "nothing"]) == INPUT
-    assert "--under: must be the label" in capsys.readouterr().err
+    assert "is not the label or name of a finished evaluation" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -257,7 +259,7 @@ def test_an_evaluation_that_validates_no_run_is_told_with_what_it_differs_in(
     assert evoros_analyze(["compare", str(copied), *output]) == DONE
     out = capsys.readouterr().out.splitlines()
     (line,) = (item for item in out if item.startswith("a fast one validates no run, "))
-    assert "because it differs in simulator; --under 'a fast one' compares" in line
+    assert "because it differs from the runs in simulator; --under 'a fast one' compares" in line
 
 
 def test_an_evaluation_of_none_of_the_champions_compares_nothing(
@@ -287,9 +289,13 @@ def test_what_is_unfinished_or_damaged_is_left_out_in_one_line(
     assert evoros_analyze(arguments) == DONE
     out, err = capsys.readouterr()
     assert [line.endswith("left out") for line in err.splitlines()] == [True] * 3
-    for name in ("silent/designs.csv", "stuck_seed-1: must be a finished", "stuck_seed-2/champion"):
+    for name in (
+        "silent/designs.csv",
+        "stuck_seed-1: has no champion yet",
+        "stuck_seed-2/champion",
+    ):
         assert name in err
-    assert "2 of 2 runs: by the runs themselves, 1 trials" in out
+    assert "2 of 2 runs: from the runs themselves, 1 trials" in out
     assert "evoros evaluate designs=SWEEP" in out
 
 

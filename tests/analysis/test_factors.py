@@ -259,10 +259,15 @@ def test_a_combination_without_runs_and_one_without_replicates_are_one_line(
     for seed in (1, 2):
         shutil.rmtree(tmp_path / "some" / f"stuck_3_{seed}")
     assert analyze("factors", tmp_path / "some", "--output", tmp_path / "out") == INPUT
-    assert "no finished run of effect stuck, population size 3 found" in capsys.readouterr().err
+    assert (
+        "no finished run with effect stuck, population size 3 was found" in capsys.readouterr().err
+    )
     shutil.rmtree(tmp_path / "some")
     shutil.copytree(sweep, tmp_path / "some")
     for folder in (tmp_path / "some").glob("*_2"):
         shutil.rmtree(folder)
     assert analyze("factors", tmp_path / "some", "--output", tmp_path / "out") == INPUT
-    assert "has one finished run; it needs two, or better 5" in capsys.readouterr().err
+    assert (
+        "has only one finished run; at least two are needed, and 5 are better"
+        in capsys.readouterr().err
+    )

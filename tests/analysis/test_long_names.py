@@ -77,4 +77,4 @@ def test_a_power_says_of_which_quantity_the_difference_is() -> None:
     curve = {"difference": 2.0, "replicates": [2, 40], "power": [0.1, 0.9]}
     figure = draw_power(pd.DataFrame(curve), [plan], 0.8, COLUMN_IN, LABEL)
     assert find_faults_of(figure) == []
-    assert f"difference of {LABEL}" in read_words(figure)
+    assert f"difference in {LABEL}" in read_words(figure)

@@ -119,7 +119,7 @@ def test_a_fault_is_drawn_as_what_it_does_to_readings(
     context = replace(setting, failure=replace(setting.failure, effects=effects))
     near = {"near": worlds["near"]}
     (axes,) = draw_missions(Missions(TABLE, near, MODES, robots={"": context})).axes
-    assert marked(axes, "error begins: stuck (sensor)") == [(4.0, 0.0)]
+    assert marked(axes, "error starts: stuck (number)") == [(4.0, 0.0)]
     lines = [item for item in axes.collections if isinstance(item, LineCollection)]
     (band,) = (item for item in lines if item.get_alpha())
     assert [part.tolist() for part in band.get_segments()] == [[[4.0, 0.0], [5.0, 0.0]]]
@@ -238,7 +238,9 @@ def test_a_damaged_world_is_left_out_and_a_damaged_run_makes_room_for_the_next(
     assert len(made.figure.axes if made.figure else []) == 2
     # One world, then both of them, and so the run.
     assert [message.count("is left out") for message in caplog.messages] == [1, 1, 1, 0]
-    assert f"{tmp_path / 'one'}: no complete mission of its champion found" in caplog.messages[-1]
+    assert (
+        f"{tmp_path / 'one'}: no complete mission of the champion was found" in caplog.messages[-1]
+    )
     (tmp_path / "two" / "champion" / "design.csv").write_text("design,sensor\n")
     reseal(tmp_path / "two")
     with pytest.raises(InputError, match="no run has a champion that can be shown"):

@@ -156,15 +156,15 @@ WRONG: list[tuple[object, str]] = [
     ("words", "entry 1: must be a mapping"),
     (claim(), "threshold must be a number, not None"),
     (claim(threshold="high"), "threshold must be a number"),
-    (claim(threshold=1, colour="red"), "has an unknown key 'colour'"),
+    (claim(threshold=1, colour="red"), "unknown key 'colour'"),
     (claim(threshold=1, comparison="over"), "comparison must be one of above, below, within"),
     (claim(threshold=1, comparison="within"), "threshold must be two numbers"),
     (claim(threshold=[2, 1], comparison="within"), "threshold must be two numbers"),
     (claim(threshold=1, measure="beauty"), "measure must be one of recorded, validated"),
-    (claim(threshold=1, treatments={"colour": 1}), "their factors: population_size"),
+    (claim(threshold=1, treatments={"colour": 1}), "their factors are population_size"),
     (claim(threshold=1, treatments={"population_size": 9}), "must be one of 2, 3, not '9'"),
     (claim(threshold=1, treatments="mine"), "treatment 'mine' not found"),
-    (claim(threshold=1, treatments=7), "must be levels by factor"),
+    (claim(threshold=1, treatments=7), "must map factors to levels"),
 ]
 
 

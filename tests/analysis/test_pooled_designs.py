@@ -90,9 +90,9 @@ def test_a_front_is_of_one_treatment_or_of_one_run(study: Study) -> None:
 def test_axes_have_the_titles_and_units_of_the_measures(study: Study) -> None:
     figure, _ = draw("front", study)
     words = figure.axes[0].get_ylabel().replace("\n", " ")
-    assert words == "price of the sensors [EUR] (less is better)"
+    assert words == "price of the sensors [EUR] (lower is better)"
     fitness = study.records[0].context.fitness.label
-    assert figure.axes[0].get_xlabel() == f"{fitness} (more is better)"
+    assert figure.axes[0].get_xlabel() == f"{fitness} (higher is better)"
 
 
 @pytest.mark.slow

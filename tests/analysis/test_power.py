@@ -89,7 +89,7 @@ def test_one_sentence_a_figure_and_tables_say_how_many(
     capsys.readouterr()
     assert evoros_analyze([*given, "--difference", "1000", "--format", "svg"]) == DONE
     (sentence, shortfall, *files) = capsys.readouterr().out.splitlines()
-    assert "replicates of each treatment [95 % interval" in sentence
+    assert "replicates per treatment [95 % interval" in sentence
     assert "Holm over 3 comparisons" in sentence
     assert "standard deviation: " in shortfall
     assert len(files) == 3
@@ -121,4 +121,4 @@ def test_options_out_of_range_are_one_line(
 
 def test_too_few_runs_are_one_line(pilot: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert evoros_analyze(["power", str(pilot / "run1")]) == INPUT
-    assert "run more seeds first" in capsys.readouterr().err
+    assert "seeds of one treatment first" in capsys.readouterr().err

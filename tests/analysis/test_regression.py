@@ -273,7 +273,7 @@ def test_an_injected_regression_is_found(
     printed = capsys.readouterr().out
     assert "they differ in controller" in printed
     assert f"missions {lost.sum()} lost and 0 gained" in printed
-    again = re.findall(r"again in ([AB]): (evoros replay .*)", printed)
+    again = re.findall(r"replay in ([AB]): (evoros replay .*)", printed)
     assert [side for side, _ in again] == ["A", "B"] * regression.SHOWN
     outcomes = []
     for _, command in again[:2]:
@@ -334,17 +334,17 @@ def test_runs_are_compared_by_the_validations_of_their_champions(
         assert tiny(tmp_path / name, *short, *more) == DONE
     assert compare(tmp_path / "before", tmp_path / "after", tmp_path / "out") == NOT_MET
     assert set(read(tmp_path / "out")["missions"]) <= {8, 16}
-    (command, *_) = re.findall(r"again in B: evoros (replay .*)", capsys.readouterr().out)
+    (command, *_) = re.findall(r"replay in B: evoros (replay .*)", capsys.readouterr().out)
     assert evoros([*shlex.split(command), *TINY[:2]]) == DONE
     mixed = [str(tmp_path / "before"), str(top / "before")]
     told = refused(lambda: evoros_analyze(["regression", *mixed]), capsys)
-    assert "regression: needs two evaluations or two runs, but has " in told
+    assert "regression: needs two evaluations or two runs, but found " in told
 
 
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"seed": 5}, r"config\.yaml: seed must be 0, as in .*before, for equal draws, not 5; "),
+        ({"seed": 5}, r"config\.yaml: seed is 5, but 0 in .*before, so the random draws differ; "),
         ({"world.near.course.time_limit_s": 9.0}, r"world\.near\.course\.time_limit_s must be 20"),
         ({"failure.count": 2}, r"failure\.count must be 1, .* repeat one of the two with"),
         ({"evaluation_draws": "validation"}, "evaluation_draws must be evaluation, "),
@@ -369,14 +369,14 @@ def test_what_cannot_be_compared_is_refused(
     before, after = top / "before", top / "after"
     stopped = vary(before, tmp_path / "stopped", {}, {"state": "stopped"})
     for folders, more, told in (
-        ([before], [], "needs two evaluations or two runs, but has before"),
-        ([top], [], "needs two evaluations or two runs, but has after, before, same"),
-        ([before, stopped], [], "must be a finished "),
+        ([before], [], "needs two evaluations or two runs, but found before"),
+        ([top], [], "needs two evaluations or two runs, but found after, before, same"),
+        ([before, stopped], [], "has no champion yet"),
         ([before, after], ["--margin=time_s=3"], "--margin time_s=3: must be completed=X or"),
         ([before, after], ["--margin=completed=-0.1"], "with X greater than 0 and less than 1"),
         ([before, after], ["--margin=completed"], "--margin completed: must be completed=X or"),
         ([before, after], ["--confidence=1"], "--confidence: must be greater than 0 and less"),
-        ([before, after], ["--design=c"], "must be a design of both folders, not 'c'; choose one"),
+        ([before, after], ["--design=c"], "'c' is not a design in both folders; choose one"),
     ):
         words = ["regression", *map(str, folders), f"--output={tmp_path / 'out'}", *more]
         assert told in refused(partial(evoros_analyze, words), capsys)
@@ -389,4 +389,4 @@ def test_a_design_of_one_folder_is_left_out(
     scored(tmp_path / "one", top / "one.csv", "trials=2")
     assert compare(top / "before", tmp_path / "one", tmp_path / "out") == DONE
     assert set(read(tmp_path / "out", "regression_missions")["design"]) == {"a"}
-    assert "before: design b is only in this folder; left out" in capsys.readouterr().err
+    assert "before: design b is in this folder only; left out" in capsys.readouterr().err

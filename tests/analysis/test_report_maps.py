@@ -98,11 +98,11 @@ def rendered(run: Path, max_bytes: float) -> str:
 def test_what_cannot_be_played_is_told(run: Path, tmp_path: Path) -> None:
     whole, none = rendered(run, 1e9), rendered(run, 0.0)
     assert "see --designs" not in whole
-    assert "are left out because of their size; see --designs" in none
+    assert "are left out to limit the page's size; see --designs" in none
     assert "data-player=" not in none
     shutil.copytree(run, bare := tmp_path / "bare")
     shutil.rmtree(bare / "trajectories")
     bare_page = rendered(bare, 1e9)
-    assert "the runs have kept no trajectory; see record=champions" in bare_page
+    assert "the runs kept no trajectories; see record=champions" in bare_page
     numbers = {text.count('role="radio"') for text in (whole, none, bare_page)}
     assert len(numbers) == 1

@@ -112,7 +112,7 @@ def test_without_requirements_there_is_no_page(
     assert not (tmp_path / "plain" / "figures").exists()
     capsys.readouterr()
     told = refused(lambda: evoros_analyze(["requirements", str(tmp_path / "plain")]), capsys)
-    assert "requirements: no finished evaluation with requirements found" in told
+    assert "requirements: no finished evaluation with requirements was found" in told
 
 
 # In a browser ----------------------------------------------------------------------------------

@@ -148,7 +148,9 @@ def test_figures_of_one_robot_show_the_first_one_or_the_named_one_and_say_so(
         "oncoming, with the first robot in view",
     ]
     assert films[0].files != films[1].files
-    with pytest.raises(InputError, match=r"--agent: must be .*\(oncoming\), not 'nobody'"):
+    with pytest.raises(
+        InputError, match=r"--agent: no run has an agent 'nobody'; choose one of oncoming"
+    ):
         draw(study, "panel", "--agent", "nobody")
 
 

@@ -164,7 +164,7 @@ def test_an_empty_folder_beside_a_run_is_said(
     given = ["fitness", run, str(tmp_path / "empty"), "--output", str(tmp_path / "out")]
     assert evoros_analyze([*given, "--format", "svg"]) == DONE
     assert capsys.readouterr().err == f"{tmp_path / 'empty'}: contains no runs; left out\n"
-    with pytest.raises(InputError, match="no complete run or evaluation found"):
+    with pytest.raises(InputError, match="no complete run or evaluation was found"):
         load_study([tmp_path / "empty"])
     with pytest.raises(InputError, match="folder not found"):
         load_study([tmp_path / "nowhere"])

@@ -73,7 +73,7 @@ def is_announced(subcommand: str, name: str) -> bool:
 
 REFUSED = {
     **{
-        "factors": "one finished run; it needs two",
+        "factors": "only one finished run; at least two are needed",
         "power": "replicates",
         "regression": "two evaluations",
     },
@@ -160,5 +160,5 @@ def test_in_python_a_wrong_name_is_refused(mixed: Path) -> None:
     study = load_study([mixed])
     with pytest.raises(InputError, match=r"^figure: must be one of overlay, .*, not 'none'; "):
         analyze(study, "none")
-    with pytest.raises(InputError, match=r"^overlay: its options are .*\bcut\b.*, not 'output'; "):
+    with pytest.raises(InputError, match=r"^overlay: no option 'output'; choose from .*\bcut\b"):
         analyze(study, "overlay", output="elsewhere")

@@ -185,10 +185,10 @@ def test_conditions_choose_runs_by_every_factor_and_key(sweep: Path) -> None:
 @pytest.mark.parametrize(
     ("where", "said"),
     [
-        ("colour=red", "their factors: effect, population_size"),
+        ("colour=red", "their factors are effect, population_size"),
         ("effect=loud", "effect must be one of silence, stuck, not 'loud'"),
-        ("effect", "must be FACTOR=LEVEL"),
-        ("effect=", "must be FACTOR=LEVEL"),
+        ("effect", "must have the form FACTOR=LEVEL"),
+        ("effect=", "must have the form FACTOR=LEVEL"),
     ],
 )
 def test_a_condition_on_what_is_not_there_is_one_line_that_says_what_is(
@@ -276,13 +276,13 @@ def test_an_entry_that_fits_no_run_is_told(
 
 
 WRONG: list[tuple[object, str]] = [
-    (ENTRIES[:1], "matches none; add an entry"),
+    (ENTRIES[:1], "matches no entry; add an entry"),
     ([*ENTRIES, {"name": "all", "folders": "*"}], "matches both 'few' and 'all'"),
     ([*ENTRIES, ENTRIES[0]], "is used 2 times"),
-    ([{"name": "x"}], "entry 1: must have name, and where"),
+    ([{"name": "x"}], "entry 1: needs the keys name, and where"),
     ([{"where": {"effect": "stuck"}}], "name must be a string"),
     ([{**ENTRIES[0], "seed": 3}], "'seed' must be"),
-    ([{"name": "x", "where": {"colour": 1}}], "their factors: effect, population_size"),
+    ([{"name": "x", "where": {"colour": 1}}], "their factors are effect, population_size"),
     ([{"name": "x", "where": ["a"]}], "where must be a mapping"),
     ([{"name": "x", "folders": [1]}], "folders must be a list"),
     ({"few": 1}, "must be a list of treatments"),

@@ -119,4 +119,4 @@ def test_a_mission_of_an_exhaustive_evaluation_is_replayed_under_its_case(folder
 def test_a_design_is_chosen_by_its_name(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert evoros_analyze(["worst", str(folder), "--design", "b", "--format", "svg"]) == DONE
     assert evoros_analyze(["worst", str(folder), "--design", "c"]) == INPUT
-    assert "--design: must be a design of the evaluations, not 'c'" in capsys.readouterr().err
+    assert "--design: 'c' is not a design of the evaluations" in capsys.readouterr().err

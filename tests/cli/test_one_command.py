@@ -85,7 +85,7 @@ def test_the_table_has_what_all_figures_have(figure: str) -> None:
         (["resume", "missing"], "missing: must be the folder of a run;"),
         (["analyze", "outputs/x", "overlay"], "type: evoros analyze overlay outputs/x"),
         (["analyze", "overley", "outputs/x"], "type: evoros analyze overlay"),
-        (["analyze", "overlay", "fitness"], "fitness: must be a folder, not the name"),
+        (["analyze", "overlay", "fitness"], "fitness: is the name of a figure, not a folder"),
         (["analyze", "status"], "type: evoros status"),
         (["analyze", "folder1"], "folder1: must be the name of a figure; choose from overlay,"),
         (["analyze", "overlay", "x", "--margin=1"], "is an option of evoros analyze regression;"),

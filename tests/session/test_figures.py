@@ -127,6 +127,6 @@ def test_a_wrong_name_is_one_line_before_the_run(
 ) -> None:
     assert tiny(tmp_path / "run", f"figures={names}") == INPUT
     said = capsys.readouterr().err
-    assert "figures: must be a list of subcommands of evoros analyze" in said
+    assert "figures: must be a list of different subcommands of evoros analyze" in said
     assert said.count("\n") == 1
     assert list(tmp_path.iterdir()) == []

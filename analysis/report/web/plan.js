@@ -1,4 +1,4 @@
-// Drawings from above, in metres: x to the right, y up.
+// Top-view drawings, in metres: x to the right, y up.
 
 /** Asks every player and map of the page to draw itself anew, as the screen is another. */
 function fitAll() {
