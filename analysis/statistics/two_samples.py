@@ -54,7 +54,7 @@ class _Ranking(NamedTuple):
     def move(self, quantile: float) -> float:
         """Return the A12 that, as the null hypothesis, gives the statistic ``quantile``."""
         end = float(scipy.special.expit(_logit(self.a12) - quantile * self._logit_error))
-        return round(end, DIGITS - 1)  # precise to the digits of the statistic
+        return round(end, DIGITS - 1)  # rounded like the statistic
 
 
 def brunner_munzel(x: Sample, y: Sample) -> float:

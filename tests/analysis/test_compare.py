@@ -97,7 +97,7 @@ def test_a_champion_is_validated_by_what_the_fitness_makes_of_its_trials(copied:
 @pytest.mark.parametrize(
     ("field", "value", "told"),
     [
-        ("commit", "0123abcd", "by commit 0123abcd"),
+        ("commit", "0123abcd", "used commit 0123abcd"),
         ("dirty", "other", "and changed files"),
         ("packages", {"numpy": "1.2.3"}, "numpy 1.2.3"),
         ("platform", "another machine", ""),  # by which missions do not change
@@ -238,7 +238,7 @@ def test_all_champions_can_be_compared_under_the_same_conditions(
     assert evoros_analyze([*arguments, "--under", "silent"]) == DONE
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "fitness (Eq. 1) under silent is known for 4 of 4 champions"
-    assert said[1].startswith('fitness (Eq. 1) under silent, "silence" against "stuck": too few')
+    assert said[1].startswith('fitness (Eq. 1) under silent, "silence" versus "stuck": too few')
     fresh = pd.read_csv(study / "silent" / "designs.csv")
     means = dict(zip(fresh["source"], fresh["fitness_mean"], strict=True))
     runs = pd.read_csv(tmp_path / "out" / "compare_runs.csv")
@@ -271,7 +271,7 @@ def test_an_evaluation_of_none_of_the_champions_compares_nothing(
     folders = [str(study / "runs"), str(tmp_path / "else"), "--output", str(tmp_path / "out")]
     assert evoros_analyze(["compare", *folders, "--under", "else"]) == INPUT
     err = capsys.readouterr().err
-    assert "--under else: contains no champion of these runs" in err
+    assert "--under else: the evaluation contains no champion of these runs" in err
     assert err.count("\n") == 1
 
 
@@ -351,11 +351,11 @@ def test_each_conclusion_is_one_plain_sentence() -> None:
     said = conclude(compare_treatments(runs_of(FIVE)))[:3]
     high = a12_interval(FIVE["low"], FIVE["high"]).high
     assert said[0] == (
-        'recorded fitness, "low" against "high": "high" is higher: p = 0.024 '
+        'recorded fitness, "low" versus "high": "high" is higher: p = 0.024 '
         f"(permuted Brunner-Munzel test, Holm), A12 = 0.00 [0.00, {high:.2f}] (95 % interval)"
     )
-    assert '"low" against "mid": no significant difference at the 5 % level: p = ' in said[1]
-    assert '"high" against "mid": "high" is higher' in said[2]
+    assert '"low" versus "mid": no significant difference at the 5 % level: p = ' in said[1]
+    assert '"high" versus "mid": "high" is higher' in said[2]
 
 
 def test_too_few_replicates_are_said() -> None:
@@ -476,7 +476,7 @@ def test_no_text_overlaps_another_or_leaves_the_page(
 def test_long_names_get_letters_and_too_few_a_mark() -> None:
     there = [text.get_text() for text in texts(drawn(runs_of(LONG)))]
     assert {"A vs B*", "A vs C*", "B vs C"} <= set(there)
-    assert any("*too few" in text and "needs 5" in text for text in there)
+    assert any("*too few" in text and ": 5 each" in text for text in there)
 
 
 @pytest.mark.slow

@@ -129,7 +129,7 @@ def test_the_page_opens_with_what_is_better_and_how_sure(browser: Chrome, study:
     items = first.find_elements("css selector", "li")
     shown = [str(item.get_property("textContent")) for item in items]
     assert (shown, missing) == (expected, "")
-    assert any("against" in line for line in shown)
+    assert any("versus" in line for line in shown)
     assert (
         sum("median" in line and "may cover the true value less" not in line for line in shown) == 2
     )

@@ -9,13 +9,13 @@ PLUGIN = Plugin(
         "reproduce": Subcommand(
             f"{__name__}.reproduce:reproduce",
             "FOLDER",
-            "run a folder again and compare all bytes",
+            "rerun a folder and compare all bytes",
             ("--output", "--config-dir", "--version"),
         ),
         "archive": Subcommand(
             f"{__name__}.archive:archive",
             "FOLDER ...",
-            "write a study into one file that reproduces it",
+            "write a study, with all it takes to reproduce it, into one file",
             ("--output", "--config-dir", "--license", "--author", "--version"),
         ),
     },

@@ -1,4 +1,4 @@
-"""The subcommand ``archive``: write a study and everything that reproduces it into one file."""
+"""The subcommand ``archive``: write a study, with all it takes to reproduce it, into one file."""
 
 from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
@@ -12,12 +12,12 @@ from evoros.terminal.console import DONE, print_result, reports_errors
 NAME = "evoros archive"
 ABOUT = f"""{NAME} writes finished runs, evaluations and sweeps into one zip file: an RO-Crate.
 
-The file contains their folders, your own parts, the robots, worlds and meshes that they use, the
+The file contains the folders, your own parts, all robots, worlds and meshes that the runs use, the
 versions of all packages, uncommitted changes to evoros, and a README. It contains no log, no path
-of this machine and no value of an environment variable. evoros reproduce FILE runs it again;
-evoros analyze, status, diff and evoros.load_run read it like a folder. Like evoros resume, this
-command builds the experiments and so runs the code of your parts. Exit status: 0 done, 2 unusable
-input, 130 interrupted."""
+of this machine and no value of an environment variable. evoros reproduce FILE reruns the study;
+evoros analyze, status, diff and evoros.load_run read the file like a folder. Like evoros resume,
+this command builds the experiments, which runs the code of your parts. Exit status: 0 done,
+2 invalid input, 130 interrupted."""
 
 
 @reports_errors(NAME)
@@ -30,7 +30,7 @@ def archive(arguments: Sequence[str]) -> int:
     about = "the new file (default: the first folder's name, in the current folder)"
     parser.add_argument("--output", type=expand_home, metavar="FILE.zip", help=about)
     parser.add_argument(
-        "--config-dir", type=expand_home, metavar="DIR", help="folder of your own parts"
+        "--config-dir", type=expand_home, metavar="DIR", help="folder with your own parts"
     )
     about = "SPDX identifier of the study's licence, such as CC-BY-4.0"
     parser.add_argument("--license", metavar="NAME", help=about)

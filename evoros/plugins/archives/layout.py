@@ -21,13 +21,13 @@ _SYSTEM = ("/bin", "/dev", "/etc", "/lib", "/lib64", "/proc", "/run", "/sys", "/
 _COMPILED = ("__pycache__", ".git")
 _ADDRESS = re.compile(r"filename=\"file://([^\"]+)\"")
 _DESCRIBING = ("package.xml", "CMakeLists.txt")
-"""Package files that ROS tools read from every package in the search path."""
+"""Files that ROS tools read from every package on the search path."""
 _BETWEEN = re.compile(r"[=\[\],'\"]")
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Map of full folder paths to paths in the archive."""
+    """A map from full folder paths to paths in the archive."""
 
     places: Mapping[Path, str]
 
@@ -35,8 +35,8 @@ class Layout:
     def around(cls, folders: Iterable[Path], home: Path | None) -> "Layout":
         """Place folders so that relative paths between them stay valid.
 
-        Folders that share only a folder above the user's ``home`` are placed side by side, because
-        paths from there contain the user's name.
+        Folders whose only common parent is above the user's ``home`` are placed side by side,
+        because paths from there contain the user's name.
         """
         given = dict.fromkeys(folders)
         tops = [one for one in given if not any(_is_inside(one, other) for other in given)]
@@ -66,15 +66,17 @@ class Layout:
         above = next(folder for folder in (path, *path.parents) if folder in self.places)
         place = _join(self.places[above], path.relative_to(above))
         if escape(place) != place:
-            raise InputError(f"{path}: must have a UTF-8 name to be archived; rename it")
+            raise InputError(
+                f"{path}: its name cannot be archived, because it is not UTF-8; rename it"
+            )
         return place
 
     def holds(self, path: Path) -> bool:
-        """Return True if a file lies in one of the folders."""
+        """Return True if a file lies inside one of the folders."""
         return any(folder in self.places for folder in path.parents)
 
     def relocation(self, working: str, others: Mapping[str, str]) -> Relocation:
-        """Return ``others`` and the folders' paths relative to the place of a working folder."""
+        """Return ``others`` and the folders' paths relative to a working folder in the archive."""
         named = {str(path): place for path, place in self.places.items() if len(path.parts) > 1}
         inside = {path: os.path.relpath(place, working) for path, place in named.items()}
         return Relocation({**others, **inside})
@@ -100,24 +102,24 @@ def list_places(folders: Sequence[Path]) -> dict[Path, str]:
             place = place_inside(top, folder)
             if place in places.values():
                 raise InputError(
-                    f"{folder}: must have a unique name, but {place} already exists; rename the "
-                    f"folder, or archive the folder above them"
+                    f"{folder}: another folder has the same archive path {place}; rename one of "
+                    f"the two, or archive the folder that contains both"
                 )
             places[folder] = place
     return places
 
 
 def place_inside(top: Path, path: Path) -> str:
-    """Return the archive path of a folder in ``top``, or of ``top`` itself."""
-    name = escape(top.resolve().name).replace("\\", "_")  # archives allow no backslash
+    """Return the archive path of ``top`` or of a folder inside it."""
+    name = escape(top.resolve().name).replace("\\", "_")  # archive paths cannot contain a backslash
     return _join(f"{RUNS}/{name}", path.resolve().relative_to(top.resolve()))
 
 
 def place_named(folder: Path, manifest: Mapping[str, Any], tops: Sequence[Path]) -> dict[str, str]:
-    """Map the full paths of folders that a run or an evaluation may name to archive paths.
+    """Map full paths of folders that a run's or evaluation's files may name to archive paths.
 
-    These are ``tops`` (all folders to archive), the run's sweep, and the sources of an evaluation's
-    designs. Folders outside ``tops`` are reduced to their names.
+    The folders are ``tops`` (all folders to archive), the run's sweep, and the sources of an
+    evaluation's designs. Of folders outside ``tops``, only the name is kept.
     """
     places = {
         str(path): place_inside(top, top)
@@ -132,7 +134,7 @@ def place_named(folder: Path, manifest: Mapping[str, Any], tops: Sequence[Path])
 
 
 def _list_sources(folder: Path, manifest: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the recorded sweep of a run and sources of an evaluation's designs."""
+    """Yield the recorded sweep of a run, or the sources of an evaluation's designs."""
     yield manifest.get(SWEEP) or ""
     if not (folder / DESIGN_FILE).is_file():
         return
@@ -143,7 +145,7 @@ def _list_sources(folder: Path, manifest: Mapping[str, Any]) -> Iterator[str]:
 
 
 def list_parts(folder: Path) -> Iterator[Path]:
-    """Yield the files in a folder of parts, except hidden files, compiled files and results."""
+    """Yield the files in a folder of parts, without hidden files, compiled files and results."""
     for parent, folders, files in os.walk(folder):
         kept = [name for name in folders if not name.startswith(".") and name not in _COMPILED]
         folders[:] = sorted(name for name in kept if not is_run(Path(parent, name)))
@@ -171,7 +173,7 @@ def list_read(reads: Iterable[Path], experiment: Experiment, folder: Path) -> se
 
 
 def find_top(file: Path) -> Path:
-    """Return the folder to move together with a file: its ROS package or its parent folder."""
+    """Return the folder to archive with a file: the file's ROS package or parent folder."""
     return next((p for p in file.parents if (p / _DESCRIBING[0]).is_file()), file.parent)
 
 
@@ -181,8 +183,8 @@ def read_input(path: Path) -> bytes:
         return path.read_bytes()
     except OSError as error:
         raise InputError(
-            f"{path}: must be readable to be archived ({error.strerror}); change its permissions "
-            f"or move it elsewhere"
+            f"{path}: cannot be read to be archived ({error.strerror}); change the file's "
+            f"permissions, or move the file elsewhere"
         ) from error
 
 

@@ -1,4 +1,4 @@
-"""Metadata (RO-Crate, profile Process Run Crate) and README of an archive."""
+"""The metadata (RO-Crate, profile Process Run Crate) and README of an archive."""
 
 import json
 import re
@@ -17,8 +17,8 @@ _LAYOUT = """| place | content |
 |---|---|
 | `runs/` | run and evaluation folders (described in evoros's docs/run_folder.md) |
 | `inputs/` | input files: the user's own parts, robots, worlds and meshes |
-| `software/requirements.txt` | packages in the versions that the runs used |
-| `software/packages.csv` | the same packages, with the SHA-256 of the installed files |
+| `software/requirements.txt` | packages, in the versions that the runs used |
+| `software/packages.csv` | these packages, with the SHA-256 of the installed files |
 | `software/evoros.patch` | uncommitted changes to evoros, if any |
 | `ro-crate-metadata.json` | description of all files, as an RO-Crate |
 | `checksums.sha256` | SHA-256 of all other files, for `sha256sum --check checksums.sha256` |
@@ -63,7 +63,7 @@ Entity = dict[str, Any]
 
 @dataclass(frozen=True)
 class RunFacts:
-    """A run or an evaluation: its place in the archive and its sealed files."""
+    """A run or an evaluation: its path in the archive and its sealed files."""
 
     place: str
     manifest: Mapping[str, Any]
@@ -72,12 +72,12 @@ class RunFacts:
 
 @dataclass(frozen=True)
 class StudyFacts:
-    """Content of an archive, as described in its metadata."""
+    """The content of an archive, as its metadata describes it."""
 
     name: str
     version: str  # version of evoros
     runs: Sequence[RunFacts]
-    files: Mapping[str, int]  # sizes [bytes], without the metadata
+    files: Mapping[str, int]  # sizes [bytes] of all files except the metadata
     licence: str | None  # SPDX identifier
     authors: Sequence[str]
 
@@ -104,7 +104,7 @@ def _describe_root(facts: StudyFacts) -> list[Entity]:
         "@type": "Dataset",
         "name": facts.name,
         "description": f"The study {facts.name}: {len(facts.runs)} runs and evaluations by evoros "
-        f"{facts.version}, with everything that is needed to run them again.",
+        f"{facts.version}, with everything needed to rerun them.",
         "datePublished": max(run.status["updated"] for run in facts.runs),
         "license": {"@id": licence["@id"]},
         "conformsTo": {"@id": PROFILE},
@@ -166,7 +166,7 @@ def _describe_run(run: RunFacts, facts: StudyFacts) -> list[Entity]:
 
 
 def _refer(names: Sequence[str]) -> Any:
-    """Return references to files; a single one is not a list, as usual in RO-Crates."""
+    """Return references to files: a list, or a single reference, as is usual in RO-Crates."""
     parts = [{"@id": quote(name, safe="#/")} for name in names]
     return parts[0] if len(parts) == 1 else parts
 
@@ -197,7 +197,7 @@ def _describe_file(name: str, facts: StudyFacts) -> Entity:
 
 
 def check_licence(identifier: str | None) -> None:
-    """Require an SPDX identifier."""
+    """Require that a licence, if given, is an SPDX identifier."""
     if identifier is not None and not _IDENTIFIER.fullmatch(identifier):
         raise InputError(
             f"--license: must be an SPDX identifier such as CC-BY-4.0, not {identifier!r}; choose "
@@ -224,20 +224,20 @@ def _describe_licence(identifier: str | None) -> dict[str, Any]:
 def write_readme(
     facts: StudyFacts, code: RecordedCode, archive: str, own_parts: str | None
 ) -> bytes:
-    """Return the content of ``README.md`` for an archive of this name."""
+    """Return the content of ``README.md`` for an archive with this file name."""
     rows = [
         f"| `{run.place.removeprefix(f'{RUNS}/')}` | {_describe(run.manifest, run.status)} |"
         for run in facts.runs
     ]
     parts = f"\nOnly `evoros reproduce` runs the code in `{own_parts}/`.\n" if own_parts else ""
     lines = [
-        f"# {facts.name}\n\nA study by evoros {facts.version}, archived with everything that is "
-        f"needed to run it again.\n\n{_LAYOUT}\n## Runs\n\n| name | content |\n|---|---|\n",
+        f"# {facts.name}\n\nA study by evoros {facts.version}, archived with everything "
+        f"needed to rerun it.\n\n{_LAYOUT}\n## Runs\n\n| name | content |\n|---|---|\n",
         "\n".join(rows),
-        f"\n\n## Code\n\n{_describe_code(code)}\n\n## Run it again\n\n",
+        f"\n\n## Code\n\n{_describe_code(code)}\n\n## Rerun the study\n\n",
         "```bash\npython -m venv again\n"
         f"again/bin/pip install evoros=={facts.version}  # or evoros from its commit\n"
-        "again/bin/pip install -r software/requirements.txt  # unzipped; the same versions\n"
+        "again/bin/pip install -r software/requirements.txt  # from the unzipped archive\n"
         f"again/bin/evoros reproduce {archive} --output reproduced\n```\n\n"
         "The last command compares every byte and reports the first difference. "
         f'`evoros.load_run("{archive}")`, `evoros analyze`, `evoros status` and `evoros diff` read '
@@ -259,7 +259,7 @@ def _describe_code(code: RecordedCode) -> str:
     commits = ", ".join(f"`{commit}`" for commit in code.commits) or "unknown"
     text = f"Commit of evoros: {commits}."
     if code.patch is not None:
-        return f"{text} `software/evoros.patch` has the uncommitted changes."
+        return f"{text} `software/evoros.patch` contains the uncommitted changes."
     if code.changed:
         return f"{text} There were uncommitted changes, which were not recorded."
     return text

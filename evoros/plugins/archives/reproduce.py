@@ -1,4 +1,4 @@
-"""The subcommand ``reproduce``: run a folder again from its record and compare all bytes."""
+"""The subcommand ``reproduce``: rerun a folder from its record and compare all bytes."""
 
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Sequence
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 NAME = "evoros reproduce"
 ABOUT = """Repeats a run, an evaluation or a sweep from its record and compares all bytes.
 
-It prints differing versions and machines, and either that all missions and files agree or the
-first difference. FOLDER stays unchanged. If it is an archive (from evoros archive), NEW gets
-inputs/ and runs/, and the code in inputs/ is run."""
-STATUSES = """exit status: 0 all agree, 1 a difference or a lost mission, 2 it cannot be run again,
+It prints differences between versions and machines, and then either that all missions and files
+agree or the first difference. FOLDER stays unchanged. If FOLDER is an archive (from evoros
+archive), inputs/ and runs/ are created in NEW, and the code in inputs/ is run."""
+STATUSES = """exit status: 0 all agree, 1 a difference or a lost mission, 2 FOLDER cannot be rerun,
 130 interrupted. Read docs/run_folder.md before you run the code in somebody else's folder."""
 
 
@@ -98,14 +98,14 @@ def _parser() -> ArgumentParser:
         "folder", metavar="FOLDER", help="a run, an evaluation, a sweep or an archive"
     )
     parser.add_argument(
-        "overrides", nargs="*", metavar="executor.KEY=VALUE", help="another executor"
+        "overrides", nargs="*", metavar="executor.KEY=VALUE", help="settings of the executor"
     )
     parser.add_argument(
         "--output",
         metavar="NEW",
         default=f"outputs/{datetime.now():%Y-%m-%d_%H-%M-%S}_reproduced",
-        help="folder of the new run; an interrupted one is continued (default: outputs/DATE...)",
+        help="folder of the new run; an interrupted run is continued (default: outputs/DATE...)",
     )
-    parser.add_argument("--config-dir", metavar="DIR", help="folder of your own parts")
+    parser.add_argument("--config-dir", metavar="DIR", help="folder with your own parts")
     parser.add_argument("--version", action="version", version=f"{NAME} {read_origin().version}")
     return parser

@@ -1,4 +1,4 @@
-"""Reproduction of archives, which runs the code in them."""
+"""Reproduction of archives, which runs the code that they contain."""
 
 from collections.abc import Iterator
 from contextlib import chdir, contextmanager
@@ -19,14 +19,14 @@ from evoros.terminal.log import warn_left_out
 
 @dataclass(frozen=True)
 class Prepared:
-    """Recorded runs and the folder in which they are run again."""
+    """Recorded runs, and the folder in which to rerun them."""
 
     source: Path
     output: Path
     config_dir: Path | None
 
     def relocation(self, folder: Path) -> archives.Relocation:
-        """Return the places of a run's inputs that have moved since it was recorded."""
+        """Return the new paths of a run's inputs that have moved since the run was recorded."""
         return archives.NOWHERE
 
     def compare(self) -> Diff:
@@ -36,17 +36,17 @@ class Prepared:
 
 @dataclass(frozen=True)
 class PreparedArchive(Prepared):
-    """Runs of an archive, with its inputs unpacked in ``base``."""
+    """The runs of an archive, with its inputs unpacked in ``base``."""
 
     base: Path
 
     def relocation(self, folder: Path) -> archives.Relocation:
-        """Return the places of the unpacked inputs."""
+        """Return the paths of the unpacked inputs."""
         working = read_json(folder / MANIFEST)["working_directory"]
         return Layout({self.base / archives.INPUTS: archives.INPUTS}).relocation(working, {})
 
     def compare(self) -> Diff:
-        """Compare the recorded runs with the archived form of the new ones."""
+        """Compare the recorded runs with the new runs in archived form."""
         with TemporaryDirectory(prefix="evoros-") as scratch:
             for source in folders_below(self.source, warn_left_out):
                 inner = source.relative_to(self.source)
@@ -72,10 +72,10 @@ class PreparedArchive(Prepared):
 
 @contextmanager
 def prepare(source: Path, output: Path, config_dir: Path | None) -> Iterator[Prepared]:
-    """Prepare to run a folder or an archive again.
+    """Prepare to rerun a folder or an archive.
 
-    The inputs of an archive are unpacked into ``output``, which is the current folder inside the
-    context, so that the relative paths in the configurations are valid.
+    The inputs of an archive are unpacked into ``output``, which becomes the current folder inside
+    the context, so that relative paths in the configurations are valid.
 
     Raises:
         InputError: the archive is damaged, or ``output`` has different inputs.
@@ -111,12 +111,12 @@ def _require_inside(archive: Path, folder: Path) -> None:
         if path.parts[0] != archives.INPUTS or ".." in path.parts:
             raise InputError(
                 f"{archive}: {folder.name}/{MANIFEST}: {key} must be a path in {archives.INPUTS}/, "
-                f"not {str(path)!r:.80}; archive the run again"
+                f"not {str(path)!r:.80}; archive the runs again"
             )
 
 
 def _unpack_inputs(archive: Path, base: Path) -> None:
-    """Unpack the inputs unless an interrupted reproduction has done so."""
+    """Unpack the inputs, unless an interrupted reproduction has already done so."""
     base.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(prefix=f".{base.name}.", dir=base.parent) as scratch:
         archives.unpack(archive, lambda name: name.startswith(f"{archives.INPUTS}/"), Path(scratch))

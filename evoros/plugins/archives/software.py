@@ -1,4 +1,4 @@
-"""Software of an archive: packages, and the code, licence and citation of evoros."""
+"""The software in an archive: packages, and the code, licence and citation of evoros."""
 
 import csv
 import io
@@ -15,21 +15,21 @@ from evoros.files.resources import PACKAGE
 from evoros.storage.circumstances import OWN, normalize
 
 _OF_INSTALLER = ("INSTALLER", "REQUESTED", "RECORD", "direct_url.json")
-"""Files that describe the installation and not the package."""
+"""Files that describe the installation rather than the package."""
 FOLDER = "software"
 
 
 @dataclass(frozen=True)
 class RecordedCode:
-    """The commits of evoros with which some runs were made, and their changes."""
+    """The commits of evoros that made some runs, and any uncommitted changes."""
 
     commits: Sequence[str]  # unique
     changed: bool  # True if any run had uncommitted changes
-    patch: bytes | None  # uncommitted changes; None if unknown or if there are none
+    patch: bytes | None  # the uncommitted changes; None if there are none or they are unknown
 
 
 def read_code(manifests: Sequence[Mapping[str, Any]]) -> RecordedCode:
-    """Return the code of runs; the patch is known only in a checkout of their single commit."""
+    """Return the code of runs; the patch is known only in a checkout of the runs' only commit."""
     known = (manifest.get("commit") for manifest in manifests)
     commits = list(dict.fromkeys(commit for commit in known if commit))
     changed = any(manifest.get("dirty") for manifest in manifests)
@@ -40,7 +40,7 @@ def read_code(manifests: Sequence[Mapping[str, Any]]) -> RecordedCode:
 def list_software(
     code: RecordedCode, manifests: Sequence[Mapping[str, Any]]
 ) -> Iterator[tuple[str, bytes]]:
-    """Yield the name and the content of each file that describes the software."""
+    """Yield the name and content of each file that describes the software."""
     versions = _list_versions(manifests)
     required = "".join(f"{name}=={version}\n" for name, version in versions.items())
     yield f"{FOLDER}/requirements.txt", required.encode()
@@ -54,7 +54,7 @@ def list_software(
 
 
 def _read_own(name: str) -> bytes | None:
-    """Read a file from the top of evoros's checkout or the metadata of its wheel."""
+    """Read a file from the root of evoros's checkout or from the metadata of its wheel."""
     places = [PACKAGE.parent / name, PACKAGE / name]
     if not (PACKAGE.parent / "pyproject.toml").is_file():
         places = [PACKAGE / name]
@@ -67,9 +67,9 @@ def _read_own(name: str) -> bytes | None:
 
 
 def _list_versions(manifests: Iterable[Mapping[str, Any]]) -> dict[str, str]:
-    """Return the versions of all packages of runs and of the packages that these require.
+    """Return the versions of the runs' packages and of all packages that these require.
 
-    If versions differ between runs, the first run counts.
+    If versions differ between runs, the first run's version counts.
     """
     versions: dict[str, str] = {}
     for manifest in manifests:
@@ -89,9 +89,9 @@ def _list_versions(manifests: Iterable[Mapping[str, Any]]) -> dict[str, str]:
 
 
 def _write_hashes(versions: Mapping[str, str]) -> bytes:
-    """Return a CSV table with a hash for each package that is installed in the given version.
+    """Return a CSV table of packages, with hashes of those installed in the given version.
 
-    The hash is the SHA-256 of pip's recorded file names and file hashes.
+    A hash is the SHA-256 of the file names and file hashes that pip recorded.
     """
     table = io.StringIO()
     rows = [(name, version, _hash(name, version)) for name, version in versions.items()]

@@ -1,4 +1,4 @@
-"""Writing of archives: runs, their inputs, the software, metadata and a README."""
+"""Write archives: runs, their inputs, the software, metadata and a README."""
 
 import os
 import re
@@ -41,7 +41,7 @@ from evoros.storage.layout import CONFIG, CONFIG_DIR, MANIFEST, STATUS, TRAJECTO
 from evoros.storage.portable import PortableRun
 
 _SHORTEST = 8
-"""Shorter values of variables may be ordinary words [characters]."""
+"""Length below which names and values of variables may be ordinary words."""
 LOCAL = "localhost"
 README = "README.md"
 
@@ -54,7 +54,7 @@ def is_telling(host: str) -> bool:
 class Secrets:
     """Strings that must not occur in an archive, with descriptions.
 
-    ``harmless`` lists values of variables that archives contain anyway, such as a commit.
+    ``harmless`` lists values that archives contain anyway, such as a commit.
     """
 
     def __init__(
@@ -92,14 +92,14 @@ class Secrets:
             return
         kind = self._texts[os.fsdecode(match[0])]
         line = content.count(b"\n", 0, match.start()) + 1
-        fix = "remove it, or unset the variable if it is not secret"
+        fix = "remove the value, or unset the variable if the value is not secret"
         if "variable" not in kind:
-            fix = "write a relative path, or remove it"
-        raise InputError(f"{name}: line {line}: must not contain {kind} to be archived; {fix}")
+            fix = "make the path relative, or remove it"
+        raise InputError(f"{name}: line {line} contains {kind}, which must not be archived; {fix}")
 
 
 def _match(text: str) -> bytes:
-    """Return the pattern of a string; a path matches only as a whole name."""
+    """Return the pattern for a string; a path matches only if its name ends there."""
     pattern = re.escape(os.fsencode(text))
     return rb"(?<![\w.-])" + pattern + rb"(?![\w-])" if os.path.isabs(text) else pattern
 
@@ -120,20 +120,20 @@ class _Source:
     """A rebuilt run or evaluation, and the user's files that it read."""
 
     folder: Path
-    place: str  # place in the archive
+    place: str  # path in the archive
     manifest: Mapping[str, Any]
     experiment: Experiment
     reads: frozenset[Path]
-    named: Mapping[str, str]  # places of folders that it may name, by full path
+    named: Mapping[str, str]  # archive paths of folders that its files may name, by full path
 
     @property
     def working(self) -> Path:
-        """The folder in which the run was started, or the current one if that is missing here."""
+        """The folder in which the run was started, or the current folder if that does not exist."""
         return self.origin if self.origin.is_dir() else Path.cwd()
 
     @property
     def origin(self) -> Path:
-        """The folder in which the run was started, on any machine."""
+        """The folder in which the run was started, perhaps on another machine."""
         return Path(self.manifest["working_directory"])
 
 
@@ -141,13 +141,13 @@ def write_archive(request: Request) -> int:
     """Build all experiments, write the archive and return the number of files in it.
 
     Raises:
-        InputError: a folder has no finished run, an input of a run has changed, a file contains
-            a secret or a path of this machine, or the archive cannot be written.
+        InputError: a folder has no finished run, an input of a run has changed, a file contains a
+            secret or a path of this machine, or the archive cannot be written.
     """
     metadata.check_licence(request.licence)
     if request.output.exists():
         raise InputError(
-            f"--output {request.output}: must not exist yet; delete it, or choose another file"
+            f"--output {request.output}: already exists; delete the file, or choose another"
         )
     sources = [
         _build(folder, place, request) for folder, place in list_places(request.folders).items()
@@ -167,7 +167,7 @@ def _build(folder: Path, place: str, request: Request) -> _Source:
     manifest = read_sealed(folder, MANIFEST)
     if manifest.get(CONFIG_DIR) and request.config_dir is None:
         raise InputError(
-            f"{folder}: was made with your own parts, which the archive needs; add "
+            f"{folder}: was made with your own parts, which must be archived, too; add "
             f"{shell_line('--config-dir', str(manifest[CONFIG_DIR]))}"
         )
     with collect_reads() as reads:
@@ -189,7 +189,7 @@ def _find_inputs(sources: Sequence[_Source], own: Path | None) -> tuple[list[Pat
 
 
 def _list_files(sources: Sequence[_Source], request: Request) -> Iterator[tuple[str, bytes]]:
-    """Yield the name and the content of each file of the archive except the checksums."""
+    """Yield the name and content of each file in the archive except the checksums."""
     own = None if request.config_dir is None else request.config_dir.resolve()
     inputs, layout = _find_inputs(sources, own)
     sizes: dict[str, int] = {}
@@ -221,7 +221,7 @@ def _list_content(
 ) -> Iterator[tuple[str, bytes]]:
     for path in inputs:
         place, content = layout.place(path), read_input(path)
-        if path.suffix == ".yaml":  # names files as typed; the runs have copies
+        if path.suffix == ".yaml":  # its paths are as typed; the runs hold copies
             content = _relocation(sources[0], layout).relocate_bytes(content)
         yield place, content
     for source in sources:
@@ -240,7 +240,7 @@ def _list_content(
 
 
 def _list_figures(folders: Sequence[Path]) -> Iterator[tuple[str, bytes]]:
-    """Yield the figures of whole sweeps, which lie next to their runs."""
+    """Yield the figures of whole sweeps, which lie next to the runs."""
     for top in folders:
         for file in sorted((top / "figures").glob("[!.]*")):
             if not archives.is_run(top) and file.is_file() and not file.is_symlink():
@@ -275,7 +275,7 @@ def _secrets(sources: Sequence[_Source], request: Request) -> Secrets:
 def _write(
     output: Path, files: Iterator[tuple[str, bytes]], folders: Sequence[str], secrets: Secrets
 ) -> int:
-    """Write the files and then their checksums; a failure leaves no file."""
+    """Write the files, then their checksums; if this fails, no file is left behind."""
     digests: dict[str, str] = {}
     total = 0
     output.parent.mkdir(parents=True, exist_ok=True)

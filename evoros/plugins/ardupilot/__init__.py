@@ -1,4 +1,4 @@
-"""A real ArduPilot Rover, simulated in lock-step, as the controller."""
+"""The ArduPilot Rover firmware as the controller, in lock-step with the mission."""
 
 from evoros.files.plugins import Plugin
 

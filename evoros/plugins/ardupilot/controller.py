@@ -1,7 +1,7 @@
-"""A real ArduPilot Rover as the controller, simulated (SITL) in lock-step with the mission.
+"""The ArduPilot Rover firmware as the controller (SITL), in lock-step with the mission.
 
 As in the 2018 paper on Evo-ROS, the autopilot drives the route in mode AUTO. While an avoidance
-layer sees an obstacle, that layer drives in mode MANUAL, replacing the radio.
+layer sees an obstacle, that layer drives in mode MANUAL in place of the radio.
 """
 
 import math
@@ -27,17 +27,17 @@ from evoros.plugins.ardupilot.mavlink import RELEASED, GroundStation, accept, di
 from evoros.plugins.ardupilot.sitl import NO_PULSE, SitlFrames, share_core
 
 HOME = (42.0, -83.0)
-"""Latitude and longitude [deg] of the origin of the world, whose x axis points north."""
-METRES_PER_DEGREE = 111318.84502145034  # ArduPilot's scale of latitude
+"""Latitude and longitude [deg] of the world's origin; the x axis points north."""
+METRES_PER_DEGREE = 111318.84502145034  # ArduPilot's value along a meridian
 MANUAL, AUTO = 0, 10
 CENTRE_US, SPAN_US = 1500, 500
 STEERING_SERVO, THROTTLE_SERVO = 0, 2
 AVOIDING, NAVIGATING = 1, 2
 BEYOND_M = 1.0
-"""Added to the range of a silent sonar in reports, because ArduPilot would keep an old value."""
+"""Distance beyond its range [m] that a silent sonar reports; ArduPilot would keep an old value."""
 ASKED_AT_ONCE, ANSWER_S = 5, 2.0
-"""Number of parameters requested together, and time limit of the answers [simulated s]; ArduPilot
-answers five requests, ten times a second."""
+"""Number of parameters requested together, and time limit [simulated s] for the answers; ten times
+a second, ArduPilot answers up to five requests."""
 
 
 class ArduPilotPilot:
@@ -56,7 +56,7 @@ class ArduPilotPilot:
         self._full_speed, self._full_lock = drive.max_speed_mps, drive.steering_limit
         finders = ardupilot_parameters.list_range_finders(robot)
         self._nothing_seen = [float(sensor.range_max_m) for _, sensor in finders]
-        # The index of each range finder's reading, and the value that means silence.
+        # The index of each range finder's reading, and the range to report if there is no reading.
         self._finders = [
             (robot.layout[mount].start, limit + BEYOND_M)
             for (mount, _), limit in zip(finders, self._nothing_seen, strict=True)
@@ -79,11 +79,11 @@ class ArduPilotPilot:
         self._avoiding = False
 
     def warm_up(self) -> None:
-        """Bring the autopilot into AUTO, at rest at home, with nothing in sight.
+        """Bring the autopilot into AUTO mode, at rest at home, with nothing in sight.
 
         Raises:
-            InputError: the autopilot does not arm, or refuses its route or a parameter.
-            PilotLost: the autopilot ended, or did not answer in time.
+            InputError: the autopilot does not arm, or rejects its route or a parameter.
+            PilotLost: the autopilot exited, or did not answer in time.
         """
         station, settings = self._station, self._settings
         self._frames.connect(settings.start_limit_s)
@@ -102,11 +102,11 @@ class ArduPilotPilot:
     def exchange(
         self, time: float, state: Array, leg: Array, readings: Array, command: Array
     ) -> int:
-        """Send messages while the autopilot waits, send the state, and read its servo outputs."""
+        """Send messages while the autopilot waits, send the state, and read the servo outputs."""
         if self._tick % self._second == 0:
             self._station.send_heartbeat()
         if self._tick % self._avoid_every == 0:
-            self._station.read(time)  # only the avoidance depends on the answers
+            self._station.read(time)  # only the avoidance layer depends on the answers
             self._avoid(time, state, leg, readings)
         self._tick += 1
         x, y, yaw, speed, rate, _ = state.tolist()
@@ -123,7 +123,7 @@ class ArduPilotPilot:
         return AVOIDING if self._avoiding else NAVIGATING
 
     def _avoid(self, time: float, state: Array, leg: Array, readings: Array) -> None:
-        """Let the avoidance layer take or release the radio."""
+        """Let the avoidance layer take over or release the radio."""
         station, wish = self._station, self._wish
         avoiding = bool(self._rule(state, leg, readings, time, wish))
         if avoiding != self._avoiding or not station.has_set_mode():
@@ -157,7 +157,7 @@ class ArduPilotPilot:
     def _wait(
         self, what: str, is_done: Callable[[], bool], ask: Callable[[], None] | None = None
     ) -> None:
-        """Rest until ``is_done``; send a heartbeat and ``ask`` once a simulated second."""
+        """Rest until ``is_done``, with a heartbeat and a call of ``ask`` every simulated second."""
         for frame in range(math.ceil(self._settings.warm_up_s / self.period_s)):
             if frame % self._second == 0:
                 self._station.send_heartbeat()
@@ -171,17 +171,17 @@ class ArduPilotPilot:
     def _refused(self, what: str) -> InputError:
         texts = "; ".join(self._station.texts) or "nothing"
         return InputError(
-            f"{self._process.name} did not {what}; its last messages: {texts}; check its "
+            f"{self._process.name} did not {what}; its last messages: {texts}; check the "
             f"binary and controller.parameters"
         )
 
     def _check_parameters(self) -> None:
-        """Require that the autopilot knows the given parameters, because it ignores unknown ones.
+        """Require that the autopilot knows the given parameters; it would ignore unknown ones.
 
         The check ends if the autopilot answers no request at all.
 
         Raises:
-            InputError: the autopilot knows other parameters, but not this one.
+            InputError: the autopilot does not know one of the parameters.
         """
         station, names = self._station, list(self._settings.parameters)
         for first in range(0, len(names), ASKED_AT_ONCE):
@@ -216,16 +216,16 @@ def _to_width(demand: float) -> int:
 
 PARAMETERS_FILE = "evoros.parm"
 SOCKETS = {"servos": "udp", "mavlink": "tcp", "radio": "port"}
-START_TIME = 1_500_000_000  # [s], arbitrary start of the autopilot's clock
-NO_LIMIT = 1000  # maximum pace relative to the wall clock, never reached
+START_TIME = 1_500_000_000  # arbitrary start of the autopilot's clock [s]
+NO_LIMIT = 1000  # maximum speed relative to real time, never reached
 
 
 @dataclass(frozen=True, kw_only=True)
 class ArduPilot(ardupilot_parameters.ArduPilotSettings):
-    """Starts ``binary``, an ardurover built for simulation, for each mission.
+    """A controller that starts ``binary``, an ardurover built for simulation, for each mission.
 
-    The autopilot has its route, is armed and in mode AUTO before the mission begins. README.md
-    describes its inputs and outputs.
+    Before the mission starts, the autopilot has its route, is armed, and is in mode AUTO. README.md
+    describes the inputs and outputs.
     """
 
     @property
@@ -235,7 +235,7 @@ class ArduPilot(ardupilot_parameters.ArduPilotSettings):
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The binary."""
+        """The path of the binary."""
         return (self.binary,)
 
     @property
@@ -245,7 +245,7 @@ class ArduPilot(ardupilot_parameters.ArduPilotSettings):
 
     @property
     def version(self) -> str:
-        """The version in the binary, for example ``ArduRover V4.5.7 (1a2b3c4d)``."""
+        """The version string in the binary, for example ``ArduRover V4.5.7 (1a2b3c4d)``."""
         try:
             content = Path(self.binary).read_bytes()
         except OSError:
@@ -255,12 +255,12 @@ class ArduPilot(ardupilot_parameters.ArduPilotSettings):
 
     @contextmanager
     def launch(self, briefing: Briefing) -> Iterator[Pilot]:
-        """Start the autopilot for one mission, and bring it into AUTO.
+        """Start the autopilot for one mission, and bring it into AUTO mode.
 
         Raises:
             LaunchError: the autopilot cannot be started.
-            InputError: the autopilot does not arm, or refuses its route or a parameter.
-            PilotLost: the autopilot ended, or did not answer in time.
+            InputError: the autopilot does not arm, or rejects its route or a parameter.
+            PilotLost: the autopilot exited, or did not answer in time.
         """
         dialect()
         parameters = ardupilot_parameters.derive_parameters(briefing, self.parameters) | dict(

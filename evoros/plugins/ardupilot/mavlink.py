@@ -1,4 +1,4 @@
-"""MAVLink to an autopilot: modes, arming, route and radio."""
+"""A MAVLink connection to an autopilot: modes, arming, route and radio."""
 
 import select
 import socket
@@ -14,7 +14,7 @@ from evoros.bridge.process import OutsideProcess
 
 AUTOPILOT = (1, 1)
 GROUND_STATION = (255, 190)
-"""System and component; ArduPilot accepts radio channels only from this system."""
+"""System and component ids; ArduPilot accepts radio overrides only from this system."""
 ARMED = 128
 RELEASED, UNCHANGED = 0, 65535
 STEERING_CHANNEL, THROTTLE_CHANNEL = 1, 3
@@ -36,10 +36,10 @@ def dialect() -> Any:
 
 
 def accept(process: OutsideProcess, listening: socket.socket, limit_s: float) -> socket.socket:
-    """Accept the connection of the process.
+    """Accept the connection from the process.
 
     Raises:
-        PilotLost: the process ended, or did not connect in time.
+        PilotLost: the process exited, or did not connect in time.
     """
     waiting: list[socket.socket | OutsideProcess] = [listening, process]
     ready, _, _ = select.select(waiting, [], [], limit_s)
@@ -52,24 +52,25 @@ def accept(process: OutsideProcess, listening: socket.socket, limit_s: float) ->
 
 
 class GroundStation:
-    """The ground station of the autopilot. Only one thread may use it.
+    """The autopilot's ground station, for use by one thread only.
 
-    Messages are exchanged while the autopilot waits for a state, so each belongs to a fixed frame.
+    Messages are exchanged while the autopilot waits for a state, so each message belongs to a
+    definite frame.
     """
 
     def __init__(self, process: OutsideProcess, connection: socket.socket) -> None:
         self._process, self._connection = process, connection
         self._dialect = dialect()
         self._mavlink = self._dialect.MAVLink(self, *GROUND_STATION)
-        self._mavlink.robust_parsing = True  # skips bytes between messages
+        self._mavlink.robust_parsing = True  # so that bytes between messages are skipped
         self._route: Sequence[tuple[float, float]] = ()
-        self.mode: int | None = None  # mode in the last heartbeat
+        self.mode: int | None = None  # custom mode in the last heartbeat
         self.armed = False
         self.texts: deque[str] = deque(maxlen=LAST_TEXTS)
-        self.ready = False  # True once the autopilot reports its start
-        self.results: dict[int, int] = {}  # last answer by command; 0: accepted
+        self.ready = False  # True once the autopilot has reported that it is ready
+        self.results: dict[int, int] = {}  # last result by command; 0 means accepted
         self.parameters: dict[str, float] = {}  # reported values by name
-        self.route_result: int | None = None  # 0: route accepted
+        self.route_result: int | None = None  # 0 means that the route was accepted
 
     def write(self, data: bytes) -> None:
         """Send bytes, for pymavlink."""
@@ -77,7 +78,7 @@ class GroundStation:
             self._connection.sendall(data)
 
     def read(self, time: float | None) -> None:
-        """Read the autopilot's messages; ``time`` is the mission time [s], if it has begun.
+        """Read the autopilot's messages; ``time`` is the mission time [s], None before the mission.
 
         Raises:
             PilotLost: the autopilot has closed the connection.
@@ -116,16 +117,16 @@ class GroundStation:
         self._mavlink.heartbeat_send(kind, autopilot, 0, 0, 0)
 
     def stop_streams(self) -> None:
-        """Stop periodic messages, which would halve the simulation's speed."""
+        """Stop periodic messages, which would halve the simulation speed."""
         everything = self._dialect.MAV_DATA_STREAM_ALL
         self._mavlink.request_data_stream_send(*AUTOPILOT, everything, 0, 0)
 
     def ask_parameter(self, name: str) -> None:
-        """Request a parameter; an answer appears in ``parameters``."""
+        """Request a parameter; the answer appears in ``parameters``."""
         self._mavlink.param_request_read_send(*AUTOPILOT, name.encode(), -1)
 
     def send_route(self, route: Sequence[tuple[float, float]]) -> None:
-        """Offer a route of latitudes and longitudes [deg], starting with home."""
+        """Send a route of latitudes and longitudes [deg], starting with home."""
         self._route, self.route_result = route, None
         self._mavlink.mission_count_send(*AUTOPILOT, len(route), 0)
 
@@ -144,7 +145,7 @@ class GroundStation:
         self._command(self._dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1)
 
     def has_armed(self) -> bool:
-        """Return True if the autopilot has accepted arming."""
+        """Return True if the autopilot has accepted the request to arm."""
         return self.results.get(self._dialect.MAV_CMD_COMPONENT_ARM_DISARM) == 0
 
     def set_mode(self, mode: int) -> None:

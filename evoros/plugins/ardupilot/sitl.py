@@ -1,10 +1,10 @@
-"""The JSON backend of ArduPilot's simulation (SITL), which exchanges servo outputs and states.
+"""The JSON interface of ArduPilot's simulation (SITL), which exchanges servo outputs and states.
 
-One exchange over UDP is a frame. SITL sends the widths of its servo pulses and waits for the next
-state, which sets its clock. After a long wait it repeats the frame.
+A frame is one exchange over UDP. SITL sends its servo pulse widths and waits for the next state,
+which also sets its clock. After a long wait, SITL sends the frame again.
 
-Only one side works at a time. On two cores, every hand-over wakes an idle core, which takes longer
-than the work of a frame, above all on virtual machines. So both sides share a core.
+Only one side works at a time. On two cores, every hand-over would wake an idle core, which takes
+longer than the work of a frame, above all on virtual machines. Therefore, both sides share a core.
 """
 
 import math
@@ -24,26 +24,26 @@ from evoros.bridge.process import OutsideProcess
 GRAVITY = 9.80665
 NO_PULSE = 0
 MIN_WIDTH_US, MAX_WIDTH_US = 800, 2200
-"""Limits of a servo's pulse width, which ArduPilot's parameters cannot exceed."""
+"""Limits of a servo's pulse width, which no ArduPilot parameter can exceed."""
 LAYOUTS = {
     size.size: (size, magic)
     for size, magic in ((struct.Struct("<HHI16H"), 18458), (struct.Struct("<HHI32H"), 29569))
 }
-"""Layout (magic, rate [Hz], frame, widths [us]) and magic of a packet, by its length."""
+"""Layout (magic, rate [Hz], frame, widths [us]) and magic number of a packet, by its length."""
 WIDTHS = 3
-"""Index of the first width in a packet."""
+"""Index of the first pulse width in a packet."""
 LONGEST = 4096
 LOOK_US = 50_000
-"""Interval [us] at which a wait for a packet checks that the process still runs."""
+"""Interval [us] between checks, while waiting for a packet, that the process still runs."""
 
 
 class SitlFrames:
-    """The frames of one SITL process. Only one thread may use it."""
+    """The frames of one SITL process, for use by one thread only."""
 
     def __init__(
         self, process: OutsideProcess, udp: socket.socket, ahead_m: float, range_finders: int
     ) -> None:
-        """Use a bound socket; states describe the point ``ahead_m`` ahead of the rear axle."""
+        """Use a bound socket; states are of the point ``ahead_m`` in front of the rear axle."""
         self._process, self._udp, self._ahead = process, udp, ahead_m
         self._ranges = [f"rng_{i}" for i in range(1, range_finders + 1)]
         udp.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", 0, LOOK_US))
@@ -53,10 +53,10 @@ class SitlFrames:
     def receive(self, limit_s: float, time: float | None) -> tuple[int, ...]:
         """Wait for the next frame and return the widths of its servo pulses [us].
 
-        ``time`` is the mission time [s], if it has begun.
+        ``time`` is the mission time [s], None before the mission.
 
         Raises:
-            PilotLost: the process ended, or sent no new frame within the wall-clock time.
+            PilotLost: the process exited, or sent no new frame within the wall-clock limit.
             SimulationError: a packet is not a frame.
         """
         until = 0.0
@@ -83,7 +83,7 @@ class SitlFrames:
                 return values[WIDTHS:]
 
     def connect(self, limit_s: float) -> None:
-        """Wait for the first frame, and connect the socket to its sender."""
+        """Wait for the first frame, and connect the socket to the frame's sender."""
         until = monotonic() + limit_s
         while True:
             try:
@@ -118,7 +118,7 @@ class SitlFrames:
         if self._speed == self._speed:
             gain, turn = (speed - self._speed) / step, (rate - self._yaw_rate) / step
         self._speed, self._yaw_rate = speed, rate
-        aside = rate * ahead  # lateral velocity of the point ahead of the axle
+        aside = rate * ahead  # lateral velocity of the point in front of the axle
         forward, left = gain - rate * aside, rate * speed + turn * ahead
         north, west = speed * cos - aside * sin, speed * sin + aside * cos
         state = {
@@ -129,13 +129,13 @@ class SitlFrames:
             "velocity": (north, -west, 0.0),
             **dict(zip(self._ranges, ranges, strict=True)),
         }
-        try:  # ArduPilot's parser requires line ends on both sides and no spaces
+        try:  # ArduPilot's parser needs a newline on both sides, and no spaces
             self._udp.send(b"\n%b\n" % orjson.dumps(state))
         except ConnectionRefusedError:
             return  # ``receive`` reports the missing process
 
     def check_widths(self, widths: Sequence[int], time: float) -> None:
-        """Require widths [us] that a servo can follow, or no pulse.
+        """Require that each width [us] is one that a servo can follow, or no pulse.
 
         Raises:
             SimulationError: a width is out of range.
@@ -153,16 +153,17 @@ class SitlFrames:
 
 
 CLAIM = "\0evoros core {}"
-"""An abstract Linux address, without a file, which the system releases with the socket."""
+"""An abstract Linux address, which needs no file and is released with the socket."""
 PROCESSOR = 36
-"""Index of the core in /proc/.../stat, after the name in parentheses."""
+"""Index of the core in /proc/.../stat, counted after the name in parentheses."""
 
 
 @contextmanager
 def share_core(*, wanted: bool = True) -> Iterator[None]:
-    """Pin this thread and the processes that it starts to a core that no other mission has.
+    """Pin this thread, and the processes that it starts, to a core that no other mission uses.
 
-    Nothing changes if it is not ``wanted``, if every core is taken, or if the system forbids it.
+    Nothing changes if pinning is not ``wanted``, all cores are taken, or the system forbids
+    pinning.
     """
     allowed = os.sched_getaffinity(0) if wanted and hasattr(os, "sched_getaffinity") else set()
     claim = _claim_core(allowed)
@@ -176,12 +177,12 @@ def share_core(*, wanted: bool = True) -> Iterator[None]:
         try:
             yield
         finally:
-            with suppress(OSError):  # a core may have gone offline
+            with suppress(OSError):  # the core may have gone offline
                 os.sched_setaffinity(0, allowed)
 
 
 def _claim_core(allowed: set[int]) -> tuple[int, socket.socket] | None:
-    """Claim a core, preferably the present one, because the system spreads busy processes."""
+    """Claim a core, preferably the current one, because the system spreads busy processes."""
     present = _find_core() if len(allowed) > 1 else None
     if present is None:
         return None
@@ -189,7 +190,7 @@ def _claim_core(allowed: set[int]) -> tuple[int, socket.socket] | None:
         claim = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
             claim.bind(CLAIM.format(core))
-        except OSError:  # another mission holds this core
+        except OSError:  # another mission has claimed this core
             claim.close()
             continue
         return core, claim

@@ -1,9 +1,9 @@
-"""Worlds drawn like BARN's: a cylinder field from a cellular automaton, with a path through it.
+"""Worlds generated like BARN's: cylinder fields from a cellular automaton, with a path through.
 
-Procedure, numbers and places follow Perille, Truong, Xiao and Stone,
+The procedure, constants and positions follow Perille, Truong, Xiao and Stone,
 "Benchmarking Metric Ground Navigation", 2020 (arXiv 2008.13315), and their generator
 (github.com/dperille/jackal-map-creation). The row index of the grid increases across the field (x),
-the column index along the path through it (y).
+and the column index along the path through the field (y).
 """
 
 import hashlib
@@ -38,20 +38,20 @@ Point = tuple[float, float]
 Cell = tuple[int, int]  # row and column
 
 SIDE = 30
-"""The number of rows and of columns."""
+"""Number of rows and number of columns."""
 CELL_M = 0.15
 FIRST_X_M, FIRST_Y_M = -4.425, 5.175
-"""The centre of the first cell."""
+"""Position of the centre of the first cell [m]."""
 REACH = 2
 """Number of free cells that a robot needs on each side of its centre's cell."""
-_BIRTH, _SURVIVAL = 5, 2  # neighbours that fill a cell, and that keep it filled
+_BIRTH, _SURVIVAL = 5, 2  # numbers of neighbours that fill a cell, and that keep a cell filled
 _STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
 
 
 def draw_grids(count: int, fill: float, smoothings: int, rng: Generator) -> Cells:
     """Draw grids (count, rows, columns) by a cellular automaton.
 
-    A random share of the cells and both outer rows are filled, then the grids are smoothed.
+    A random share of the cells and both outer rows are filled; then the grids are smoothed.
     """
     cells: Cells = rng.random((count, SIDE, SIDE)) < fill
     cells[:, [0, -1]] = True
@@ -62,7 +62,7 @@ def draw_grids(count: int, fill: float, smoothings: int, rng: Generator) -> Cell
 
 
 def _count_neighbours(cells: Cells) -> NDArray[np.int8]:
-    """Count the filled neighbours among eight; cells beyond the outer rows count as filled."""
+    """Count the filled cells among eight neighbours; those beyond the outer rows are filled."""
     framed = np.pad(cells.astype(np.int8), ((0, 0), (0, 0), (1, 1)))
     framed = np.pad(framed, ((0, 0), (1, 1), (0, 0)), constant_values=1)
     lines: NDArray[np.int8] = framed[:, :-2] + framed[:, 1:-1] + framed[:, 2:]
@@ -71,12 +71,12 @@ def _count_neighbours(cells: Cells) -> NDArray[np.int8]:
 
 
 def find_free(cells: Cells) -> Cells:
-    """Return the cells where a robot's centre can be: no cell within ``REACH`` is filled."""
+    """Return the cells where a robot's centre can be, with no filled cell within ``REACH``."""
     return ~widen(cells, REACH)
 
 
 def has_corridor(free: Cells) -> bool:
-    """Return True if the largest free regions at the first and the last column are the same."""
+    """Return True if one region is the largest free region at both the first and last column."""
     if not free.any(axis=0).all():
         return False
     regions = label_regions(free)
@@ -85,7 +85,7 @@ def has_corridor(free: Cells) -> bool:
 
 
 def _largest(regions: NDArray[np.int64], column: int) -> int:
-    """Return the number of the largest region with a cell in a column; 0: there is none."""
+    """Return the number of the largest region with a cell in a column; 0 if there is none."""
     sizes = np.bincount(regions.ravel())
     present = [number for number in dict.fromkeys(regions[:, column].tolist()) if number]
     return max(present, key=lambda number: int(sizes[number]), default=0)
@@ -99,9 +99,9 @@ def locate(row: float, column: float) -> Point:
 def find_shortest(free: Cells, start: Point, goal: Point) -> list[Point]:
     """Find the shortest path (points [m]) across the grid, from ``start`` to ``goal`` beyond it.
 
-    The path leads straight to a free cell of the first column, then from cell to free neighbour,
-    but not diagonally between two blocked cells, and straight on from the last column. The result
-    is empty if there is no path.
+    The path leads straight to a free cell in the first column, then from each cell to a free
+    neighbour, but not diagonally between two blocked cells, and straight to ``goal`` from the last
+    column. The result is empty if there is no path.
     """
     lengths: dict[Cell, float] = {}
     before: dict[Cell, Cell | None] = {}
@@ -149,14 +149,14 @@ def measure_way(way: list[Point]) -> float:
 
 PATHS = "path_files"
 _PATH_ORIGIN_M = (-4.575, 5.075)
-"""Position of the cell (0, 0) of a path file, as in the challenge's run.py."""
+"""Position of cell (0, 0) in a path file, as in the challenge's run.py."""
 WORLD_NAME = "barn"
 RADIUS_M, HEIGHT_M = 0.075, 1.0
 """Size of each cylinder."""
 WALL_COLUMNS = 34
-"""Length in cells of the walls on both sides of the start, before the first column."""
+"""Length, in cells, of the walls on both sides of the start, before the first column."""
 BATCH, MAX_BATCHES = 32, 2000
-"""Number of grids drawn at once, and maximum number of draws until a grid has a corridor."""
+"""Number of grids drawn at once, and maximum number of such batches without a corridor."""
 
 
 @dataclass(frozen=True)
@@ -164,8 +164,8 @@ BATCH, MAX_BATCHES = 32, 2000
 class BarnField:
     """A distribution of BARN worlds.
 
-    Each world has a random pair of ``fill`` and ``smoothings``; grids without a corridor are
-    redrawn. ``seed`` and the key of the random draws determine the world.
+    Each world is drawn with a random pair of ``fill`` and ``smoothings``; grids without a corridor
+    are redrawn. ``seed`` and the key of the random draws determine the world.
     """
 
     course: Annotated[Course, A_COURSE]
@@ -180,14 +180,14 @@ class BarnField:
             values = tuple(getattr(self, name))
             if not values or not all(map(rule.holds, values)):
                 raise invalid(self, name, list(values), f"must be a list, each {rule.text}")
-            object.__setattr__(self, name, values)  # a key of a cache
+            object.__setattr__(self, name, values)  # hashable, as a cache key
 
     def draw_world(self, draws: str) -> World:
         """Draw the world for a key of random draws; recent worlds are cached."""
         return _draw_world(self, draws)
 
     def draw_grid(self, draws: str) -> Cells:
-        """Draw the cells that have a cylinder.
+        """Draw the cells that contain a cylinder.
 
         Raises:
             InputError: no grid has a corridor.
@@ -201,7 +201,7 @@ class BarnField:
                 if has_corridor(free):
                     return np.asarray(grids[index], dtype=np.bool_)
         rule = f"must leave a corridor, but {MAX_BATCHES * BATCH} grids of {fill:g} have none"
-        raise invalid(self, "fill", list(self.fill), rule, "lower it")
+        raise invalid(self, "fill", list(self.fill), rule, "lower this share")
 
     def measure_shortest(self, cells: Cells) -> float:
         """Return the length [m] of the shortest path from home to the last waypoint."""
@@ -216,7 +216,7 @@ def generate_barn(
     seed: int = 0,
     renew: bool = True,
 ) -> World:
-    """Draw a world like BARN's; with ``renew``, each mission gets a different one.
+    """Draw a world like BARN's; with ``renew``, each mission gets a different world.
 
     Raises:
         InputError: a value is out of range.
@@ -227,7 +227,7 @@ def generate_barn(
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def _draw_world(field: BarnField, draws: str) -> World:
-    # Reading the world back from its SDF would give an equal world in three times the time.
+    # Reading the world back from SDF would give the same world, but take three times as long.
     cells = field.draw_grid(draws)
     note = note_draws(field, draws)
     return World(
@@ -242,9 +242,9 @@ def _draw_world(field: BarnField, draws: str) -> World:
 
 
 def build_cylinders(cells: Cells) -> Iterator[Body]:
-    """Yield the cylinders of the walls around the start, and of filled cells at the surface.
+    """Yield the cylinders of the walls around the start, and of exposed filled cells.
 
-    The walls enclose the start except on the side of the field.
+    The walls enclose the start, except on the side towards the field.
     """
     near = np.lib.stride_tricks.sliding_window_view(np.pad(cells, 1), (3, 3)).all(axis=(2, 3))
     walls = [(row, -WALL_COLUMNS) for row in range(SIDE)]
@@ -258,7 +258,7 @@ def build_cylinders(cells: Cells) -> Iterator[Body]:
 
 
 def read_grid(bodies: Sequence[Body]) -> Cells:
-    """Return the cells in which bodies stand; bodies outside the grid are ignored."""
+    """Return the cells that contain bodies; bodies outside the grid are ignored."""
     cells = np.zeros((SIDE, SIDE), dtype=np.bool_)
     x, y = locate(0, 0)
     for body in bodies:
@@ -271,23 +271,23 @@ def read_grid(bodies: Sequence[Body]) -> Cells:
 
 @dataclass(frozen=True)
 class BarnFiles:
-    """The files of a folder, in the order of their numbers: trial N uses file N."""
+    """A folder's world files, sorted by number: trial N uses file N."""
 
     files: Annotated[tuple[str, ...], sequence_of(str, "paths")]
     course: Annotated[Course, A_COURSE]
 
     def draw_world(self, draws: str) -> World:
-        """Load the world of the trial number that ends ``draws``; file 0 without a number."""
+        """Load the world of the trial whose number ends ``draws``; without a number, file 0."""
         trial = draws.rpartition("/")[2]
         number = int(trial) if trial.isdecimal() else 0
         return _load_file(self.files[number % len(self.files)], self.course)
 
 
 def load_barn(folder: str, course: Course) -> World:
-    """Load the worlds ``world_N.world`` of a folder: trial N uses world N.
+    """Load the worlds ``world_N.world`` in a folder; trial N uses world N.
 
-    The shortest path is read from ``path_files/path_N.npy``, measured as in the challenge; without
-    this file it is computed as for drawn worlds.
+    The shortest path is read from ``path_files/path_N.npy`` and measured as in the challenge; if
+    this file is missing, the path is computed as for drawn worlds.
 
     Raises:
         InputError: the folder has no such file, or a file cannot be used.
@@ -300,8 +300,9 @@ def load_barn(folder: str, course: Course) -> World:
     }
     if not found:
         raise InputError(
-            f"{folder}: files world_N.world not found; clone "
-            f"https://github.com/Daffan/the-barn-challenge, and name its jackal_helper/worlds/BARN"
+            f"{folder}: no files world_N.world were found; clone "
+            f"https://github.com/Daffan/the-barn-challenge, and give its folder "
+            f"jackal_helper/worlds/BARN"
         )
     files = tuple(str(found[number].resolve()) for number in sorted(found))
     digest = hashlib.sha256()
@@ -324,7 +325,7 @@ def _load_file(file: str, course: Course) -> World:
     path = _name_path(Path(file))
     shortest = _measure_path(path, course) if path.is_file() else _plan(world)
     if not shortest:
-        raise InputError(f"{file}: no path leads across its grid; remove it")
+        raise InputError(f"{file}: no path leads across the grid; remove the file")
     return replace(world, name="barn_files", shortest_m=shortest)
 
 
@@ -334,11 +335,11 @@ def _plan(world: World) -> float:
 
 
 def _measure_path(path: Path, course: Course) -> float:
-    """Return the length [m] of the path in a file, from home to the last waypoint."""
+    """Return the length [m] of a path file's path, from home to the last waypoint."""
     try:
         cells = np.load(path, allow_pickle=False)
         points = np.asarray(cells, dtype=np.float64).reshape(-1, 2) * CELL_M + _PATH_ORIGIN_M
     except (OSError, ValueError, TypeError) as error:
-        raise InputError(f"{path}: is not an array of cells ({error}); remove it") from None
+        raise InputError(f"{path}: is not an array of cells ({error}); remove the file") from None
     way = [course.home[:2], *points.tolist(), course.waypoints[-1]]
     return math.fsum(math.dist(a, b) for a, b in pairwise(way))

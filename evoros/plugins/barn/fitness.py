@@ -12,17 +12,18 @@ from evoros.mission.mission import Outcome
 from evoros.world.model import World
 
 SHORTEST, LONGEST = 2.0, 8.0
-"""Limits to which a mission's time is clipped, as multiples of the optimal time."""
+"""Limits to which mission times are clipped, as multiples of the optimal time."""
 
 
 @dataclass(frozen=True)
 @checked
 class Barn(AdditiveFitness):
-    """Mean over the worlds of ``optimal time / time``, clipped, and 0 without success.
+    """The mean over the worlds of ``optimal time / time``, clipped; 0 for incomplete missions.
 
-    The optimal time is the length of the shortest path over ``speed_mps``. Times are clipped to 2
-    to 8 optimal times, so that a success scores from 0.125 to 0.5. ``way_weight`` times the covered
-    share of the path (1 if completed) is added to guide a search, as few random designs succeed.
+    The optimal time is the length of the shortest path divided by ``speed_mps``. Times are clipped
+    to between 2 and 8 optimal times, so that a completed mission scores from 0.125 to 0.5. To guide
+    a search while few designs succeed, ``way_weight`` times the share of the path covered (1 if
+    completed) is added.
     """
 
     speed_mps: Annotated[float, POSITIVE] = 2.0
@@ -30,11 +31,11 @@ class Barn(AdditiveFitness):
 
     @property
     def title(self) -> str:
-        """The name in figures, which states whether the path counts."""
-        return "BARN score and way" if self.way_weight > 0 else "BARN score"
+        """The name in figures, which says whether the path counts."""
+        return "BARN score and path" if self.way_weight > 0 else "BARN score"
 
     def bounds(self, worlds: int) -> tuple[float, float]:
-        """Return the minimum and maximum for any number of worlds."""
+        """Return the minimum and maximum score, for any number of worlds."""
         return 0.0, 1.0 / SHORTEST + self.way_weight
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
@@ -42,21 +43,21 @@ class Barn(AdditiveFitness):
         return math.fsum(self.score_missions(outcomes)) / len(outcomes)
 
     def score_missions(self, outcomes: Sequence[Outcome]) -> list[float]:
-        """Return the challenge's score of each mission plus the weighted share of the path."""
+        """Return each mission's score in the challenge, plus the weighted share of the path."""
         return [
             score_mission(outcome, self.speed_mps) + self.way_weight * share_way(outcome)
             for outcome in outcomes
         ]
 
     def worst(self, outcomes: Sequence[Outcome]) -> float:
-        """Return 0, the score of a mission that gets nowhere."""
+        """Return 0, the score of a robot that gets nowhere."""
         return 0.0
 
     def check_worlds(self, worlds: Mapping[str, World]) -> None:
-        """Require that all worlds state the length of their shortest path.
+        """Require that all worlds have the length of a shortest path.
 
         Raises:
-            InputError: a world does not.
+            InputError: a world has none.
         """
         for name, world in worlds.items():
             if world.shortest_m is None:
@@ -67,7 +68,7 @@ class Barn(AdditiveFitness):
 
 
 def score_mission(outcome: Outcome, speed_mps: float = 2.0) -> float:
-    """Return the challenge's score of a mission, 0 or 0.125 to 0.5."""
+    """Return a mission's score in the challenge: 0, or from 0.125 to 0.5."""
     if not outcome.completed or outcome.shortest_m is None:
         return 0.0
     optimal = outcome.shortest_m / speed_mps
@@ -75,7 +76,7 @@ def score_mission(outcome: Outcome, speed_mps: float = 2.0) -> float:
 
 
 def share_way(outcome: Outcome) -> float:
-    """Return the share, 0..1, of the shortest path by which a robot approached its goal."""
+    """Return the share (0 to 1) of the shortest path by which a robot has approached its goal."""
     if outcome.completed:
         return 1.0
     if outcome.shortest_m is None or not outcome.least_waypoint_distances_m:

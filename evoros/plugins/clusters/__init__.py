@@ -2,4 +2,4 @@
 
 from evoros.files.plugins import Plugin
 
-PLUGIN = Plugin(__name__, "missions on the machines of a dask cluster", extras=("dask",))
+PLUGIN = Plugin(__name__, "missions on the machines of a Dask cluster", extras=("dask",))

@@ -1,9 +1,9 @@
-"""Companion process of a cluster worker; its child processes run the worker's calls.
+"""The companion process of a cluster worker, whose child processes run the worker's calls.
 
-It has one thread and one child process for each thread of the worker. A call that crashes or hangs
-costs only that child process and is retried on the spot, as in ``Processes``. dask's nanny
-(distributed 2026.8.0) restarts the whole worker instead, so that a call on its second thread was
-run twice.
+The companion has one thread and one child process for each thread of the worker. A call that
+crashes or hangs costs only its child process and is retried on the spot, as in ``Processes``.
+Dask's nanny (distributed 2026.8.0) would instead restart the whole worker, so that a call on
+another thread would run twice.
 """
 
 import importlib.machinery
@@ -30,7 +30,7 @@ from evoros.executor.worker_handle import Limits, Worker
 from evoros.executor.worker_main import end_with
 
 MAX_BYTES = 64 * 2**20
-"""Maximum size of all modules; a larger folder holds something other than code."""
+"""Maximum total size of the modules; a larger folder contains more than code."""
 _OURS = ("evoros", "__main__")
 _NEVER = ("__pycache__",)
 _EPOCH = (1980, 1, 1, 0, 0, 0)
@@ -39,12 +39,12 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)
 class UserModules:
     """Modules that this process has imported from the user's folders, and their neighbours.
 
-    Their files are read once, so that a run keeps the code that it began with.
+    Files are read only once, so that a run keeps the code that it started with.
     """
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._known = 0  # number of all imported modules when the archive was made
+        self._known = 0  # number of imported modules when the archive was made
         self._files: dict[str, bytes] = {}  # keyed by name in the archive
         self._folders: list[Path] = []
         self._archive: Shared | None = None
@@ -53,7 +53,7 @@ class UserModules:
         """Return the archive of all modules imported so far, or None if there are none.
 
         Raises:
-            InputError: the modules are too large or unreadable.
+            InputError: the modules are too large, or a file cannot be read.
         """
         with self._lock:
             if len(sys.modules) != self._known:
@@ -75,13 +75,13 @@ class UserModules:
                 self._files[name] = file.read_bytes()
             except OSError as error:
                 raise InputError(
-                    f"{file}: must be readable to be sent to workers ({error.strerror}); "
-                    f"change its permissions or move it out of {folder}"
+                    f"{file}: cannot be read to be sent to workers ({error.strerror}); "
+                    f"change the file's permissions, or move the file out of {folder}"
                 ) from error
             if sum(map(len, self._files.values())) > MAX_BYTES:
                 raise InputError(
-                    f"{folder}: the modules sent to workers must have at most "
-                    f"{MAX_BYTES >> 20} MiB, and {file} exceeds that; move your modules into a "
+                    f"{folder}: the modules sent to workers exceed "
+                    f"{MAX_BYTES >> 20} MiB with {file}; move your modules into a "
                     f"separate folder"
                 )
 
@@ -101,7 +101,7 @@ def unpack_modules(archive: bytes, folder: Path) -> list[str]:
 
 
 def _list_files() -> Iterator[tuple[Path, Path]]:
-    """Yield each file to send, after the folder of ``sys.path`` that it is imported from."""
+    """Yield pairs of a folder on ``sys.path`` and a file to send that is imported from there."""
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
         top = name.partition(".")[0]
@@ -113,7 +113,7 @@ def _list_files() -> Iterator[tuple[Path, Path]]:
             place = folder / name.replace(".", "/")
             if source not in (place.with_suffix(".py"), place / "__init__.py"):
                 continue
-            if source == place.with_suffix(".py"):  # the module may import its neighbours later
+            if source == place.with_suffix(".py"):  # it may import its neighbours later
                 near = (path for path in folder.glob("*.py") if path.is_file())
                 yield from ((folder, p) for p in near if p.stem not in sys.stdlib_module_names)
             if (folder / top).is_dir():
@@ -146,7 +146,7 @@ CLOSED_POOLS = 16
 
 @dataclass(frozen=True)
 class Request:
-    """A call as sent to a cluster worker, with the shared contents that the worker lacks."""
+    """A call as sent to a cluster worker, with any shared contents that the worker lacks."""
 
     pool: str
     limits: Limits
@@ -159,14 +159,14 @@ class Request:
 
 @dataclass(frozen=True)
 class Stop:
-    """Request to end all calls of a pool and their processes."""
+    """A request to end all calls of a pool, and the calls' processes."""
 
     pool: str
 
 
 @dataclass
 class _Slot:
-    """The process of one thread; it serves one pool and one version of the user's modules."""
+    """One thread's process, which serves one pool and one version of the user's modules."""
 
     key: tuple[str, bytes | None]
     worker: Worker
@@ -175,14 +175,14 @@ class _Slot:
 
     def end(self) -> None:
         """End the process and any call in it."""
-        with suppress(Exception):  # another thread may have set it
+        with suppress(Exception):  # another thread may have done so
             self.closing.set_result(None)
         with self.busy:
             self.worker.stop()
 
 
 class Companion:
-    """Runs the calls of all threads of a worker, and unpacks modules into ``folder``."""
+    """A server that runs the calls of a worker's threads, and unpacks modules into ``folder``."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -190,10 +190,10 @@ class Companion:
         self._lock = threading.Lock()
         self._slots: dict[int, _Slot] = {}  # keyed by thread
         self._closed: list[str] = []
-        self._unpacked: dict[bytes, list[str]] = {}  # folders keyed by the archive's digest
+        self._unpacked: dict[bytes, list[str]] = {}  # folders by the archive's digest
 
     def serve(self, connection: Connection) -> None:
-        """Answer the messages of a worker's thread until it ends."""
+        """Answer the messages of one worker thread until the thread ends."""
         with suppress(EOFError), connection:
             while True:
                 message: Request | Stop = connection.recv()
@@ -218,7 +218,7 @@ class Companion:
                 return request.limits.attempt(call, slot.worker)
         except MissingError:
             return Answer(MISSING)
-        except (CancelledError, OSError) as error:  # an OSError: modules cannot be unpacked
+        except (CancelledError, OSError) as error:  # OSError: cannot unpack modules
             return Answer(RAISED, pickle.dumps(error))
 
     def _stop(self, pool: str) -> None:
@@ -258,9 +258,10 @@ class Companion:
 
 
 def main(control: int, folder: str) -> None:
-    """Serve the worker's threads, whose sockets arrive through the socket ``control``.
+    """Serve the worker's threads, whose sockets are received through the socket ``control``.
 
-    Only the worker holds the other end of standard input, a pipe. This process leads a group.
+    Standard input is a pipe, of which only the worker holds the other end. This process leads a
+    process group.
     """
     end_with(sys.stdin.fileno())
     companion = Companion(Path(folder))

@@ -1,4 +1,4 @@
-"""Executor that runs calls in the workers of a dask cluster."""
+"""An executor that runs calls in the workers of a Dask cluster."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
@@ -13,7 +13,7 @@ from evoros.executor.worker_handle import Limits, null_or_whole
 from evoros.plugins.clusters.remote import RemotePool
 
 _ADDRESS = Rule(
-    "the address of a dask scheduler, such as tcp://host:8786, the path of its scheduler file "
+    "the address of a Dask scheduler, such as tcp://host:8786, the path of its scheduler file "
     "(.json), or null",
     lambda v: v is None or (isinstance(v, str) and ("://" in v or v.endswith(".json"))),
 )
@@ -22,35 +22,36 @@ _ADDRESS = Rule(
 @dataclass(frozen=True)
 @checked
 class Dask(Limits, Executor):
-    """Runs calls in the workers of the dask cluster at ``address`` or of a local one.
+    """An executor that runs calls in workers of the Dask cluster at ``address``, or a local one.
 
-    Each thread of a dask worker has one process for calls, so that a call that crashes or hangs
-    costs only that process, as with ``Processes``. Calls of a lost worker run on another one. A
-    call that loses more workers than dask's setting ``distributed.scheduler.allowed-failures`` is
-    retried while no other call is suspected, and given up if it loses as many again. Workers may
-    join and leave at any time.
+    Each thread of a Dask worker has one process for calls, so that a call that crashes or hangs
+    costs only that process, as with ``Processes``. Calls of a lost worker run on another worker. A
+    call that loses more workers than Dask's setting ``distributed.scheduler.allowed-failures`` is
+    retried while no other call is suspected, and is given up if it loses as many again. Workers
+    may join and leave at any time.
 
-    Workers with another Python, evoros, numpy, numba or arithmetic than here get no calls.
+    Workers whose Python, evoros, numpy, numba or arithmetic differs from this process's get no
+    calls.
     """
 
     address: Annotated[str | None, _ADDRESS] = None
-    workers: Annotated[int | None, null_or_whole(0)] = None  # number in a local cluster
+    workers: Annotated[int | None, null_or_whole(0)] = None  # number of workers in a local cluster
 
     def __post_init__(self) -> None:
         if self.address is not None and self.workers:
             raise InputError(
-                f"executor.workers: must be null with executor.address, because that cluster has "
-                f"its own workers, not {self.workers}; remove one of the two keys"
+                f"executor.workers: must be null, not {self.workers}, if executor.address is set, "
+                f"because that cluster has its own workers; remove one of the two keys"
             )
 
     @contextmanager
     def open(self) -> Iterator[Pool]:
-        """Connect to the scheduler or start a local cluster.
+        """Connect to the scheduler, or start a local cluster.
 
-        Leaving the context ends all calls and the local cluster.
+        Leaving the context ends all calls and any local cluster.
 
         Raises:
-            InputError: dask is not installed.
+            InputError: Dask is not installed.
             RunStopped: no scheduler answers at the address.
         """
         with require_extra("dask", "executor=dask"):

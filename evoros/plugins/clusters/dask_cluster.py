@@ -1,4 +1,4 @@
-"""Connections to dask clusters, and local clusters."""
+"""Connections to Dask clusters, and local clusters."""
 
 import json
 import logging
@@ -18,7 +18,7 @@ from evoros.executor.worker_main import end_with_main_process
 from evoros.plugins.clusters.dask_transport import CONNECT_S, DaskTransport
 
 LOCAL_SETTINGS = {
-    "distributed.scheduler.worker-ttl": "60s",  # a stopped worker is replaced
+    "distributed.scheduler.worker-ttl": "60s",  # replaces a stopped worker
     "distributed.worker.memory.terminate": False,  # calls run in separate processes
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.spill": False,
@@ -28,7 +28,7 @@ LOCAL_SETTINGS = {
 
 @contextmanager
 def silence() -> Iterator[None]:
-    """Keep dask's messages off the terminal; evoros reports errors in one line."""
+    """Keep Dask's messages off the terminal; evoros reports each error on one line."""
     names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
     levels = {logging.getLogger(name): logging.getLogger(name).level for name in names}
     for logger in levels:
@@ -44,7 +44,7 @@ def silence() -> Iterator[None]:
 
 @contextmanager
 def start_cluster(workers: int) -> Iterator[str]:
-    """Start a cluster of worker processes on this machine; yield its scheduler's address."""
+    """Start a cluster of worker processes on this machine; yield the scheduler's address."""
     with (
         tempfile.TemporaryDirectory(prefix="evoros-dask-") as folder,
         dask.config.set(LOCAL_SETTINGS),
@@ -75,7 +75,7 @@ def _read_address(address: str) -> str:
         except (OSError, ValueError, KeyError, TypeError) as error:  # missing or incomplete
             if monotonic() > end:
                 raise RunStopped(
-                    f"executor.address: {address} must be a scheduler file "
+                    f"executor.address: {address} is not a scheduler file "
                     f"({single_line(error)}); start a scheduler: "
                     f"{shell_line('dask', 'scheduler', '--scheduler-file', address)}"
                 ) from error
@@ -96,8 +96,8 @@ def connect(address: str) -> Iterator[DaskTransport]:
         )
     except (OSError, TimeoutError, ValueError, ImportError) as error:
         raise RunStopped(
-            f"executor.address: no dask scheduler answers at {address} ({single_line(error)}); "
-            f"start one there (dask scheduler) or set executor.address to a running one"
+            f"executor.address: no Dask scheduler answers at {address} ({single_line(error)}); "
+            f"start one there (dask scheduler), or set executor.address to a running scheduler"
         ) from error
     transport = DaskTransport(client, address)
     try:

@@ -1,4 +1,4 @@
-"""Transport of calls by dask.distributed."""
+"""A transport that sends calls through dask.distributed."""
 
 import asyncio
 from collections.abc import Callable, Coroutine
@@ -34,7 +34,7 @@ class Sending:
     stranded: bool = False
 
     async def attempt(self, client: Any) -> RawAnswer:
-        """Submit the call and wait for its answer."""
+        """Submit the call and wait for the answer."""
         task = client.submit(
             answer,
             self.wanted,
@@ -54,22 +54,22 @@ class Sending:
 
 
 CONNECT_S = 10.0
-"""Time limit of a scheduler's first answer [s]."""
+"""Time limit for a scheduler's first answer [s]."""
 ANSWER_S = 60.0
-"""Time limit of later answers [s], longer because the scheduler may be busy."""
+"""Time limit for later answers [s], longer because the scheduler may be busy."""
 LOOK_S = 0.5
-"""Interval between queries for the workers [s]."""
+"""Interval between queries for the list of workers [s]."""
 ALONE_S = 10.0
-"""Time after which calls without any worker are reported [s]."""
+"""Time after which calls that wait without any worker are reported [s]."""
 
 
 def _ignore(loop: object, context: dict[str, Any]) -> None:
-    """Log errors of dask's coroutines that nothing awaits after calls were cancelled."""
+    """Log errors of Dask coroutines that nobody awaits after calls have been cancelled."""
     LOGGER.debug("dask: %s", context.get("exception") or context.get("message"))
 
 
 class DaskTransport:
-    """Transport that sends each call as one task."""
+    """A transport that sends each call as one Dask task."""
 
     def __init__(self, client: Any, address: str) -> None:
         self._client, self._address = client, address
@@ -84,7 +84,7 @@ class DaskTransport:
         self._watcher = Thread(target=self._watch, daemon=True)
 
     def start(self) -> None:
-        """List the workers, and begin to track changes.
+        """List the workers, and start to track changes.
 
         Raises:
             RunStopped: the scheduler does not answer.
@@ -96,7 +96,7 @@ class DaskTransport:
 
     @property
     def workers(self) -> int:
-        """Number of threads of all suitable workers."""
+        """The number of threads of all suitable workers."""
         return sum(n for address, n in self._threads.items() if address not in self._excluded)
 
     def send(
@@ -120,10 +120,10 @@ class DaskTransport:
         with self._lock:
             if node not in self._excluded:
                 self._excluded.add(node)
-                LOGGER.warning("the dask worker %s gets no missions: %s", node, reason)
+                LOGGER.warning("the Dask worker %s gets no missions: %s", node, reason)
         if not self.workers:
             raise RunStopped(
-                f"executor: no worker of the dask scheduler at {self._address} fits; {node}: "
+                f"executor: no worker of the Dask scheduler at {self._address} fits; {node}: "
                 f"{reason}"
             )
 
@@ -133,7 +133,7 @@ class DaskTransport:
             self.run_everywhere(node.stop, pool)
 
     def run_everywhere(self, function: Any, *args: Any) -> None:
-        """Call a function in all workers, even busy ones; ignore workers that do not answer."""
+        """Call a function in all workers, even busy ones, ignoring workers that do not answer."""
         call = self._client.run(function, *args, on_error="ignore", asynchronous=True)
         with suppress(Exception):
             self._await(call, CONNECT_S)
@@ -160,7 +160,7 @@ class DaskTransport:
             raise
         except Exception as error:  # ``answer`` raises nothing, so its import failed
             raise RunStopped(
-                f"executor: the dask scheduler at {self._address} or one of its workers cannot run "
+                f"executor: the Dask scheduler at {self._address} or one of its workers cannot run "
                 f"evoros ({single_line(error)}); install the same packages there "
                 f"(pip install 'evoros[dask]')"
             ) from error
@@ -168,10 +168,10 @@ class DaskTransport:
             self._out.discard(sending)
 
     async def _try_twice(self, sending: Sending) -> RawAnswer:
-        """Try a call until it has lost too many workers, then once more as the only suspect.
+        """Try a call until it has lost too many workers, then again as the only suspect.
 
-        dask blames the loss of a worker on all of its calls, including innocent ones that ran or
-        waited there. These pass when they are retried one by one.
+        Dask blames all calls on a worker for its loss, including innocent calls that ran or waited
+        there. Innocent calls succeed when they are retried one by one.
 
         Raises:
             WorkerLost: the call lost too many workers again.
@@ -182,16 +182,16 @@ class DaskTransport:
             try:
                 return await self._persist(sending)
             except KilledWorker as error:
-                times = error.allowed_failures + 1  # a lower bound, because dask misses some
+                times = error.allowed_failures + 1  # a lower bound, because Dask misses some
                 raise WorkerLost(
-                    f"{sending.name}: lost because at least {2 * times} dask workers ended while "
+                    f"{sending.name}: lost, because at least {2 * times} Dask workers exited while "
                     f"running it, {times} of them while no other call was suspected; read the "
-                    f"output of {error.last_worker.address}, and give workers more memory if it "
-                    f"ran out"
+                    f"output of {error.last_worker.address}, and give the workers more memory if "
+                    f"it ran out"
                 ) from error
 
     async def _persist(self, sending: Sending) -> RawAnswer:
-        """Submit a call, and submit it again whenever all workers it was sent to have left."""
+        """Submit a call, and submit it again if all workers that it was sent to have left."""
         while True:
             if self._lost is not None:
                 raise self._lost
@@ -203,15 +203,15 @@ class DaskTransport:
                 sending.stranded, sending.nodes = False, None
 
     def _watch(self) -> None:
-        """Track the workers, and report calls that wait for one."""
+        """Track the workers, and report calls that wait because there are none."""
         alone_s = 0.0
         while self._lost is None and not self._closing.wait(LOOK_S):
             self._look()
             before, alone_s = alone_s, alone_s + LOOK_S if self._out and not self.workers else 0.0
             if before < ALONE_S <= alone_s:
                 LOGGER.warning(
-                    "executor: no worker for missions has joined the dask scheduler at %s; waiting "
-                    "for one (dask worker %s)",
+                    "executor: no worker for missions has joined the Dask scheduler at %s; waiting "
+                    "for one (start it with: dask worker %s)",
                     self._address,
                     self._address,
                 )
@@ -228,10 +228,10 @@ class DaskTransport:
         self._in_loop(self._free_stranded)
 
     def _free_stranded(self) -> None:
-        """Resubmit calls if all workers they were sent to have left.
+        """Resubmit calls if all workers that they were sent to have left.
 
-        A scheduler that had no workers at all would hold such a call for the old ones, although
-        the call allows others.
+        A scheduler that has had no workers for a time would hold such a call for the old workers,
+        although the call allows others.
         """
         for sending in self._out:
             if sending.nodes and self._threads.keys().isdisjoint(sending.nodes):
@@ -245,13 +245,14 @@ class DaskTransport:
         return asyncio.run_coroutine_threadsafe(limited(), self._loop).result(limit_s + CONNECT_S)
 
     def _lose(self, reason: str) -> None:
-        """End all calls and refuse new ones."""
+        """End all calls and reject new ones."""
         with self._lock:
             if self._lost is not None:
                 return
             self._lost = RunStopped(
-                f"executor: the dask scheduler at {self._address} ended or cannot be reached any "
-                f"more ({reason}); restart it and its workers, or choose another executor"
+                f"executor: the Dask scheduler at {self._address} exited or can no longer be "
+                f"reached ({reason}); restart the scheduler and its workers, or choose another "
+                f"executor"
             )
         self._cancel_all()
 
@@ -263,5 +264,5 @@ class DaskTransport:
         self._in_loop(cancel)
 
     def _in_loop(self, function: Callable[[], None]) -> None:
-        with suppress(RuntimeError):  # the loop is closed, so that nothing waits
+        with suppress(RuntimeError):  # the loop is closed, so nothing waits
             self._loop.call_soon_threadsafe(function)

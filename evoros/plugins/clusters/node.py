@@ -1,7 +1,7 @@
-"""Code that runs inside a cluster worker, and the environment that all workers must share.
+"""Code that runs inside a cluster worker, and the environment that all workers must have.
 
-multiprocessing allows a dask worker no children, because the nanny made it a daemon. It would also
-import the worker's main module, a dask command, in each of them. Therefore, calls run in children
+A Dask worker cannot have multiprocessing children, because the nanny started it as a daemon, and
+each child would import the worker's main module, a Dask command. Therefore, calls run in children
 of the program ``companion``.
 """
 
@@ -32,11 +32,11 @@ from evoros.files.resources import PACKAGE
 from evoros.plugins.clusters.companion import Stop
 
 ENGINES = ("mujoco-core", "pybullet")
-"""Packages that only some runs need; installed versions must be equal."""
+"""Packages that only some runs need; if installed on both sides, the versions must be equal."""
 ARITHMETIC = "arithmetic"
 LIBRARY = "C library"
 SAMPLES = 256
-"""Number of points at which evoros's functions are compared."""
+"""Number of points at which evoros's elementary functions are compared."""
 UNARY = (
     *(elementary.sin, elementary.cos, elementary.tan, elementary.atan, elementary.tanh),
     *(elementary.exp, elementary.expm1, elementary.sinh, elementary.cosh),
@@ -45,15 +45,15 @@ UNARY = (
 _INVERSE = (elementary.asin, elementary.acos)  # compared on [0, 1]
 BINARY = (elementary.atan2, elementary.hypot, elementary.power)
 _DEVIATES = 10_000
-"""Sample size; one normal deviate in 4000 and one exponential in 2200 are from the tail."""
+"""Sample size, since one normal deviate in 4000 and one exponential in 2200 is from the tail."""
 _LIBRARY_SAMPLES = 20_000
-"""Number of points for the C library, more because few values differ between processors."""
+"""Number of points for the C library, larger because few values differ between processors."""
 REFUSED = -1
-"""Kind of an answer that lists why this worker does not fit."""
+"""Kind of an answer that says why this worker is not suitable."""
 ATTEMPTS = 2
-"""Number of attempts at a call if its companion is killed."""
+"""Number of attempts at a call if the companion is killed."""
 END_S = 1.0
-"""Time limit from the end of a companion's connections to its own end [s]."""
+"""Time limit [s] from the end of a companion's connections to the end of its process."""
 SCRIPT = (
     "import sys; sys.path[:] = {path!r}; from evoros.plugins.clusters.companion import main; "
     "main({control}, {folder!r})"
@@ -63,10 +63,9 @@ SCRIPT = (
 def answer(wanted: Mapping[str, str], request: bytes) -> tuple[int, bytes, bool]:
     """Run the pickled ``Request``.
 
-    Return kind and content of an answer, and True if the C library equals the main process's.
-
-    Arguments and results have built-in types, and the request is not unpickled in a different
-    environment, so that this works with any version of evoros.
+    Return the kind and content of the answer, and True if the C library is the same as the main
+    process's. Arguments and results have built-in types, and the request is not unpickled in a
+    different environment, so this works with any version of evoros.
     """
     differences = list_differences(wanted)
     if differences:
@@ -75,12 +74,12 @@ def answer(wanted: Mapping[str, str], request: bytes) -> tuple[int, bytes, bool]
 
 
 def stop(pool: str) -> None:
-    """End all calls of a pool, and their processes."""
+    """End all calls of a pool, and the calls' processes."""
     _NODE.stop(pool)
 
 
 class _Companion:
-    """The companion process, which always ends with this one."""
+    """The companion process, which always ends with this process."""
 
     def __init__(self) -> None:
         self._folder = TemporaryDirectory(prefix="evoros-modules-", ignore_cleanup_errors=True)
@@ -90,16 +89,16 @@ class _Companion:
             self._process = subprocess.Popen(
                 [sys.executable, "-c", script],
                 env={**os.environ, **dict.fromkeys(ONE_THREAD, "1")},
-                stdin=subprocess.PIPE,  # a closed pipe shows that this process has ended
+                stdin=subprocess.PIPE,  # closes when this process ends
                 pass_fds=(control.fileno(),),
-                process_group=0,  # so that Ctrl-C in a terminal reaches the worker alone
+                process_group=0,  # so that Ctrl-C in a terminal reaches only the worker
             )
 
     def runs(self) -> bool:
         return self._process.poll() is None
 
     def await_end(self) -> None:
-        """Wait for the companion's end after a connection has closed."""
+        """Wait for the companion to exit after a connection has closed."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(END_S)
 
@@ -115,7 +114,7 @@ class _Node:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._companion: _Companion | None = None
-        self._thread = threading.local()  # its companion and the connection to it
+        self._thread = threading.local()  # each thread's companion, and the connection to it
 
     def ask(self, request: bytes) -> Answer:
         """Return the companion's answer; a killed companion is replaced."""
@@ -132,9 +131,9 @@ class _Node:
                 self._thread.companion = None
         name = pickle.loads(request).name
         lost = WorkerLost(
-            f"{name}: lost {ATTEMPTS} times because the companion process of the cluster's worker "
-            f"ended ({type(reason).__name__}); read the worker's output, and give it more memory "
-            f"if its machine ran out"
+            f"{name}: lost {ATTEMPTS} times, because the companion process of the cluster worker "
+            f"exited ({type(reason).__name__}); read the worker's output, and give the worker "
+            f"more memory if it ran out"
         )
         return Answer(RAISED, pickle.dumps(lost))
 
@@ -150,7 +149,9 @@ class _Node:
             if self._companion is None or not self._companion.runs():
                 self._companion = _Companion()
             companion = self._companion
-        if getattr(self._thread, "companion", None) is not companion:  # first use, or replaced
+        if (
+            getattr(self._thread, "companion", None) is not companion
+        ):  # first use, or a new companion
             self._thread.companion, self._thread.connection = companion, companion.connect()
         connection: Connection = self._thread.connection
         return connection
@@ -161,10 +162,10 @@ _NODE = _Node()
 
 @cache
 def describe_environment() -> Mapping[str, str]:
-    """Return the software and arithmetic on which results depend, by name.
+    """Return the versions and digests of all software and arithmetic that results depend on.
 
-    ``ARITHMETIC`` is a digest of values of evoros's functions. ``LIBRARY`` is a digest of values of
-    the C library, which differ between its versions and between processors.
+    ``ARITHMETIC`` is a digest of values of evoros's elementary functions. ``LIBRARY`` is a digest
+    of values of the C library, which differ between library versions and processors.
     """
     software = {
         "python": ".".join(map(str, sys.version_info[:2])),
@@ -178,9 +179,9 @@ def describe_environment() -> Mapping[str, str]:
 
 
 def list_differences(wanted: Mapping[str, str]) -> list[str]:
-    """Describe the differences between this process and another one.
+    """Describe the differences between this process and the main process.
 
-    The C library is left out because only some missions depend on it.
+    The C library is left out, because only some missions depend on it.
     """
     here = describe_environment()
     return [
@@ -193,7 +194,7 @@ def list_differences(wanted: Mapping[str, str]) -> list[str]:
 
 
 def has_library(wanted: Mapping[str, str]) -> bool:
-    """Return True if the C library computes the same here as in the other process."""
+    """Return True if the C library gives the same values here as in the main process."""
     return describe_environment()[LIBRARY] == wanted.get(LIBRARY)
 
 
@@ -206,7 +207,7 @@ def _version(package: str) -> str:
 
 
 def _digest_of_sources() -> str:
-    """Return a digest of the package's code, excluding folders that only a checkout has."""
+    """Return a digest of the package's code, without folders that only a checkout has."""
     digest = hashlib.sha256()
     for file in sorted(PACKAGE.rglob("*.py")):
         name = file.relative_to(PACKAGE)
@@ -217,7 +218,7 @@ def _digest_of_sources() -> str:
 
 
 def _digest_of_elementary() -> str:
-    """Return a digest of evoros's functions, whose values are equal on every processor."""
+    """Return a digest of evoros's elementary functions, equal on every processor."""
     points = _points(SAMPLES)
     values = [np.array([function(x) for x in points.tolist()]) for function in UNARY]
     values += [np.array([function(x) for x in (points / 21.0).tolist()]) for function in _INVERSE]
@@ -227,13 +228,13 @@ def _digest_of_elementary() -> str:
 
 
 def draw_deviates() -> tuple[Array, Array]:
-    """Draw normal and exponential deviates, some of them from the distributions' tails."""
+    """Draw normal and exponential deviates, including some from the distributions' tails."""
     rng = generator("environment", "deviates")
     return rng.standard_normal(_DEVIATES), rng.standard_exponential(_DEVIATES)
 
 
 def _digest_of_library() -> str:
-    """Return a digest of functions of the C library, which physics engines use."""
+    """Return a digest of C library functions, which physics engines use."""
     points = _points(_LIBRARY_SAMPLES).tolist()
     functions = (math.sin, math.cos, math.tan, math.atan, math.exp, math.log)
     return _digest([np.array([function(x) for x in points]) for function in functions])

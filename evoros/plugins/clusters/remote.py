@@ -1,4 +1,4 @@
-"""Main-process side of a pool on other machines; ``node`` has the worker side."""
+"""The main-process side of a pool on other machines; ``node`` is the worker side."""
 
 import pickle
 import uuid
@@ -16,22 +16,22 @@ from evoros.plugins.clusters.node import REFUSED, describe_environment
 from evoros.terminal.log import LOGGER
 
 RawAnswer = tuple[int, bytes, bool, str]
-"""Answer of ``node.answer``, and the worker's name."""
+"""The result of ``node.answer``, and the worker's name."""
 
 
 class Transport(Protocol):
-    """Carrier of requests to workers."""
+    """A means to send requests to workers."""
 
     @property
     def workers(self) -> int:
-        """Number of calls that the workers can run simultaneously at present."""
+        """The number of calls that the workers can run simultaneously at present."""
 
     def send(
         self, name: str, wanted: dict[str, str], request: bytes, node: str | None
     ) -> "Future[RawAnswer]":
-        """Let a worker run ``node.answer(wanted, request)``, preferably the one named ``node``.
+        """Run ``node.answer(wanted, request)`` in a worker, preferably the one named ``node``.
 
-        The future raises WorkerLost if the call ``name`` repeatedly loses its worker, and
+        The future raises WorkerLost if the call ``name`` loses its worker repeatedly, and
         RunStopped if the workers can no longer be reached.
         """
 
@@ -43,12 +43,12 @@ class Transport(Protocol):
         """
 
     def stop(self, pool: str) -> None:
-        """Let the workers end the calls of a pool."""
+        """Make the workers end the calls of a pool."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Sent:
-    """A call that was sent to a worker, and the future that receives its answer."""
+    """A call that was sent to a worker, and the future that receives the answer."""
 
     call: Call
     modules: Shared | None
@@ -56,7 +56,7 @@ class _Sent:
 
 
 class RemotePool:
-    """Pool that sends calls by a transport and resends calls that a worker could not begin."""
+    """A pool that sends calls by a transport, and resends calls that a worker could not start."""
 
     def __init__(self, transport: Transport, limits: Limits, shares_files: bool) -> None:
         self.shares_files = shares_files
@@ -66,12 +66,12 @@ class RemotePool:
         self._modules = UserModules()
         self._lock = Lock()
         self._out: set[_Sent] = set()
-        self._warned: set[str] = set()  # workers with another C library
+        self._warned: set[str] = set()  # workers with a different C library
         self._closed = False
 
     @property
     def workers(self) -> int:
-        """Number of calls that can run simultaneously at present."""
+        """The number of calls that can run simultaneously at present."""
         return self._transport.workers
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
@@ -137,8 +137,8 @@ class RemotePool:
                 return
             self._warned.add(node)
         LOGGER.warning(
-            "executor: the C library or the processor of %s differs, so that last digits may "
-            "differ there in missions with a physics engine and in your own parts that use the "
+            "executor: the C library or the processor of %s differs, so last digits may differ "
+            "there in missions with a physics engine, and in your own parts that use the "
             "module math",
             node,
         )

@@ -1,4 +1,4 @@
-"""A champion for the robot: a ROS 2 package, parameters of ArduPilot and a drawing."""
+"""A champion prepared for the real robot: a ROS 2 package, ArduPilot parameters and a drawing."""
 
 from evoros.files.plugins import Plugin
 

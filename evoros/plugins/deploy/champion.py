@@ -1,4 +1,4 @@
-"""A run's champion as mounted on the robot: description, sensors and clashes."""
+"""A run's champion as mounted on the robot: its description, sensors and overlaps."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -30,13 +30,13 @@ Triple = tuple[float, float, float]
 class MountedSensor:
     """A sensor of the champion, in the robot's frame: x forward, y left, z up from the ground."""
 
-    link: str  # link of the description, with x along the beam
+    link: str  # link in the description, with x along the beam
     type: str
     position_m: Triple
     yaw_deg: float  # left positive
     pitch_deg: float  # nose up positive
     kind: Beam | Signal
-    size_m: Triple  # size of its body along the link's axes
+    size_m: Triple  # size of the sensor's body along the link's axes
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,30 +44,30 @@ class Champion:
     """A run's best design, as recorded in its folder."""
 
     record: Record
-    robot: Element  # description with its sensors
-    shown: Urdf  # description that engines loaded, with its root on the ground
+    robot: Element  # description, including the sensors
+    shown: Urdf  # the description that engines loaded, with its root on the ground
     sensors: tuple[MountedSensor, ...]
     centre_m: Triple | None  # centre of mass in the robot's frame; None without masses
-    self_sights: pd.DataFrame  # rows of self_sight.csv (sensors that see their robot)
+    self_sights: pd.DataFrame  # rows of self_sight.csv (sensors that see the robot)
     values: Mapping[str, Any]  # configuration by dotted key, with evolved values
 
     @property
     def name(self) -> str:
-        """Name of the robot."""
+        """The name of the robot."""
         return str(self.robot.get("name"))
 
     @property
     def title(self) -> str:
-        """Design number, run and robot, for titles."""
+        """The design number, run and robot, for titles."""
         run = self.record.run
         known = [*run.champion.design.dropna(), *run.genes.design.dropna()]
         design = f"design {int(known[0])}" if known else "the best design, without sensors,"
-        robot = f", as {self.record.agent} has it" if self.record.agent else ""
+        robot = f", for {self.record.agent}" if self.record.agent else ""
         return f"{design} of the run {self.record.name}{robot}"
 
     @property
     def genes(self) -> list[tuple[str, str, Any]]:
-        """Name, key and value of each evolved value other than the mounts."""
+        """The name, key and value of each evolved value other than the mounts."""
         rows = select_robot(self.record.run.genes).to_dict("records")
         return [(str(row["gene"]), row["key"], self.values[row["key"]]) for row in rows]
 
@@ -98,7 +98,7 @@ def _parse_file(path: Any) -> Element:
 
 
 def _effective_values(record: Record) -> Iterator[tuple[str, Any]]:
-    """Yield the values of the configuration, with the champion's evolved values."""
+    """Yield the configuration values, with the champion's evolved values in their place."""
     genes = select_robot(record.run.genes)
     evolved = dict(zip(genes.key.astype(str), genes.value.tolist(), strict=True))
     for key, value in {**record.values, **evolved}.items():
@@ -116,7 +116,7 @@ def _read_sensors(record: Record, urdf: Urdf) -> Iterator[MountedSensor]:
         kind = str(row["type"])
         link = f"{prefix}{kind}_{row['sensor']}"
         if link not in urdf.poses:
-            raise urdf.error(f"must have the link {link} of a sensor", "restore the file")
+            raise urdf.error(f"lacks the link {link} of a sensor", "restore the file")
         body = urdf.visuals[link][:1]
         yield MountedSensor(
             link=link,
@@ -155,21 +155,21 @@ def _centre_of_mass(robot: Element, urdf: Urdf, ground: Pose) -> Triple | None:
 
 
 def list_clashes(sensors: Sequence[MountedSensor]) -> Iterator[str]:
-    """Yield a line for each pair of sensors whose housings overlap."""
+    """Yield a message for each pair of sensors whose housings overlap."""
     for depth, first, second in find_overlaps(list(map(_describe_housing, sensors))):
         yield (
-            f"the bodies of {first} and {second} overlap; move one of them by "
+            f"the bodies of {first} and {second} overlap; move one of the two by "
             f"{1000 * depth:.1f} mm or more"
         )
 
 
 def list_hidden(champion: Champion) -> Iterator[str]:
-    """Yield a line for each sensor that sees the robot itself."""
+    """Yield a message for each sensor that sees the robot itself."""
     for row in champion.self_sights.to_dict("records"):
         yield (
             f"the robot blocks {100 * row['hidden_share']:.0f} % of the cone of {row['sensor']}, "
             f"which sees {row['seen_link']} {row['distance_m']:.3g} m away at some steering angle; "
-            f"move or turn it"
+            f"move or turn the sensor"
         )
 
 

@@ -1,4 +1,4 @@
-"""A champion's parameters of controller, sensors and drive, for ROS 2 and ArduPilot."""
+"""A champion's controller, sensor and drive parameters, for ROS 2 and ArduPilot."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -12,31 +12,31 @@ from evoros.plugins.deploy.champion import Champion, MountedSensor, Triple
 from evoros.storage.figure_context import Beam, Signal
 
 INSTANCES = "123456789A"
-"""ArduPilot's range finders, as named in its parameters."""
+"""ArduPilot's range finders, as parameter names number them."""
 _EIGHTH_DEG = 360.0 / ardupilot_parameters.OCTANTS
 _DIRECTIONS = (
     *("forward", "forward right", "right", "back right"),
     *("back", "back left", "left", "forward left"),
 )
-"""The values of ``RNGFNDn_ORIENT`` from 0, clockwise from above."""
+"""The values of ``RNGFNDn_ORIENT`` from 0, clockwise in top view."""
 _CONTROLLER = "evoros.plugins.ardupilot.controller.ArduPilot"
 _PARAMETERS = "controller.parameters."
 CONTROLLER = "controller."
 PARAMETERS = "controller.parameters"
 """Key of the parameters given to an external program."""
 MAX_SPEED, STEERING_LIMIT = "robot.drive.max_speed_mps", "robot.drive.steering_limit_rad"
-"""Keys of a drive that may evolve."""
+"""Drive keys that may evolve."""
 RANGE_TOPIC = "controller.topics.range"
-"""Key of the topic for a sensor's readings, with a field for the sensor's name."""
+"""Key of the topic for a sensor's readings, whose value has a field for the sensor's name."""
 _LAYERS = ("controller.avoidance.", "controller.avoidance_period_s")
-"""Keys of the avoidance layer; the other keys start ArduPilot and may be secret."""
+"""Key prefixes of the avoidance layer; other keys are for starting ArduPilot, or secret."""
 _SCALARS = (bool, int, float, str)
 
 
 def controller_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
     """Return the controller's parameters, and the keys that no ROS parameter can hold.
 
-    A program gets the parameters of its missions, any other controller its configuration.
+    A program gets the parameters that it had in missions; any other controller, its configuration.
     """
     values = champion.values
     prefix = f"{PARAMETERS}." if has_own_parameters(champion) else ""
@@ -52,14 +52,14 @@ def controller_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]
 
 
 def has_own_parameters(champion: Champion) -> bool:
-    """Return True if the controller is a program that was given ROS parameters."""
+    """Return True if the controller is a program that gets ROS parameters."""
     keys = champion.values
     given = PARAMETERS in keys or any(key.startswith(f"{PARAMETERS}.") for key in keys)
     return given and not _is_ardupilot(champion)
 
 
 def robot_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
-    """Return the parameters that describe sensors and drive to nodes, as in a mission.
+    """Return the parameters that describe the sensors and drive to nodes, as in a mission.
 
     Poses are x, y, z [m], yaw (to the left) and pitch (nose up) [rad] in the robot's frame.
     """
@@ -78,14 +78,14 @@ def robot_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
     evolved = {key: value for _, key, value in champion.genes}
     drive = dict[str, float | None](champion.record.context.drive)
     drive |= {"max_speed_mps": evolved.get(MAX_SPEED, drive.get("max_speed_mps"))}
-    if STEERING_LIMIT in evolved:  # a wheel's limit; only the drive can convert it
+    if STEERING_LIMIT in evolved:  # the limit of a wheel, which only the drive can convert
         drive["steering_limit_rad"] = None
     named |= {f"evoros.drive.{name}": value for name, value in drive.items()}
     return _nest(named)
 
 
 def _describe_kind(kind: Beam | Signal) -> Iterator[tuple[str, Any]]:
-    """Yield the parameters of a type of sensor, under the names used in missions."""
+    """Yield the parameters of a sensor type, with the names used in missions."""
     if not isinstance(kind, Beam):
         yield "measures", kind.measures
         yield "channels", [f"{name}_{unit}".strip("_") for name, unit in kind.channels]
@@ -102,15 +102,15 @@ def _describe_kind(kind: Beam | Signal) -> Iterator[tuple[str, Any]]:
 def write_ros_file(
     parameters: Mapping[str, Any], left_out: Iterable[str], head: Iterable[str]
 ) -> str:
-    """Return the content of a file with parameters for all nodes that are started with it."""
+    """Return the content of a parameter file that applies to all nodes started with it."""
     lines = [f"# {line}" for line in head]
-    lines += [f"# Left out because ROS has no such parameter: {key}" for key in left_out]
+    lines += [f"# Left out, because ROS has no such parameter type: {key}" for key in left_out]
     tree = {"/**": {"ros__parameters": dict(parameters)}}
     return "\n".join(lines) + "\n" + yaml.safe_dump(tree, sort_keys=False)
 
 
 def _nest(named: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Return nested mappings made from dotted keys, and the keys of unsuitable values."""
+    """Return nested mappings made from dotted keys, and the keys of values that do not fit."""
     tree: dict[str, Any] = {}
     left_out = []
     for key, value in named.items():
@@ -127,7 +127,7 @@ def _nest(named: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
 
 
 def _fit(value: Any) -> Any:
-    """Return the ROS 2 parameter for a value, a scalar or a list of one type; None without one."""
+    """Return a value as a ROS 2 parameter (a scalar, or a list of one type); None if impossible."""
     if isinstance(value, _SCALARS):
         return value
     if not isinstance(value, list) or not value:
@@ -140,11 +140,11 @@ def _fit(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class RangeFinder:
-    """A sensor as ArduPilot describes it, in its body frame: x forward, y right, z down."""
+    """A sensor in ArduPilot's body frame: x forward, y right, z down."""
 
     instance: str  # a character of INSTANCES
     link: str
-    position_m: Triple  # relative to the centre of mass, or to the IMU
+    position_m: Triple  # relative to the centre of mass or to the IMU
     orientation: int  # index of the nearest of _DIRECTIONS
     yaw_error_deg: float  # deviation from that direction, left positive
     pitch_deg: float  # nose up positive; ArduPilot assumes 0
@@ -160,7 +160,7 @@ def _is_ardupilot(champion: Champion) -> bool:
 def list_flown(champion: Champion) -> Iterator[str]:
     """Yield lines with ArduPilot's parameters in the missions; fixed ones are commented out.
 
-    Fixed parameters suit a simulation, which needs no failsafe.
+    Fixed parameters suit the simulation, which needs no failsafes.
     """
     if not _is_ardupilot(champion):
         return
@@ -172,7 +172,7 @@ def list_flown(champion: Champion) -> Iterator[str]:
 
 
 def list_range_finders(sensors: Sequence[MountedSensor], origin_m: Triple) -> list[RangeFinder]:
-    """Convert the first ten sensors with a single range; ``origin_m`` is ArduPilot's origin."""
+    """Convert the first ten single-range sensors; ``origin_m`` is ArduPilot's origin."""
     pairs = zip(INSTANCES, list_single(sensors), strict=False)
     return [_convert(instance, *mounted, origin_m) for instance, mounted in pairs]
 
@@ -209,8 +209,9 @@ def write_ardupilot_file(
 ) -> str:
     """Return the content of a parameter file.
 
-    ArduPilot 4.7 and later have ``_MIN`` and ``_MAX`` in ``metres``, earlier versions ``_MIN_CM``
-    and ``_MAX_CM`` in whole centimetres. ``head`` has comment lines, ``flown`` further lines.
+    ArduPilot 4.7 and later have ``_MIN`` and ``_MAX`` in ``metres``; earlier versions have
+    ``_MIN_CM`` and ``_MAX_CM`` in whole centimetres. ``head`` holds comment lines, and ``flown``
+    lines to append.
     """
     lines = [f"# {line}" if line else "#" for line in head]
     for finder in finders:
@@ -223,12 +224,12 @@ def write_ardupilot_file(
 
 
 def describe_orientation(finder: RangeFinder) -> str:
-    """Describe ArduPilot's direction of a sensor and the sensor's deviation from it."""
+    """Describe a sensor's direction in ArduPilot, and the deviation of the sensor from that."""
     off = f"{abs(finder.yaw_error_deg):.1f} deg"
     side = "to the left" if finder.yaw_error_deg > 0.0 else "to the right"
     level = f"pitched {'up' if finder.pitch_deg > 0.0 else 'down'} {abs(finder.pitch_deg):.1f} deg"
     return (
-        f"taken as {_DIRECTIONS[finder.orientation]}; the sensor looks {off} {side} of it and is "
+        f"set as {_DIRECTIONS[finder.orientation]}; the sensor points {off} {side} of that and is "
         f"{level if finder.pitch_deg else 'level'}"
     )
 
@@ -245,7 +246,7 @@ def _rows(finder: RangeFinder, metres: bool) -> Iterator[tuple[str, str]]:
 
 
 def _centimetres(limit: str, metres: float) -> int:
-    """Return whole centimetres inside the sensor's range, limited to 16 bits."""
+    """Return a limit in whole centimetres inside the sensor's range, at most 16 bits."""
     hundredths = round(100.0 * metres, 6)
     whole = math.ceil(hundredths) if limit == "MIN" else math.floor(hundredths)
     return min(whole, 2**15 - 1)

@@ -1,4 +1,4 @@
-"""A champion as a ROS 2 package that contains no code to compile."""
+"""A champion as a ROS 2 package with no code to compile."""
 
 import re
 import unicodedata
@@ -17,7 +17,7 @@ from evoros.plugins.deploy import parameters
 from evoros.plugins.deploy.champion import Champion, Triple, list_clashes, list_hidden
 
 KINDS = (".stl", ".dae", ".obj", ".ply", ".glb", ".gltf", ".png", ".jpg", ".jpeg", ".tga", ".bmp")
-"""Suffixes of the files to copy; a description may name any file."""
+"""Suffixes of files to copy, because a description could name any file."""
 _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]")
 _NAMED = re.compile(rb"<init_from>\s*([^<\s]+)\s*</init_from>|^mtllib\s+(\S+)", re.M)
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
@@ -39,20 +39,20 @@ class PackageOptions:
     name: str
     maintainer: str  # NAME <ADDRESS>
     license: str
-    imu_m: Triple | None  # ArduPilot's origin; None: the centre of mass
+    imu_m: Triple | None  # ArduPilot's origin; None means the centre of mass
 
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name) or len(self.name) < 2:
             raise InputError(
-                f"--name: must be lower-case letters, digits and single underscores after a "
-                f"letter, not {self.name!r}; choose a name such as rover_champion"
+                f"--name: must be a letter followed by lower-case letters, digits and single "
+                f"underscores, not {self.name!r}; choose a name such as rover_champion"
             )
         if not _MAINTAINER.fullmatch(self.maintainer):
             raise InputError(
-                f"--maintainer: must be NAME <ADDRESS>, not {self.maintainer!r}; write both"
+                f"--maintainer: must be NAME <ADDRESS>, not {self.maintainer!r}; give both"
             )
         if not self.license.strip():
-            raise InputError("--license: must not be empty; name one, such as BSD-3-Clause")
+            raise InputError("--license: must not be empty; name a licence, such as BSD-3-Clause")
 
 
 def name_package(robot: str) -> str:
@@ -61,7 +61,7 @@ def name_package(robot: str) -> str:
 
 
 def _simplify(name: str) -> str:
-    """Reduce a name to lower-case letters, digits and single underscores after a letter."""
+    """Reduce a name to a letter followed by lower-case letters, digits and single underscores."""
     plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().lower()
     simple = re.sub(r"[^a-z0-9]+", "_", plain).strip("_")
     return simple if simple[:1].isalpha() else f"robot_{simple}".rstrip("_")
@@ -70,7 +70,7 @@ def _simplify(name: str) -> str:
 def write_package(
     champion: Champion, options: PackageOptions, drawings: Mapping[str, bytes]
 ) -> tuple[dict[str, bytes], list[str]]:
-    """Return the files of a package by path, and notes on the remaining work."""
+    """Return the files of a package by path, and notes on the work that remains."""
     name = _simplify(champion.name)
     meshes = MeshFiles(options.name)
     meshes.move(champion.robot)
@@ -118,9 +118,9 @@ def _write_parameters(champion: Champion, options: PackageOptions) -> dict[str, 
 
 
 def _describe(champion: Champion, options: PackageOptions) -> dict[str, Any]:
-    """Return the champion's values for the templates."""
+    """Return the values with which to fill the templates."""
     maintainer = _MAINTAINER.fullmatch(options.maintainer)
-    assert maintainer is not None  # checked by the options
+    assert maintainer is not None  # PackageOptions has checked it
     return {
         "package": options.name,
         "robot": champion.name,
@@ -141,14 +141,14 @@ def _describe(champion: Champion, options: PackageOptions) -> dict[str, Any]:
 
 
 def _list_commands(champion: Champion) -> list[str]:
-    """Return the commands that ran as the controller in the missions."""
+    """Return the commands that were the controller in the missions."""
     given = [champion.values.get(f"controller.{key}") for key in ("command", "nodes")]
     commands = [given[0]] if given[0] else given[1] or []
     return [line if isinstance(line, str) else " ".join(map(str, line)) for line in commands]
 
 
 def _list_topics(champion: Champion) -> list[tuple[str, str]]:
-    """Return content and name of each topic that connected ROS nodes to the missions."""
+    """Return the content and name of each topic that connected ROS nodes to the missions."""
     start = "controller.topics."
     values = champion.values.items()
     return [(key.removeprefix(start), str(v)) for key, v in values if key.startswith(start)]
@@ -156,7 +156,7 @@ def _list_topics(champion: Champion) -> list[tuple[str, str]]:
 
 def _describe_fitness(status: Mapping[str, Any]) -> str:
     recorded, validated = status.get("best_fitness"), status.get("best_validated_fitness")
-    text = f"{recorded:.3f} on the draws that selected it"
+    text = f"{recorded:.3f} on the draws used for selection"
     return text if validated is None else f"{text}, and {validated:.3f} on fresh draws"
 
 
@@ -171,8 +171,8 @@ def _describe_origin(champion: Champion, options: PackageOptions) -> str:
     if options.imu_m:
         return f"the autopilot at {place}"
     if champion.centre_m:
-        return f"the centre of mass of the description, {place}"
-    return "the origin of the robot's frame because the description has no mass"
+        return f"the centre of mass in the description, {place}"
+    return "the origin of the robot's frame, because the description has no masses"
 
 
 def _list_left_out(champion: Champion) -> Sequence[str]:
@@ -181,24 +181,24 @@ def _list_left_out(champion: Champion) -> Sequence[str]:
     others = ", ".join(sensor.link for sensor in champion.sensors if sensor not in single)
     limit = len(parameters.INSTANCES)
     reasons = {
-        f"ArduPilot has {limit} range finders; no parameters for {beyond}": beyond,
-        f"ArduPilot supports range finders only; no parameters for {others}": others,
+        f"ArduPilot supports {limit} range finders; there are no parameters for {beyond}": beyond,
+        f"ArduPilot supports only range finders; there are no parameters for {others}": others,
     }
     return [line for line, names in reasons.items() if names]
 
 
 @dataclass
 class MeshFiles:
-    """Files of a package's ``meshes/``, and notes on files that were not copied."""
+    """The files in a package's ``meshes/``, and notes on files that were not copied."""
 
     package: str
     files: dict[str, bytes] = field(default_factory=dict)  # keyed by path in the package
-    packages: set[str] = field(default_factory=set)  # other packages in the description
+    packages: set[str] = field(default_factory=set)  # other packages named in the description
     notes: list[str] = field(default_factory=list)
     _addresses: dict[str, str] = field(default_factory=dict)
 
     def move(self, robot: Element) -> None:
-        """Copy the files named in a description, and replace their names there."""
+        """Copy the files named in a description, and update the names in the description."""
         for element in list_named_files(robot):
             name = element.get("filename", "")
             if name not in self._addresses:
@@ -206,7 +206,7 @@ class MeshFiles:
             element.set("filename", self._addresses[name])
 
     def _copy(self, name: str) -> str:
-        """Copy a file; return its address in the package, or its name if it is not copied."""
+        """Copy a file; return its address in the package, or its old name if it is not copied."""
         path = Path(name.removeprefix("file://"))
         if not path.is_absolute() or not path.is_file() or path.suffix.lower() not in KINDS:
             self._keep(name)
@@ -216,14 +216,14 @@ class MeshFiles:
             self.files[copied] = path.read_bytes()
         except OSError as error:
             raise InputError(
-                f"{path}: cannot be read ({error.strerror}); make it readable"
+                f"{path}: cannot be read ({error.strerror}); change the file's permissions"
             ) from error
         # The textures of a Collada mesh and the materials of an OBJ mesh.
         named = (texture or material for texture, material in _NAMED.findall(self.files[copied]))
         inner = sorted({name.decode(errors="replace") for name in named})
         if inner:
             self.notes.append(
-                f"{copied} names further files, which are not copied: {', '.join(inner)}"
+                f"{copied} refers to further files, which are not copied: {', '.join(inner)}"
             )
         return f"package://{self.package}/{copied}"
 
@@ -231,9 +231,9 @@ class MeshFiles:
         package = re.match(r"package://([^/]+)/", name)
         if package:
             self.packages.add(package[1])
-            self.notes.append(f"{name} must be installed on the robot, with its package")
+            self.notes.append(f"{name}: install its package on the robot")
         else:
-            self.notes.append(f"{name} is not copied; add it, and name it in the description")
+            self.notes.append(f"{name} is not copied; add the file, and name it in the description")
 
     def _free_name(self, name: str) -> str:
         stem, dot, suffix = name.rpartition(".")

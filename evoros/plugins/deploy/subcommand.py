@@ -20,30 +20,32 @@ from evoros.storage.figure_context import Beam, Signal
 from evoros.terminal.log import LOGGER
 
 _MM = 1000.0
-_SAME_MM = 0.5  # wheels whose centres differ by less share an axis
+_SAME_MM = 0.5  # wheels whose centres differ by less share an axle
 ONE_ROBOT = True
-HELP = "the champion as a ROS 2 package, with a drawing of where to mount its sensors"
+HELP = "the champion as a ROS 2 package, with a drawing that shows where to mount the sensors"
 NEEDS = "a finished run"
-FILES = {"ROBOT_champion/": "the package, or `--name`"}
+FILES = {"ROBOT_champion/": "the package; `--name` renames it"}
 FORMATS: Mapping[str, str] = {}
 OUTPUT = "deploy"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options for the run and for the package's metadata."""
+    """Add the options for the run and the package's metadata."""
     add_run(parser)
-    about = "name of the package; ROBOT_champion, ROBOT_NAME_champion with --agent NAME"
+    about = "name of the package; default: ROBOT_champion, or ROBOT_NAME_champion with --agent NAME"
     parser.add_argument("--name", metavar="PACKAGE", help=about)
-    about = "maintainer of the package, NAME <ADDRESS>; unnamed"
+    about = "maintainer of the package, NAME <ADDRESS>; default: unnamed"
     parser.add_argument("--maintainer", metavar="TEXT", help=about)
-    parser.add_argument("--license", metavar="NAME", help="licence of the package; unspecified")
-    about = "position of the autopilot in the robot's frame [m]; the centre of mass"
+    parser.add_argument(
+        "--license", metavar="NAME", help="licence of the package; default: unspecified"
+    )
+    about = "position of the autopilot in the robot's frame [m]; default: the centre of mass"
     parser.add_argument("--imu", nargs=3, type=float, metavar=("X", "Y", "Z"), help=about)
     parser.set_defaults(maintainer="unnamed <unnamed@example.com>", license="unspecified")
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Make the package of the named run's champion, or of the best run's."""
+    """Make the package for the champion of the named run, or of the best run."""
     _, champion = study.choose(options.run, read_champion)
     robot = f"{champion.name} {options.agent or ''}"
     chosen = PackageOptions(
@@ -81,7 +83,7 @@ def plan_mounting(champion: Champion) -> MountingPlan:
     wheels = {part.link for part in champion.record.context.parts if part.wheel}
     centres = np.array([champion.shown.poses[link].position for link in sorted(wheels)]) * _MM
     return MountingPlan(
-        title=f"{champion.name}: where to mount its {len(sensors)} sensors",
+        title=f"{champion.name}: mounting positions of {len(sensors)} sensors",
         source=champion.title,
         datum=_describe_datum(centres),
         solids=tuple(_list_solids(champion, links, wheels)),
@@ -114,7 +116,7 @@ def _describe_reach(kind: Beam | Signal) -> str:
 
 
 def _list_solids(champion: Champion, sensors: set[str], wheels: set[str]) -> Iterator[Solid]:
-    """Yield the robot's visible shapes without its sensors."""
+    """Yield the robot's visible shapes, without the sensors."""
     for link, shapes in champion.shown.visuals.items():
         for shape in shapes if link not in sensors else ():
             points = shape_points(shape, champion.shown.poses[link] @ shape.pose)
@@ -127,18 +129,18 @@ def _describe_datum(wheels: Array) -> str:
         return "the origin of the robot's frame, which lies on the ground"
     sides = wheels[:, 1]
     middle = abs(sides.min() + sides.max()) < _SAME_MM
-    across = "midway between the wheels" if middle else "at y = 0 of the robot's frame"
+    across = "midway between the wheels" if middle else "at y = 0 in the robot's frame"
     ahead = -float(wheels[:, 0].min())
     if abs(ahead) < _SAME_MM:
-        along = "below the axis of the rearmost wheels"
+        along = "below the axle of the rearmost wheels"
     else:
         way = "ahead of" if ahead > 0.0 else "behind"
-        along = f"{round(abs(ahead), 1):g} mm {way} the axis of the rearmost wheels"
+        along = f"{round(abs(ahead), 1):g} mm {way} the axle of the rearmost wheels"
     return f"on the ground, {across}, {along}"
 
 
 def _merge(values: list[float]) -> Iterator[float]:
-    """Yield increasing values, skipping nearly equal ones."""
+    """Yield the values in increasing order, skipping nearly equal ones."""
     last = -np.inf
     for value in sorted(values):
         if value - last > _SAME_MM:

@@ -1,4 +1,4 @@
-"""Claims and special figures of the 2018 paper on Evo-ROS."""
+"""The claims of the 2018 paper on Evo-ROS, and figures that only the paper needs."""
 
 from evoros.files.plugins import Plugin
 

@@ -1,4 +1,4 @@
-"""The paper's claims, or claims from a file, one per row; ``docs/claims.md`` has the rules."""
+"""The paper's claims, or claims from a file, one per row; ``docs/claims.md`` gives the rules."""
 
 import argparse
 from collections.abc import Callable, Iterator
@@ -35,18 +35,18 @@ from evoros.plugins.evo_ros_2018 import claims_designs
 from evoros.plugins.evo_ros_2018.claims_designs import RANDOM, SPATIAL, read_diversity
 
 _PROMINENCE_DEG = 3.0
-"""Extremes of the heading with a smaller prominence are small corrections, no turning points."""
+"""Prominence below which an extreme of the heading is a small correction, not a turning point."""
 _SETTLING = 1
 """Number of turning points dropped after a waypoint or an avoidance, while the robot realigns."""
 FIRST_ROBOT, HELP = own_claims.FIRST_ROBOT, own_claims.HELP
 NEEDS, FILES = own_claims.NEEDS, own_claims.FILES
 WEAVING = ".Serpentine"
-"""The end of the class name of a navigation layer that weaves by itself."""
+"""The end of the class name of a navigation layer that weaves by design."""
 _NO_DESIGNS = pd.DataFrame(
     columns=[*DESIGN, "random", "strategy", "redundant", "closest_m", "kind", *HEADINGS_DEG]
 ).astype({"random": bool, "redundant": bool})
 EARLY = 15
-"""Generations in which the paper found most gains."""
+"""Number of generations in which the paper found most gains."""
 SWING_DEG = 60.0
 EARLY_TEXT = f"Most increases in fitness take place during the first {EARLY} generations"
 GAIN = {
@@ -54,8 +54,8 @@ GAIN = {
     for name in ("recorded", "validated")
 }
 APPROACH = finding.Claim(
-    "The average fitness approaches that of the fittest",
-    "distance of mean and best, last generation over first",
+    "The average fitness approaches the fitness of the fittest",
+    "distance between mean and best, last generation divided by first",
 )
 SWING = finding.Claim(
     "Driving to a waypoint, the heading swings in an arc of up to 60 deg",
@@ -66,12 +66,12 @@ COMPLETED = "Even in the presence of sensor failure, missions are completed"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of ``own_claims``."""
+    """Add the options of the subcommand ``claims``."""
     own_claims.add_arguments(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Judge the claims by all finished runs of the study and evaluations of their champions."""
+    """Judge the claims by all finished runs of the study and by evaluations of their champions."""
     if options.claims is not None:
         return own_claims.make_product(study, options)
     check_thresholds(options)
@@ -105,7 +105,7 @@ def judge_claims(study: Study, options: argparse.Namespace) -> Iterator[finding.
 
 
 def _judge_swings(mirrored: Study) -> Iterator[finding.Finding]:
-    """Judge the heading swing separately for runs whose controller weaves by itself."""
+    """Judge the heading swing, separately for runs whose controller weaves by design."""
     weaving = mirrored.keep(record for record in mirrored.records if _weaves(record))
     others = mirrored.keep(record for record in mirrored.records if not _weaves(record))
     if others.records or not weaving.records:
@@ -119,14 +119,14 @@ def _weaves(record: Record) -> bool:
 
 
 def _gather(study: Study, read: Callable[[Record], pd.DataFrame]) -> pd.DataFrame:
-    """Gather the tables of all runs; the table is empty if no run has rows."""
+    """Gather the tables of all runs; the result is empty if no run has rows."""
     if any(len(read(record)) for record in study.records):
         return study.gather(read)
     return pd.DataFrame(columns=["first", "last"])
 
 
 def _describe(study: Study, options: argparse.Namespace) -> pd.DataFrame:
-    """Describe champions and random designs, with the kind of their failure."""
+    """Describe champions and random designs, with the kind of failure in their runs."""
     if not study.records:
         return _NO_DESIGNS
     champions, initial = study.gather(read_champion), study.gather(read_initial_sensors)
@@ -149,7 +149,7 @@ def measure_swings(trajectory: pd.DataFrame, mode: int) -> list[float]:
     """Measure the swing of the heading about the course [deg] at each turning point.
 
     Stretches in ``mode`` between two waypoints count. A swing is the distance of an extreme from
-    the mean of its two neighbours, so that a steady turn does not count: the swing of ``A sin(w t)
+    the mean of its two neighbours, so that a steady turn does not count. The swing of ``A sin(w t)
     + c t`` is ``2 A (1 + d^2 / 2)`` to second order in ``d = c / (A w)``.
     """
     yaw = np.degrees(np.unwrap(trajectory.yaw_rad.to_numpy(float)))
@@ -166,14 +166,14 @@ def measure_swings(trajectory: pd.DataFrame, mode: int) -> list[float]:
 
 
 def _turning_points(yaw: Array) -> Array:
-    """Return the extreme headings of a stretch [deg], in order."""
+    """Return the extreme headings [deg] of a stretch, in order."""
     extremes = [find_peaks(sign * yaw, prominence=_PROMINENCE_DEG)[0] for sign in (1, -1)]
     turns: Array = yaw[np.sort(np.concatenate(extremes))]
     return turns
 
 
 def _read_champion_swings(record: Record) -> pd.DataFrame:
-    """Read ``world`` and ``swing_deg`` of the turning points at which the last layer navigates."""
+    """Read the world and swing [deg] of each turning point at which the last layer navigates."""
     rows = [
         (world, swing)
         for world in record.context.courses
@@ -183,9 +183,10 @@ def _read_champion_swings(record: Record) -> pd.DataFrame:
 
 
 def read_gains(record: Record) -> pd.DataFrame:
-    """Read ``recorded``, ``validated`` and ``gap`` (best less mean) of a run into one row.
+    """Read a run's ``recorded``, ``validated`` and ``gap`` (best minus mean) into one row.
 
-    The columns end in ``_first``, ``_early`` and ``_last`` by generation, except ``last`` itself.
+    The column names end in ``_first``, ``_early`` or ``_last``, by generation. The column ``last``
+    is the last generation's number.
     """
     traced = trace_fitness(record.run.generations)
     first, last = traced.index[0], traced.index[-1]
@@ -198,15 +199,15 @@ def read_gains(record: Record) -> pd.DataFrame:
 
 
 def judge_gain(table: pd.DataFrame, line: str) -> finding.Finding:
-    """Judge the share of the total gain that was reached early; ``table``: ``read_gains``.
+    """Judge the share of the total gain that was reached early; ``table`` is from ``read_gains``.
 
-    Supported: the interval is above the share that random designs would have reached, whose
-    best grows as the logarithm of their number. Not supported: it is below a steady gain's.
+    Supported: the interval is above the share that random designs would have reached, whose best
+    grows as the logarithm of their number. Not supported: it is below the share of a steady gain.
     If the interval of the total gain contains 0, there is no verdict.
     """
     claim = GAIN[line]
     names = [f"{line}_{name}" for name in ("first", "early", "last")]
-    # The table has no columns if there are no runs.
+    # An empty table has no columns.
     known = table[table["last"] > EARLY].dropna(subset=names) if len(table) else table
     if len(known) < 2:
         return claim.lack(_advise(table, line))
@@ -219,17 +220,17 @@ def judge_gain(table: pd.DataFrame, line: str) -> finding.Finding:
     against = finding.Against(steady, logarithmic)
     if not gain.low > 0:
         return claim.conclude(
-            NOTHING, len(known), (finding.UNKNOWN, f"{why}: no gain for sure"), against
+            NOTHING, len(known), (finding.UNKNOWN, f"{why}: not certainly a gain"), against
         )
     verdict = finding.require_replicates(finding.judge_above(share, steady), len(known))
-    why += f"; a steady gain: {steady:.0%}, that of random designs: {logarithmic:.0%}"
+    why += f"; a steady gain: {steady:.0%}, random designs: {logarithmic:.0%}"
     difference = Interval(*(bound - logarithmic for bound in astuple(share)))
     judged = finding.require_beyond_random(verdict, why, share.low > logarithmic, difference)
     return claim.conclude(share, len(known), judged, against)
 
 
 def _advise(table: pd.DataFrame, line: str) -> str:
-    """Name the runs that a judgement of early gains needs, and the longest run."""
+    """Name the runs that are needed to judge early gains, and the longest run."""
     needed = f"two mirrored runs of {EARLY + 2} generations or more, {line}"
     if table.empty:
         return needed
@@ -241,9 +242,10 @@ def _advise(table: pd.DataFrame, line: str) -> str:
 
 
 def judge_approach(table: pd.DataFrame) -> finding.Finding:
-    """Judge how near the mean of the pool comes to the best; ``table``: ``read_gains``.
+    """Judge how near the pool's mean comes to the best; ``table`` is from ``read_gains``.
 
-    Supported: the interval of the last distance is below half of the first. Not supported: above.
+    Supported: the interval of the last distance is below half the first distance. Not supported:
+    it is above.
     """
     if len(table) < 2:
         return APPROACH.lack("two mirrored runs")
@@ -257,9 +259,9 @@ def judge_approach(table: pd.DataFrame) -> finding.Finding:
 def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> finding.Finding:
     """Judge how far the heading swings; ``table`` has ``run`` and ``swing_deg``.
 
-    The value is the median over the runs of the median of a run. Supported: the interval is within
-    a quarter of 60 deg. Not supported: it is outside. If the controller weaves by itself, the
-    verdict is built in.
+    The value is the median over the runs of each run's median. Supported: the interval lies within
+    60 deg plus or minus a quarter. Not supported: it lies outside. If the controller weaves by
+    design, the verdict is built in.
     """
     if table.empty:
         return SWING.lack("mirrored runs in which the heading swings for two periods in a row")
@@ -271,7 +273,7 @@ def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> finding.
     if built_in:
         verdict, why = (
             finding.BUILT_IN,
-            f"the controller weaves by itself (navigation=serpentine); {why}",
+            f"the controller weaves by design (navigation=serpentine); {why}",
         )
     return SWING.conclude(interval, len(medians), (verdict, why), finding.Against(SWING_DEG))
 
@@ -279,11 +281,11 @@ def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> finding.
 def judge_completion(
     table: pd.DataFrame, drawn: pd.DataFrame | None = None
 ) -> Iterator[finding.Finding]:
-    """Judge champions' share of completed missions with a failed sensor, by kind and source.
+    """Judge champions' share of missions completed with a failed sensor, by kind and source.
 
     The tables are from ``list_missions`` and ``list_random_missions``. Champions are resampled,
-    not missions. Supported: the interval is above a half, and above the share of random designs.
-    Not supported: it is below a half.
+    not missions. Supported: the interval is above a half, and above the random designs' share. Not
+    supported: it is below a half.
     """
     for kind in (RANDOM, SPATIAL):
         missions = table[table.kind == kind] if len(table) else table
@@ -298,7 +300,7 @@ def judge_completion(
             share = ratio_interval(done, total)
             unharmed = int((~rows.failed).sum())
             why = f"{done.sum():.0f} of {total.sum():.0f} missions with a failed sensor"
-            why += f"; {unharmed} ended before" if unharmed else ""
+            why += f"; {unharmed} ended before the failure" if unharmed else ""
             rate = _random_rate(drawn, kind)
             why += "" if np.isnan(rate) else f"; random designs: {rate:.0%}"
             verdict = finding.require_replicates(finding.judge_above(share, 0.5), len(total))

@@ -15,11 +15,11 @@ from evoros.analysis.tables.records import Record
 from evoros.base.arrays import Array
 
 REDUNDANT = 0.6
-"""The paper's share of champions with a redundant pair, six of ten."""
+"""The share of champions with a redundant pair in the paper, six of ten."""
 MEDIUM = 0.64
 """An A12 that Vargha and Delaney (2000) call a medium effect."""
 NONE, RANDOM, SPATIAL = "none", "random", "spatial"
-"""Kinds of failure: choices of the group ``failure``."""
+"""Kinds of failure, as choices of the group ``failure``."""
 
 CONFIGURATIONS = finding.Claim(
     "Two main configurations emerge: sensors across the front, and at the sides",
@@ -33,12 +33,12 @@ REDUNDANCY = finding.Claim(
 DAMAGE = "Spatial failure: there are clusters of sensors within the radius of damage"
 BETWEEN = finding.Claim(
     "Placed freely, without symmetry, designs converge little",
-    "spread of champions over that of random designs: free less mirrored",
+    "spread of champions relative to random designs: free minus mirrored",
     finding.NUMBER,
 )
 WITHIN = finding.Claim(
     "Placed freely, without symmetry, designs converge little",
-    "diversity of the last population over the first: free, median",
+    "diversity of the last population divided by the first: free, median",
     finding.NUMBER,
 )
 
@@ -46,15 +46,15 @@ WITHIN = finding.Claim(
 def judge_configurations(table: pd.DataFrame) -> finding.Finding:
     """Judge whether mirrored champions fall into two clusters, one of which looks ahead.
 
-    ``table`` has the columns of ``describe_designs`` and ``kind``, the failure. Supported: such a
-    silhouette is rare among clouds without clusters and among samples of random designs (p <
-    0.05), and there are two clusters, a front array and side mounts. Not supported: there are
+    ``table`` has the columns of ``describe_designs`` and ``kind``, the kind of failure. Supported:
+    such a silhouette is rare both among clouds without clusters and among samples of random designs
+    (p < 0.05), and there are two clusters, a front array and side mounts. Not supported: there are
     other clusters, or p is at least 0.5.
     """
     champions = table[~table.random]
     if len(champions) < MIN_POINTS:
         return CONFIGURATIONS.lack(
-            f"{MIN_POINTS} champions of mirrored designs, has {len(champions)}"
+            f"{MIN_POINTS} champions of mirrored designs, but there are {len(champions)}"
         )
     clustering = features.cluster_designs(champions)
     front, side = (
@@ -81,9 +81,10 @@ def judge_configurations(table: pd.DataFrame) -> finding.Finding:
 def judge_redundancy(table: pd.DataFrame) -> finding.Finding:
     """Judge the share of champions under random failure that have a redundant pair.
 
-    Supported: more than random designs (p < 0.05), and the interval reaches six of ten. Not
-    supported: the interval is below six of ten, or fewer than random designs (p < 0.05). Built in:
-    six of ten are reached, and the difference from random designs is certainly below ``SIZE``.
+    Supported: the share is higher than among random designs (p < 0.05), and the interval reaches
+    six of ten. Not supported: the interval is below six of ten, or the share is lower than among
+    random designs (p < 0.05). Built in: six of ten are reached, and the difference from random
+    designs is certainly below ``SIZE``.
     """
     shares = _compare_shares(table, RANDOM, table.redundant)
     if shares is None:
@@ -95,9 +96,10 @@ def judge_redundancy(table: pd.DataFrame) -> finding.Finding:
 def judge_damage_clusters(table: pd.DataFrame, radius_m: float) -> finding.Finding:
     """Judge the share of champions under spatial failure with two sensors within a radius.
 
-    Supported: the interval is above a half, and more than random designs. Not supported: the
-    interval is below a half, or fewer than random designs (p < 0.05). Built in: above a half, and
-    the difference from random designs is certainly below ``SIZE``.
+    Supported: the interval is above a half, and the share is higher than among random designs. Not
+    supported: the interval is below a half, or the share is lower than among random designs
+    (p < 0.05). Built in: the interval is above a half, and the difference from random designs is
+    certainly below ``SIZE``.
     """
     claim = finding.Claim(DAMAGE, f"champions with two sensors within {1000 * radius_m:.0f} mm")
     shares = _compare_shares(table, SPATIAL, table.closest_m <= radius_m)
@@ -112,13 +114,13 @@ class Shares:
 
     champions: small_samples.Interval
     n: int  # number of champions
-    random: float  # the share of random designs; NaN: there are none
+    random: float  # the random designs' share; NaN if there are none
     difference: small_samples.Interval
     p: float  # Fisher's exact test
     why: str
 
     def conclude(self, claim: finding.Claim, verdict: str, bound: float) -> finding.Finding:
-        """Return the finding of a claim, whose verdict would hold without random designs."""
+        """Return the finding on a claim; ``verdict`` would hold if there were no random designs."""
         if self.p < small_samples.LEVEL and self.difference.value < 0:
             verdict = finding.NOT_SUPPORTED
         judged = finding.require_beyond_random(
@@ -130,7 +132,7 @@ class Shares:
 
 
 def _compare_shares(table: pd.DataFrame, kind: str, having: "pd.Series[bool]") -> Shares | None:
-    """Compare champions and random designs of a kind of failure; None without champions."""
+    """Compare the champions and random designs for a kind of failure; None without champions."""
     champions = having[(table.kind == kind) & ~table.random]
     drawn = having[(table.kind == kind) & table.random]
     if champions.empty:
@@ -147,7 +149,7 @@ def _compare_shares(table: pd.DataFrame, kind: str, having: "pd.Series[bool]") -
 
 
 def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.Finding:
-    """Judge whether champions of runs without symmetry differ more from each other.
+    """Judge whether champions of runs without symmetry differ more from one another.
 
     Both spreads are relative to the spread of random designs. Supported: the interval of their
     difference is above 0. Not supported: it is below ``SIZE``.
@@ -170,7 +172,7 @@ def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.
 
 
 def judge_spread_within(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.Finding:
-    """Judge whether populations without symmetry stay more diverse; rows of ``read_diversity``.
+    """Judge whether populations without symmetry stay more diverse; see ``read_diversity``.
 
     Supported: more diverse (p < 0.05). Not supported: less diverse, or no medium
     effect by the interval of A12.
@@ -198,21 +200,21 @@ def _missing_runs(mirrored: pd.DataFrame, free: pd.DataFrame) -> str:
 
 
 def pairwise_distances(profiles: pd.DataFrame) -> Array:
-    """Return (n, n) total variation distances of sensor directions: 0 equal, 1 disjoint."""
+    """Return total variation distances (n, n) of sensor directions: 0 equal, 1 disjoint."""
     return np.asarray(squareform(pdist(features.normalize_profiles(profiles), "cityblock")) / 2)
 
 
 def mean_distance(distances: Array) -> float:
-    """Return the mean distance of two different designs; NaN if there are fewer than two."""
+    """Return the mean distance between two different designs; NaN for fewer than two designs."""
     n = len(distances)
     return float(distances.sum() / (n * (n - 1))) if n > 1 else np.nan
 
 
 def resample_mean_distance(distances: Array, stream: int = 0) -> Array:
-    """Return (``RESAMPLES``,) ``mean_distance`` of bootstrap samples of the designs.
+    """Return the ``mean_distance`` of each of ``RESAMPLES`` bootstrap samples of the designs.
 
-    A design drawn twice makes no pair with itself, which would bias the mean downwards. For this
-    reason ``scipy.stats.bootstrap`` is not used. Each ``stream`` draws other samples.
+    A design drawn twice forms no pair with itself, because this would bias the mean downwards;
+    therefore ``scipy.stats.bootstrap`` is not used. Each ``stream`` draws different samples.
     """
     n, rng = len(distances), np.random.default_rng([small_samples.SEED, stream])
     counts = rng.multinomial(n, np.full(n, 1 / n), size=small_samples.RESAMPLES)
@@ -224,9 +226,9 @@ def resample_mean_distance(distances: Array, stream: int = 0) -> Array:
 def relative_difference(
     one: Array, one_random: float, other: Array, other_random: float
 ) -> small_samples.Interval:
-    """Return the spread of ``one`` less the spread of ``other``, each relative to random designs.
+    """Return the spread of ``one`` minus that in ``other``, each relative to random designs.
 
-    Spreads are mean ``pairwise_distances``; the bootstrapped interval is expanded for few designs.
+    Spreads are mean ``pairwise_distances``; the bootstrap interval is expanded for few designs.
     """
     value = mean_distance(one) / one_random - mean_distance(other) / other_random
     if min(len(one), len(other)) < 2:
@@ -240,7 +242,7 @@ def relative_difference(
 
 
 def read_diversity(record: Record) -> pd.DataFrame:
-    """Read the mean distance of designs in the ``first`` and ``last`` population, with copies."""
+    """Read the mean distance between designs, with copies, in the first and last populations."""
     table = read_generations(record)
     first = table[table.generation == 0].drop_duplicates("id")
     pool = table[table.generation == table.generation.max()]
@@ -256,7 +258,7 @@ def _diversity(candidates: pd.DataFrame, record: Record) -> float:
         placed.assign(run=record.name, treatment="", seed=record.seed)
     )
     profiles.index = profiles.index.get_level_values("design")
-    complete = profiles.reindex(candidates.id, fill_value=0.0)  # designs without sensors, too
+    complete = profiles.reindex(candidates.id, fill_value=0.0)  # includes designs without sensors
     counts = candidates.survived.to_numpy(int)
     return mean_distance(
         pairwise_distances(complete.loc[np.repeat(candidates.id.to_numpy(), counts)])

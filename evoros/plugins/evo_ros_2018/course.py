@@ -1,4 +1,4 @@
-"""The course of each world alone: waypoints, home, and the way of the first phase (Fig. 6)."""
+"""The course of each world: waypoints, home, and the route of the first phase (Fig. 6)."""
 
 import argparse
 import math
@@ -32,7 +32,7 @@ FILES = {
     "course.csv": "the waypoints of each world",
 }
 _PANEL_IN = 1.7  # minimum width of a panel
-_WORDS_IN, _LEGEND_IN = 0.6, 0.55  # height of a panel's title and labels, and of the legend
+_WORDS_IN, _LEGEND_IN = 0.6, 0.55  # heights of a panel's title and labels, and of the legend
 _ARROW = {"arrowstyle": "-|>", "mutation_scale": 8, "lw": 1.0, "color": BLUE, "shrinkB": 0.0}
 
 
@@ -52,12 +52,12 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 def _read(record: Record, wanted: list[str] | None) -> dict[str, World]:
     names = [name for name in record.context.courses if not wanted or name in wanted]
     if not names:
-        raise InputError(f"{record.path}: has none of the chosen worlds; choose others")
+        raise InputError(f"{record.path}: has none of the chosen worlds; choose other worlds")
     return {name: load_shown_world(record, name) for name in names}
 
 
 def list_waypoints(worlds: Mapping[str, World]) -> pd.DataFrame:
-    """List the waypoints of each world (home is 0), and the radius within which they count."""
+    """List each world's waypoints (home is number 0) and their acceptance radius."""
     rows = [
         (name, index, float(x), float(y), world.course.acceptance_m)
         for name, world in worlds.items()
@@ -95,7 +95,7 @@ def draw_courses(worlds: Mapping[str, World], width: float = PAGE_IN) -> Figure:
 
 def _draw_first_phase(axes: Axes, course: Course) -> None:
     for begin, end in pairwise(course.first_phase):
-        middle = begin + 0.6 * (end - begin)  # The arrow's head avoids all other marks.
+        middle = begin + 0.6 * (end - begin)  # so that the arrowhead avoids all markers
         axes.plot(*np.array([begin, end]).T, color=BLUE, lw=1.0, zorder=2)
         axes.annotate("", middle, begin, arrowprops={**_ARROW, "shrinkA": 0.0}, zorder=2)
 
@@ -103,9 +103,9 @@ def _draw_first_phase(axes: Axes, course: Course) -> None:
 def _add_legend(figure: Figure, with_obstacles: bool) -> None:
     first: dict[str, Any] = {"color": BLUE, "lw": 1.0, "marker": ">", "ms": 4}
     entries: list[Line2D | Patch] = [
-        Line2D([], [], label="first phase; second: backwards", **first),
+        Line2D([], [], label="first phase (second: in reverse)", **first),
         Line2D([], [], **{**HOME, "label": "home"}),
-        Line2D([], [], **{**WAYPOINT, "label": "waypoint and its radius"}),
+        Line2D([], [], **{**WAYPOINT, "label": "waypoint and acceptance radius"}),
     ]
     if with_obstacles:
         entries.append(Patch(fc=OBSTACLE, ec="black", lw=0.3, label="obstacle"))

@@ -1,4 +1,4 @@
-"""Sensors lost to damage: the rings of spatial failure around a design's sensors (Fig. 10)."""
+"""Sensors lost to damage: rings of spatial failure around each of a design's sensors (Fig. 10)."""
 
 import argparse
 import math
@@ -29,11 +29,11 @@ ONE_ROBOT = True
 HELP = "sensors that spatial damage at each sensor of a champion destroys (Fig. 10)"
 NEEDS = "a run with spatial failure"
 FILES = {
-    "failure.csv": "each sensor, by the sensor at the centre of the damage",
+    "failure.csv": "a row for each sensor and each sensor at the centre of the damage",
 }
 PANEL_IN = 1.4  # minimum width of a panel
 MIN_RATIO = 0.65  # minimum ratio of a panel's height to its width
-LABEL_IN, LINE_IN, TICK_IN = 0.42, 0.11, 0.06  # a sensor's label: width, height, distance
+LABEL_IN, LINE_IN, TICK_IN = 0.42, 0.11, 0.06  # width, height and distance of a sensor's label
 _SENSOR: dict[str, Any] = {"marker": "o", "mec": "black", "mew": 0.5, "ms": 4, "ls": "none"}
 
 
@@ -46,13 +46,13 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the champion of the named run, or of the best run with spatial failure."""
     spatial = study.keep(record for record in study.records if record.context.rings)
     if not spatial.records:
-        raise InputError("failure: no run has spatial failure; give one with failure=spatial")
+        raise InputError("failure: no run has spatial failure; add a run with failure=spatial")
     record, sensors = spatial.choose(options.run, partial(_read_sensors, study=spatial), True)
     table = list_damage(sensors, record.context.rings)
     figure = draw_failure(table, record.context, figure_width(options.columns, 2))
     hit, others = len(spatial.records), len(study.records) - len(spatial.records)
-    rest = f"; the other {others} runs have none" if others else ""
-    message = f"failure: champion of {record.name}, of {hit} with spatial failure{rest}"
+    rest = f"; the other {others} have no spatial failure" if others else ""
+    message = f"failure: champion of {record.name}, one of {hit} runs with spatial failure{rest}"
     return Product(table, figure, [message])
 
 
@@ -60,13 +60,13 @@ def _read_sensors(record: Record, study: Study) -> pd.DataFrame:
     """Read the champion's sensors, and require at least one."""
     if read_champion_sensors(record).empty:
         raise InputError(
-            f"{record.path}: its champion has no sensors; choose another run with --run"
+            f"{record.path}: the champion has no sensors; choose another run with --run"
         )
     return study.keep([record]).gather(read_champion_sensors)
 
 
 def list_damage(sensors: pd.DataFrame, rings: Sequence[Ring]) -> pd.DataFrame:
-    """List the probability that a sensor fails if another one is hit: a row for each pair.
+    """List the probability that a sensor fails if another is hit: a row for each pair of sensors.
 
     ``docs/analysis.md`` describes the columns; lengths are in the robot's frame.
     """
@@ -94,7 +94,7 @@ def list_damage(sensors: pd.DataFrame, rings: Sequence[Ring]) -> pd.DataFrame:
 def draw_failure(
     table: pd.DataFrame, context: FigureContext, width: float = 2 * COLUMN_IN
 ) -> Figure:
-    """Draw a panel for each sensor that is hit, one per mirrored pair; ``width`` in inches."""
+    """Draw a panel for each sensor that is hit, one per mirrored pair; ``width`` is in inches."""
     rings = sorted(context.rings, key=lambda ring: ring.radius_m)
     centres = table[table.centre == table.sensor].sort_values(["pair", "y_m"])
     hits = centres.drop_duplicates("pair", keep="last").centre.tolist()  # the left one of twins
@@ -123,7 +123,7 @@ def draw_failure(
 
 
 def _fit_window(table: pd.DataFrame, reach: float, panel_in: float) -> Window:
-    """Return the window of the sensors and their rings, with room for labels on both sides."""
+    """Return the window around the sensors and rings, with room for labels on both sides."""
     x_low, x_high = table.x_m.min() - reach - 0.01, table.x_m.max() + reach + 0.01
     aside = float(table.y_m.abs().max())
     y = max(aside + reach + 0.01, aside / (1 - 2 * (LABEL_IN + TICK_IN) / panel_in))
@@ -132,7 +132,7 @@ def _fit_window(table: pd.DataFrame, reach: float, panel_in: float) -> Window:
 
 
 def _shade(probability: float) -> str:
-    """Return a grey, darker for higher probabilities, which also works without colour."""
+    """Return a grey that is darker for higher probabilities."""
     return f"{1 - 0.85 * probability:.3f}"
 
 
@@ -146,7 +146,7 @@ def _draw_rings(axes: Axes, hit: pd.DataFrame, rings: Sequence[Ring]) -> None:
 
 
 def _draw_sensors(axes: Axes, hit: pd.DataFrame, scale: float) -> None:
-    """Draw each sensor in the shade of its probability, with labels; ``scale`` is in m/in."""
+    """Draw each sensor in the shade of its probability, with a label; ``scale`` is in m/in."""
     for y, x, chance in hit[["y_m", "x_m", "probability"]].to_numpy(dtype=np.float64).tolist():
         axes.plot(y, x, mfc=_shade(chance), zorder=4, **_SENSOR)
     texts = [f"{n}: {p:.2f}" for n, p in zip(hit.sensor, hit.probability, strict=True)]
@@ -168,5 +168,5 @@ def _add_legend(figure: Figure, rings: Sequence[Ring], columns: int) -> None:
         Line2D([], [], mfc=_shade(ring.probability), label=label, **_SENSOR)
         for ring, label in zip(rings, labels, strict=True)
     ]
-    look: dict[str, Any] = {"title": "sensor: probability that it fails", "frameon": False}
+    look: dict[str, Any] = {"title": "probability of a sensor's failure", "frameon": False}
     figure.legend(handles=handles, loc="lower center", ncols=columns, **look)

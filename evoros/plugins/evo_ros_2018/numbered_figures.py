@@ -16,19 +16,19 @@ from evoros.base.errors import InputError, single_line
 HELP = "Figs. 5 to 11 of the 2018 paper, numbered as there, from the runs of a case study"
 NEEDS = "the runs of a case study (`experiment=case_study`)"
 FILES = {
-    "paper.csv": "the figures that were drawn",
+    "paper.csv": "a list of the figures drawn",
     "figure_NN_NAME.FORMAT": "a picture for each figure",
     "figure_NN_NAME.csv": "the table of each figure",
 }
 OUTPUT = "paper"
 BASELINE, SPATIAL = "none", "spatial"
-"""The failure of the paper's first and third treatment."""
+"""The failures of the paper's first and third treatments."""
 Select = Callable[[Study], Study]
 
 
 @dataclass(frozen=True)
 class _PaperFigure:
-    """A figure of the paper: its number, what draws it, and from which runs."""
+    """A figure of the paper: its number, the subcommand that draws it, and the runs to use."""
 
     number: int
     subcommand: str
@@ -50,10 +50,10 @@ def _keep(failure: str) -> Select:
 
 
 def _keep_sample(study: Study) -> Study:
-    """Keep the baseline's finished run with the lowest seed."""
+    """Keep only the finished baseline run with the lowest seed."""
     runs = [record for record in _keep(BASELINE)(study).records if record.finished]
     if not runs:
-        raise InputError(f"no run with failure={BASELINE} is finished; resume one")
+        raise InputError(f"no run with failure={BASELINE} is finished; resume such a run")
     return study.keep([min(runs, key=lambda record: record.seed)])
 
 
@@ -69,7 +69,7 @@ FIGURES = (
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw each figure that the runs allow, and report the others in a line each."""
+    """Draw each figure for which there are runs, and report each other figure on one line."""
     files: dict[str, bytes] = {}
     rows, messages = [], []
     for figure in FIGURES:

@@ -1,5 +1,5 @@
-"""Rigid-body physics in Gazebo's library."""
+"""Rigid-body physics with Gazebo's library."""
 
 from evoros.files.plugins import Plugin
 
-PLUGIN = Plugin(__name__, "physics in Gazebo's library")
+PLUGIN = Plugin(__name__, "physics with Gazebo's library")

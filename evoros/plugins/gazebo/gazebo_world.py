@@ -1,4 +1,4 @@
-"""Robots and worlds as SDF for the Gazebo physics server."""
+"""Write robots and worlds as SDF for the Gazebo physics server."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -31,8 +31,8 @@ from evoros.world.model import KEPT_WORLDS, World
 from evoros.world.standing import GAP_M
 
 GROUND, OBSTACLE, SOLID, ROLLING, WALKER = "ground", "obstacle", "solid", "rolling", "walker"
-"""Collision groups by name, as in the server. Solid shapes collide with obstacles, walkers and the
-ground, rolling shapes only with the ground."""
+"""Names of collision groups, as in the server. Solid shapes collide with obstacles, walkers and the
+ground; rolling shapes collide only with the ground."""
 
 _GEOMETRY = {
     "box": "<box><size>{} {} {}</size></box>",
@@ -55,7 +55,7 @@ class Solid(NamedTuple):
 
     group: str
     shape: Shape
-    pose: Pose  # pose in the link
+    pose: Pose  # relative to the link
     friction: float
 
 
@@ -72,7 +72,7 @@ def format_link(
 ) -> tuple[str, list[str]]:
     """Return a link as SDF, and its meshes as lines.
 
-    The server attaches the meshes, because the library does not load mesh files that SDF names.
+    The server attaches the meshes, because the library does not load mesh files named in SDF.
     """
     parts, meshes = [] if inertial is None else [_format_inertial(inertial)], []
     for index, solid in enumerate(solids):
@@ -88,7 +88,7 @@ def format_link(
 
 
 def format_numbers(numbers: Iterable[float]) -> str:
-    """Return numbers as a string without rounding."""
+    """Format numbers without rounding, separated by spaces."""
     return " ".join(repr(float(number)) for number in numbers)
 
 
@@ -105,7 +105,7 @@ def _format_inertial(inertial: Inertial) -> str:
 
 
 def _format_mesh(place: str, solid: Solid) -> str:
-    """Return the line of a mesh: place, pose, vertices and triangles."""
+    """Return the line that describes a mesh: place, pose, vertices and triangles."""
     if solid.shape.kind == "heightfield":
         vertices, triangles = _triangulate(solid.shape)
     else:
@@ -118,7 +118,7 @@ def _format_mesh(place: str, solid: Solid) -> str:
 
 
 def _triangulate(field: Shape) -> tuple[Array, NDArray[np.intp]]:
-    """Return the vertices (n, 3) [m] and the triangles (m, 3) of a height field."""
+    """Return the vertices (n, 3) [m] and triangles (m, 3) of a height field."""
     points = height_points(field)
     rows, columns, _ = points.shape
     first = np.add.outer(columns * np.arange(rows - 1), np.arange(columns - 1)).ravel()
@@ -130,7 +130,7 @@ def _triangulate(field: Shape) -> tuple[Array, NDArray[np.intp]]:
 
 CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
 LIGHT = Inertial(1e-6, Pose(), (1e-9, 1e-9, 1e-9, 0.0, 0.0, 0.0))
-"""Inertia of a massless link, because DART needs masses above 0."""
+"""Inertia of a massless link, because DART needs positive masses."""
 
 _TYPES = {"continuous": "revolute"} | {name: name for name in ("fixed", "revolute", "prismatic")}
 
@@ -138,10 +138,10 @@ _TYPES = {"continuous": "revolute"} | {name: name for name in ("fixed", "revolut
 def format_robot(
     robot: Robot, index: int, frame: Pose, wheel_friction: float
 ) -> tuple[str, list[str]]:
-    """Return the model of a robot, with its root link at ``frame``, and its meshes.
+    """Return a robot's model, with its root link at ``frame``, and the robot's meshes.
 
     Raises:
-        SimulationError: SDF lacks the type of a joint.
+        SimulationError: SDF has no such type of joint.
     """
     drive, model = robot.drive, f"robot{index}"
     root = etree.fromstring(merge_fixed_links(robot.urdf_elements(), drive.caster_links).encode())
@@ -169,7 +169,7 @@ def _find_solids(
 ) -> list[Solid]:
     """Return the collision shapes of a link.
 
-    Exposed wheels and casters have each shape twice, for the ground and for obstacles.
+    Exposed wheels and casters have each shape twice, once for the ground and once for obstacles.
     """
     casters = robot.drive.caster_links
     if not is_wheel and link not in casters:
@@ -188,7 +188,7 @@ def _find_solids(
 def _round(shape: Shape) -> Shape:
     """Return a wheel as a sphere.
 
-    A cylinder touches the ground at one edge, which makes the radius of turns up to 11 % wrong.
+    A cylinder would touch the ground with one edge, and turning radii would be wrong by up to 11 %.
     """
     return Shape("sphere", shape.size[:1], shape.pose) if shape.kind == "cylinder" else shape
 
@@ -206,7 +206,9 @@ def _format_joint(
     joint: Joint, name: str, links: Mapping[str, str], driven: Collection[str]
 ) -> str:
     if joint.type not in _TYPES:
-        raise SimulationError(f"joint {joint.name!r}: Gazebo has no {joint.type} joints; change it")
+        raise SimulationError(
+            f"joint {joint.name!r}: Gazebo has no {joint.type} joints; change its type"
+        )
     limits = f"<effort>{format_numbers([joint.effort])}</effort>" if joint.name in driven else ""
     if joint.name not in driven and joint.type in ("revolute", "prismatic"):
         lower, upper = format_numbers([joint.lower, joint.upper]).split()
@@ -224,10 +226,10 @@ WALKER_KG = 80.0
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def hold_standing(world: World, robots: int) -> World:
-    """Return the world with all bodies fixed that nothing can move before a mission ends.
+    """Return the world with every body fixed that nothing can move before a mission ends.
 
-    DART computes each movable body in every step, even at rest. Missions of one robot that end at
-    the first contact push nothing, so only bodies in the air move.
+    DART computes each movable body in every step, even at rest. In missions of one robot that end
+    at the first contact, nothing is pushed, so only bodies in the air move.
     """
     if not (world.course.end_on_collision and world.is_level and robots == 1):
         return world
@@ -242,10 +244,10 @@ def _hold(body: Body) -> Body:
 
 
 def describe_scene(robots: Sequence[PlacedRobot], world: World, settings: Settings) -> bytes:
-    """Return the request body that opens robots in a world.
+    """Return the body of the request that opens robots in a world.
 
     Raises:
-        SimulationError: SDF lacks a joint type of a robot.
+        SimulationError: SDF has no such type of joint as one of a robot's.
     """
     sizes = () if world.crowd is None else world.crowd.sizes
     parts = [_format_walker(i, *size) for i, size in enumerate(sizes)]
@@ -265,7 +267,7 @@ def describe_scene(robots: Sequence[PlacedRobot], world: World, settings: Settin
 def _set_down(robot: Robot, home: tuple[float, float, float, float], world: World) -> Pose:
     """Return the pose of the root link at a home, with the wheels on the ground.
 
-    A fall would press the robot into the ground, and DART takes seconds to raise it.
+    If dropped, a robot would sink into the ground, and DART would take seconds to raise it.
     """
     x, y, _, yaw = home
     (px, py, pz), (qx, qy, qz, qw) = home_frame(robot, (x, y, 0.0, yaw), world)
@@ -279,7 +281,7 @@ def _set_down(robot: Robot, home: tuple[float, float, float, float], world: Worl
 
 
 def _format_fixed(bodies: Sequence[Body]) -> tuple[str, list[str]]:
-    """Return one model of all fixed bodies, because DART visits each model in every step."""
+    """Return all fixed bodies as one model, because DART visits each model in every step."""
     solids = [
         Solid(
             GROUND if body.is_ground else OBSTACLE,

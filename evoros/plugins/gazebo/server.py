@@ -1,4 +1,4 @@
-"""A server of Gazebo's physics and the simulations that it keeps."""
+"""A server that runs Gazebo's physics, and the simulations that it keeps."""
 
 import fcntl
 import hashlib
@@ -34,14 +34,14 @@ PACKAGES = (
     "g++ pkg-config libeigen3-dev libignition-physics-core-dev libignition-physics-sdf-dev "
     "libignition-physics-mesh-dev libignition-physics5-dartsim-plugin5 libsdformat-dev"
 )
-"""Packages of Debian 12."""
+"""Package names on Debian 12."""
 INSTALL = f"install with `apt-get install --no-install-recommends {PACKAGES}` on Debian 12"
 WORDS = 300
-"""Maximum number of characters of a compiler's message in an error."""
+"""Maximum number of characters of a compiler's message to quote in an error."""
 
 
 class Release(NamedTuple):
-    """A release of Gazebo with the pkg-config names of its parts."""
+    """A release of Gazebo, with the pkg-config names of its parts."""
 
     name: str
     physics: str
@@ -52,7 +52,7 @@ class Release(NamedTuple):
 
     @property
     def libraries(self) -> tuple[str, ...]:
-        """The pkg-config names of all libraries of the server."""
+        """The pkg-config names of all libraries that the server needs."""
         parts = (f"{self.physics}-sdf", f"{self.physics}-mesh", f"{self.common}-graphics")
         return (self.physics, *parts, f"{self.plugin}-loader", self.common, self.sdformat)
 
@@ -74,7 +74,7 @@ RELEASES = (
 
 
 class Library(NamedTuple):
-    """The installed release, versions of its parts, and the compiler arguments."""
+    """The installed release, the versions of its parts, and the compiler arguments."""
 
     release: Release
     versions: Mapping[str, str]
@@ -83,7 +83,7 @@ class Library(NamedTuple):
 
 @cache
 def find_library() -> Library:
-    """Find the newest release with all libraries installed.
+    """Find the newest release of which all libraries are installed.
 
     Raises:
         InputError: no release, or no compiler, is installed.
@@ -112,9 +112,9 @@ def _call(*command: str) -> "subprocess.CompletedProcess[str]":
 
 
 def compile_server() -> Path:
-    """Return the compiled server; one process compiles it while others wait.
+    """Return the path of the compiled server; one process compiles it while others wait.
 
-    The file name has a hash of its source and libraries.
+    The file name includes a hash of the source and libraries.
 
     Raises:
         InputError: the server cannot be compiled, or there is no private folder.
@@ -146,7 +146,7 @@ def _compile(server: Path, library: Library) -> None:
         if done.returncode != 0:
             lines = [line for line in done.stderr.splitlines() if "error" in line] or [done.stderr]
             raise InputError(
-                f"simulator=gazebo: {SOURCE.name} must compile with {library.release.physics} "
+                f"simulator=gazebo: {SOURCE.name} does not compile with {library.release.physics} "
                 f"{library.versions[library.release.physics]} ({single_line(lines[0])[:WORDS]}); "
                 f"{INSTALL}, or use simulator=mujoco"
             )
@@ -159,24 +159,24 @@ _READ_BYTES = 1 << 16
 
 
 class Operation(IntEnum):
-    """Operations of the server; only tests use PROBE."""
+    """The operations of the server; only tests use PROBE."""
 
     START, OPEN, RESET, ADVANCE, FORGET, PROBE = range(6)
 
 
 class GazeboServer:
-    """A client that sends requests and waits for answers. Only one thread may use it.
+    """A client that starts the server, sends requests and waits for answers; for one thread only.
 
-    The server process has a private home folder and ends whenever this process ends. Libraries may
-    print to its standard output.
+    The server process has a private home folder, and exits whenever this process exits. Libraries
+    may print to its standard output.
     """
 
     def __init__(self, program: Path, limit_s: float) -> None:
-        """Start the program; each answer may take ``limit_s`` of wall-clock time.
+        """Start the program; each answer may take up to ``limit_s`` of wall-clock time.
 
         Raises:
             InputError: the library cannot be used.
-            PilotLost: the program ended, or did not answer in time.
+            PilotLost: the program exited, or did not answer in time.
         """
         self.limit_s = limit_s
         with ExitStack() as stack:
@@ -204,8 +204,8 @@ class GazeboServer:
         """Send a request about simulation ``number`` and return the values of the answer.
 
         Raises:
-            SimulationError: the library refuses the request.
-            PilotLost: the process ended, or did not answer in time, at mission ``time`` [s].
+            SimulationError: the library rejects the request.
+            PilotLost: the process exited, or did not answer in time, at mission ``time`` [s].
         """
         self._pipes.begin(self.limit_s, time)
         self._pipes.send(_REQUEST.pack(operation, number, steps, feeling, len(body)) + body)
@@ -225,11 +225,11 @@ class GazeboServer:
 
 
 KEPT = 4
-"""Number of kept simulations, which repeat because each trial of a design runs in every world."""
+"""Number of simulations to keep: trials of a design return to the same worlds."""
 
 
 class Scene(NamedTuple):
-    """A simulation in a server with its values at the start of a mission."""
+    """A simulation in a server, with its values at the start of a mission."""
 
     server: GazeboServer
     number: int
@@ -237,7 +237,7 @@ class Scene(NamedTuple):
 
 
 class Engine:
-    """A server that one mission at a time may use."""
+    """A server for use by one mission at a time, and the simulations that it keeps."""
 
     def __init__(self, program: Path, limit_s: float) -> None:
         self._server = GazeboServer(program, limit_s)
@@ -253,16 +253,16 @@ class Engine:
         self._server.limit_s = seconds
 
     def forget(self) -> None:
-        """Drop all kept simulations, so that the next missions open theirs."""
+        """Drop all kept simulations, so that the next missions open new ones."""
         while self._kept:
             self._drop_oldest()
 
     def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Scene:
-        """Return a simulation at the start of a mission, reset if kept and otherwise opened.
+        """Return a simulation at the start of a mission: a kept one, reset, or a new one.
 
         Raises:
-            SimulationError: Gazebo refuses a robot or the world.
-            PilotLost: the server ended or hangs.
+            SimulationError: Gazebo rejects a robot or the world.
+            PilotLost: the server exited or hangs.
         """
         described = tuple((*describe_for_engine(robot), home) for robot, home in robots)
         sizes = () if world.crowd is None else world.crowd.sizes

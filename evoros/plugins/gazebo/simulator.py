@@ -1,8 +1,8 @@
-"""Rigid-body physics in Gazebo's library with DART, in a separate process.
+"""Rigid-body physics with Gazebo's library and DART, in a separate process.
 
-Range sensors cast rays in MuJoCo's model of the world, with all bodies where Gazebo has them.
-Debian's version of Gazebo's library casts no rays, and later ones return NaN with some collision
-detectors.
+Range sensors cast rays in a MuJoCo model of the world, in which all bodies are posed as in Gazebo.
+Debian's version of Gazebo's library casts no rays, and later versions return NaN with some
+collision detectors.
 ``docs/simulation.md`` gives the reasons for the set-up.
 """
 
@@ -46,10 +46,10 @@ class GazeboSight:
         parts: Sequence[tuple[int, slice]],
         bodies: slice,
     ) -> None:
-        """Map indices of answers to indices of the model's state.
+        """Map indices into answers to indices into the model's state.
 
-        ``parts`` has each robot's first index, where its pose begins, and the slice of its wheel
-        and steering angles. ``bodies`` is the slice of the poses of movable bodies.
+        ``parts`` holds each robot's first index, where the pose starts, and the slice of the
+        robot's wheel and steering angles. ``bodies`` is the slice of the movable bodies' poses.
         """
         self._model = model
         self._sights = [MujocoSight(model, robot, i) for i, robot in enumerate(robots)]
@@ -73,22 +73,22 @@ class GazeboSight:
         model.library.mj_kinematics(model.model, model.data)
 
     def cast(self, index: int, ranges: Array) -> None:
-        """Fill the ranges (n,) [m] of a robot."""
+        """Fill a robot's ranges (n,) [m]."""
         self._sights[index].cast(ranges)
 
 
 POSE, VELOCITY, TURNING, TOUCHED, ANGLES = slice(7), slice(7, 10), slice(10, 13), 13, 14
-"""A robot's part of an answer: pose x, y, z, w, i, j, k of its root link, its velocities [m/s] and
-[rad/s], 1 after a contact since the last answer, and its wheel and steering angles [rad]."""
+"""A robot's part of an answer: pose x, y, z, w, i, j, k of the root link, velocities [m/s] and
+[rad/s], 1 after a contact since the last answer, and wheel and steering angles [rad]."""
 BODY_SIZE = 7
 """Size of a movable body's pose in an answer."""
 ROBOT, STEP, SHAPE, OTHER, AT = 0, 1, 2, 3, slice(4, 6)
-"""A contact that a robot felt: robot, step, both shapes, and x, y in the robot's frame [m]."""
+"""A contact felt by a robot: robot, step, both shapes, and x, y in the robot's frame [m]."""
 FELT_SIZE = 6
 
 
 class GazeboSimulation:
-    """The robots of ``scene`` in their world, which advance together."""
+    """The robots of ``scene`` in a world, which advance together."""
 
     def __init__(
         self,
@@ -126,7 +126,7 @@ class GazeboSimulation:
         return self.values[self._bodies].reshape(-1, BODY_SIZE)
 
     def observe(self, state: Array) -> None:
-        """Fill ``state`` with the true states; contacts count since the last call."""
+        """Fill ``state`` with the true states, including any contact since the last call."""
         for vehicle, share in self._turns:
             vehicle.observe(self.values, state[share.state])
         if self._walkers is not None:
@@ -143,7 +143,7 @@ class GazeboSimulation:
             vehicle.read(self.values, own)
 
     def advance(self, command: Array, duration: float) -> None:
-        """Drive with ``command`` for ``duration`` [s], noting contacts of even a single step."""
+        """Drive with ``command`` for ``duration`` [s], noting even contacts of a single step."""
         at = 0
         for vehicle, share in self._turns:
             part = self._commands[at : at + vehicle.joints]
@@ -180,7 +180,7 @@ class GazeboSimulation:
 
 
 class Vehicle:
-    """A robot whose part of an answer begins at ``start``."""
+    """A robot whose part of an answer starts at ``start``."""
 
     def __init__(self, robot: Robot, start: int, gravity: float) -> None:
         self._drive, self.start, self.ranges = robot.drive, start, robot.beam_count
@@ -195,7 +195,7 @@ class Vehicle:
         self.signals = RigidSignals(robot, gravity)
 
     def observe(self, values: Array, state: Array) -> None:
-        """Fill ``state`` from an answer; contacts count since the last call."""
+        """Fill ``state`` from an answer, including any contact since the last call."""
         motion = values[self._motion].tolist()
         x, y, _, qw, qx, qy, qz, vx, vy, _, _, _, yaw_rate = motion
         fill_state(state, (x, y), (qx, qy, qz, qw), (vx, vy), yaw_rate)
@@ -220,12 +220,12 @@ class Vehicle:
         targets[:] = self._targets
 
     def note_touch(self, values: Array) -> None:
-        """Keep a contact for the next observation."""
+        """Remember a contact for the next observation."""
         self._touched = self._touched or values[self.start + TOUCHED] > 0.0
 
 
 MAX_STEP_S = 0.025
-"""The longest step at which the rover drives within 1 % of its geometry (``docs/fidelity.md``)."""
+"""Longest step at which the rover's motion is within 1 % of its geometry (``docs/fidelity.md``)."""
 
 MOST_MOVABLE = 500
 """Maximum number of movable bodies; DART takes 25 us for each in every step, even at rest."""
@@ -246,14 +246,16 @@ class Gazebo(Simulator):
     """
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.005  # [s]
-    wheel_friction: Annotated[float, POSITIVE] = 1.0  # the ground's friction applies if smaller
+    wheel_friction: Annotated[float, POSITIVE] = (
+        1.0  # the ground's friction applies if it is smaller
+    )
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     answer_limit_s: Annotated[float, POSITIVE] = 60.0
     """Wall-clock limit of a control period or of opening a world."""
     versions: Mapping[str, str] = field(
         init=False, compare=False, default_factory=lambda: find_library().versions
     )
-    """Versions of the system libraries on this machine; workers may run on others."""
+    """Versions of the system libraries on this machine; workers may run on other machines."""
     packages = ("mujoco-core",)
     measures = (RANGE, *SIGNAL_SIZES)
     max_robots = MAX_ROBOTS
@@ -268,15 +270,15 @@ class Gazebo(Simulator):
         for name, version in self.versions.items():
             if found.get(name) != version:
                 raise LaunchError(
-                    f"simulator=gazebo: a worker must have {name} {version} like the main process, "
-                    f"not {found.get(name) or 'none'}; install the same release there"
+                    f"simulator=gazebo: a worker has {name} {found.get(name) or '(none)'}, but the "
+                    f"main process has {version}; install the same release there"
                 )
 
     def check_world(self, world: World) -> None:
-        """Require that a world has not too many movable bodies.
+        """Require that a world does not have too many movable bodies.
 
         Raises:
-            InputError: the world has more than ``MOST_MOVABLE``.
+            InputError: the world has more than ``MOST_MOVABLE`` movable bodies.
         """
         count = count_movable(hold_standing(world, robots=1))
         if count > MOST_MOVABLE:
@@ -287,12 +289,12 @@ class Gazebo(Simulator):
             )
 
     def doubt_drive(self, drive: Drive) -> str:
-        """Return why no step is accurate for skid steering, or an empty string."""
+        """Return why skid steering is inaccurate at any step size, or an empty string."""
         if not skids(drive):
             return ""
         return (
-            "Gazebo's DART limits friction along two axes of the world, so that the heading of a "
-            "skid-steer robot changes how fast it turns"
+            "Gazebo's DART limits friction along two axes of the world, so the rate at which a "
+            "skid-steer robot turns depends on its heading"
         )
 
     @contextmanager
@@ -301,9 +303,9 @@ class Gazebo(Simulator):
 
         Raises:
             InputError: the server cannot be compiled.
-            LaunchError: the library differs from the main process's library.
-            SimulationError: Gazebo refuses a robot or the world, or there are too many robots.
-            PilotLost: the server ended or hangs.
+            LaunchError: the library is not the same version as the main process's.
+            SimulationError: Gazebo rejects a robot or the world, or there are too many robots.
+            PilotLost: the server exited or hangs.
         """
         check_number(robots)
         self._require_versions()

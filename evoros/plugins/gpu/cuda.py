@@ -1,4 +1,4 @@
-"""NVIDIA GPU as a device, through its driver and the package cuda-bindings."""
+"""An NVIDIA GPU as a device, through the driver and the package cuda-bindings."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -12,14 +12,14 @@ from evoros.compilation.device import Bytes, DeviceError, DeviceFull, Memory
 from evoros.compilation.kernel import ENTRY, target_gpu
 
 THREADS = 32
-"""Threads per block, one per mission; small blocks spread few missions over the GPU."""
+"""Threads per block, one per mission; small blocks spread even few missions over the GPU."""
 _FULL = "CUDA_ERROR_OUT_OF_MEMORY"
 FIXES = {
-    _FULL: "free memory of the GPU, or reduce executor.workers",
+    _FULL: "free some of the GPU's memory, or reduce executor.workers",
     "CUDA_ERROR_UNSUPPORTED_PTX_VERSION": "the driver is too old; install a newer one",
-    "CUDA_ERROR_SYSTEM_DRIVER_MISMATCH": "restart the machine after an update of the driver",
+    "CUDA_ERROR_SYSTEM_DRIVER_MISMATCH": "restart the machine after a driver update",
 }
-"""Fixes of some driver errors."""
+"""Fixes for some driver errors."""
 
 
 def import_driver() -> Any:
@@ -41,7 +41,7 @@ def require_gpu(driver: Any) -> None:
     """
     call_driver(driver, "cuInit", 0)
     if call_driver(driver, "cuDeviceGetCount") == 0:
-        raise DeviceError("there is no GPU")
+        raise DeviceError("no GPU was found")
 
 
 def call_driver(driver: Any, name: str, *arguments: Any) -> Any:
@@ -53,7 +53,7 @@ def call_driver(driver: Any, name: str, *arguments: Any) -> Any:
     """
     try:
         status, *results = getattr(driver, name)(*arguments)
-    except Exception as error:  # a missing or old driver raises many types
+    except Exception as error:  # a missing or old driver raises various exceptions
         raise DeviceError(f"{name}: {single_line(error).rstrip('.')}") from error
     if int(status) != 0:
         code = getattr(status, "name", str(status))
@@ -64,13 +64,13 @@ def call_driver(driver: Any, name: str, *arguments: Any) -> Any:
 
 
 class CudaMemory:
-    """Allocated memory of a GPU."""
+    """Allocated GPU memory."""
 
     def __init__(self, cuda: "Cuda", address: int) -> None:
         self._cuda, self.address = cuda, address
 
     def write(self, content: Bytes) -> None:
-        """Write from the start address."""
+        """Write to the start of the memory."""
         self._cuda.call("cuMemcpyHtoD", self.address, content.ctypes.data, content.nbytes)
 
     def read(self, start: int, end: int) -> Bytes:
@@ -113,7 +113,7 @@ class Cuda:
                 self.call("cuMemFree", address)
 
     def launch(self, kernel: Any, rows: int, width: int, count: int) -> None:
-        """Run ``count`` missions to their ends; each row at ``rows`` has ``width`` bytes."""
+        """Run ``count`` missions to the end; each row at ``rows`` has ``width`` bytes."""
         values = (rows, width, 0, count), (c_int64,) * 4
         blocks = -(-count // THREADS)
         self.call("cuLaunchKernel", kernel, blocks, 1, 1, THREADS, 1, 1, 0, 0, values, 0)

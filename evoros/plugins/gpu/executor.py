@@ -1,4 +1,4 @@
-"""Executor that runs missions together as threads of a GPU."""
+"""An executor that runs missions together as threads of a GPU."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -25,16 +25,16 @@ class Part:
 
     function: Callable[..., Any]
     run: object
-    share: float  # fraction of a full call
+    share: float  # share of a full call
     shared: Shared
     asked: Any
     future: "Future[Any]" = field(default_factory=Future)
 
 
 class Joining:
-    """Parts that wait until a worker is free and are then joined into one call.
+    """A queue of parts that are joined into one call as soon as a worker is free.
 
-    A call has at most one part of each run, because a run makes one part per worker.
+    A call has at most one part from each run, because a run makes one part per worker.
     """
 
     def __init__(self, pool: Pool, batches: Batches) -> None:
@@ -45,7 +45,7 @@ class Joining:
         self._lock = Lock()
 
     def add(self, part: Part) -> "Future[Any]":
-        """Queue a part and return the future of its answer.
+        """Queue a part, and return the future for its answer.
 
         Raises:
             RuntimeError: the pool is closed.
@@ -67,7 +67,7 @@ class Joining:
             part.future.set_running_or_notify_cancel()
 
     def _fill(self) -> None:
-        """Give calls to free workers."""
+        """Send calls to free workers."""
         while parts := self._take():
             self._send(parts)
 
@@ -93,13 +93,13 @@ class Joining:
         asked, shared = [part.asked for part in parts], [part.shared for part in parts]
         try:
             call = self._pool.submit(parts[0].function, self._batches, asked, *shared)
-        except Exception as error:  # the call does not pickle, or the pool is closed
+        except Exception as error:  # the call cannot be pickled, or the pool is closed
             call = Future()
             call.set_exception(error)
         call.add_done_callback(partial(self._settle, parts))
 
     def _settle(self, parts: Sequence[Part], call: "Future[Any]") -> None:
-        """Give each part its answer; the parts of a failed call are repeated one by one."""
+        """Give each part its answer; after a failed call, repeat the parts one by one."""
         error = CancelledError() if call.cancelled() else call.exception()
         repeated = error is not None and len(parts) > 1 and not self._closed
         with self._lock:
@@ -115,14 +115,14 @@ class Joining:
 
 
 GPU, CPU = "gpu", "cpu"
-"""Devices: an NVIDIA GPU, or the processor, which runs the same kernel in tests."""
+"""Devices: an NVIDIA GPU, or the CPU, which runs the same kernel in tests."""
 ON_CPU, STOP = "cpu", "stop"
-"""Reactions to an unusable GPU: run missions on the CPU, or stop the run."""
+"""Reactions if the GPU cannot be used: run missions on the CPU, or stop the run."""
 
 
 @dataclass(frozen=True)
 class GpuBatches:
-    """Settings by which workers run missions together on a device."""
+    """Settings with which workers run missions together on a device."""
 
     device: str
     missions: int  # maximum number per launch
@@ -141,7 +141,7 @@ class GpuBatches:
         return Cuda(import_driver()) if self.device == GPU else Host()
 
     def give_up(self, reason: str) -> str:
-        """Return the message that missions run on the CPU because of ``reason``.
+        """Return a message that missions run on the CPU because of ``reason``.
 
         Raises:
             RunStopped: ``fallback`` is ``STOP``.
@@ -158,10 +158,10 @@ class GpuBatches:
 @dataclass(frozen=True, kw_only=True)
 @checked
 class Gpu(Processes):
-    """Runs missions together in one kernel launch if their parts can be compiled for it.
+    """An executor that runs missions in one kernel launch if all their parts can be compiled.
 
-    A launch takes waiting missions of all runs when a worker becomes free. Worker processes open
-    missions, launch them, and compute their outcomes. All other calls and missions run as under
+    When a worker becomes free, a launch takes waiting missions from all runs. Worker processes open
+    missions, launch them, and compute their outcomes. All other calls and missions run as with
     ``Processes``.
     """
 
@@ -188,7 +188,7 @@ class Gpu(Processes):
 
 
 def _find_lack() -> str:
-    """Return why no GPU can be used, or an empty string if one can."""
+    """Return why no GPU can be used, or an empty string if a GPU can be used."""
     from evoros.compilation.device import DeviceError
     from evoros.plugins.gpu.cuda import import_driver, require_gpu  # LLVM takes long to import
 
@@ -201,7 +201,7 @@ def _find_lack() -> str:
 
 @dataclass(frozen=True)
 class _Batching:
-    """Pool whose workers run missions together."""
+    """A pool whose workers run missions together."""
 
     pool: Pool
     batches: Batches
@@ -209,12 +209,12 @@ class _Batching:
 
     @property
     def workers(self) -> int:
-        """Number of workers."""
+        """The number of workers."""
         return self.pool.workers
 
     @property
     def shares_files(self) -> bool:
-        """True if the workers share this process's files."""
+        """True if the workers can read this process's files."""
         return self.pool.shares_files
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":

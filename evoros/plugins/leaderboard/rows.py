@@ -1,6 +1,6 @@
-"""Rows of the leaderboard, each with a finished run's result and the overrides that repeat it.
+"""Rows of the leaderboard: a finished run's result, and the overrides that repeat the run.
 
-A task is an experiment of ``conf/`` and a budget of missions. A search may choose how it handles
+A task is an experiment in ``conf/`` and a budget of missions. A search may choose how it handles
 noise; the task determines everything else. See docs/benchmark.md.
 """
 
@@ -31,11 +31,11 @@ TASKS: Mapping[str, int] = {  # maximum number of missions per run, excluding va
 }
 GROUPS = ("optimizer", "allocation", "final_choice")
 SEARCH = (*GROUPS, "trials", "draws", "seed", "objectives", "descriptors", "treatment")
-"""Keys, or first parts of keys, that belong to a search."""
+"""Keys, or key prefixes, that belong to a search."""
 TRIALS = "optimizer.validation_trials"
-"""Key of a search that a task fixes because the score depends on it."""
+"""A search's key that is fixed by the task, because the score depends on it."""
 FREE = (*protocol.FREE, "figures", "record")
-"""Keys that affect no mission."""
+"""Keys that do not affect missions."""
 HASHED = (
     MISSIONS,
     "generations/*.csv",
@@ -43,7 +43,7 @@ HASHED = (
     "champion/genes.csv",
     "champion/certificate.json",
 )
-"""Files of a run that a row's digest covers."""
+"""The run's files that a row's digest covers."""
 
 
 @dataclass(frozen=True)
@@ -51,17 +51,17 @@ class Row:
     """A row of the leaderboard, with all cells as strings."""
 
     task: str  # name, excluding PREFIX
-    search: str  # choice of the optimizer
+    search: str  # choice of the group ``optimizer``
     seed: str
     missions: str  # number, excluding validation
     fitness: str  # champion's fitness on the task's fresh trials
     low: str  # lower bound of the fitness
     high: str  # upper bound of the fitness
-    completed: str  # completed share of these trials
+    completed: str  # share of these trials completed
     overrides: str  # arguments of ``evoros``, as typed in a shell
-    config_dir: str  # folder of the search's own parts in the repository, or empty
+    config_dir: str  # folder in the repository with the search's own parts, or empty
     version: str  # version of evoros
-    digest: str  # SHA-256 of the run's files that the overrides determine
+    digest: str  # SHA-256 of the run's files that follow from the overrides
 
     @property
     def name(self) -> str:
@@ -73,31 +73,31 @@ COLUMNS = tuple(field.name for field in fields(Row))
 
 
 def make_row(folder: Path, config_dir: str | None = None) -> Row:
-    """Return the row of a finished run; ``config_dir`` has the search's own parts.
+    """Return the row of a finished run; ``config_dir`` is the folder with the search's own parts.
 
     Raises:
-        InputError: the run is damaged, unfinished, not of a task, or exceeds its budget.
+        InputError: the run is damaged, unfinished, not a run of a task, or exceeds the budget.
     """
     if config_dir and Path(config_dir).is_absolute():
         raise InputError(
-            f"--config-dir {config_dir}: must be relative, so that others can run the row; start "
-            f"in the root of the repository"
+            f"--config-dir {config_dir}: must be a relative path, so that others can rerun the "
+            f"row; start in the root of the repository"
         )
     if list_finished(folder, "a row") != [folder] or evaluates(folder):
-        raise InputError(f"{folder}: must be the folder of one run; give the runs one by one")
+        raise InputError(f"{folder}: is not the folder of a single run; give the runs one by one")
     task, overrides = _list_overrides(folder, config_dir)
     missions = int((Run(folder).missions.purpose != VALIDATION).sum())
     if missions > TASKS[task]:
         raise InputError(
-            f"{folder}: has {missions} missions besides its validation, but the budget of {task} "
-            f"is {TASKS[task]}; run it again with fewer generations"
+            f"{folder}: has {missions} missions besides validation, but the budget of {task} "
+            f"is {TASKS[task]}; repeat the run with fewer generations"
         )
     try:
         return _fill_row(folder, task, missions, overrides, config_dir)
     except (ValueError, TypeError, LookupError, ArithmeticError, AttributeError) as error:
         raise InputError(
-            f"{folder}: must have a manifest and a certificate as evoros wrote them ({error!r}); "
-            f"run it again"
+            f"{folder}: the manifest or certificate is damaged or was edited ({error!r}); "
+            f"repeat the run"
         ) from error
 
 
@@ -120,7 +120,7 @@ def _fill_row(
 
 
 def _describe_certificate(certificate: Mapping[str, Any]) -> tuple[str, str, str, str]:
-    """Return the fitness, its interval and the share of completed trials."""
+    """Return the fitness, its interval, and the share of trials completed."""
     names = "validated_fitness", "fitness_low", "fitness_high"
     worlds = certificate["worlds"].values()
     completed = sum(w["completed"] for w in worlds) / sum(w["trials"] for w in worlds)
@@ -131,7 +131,8 @@ def _describe_certificate(certificate: Mapping[str, Any]) -> tuple[str, str, str
 def hash_run(folder: Path) -> str:
     """Return a digest of the files that a run's configuration determines.
 
-    It excludes the seals of missions, which depend even on keys that change no outcome.
+    The digest excludes the seals of missions, which depend even on keys that do not affect
+    outcomes.
     """
     files = sorted(path for pattern in HASHED for path in folder.glob(pattern))
     whole = hashlib.sha256()
@@ -164,8 +165,8 @@ def _list_overrides(folder: Path, config_dir: str | None) -> tuple[str, list[str
             return task, _add_values([f"experiment={task}", *groups], recorded, config_dir)
     nearest = min(strange, key=lambda task: len(strange[task]))
     raise InputError(
-        f"{folder}: must have the configuration of a task ({', '.join(TASKS)}), and differs from "
-        f"{nearest} in {', '.join(strange[nearest])}; leave these as experiment={nearest} has them"
+        f"{folder}: does not have the configuration of a task ({', '.join(TASKS)}); it differs "
+        f"from {nearest} in {', '.join(strange[nearest])}; leave these as in experiment={nearest}"
     )
 
 
@@ -180,12 +181,12 @@ def _add_values(
         overrides = [*overrides, typed]
     left = list_differences(recorded, flatten(compose(overrides, config_dir=config_dir)), FREE)
     if left:
-        raise InputError(f"{left[0]}: does not follow from the overrides; type it as an override")
+        raise InputError(f"{left[0]}: does not follow from the overrides; set it with an override")
     return overrides
 
 
 def write_rows(rows: Iterable[Row]) -> str:
-    """Return the rows as CSV, with a header."""
+    """Return the rows as CSV, with a header line."""
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()
@@ -202,13 +203,13 @@ def read_rows(path: Path) -> list[Row]:
     try:
         table = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
     except (OSError, ValueError, csv.Error) as error:
-        raise InputError(f"{path}: must be a table of rows ({error}); correct it") from error
+        raise InputError(f"{path}: is not a readable CSV file ({error}); fix the file") from error
     if not table or tuple(table[0]) != COLUMNS:
-        raise InputError(f"{path}: line 1 must be {','.join(COLUMNS)}; correct it")
+        raise InputError(f"{path}: line 1 must be {','.join(COLUMNS)}; fix the header")
     for number, cells in enumerate(table[1:], 2):
         if len(cells) != len(COLUMNS):
             raise InputError(
                 f"{path}: line {number} must have {len(COLUMNS)} cells, not {len(cells)}; "
-                f"correct it"
+                f"fix the line"
             )
     return [Row(*cells) for cells in table[1:]]

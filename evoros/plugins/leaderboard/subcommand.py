@@ -1,4 +1,4 @@
-"""The subcommand ``leaderboard``: make rows from runs, and check rows by running them again."""
+"""The subcommand ``leaderboard``: make rows from runs, and check rows by rerunning them."""
 
 import shlex
 from argparse import RawDescriptionHelpFormatter
@@ -18,10 +18,11 @@ if TYPE_CHECKING:
 NAME = "evoros leaderboard"
 ABOUT = """evoros leaderboard prints a row of the leaderboard for each finished run of a task.
 
-A row has the overrides that repeat the run and a digest of the results. --check runs the rows of a
-file again and compares all cells except the version of evoros. Rows in --known are skipped. This
-runs the code in a row's config_dir; see docs/run_folder.md before you check foreign rows."""
-STATUSES = """exit status: 0 done, 1 a row could not be reproduced, 2 unusable folder or file."""
+Each row holds the overrides that repeat the run, and a digest of the results. --check reruns the
+rows in a file and compares all cells except the version of evoros. Rows in --known are skipped.
+This runs the code in a row's config_dir; see docs/run_folder.md before you check other people's
+rows."""
+STATUSES = """exit status: 0 done, 1 a row could not be reproduced, 2 invalid folder or file."""
 
 
 @reports_errors(NAME)
@@ -32,13 +33,15 @@ def leaderboard(arguments: Sequence[str]) -> int:
     parser = CommandParser(
         NAME, description=ABOUT, epilog=STATUSES, formatter_class=RawDescriptionHelpFormatter
     )
-    parser.add_argument("folders", nargs="*", metavar="FOLDER", help="of a finished run of a task")
-    parser.add_argument("--check", metavar="CSV", help="run the rows of this file again instead")
-    parser.add_argument("--known", metavar="CSV", help="with --check: a file of rows to leave out")
-    parser.add_argument("--config-dir", "-cd", metavar="DIR", help="folder of a search of your own")
+    parser.add_argument(
+        "folders", nargs="*", metavar="FOLDER", help="folder of a finished run of a task"
+    )
+    parser.add_argument("--check", metavar="CSV", help="rerun the rows in this file instead")
+    parser.add_argument("--known", metavar="CSV", help="with --check: a file with rows to skip")
+    parser.add_argument("--config-dir", "-cd", metavar="DIR", help="folder with your own search")
     options = parser.parse_args(list(arguments))
     if bool(options.folders) == bool(options.check):
-        raise InputError(f"FOLDER: must be given, or else --check CSV; see {NAME} --help")
+        raise InputError(f"FOLDER: either folders or --check CSV must be given; see {NAME} --help")
     if options.check:
         return _check(expand_home(options.check), options.known and expand_home(options.known))
     rows = [make_row(expand_home(folder), options.config_dir) for folder in options.folders]
@@ -47,7 +50,7 @@ def leaderboard(arguments: Sequence[str]) -> int:
 
 
 def _check(file: Path, known: Path | None) -> int:
-    """Run the rows that are not in ``known`` again and return the exit status."""
+    """Rerun the rows that are not in ``known``, and return the exit status."""
     from evoros.plugins.leaderboard.rows import read_rows
 
     left_out = set(read_rows(known)) if known else set()
@@ -64,7 +67,7 @@ def _check(file: Path, known: Path | None) -> int:
 
 
 def _find_difference(row: "Row") -> str:
-    """Run a row again; describe the first differing cell, or return an empty string."""
+    """Rerun a row; describe the first cell that differs, or return an empty string."""
     from evoros.analysis.run_figures import draw_figure
     from evoros.config.compose import compose
     from evoros.plugins.leaderboard.rows import COLUMNS, make_row
@@ -80,5 +83,5 @@ def _find_difference(row: "Row") -> str:
     for name in COLUMNS:
         stated, found = getattr(row, name), getattr(again, name)
         if name != "version" and stated != found:
-            return f"{name} is {stated}, but {found} when the row is run again"
+            return f"{name} is {stated}, but {found} when the row is rerun"
     return ""

@@ -1,4 +1,4 @@
-"""OpenSCENARIO DSL files, run by the tool scenario_execution."""
+"""Missions as the simulation of OpenSCENARIO DSL files, run by the tool scenario_execution."""
 
 from typing import TYPE_CHECKING
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 __all__ = ["PLUGIN", "Simulation"]
 
-PLUGIN = Plugin(__name__, "scenario files of OpenSCENARIO DSL", extras=("scenario",))
+PLUGIN = Plugin(__name__, "OpenSCENARIO DSL scenario files", extras=("scenario",))
 
 
 def __getattr__(name: str) -> type["Simulation"]:
@@ -22,5 +22,5 @@ def __getattr__(name: str) -> type["Simulation"]:
 
 
 def get_library() -> tuple[str, str]:
-    """Return the package and the file in its folder ``lib_osc``."""
+    """Return the package, and the name of the file in the package's folder ``lib_osc``."""
     return "evoros.plugins.openscenario", "evoros.osc"

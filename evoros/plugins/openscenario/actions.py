@@ -1,6 +1,6 @@
-"""The actions of ``import osc.evoros``; each class is an entry point of scenario_execution.
+"""The actions in ``osc.evoros``; each class is an entry point for scenario_execution.
 
-``lib_osc/evoros.osc`` declares the parameters of ``execute`` and of constructors.
+``lib_osc/evoros.osc`` declares the parameters of ``execute`` and of the constructors.
 """
 
 import math
@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 
 class Action(BaseAction):  # type: ignore[misc]
-    """An action on the mission of a scenario."""
+    """An action on a scenario's mission."""
 
     def setup(self, **kwargs: Any) -> None:
         """Store the simulation and prepare the action."""
@@ -37,10 +37,10 @@ class Action(BaseAction):  # type: ignore[misc]
         self._attempt(self.prepare)
 
     def prepare(self) -> None:
-        """Prepare the action before the scenario begins."""
+        """Prepare the action before the scenario starts."""
 
     def update(self) -> Status:
-        """Act at a tick of the scenario."""
+        """Perform the action at a tick of the scenario."""
         status = self._attempt(self.act)
         if status is None:
             self.feedback_message = self.simulation.problem
@@ -48,7 +48,7 @@ class Action(BaseAction):  # type: ignore[misc]
         return status
 
     def act(self) -> Status:
-        """Return the status of the action at this tick."""
+        """Act, and return the action's status at this tick."""
         raise NotImplementedError
 
     def _attempt(self, function: Callable[[], T]) -> T | None:
@@ -63,11 +63,11 @@ class Action(BaseAction):  # type: ignore[misc]
 
     @property
     def mission(self) -> OpenMission:
-        """The mission of the scenario."""
+        """The scenario's mission."""
         return self.simulation.mission
 
     def fail(self, reason: str) -> Status:
-        """Fail, and report the reason to the log and the tree."""
+        """Fail, reporting the reason in the log and the behaviour tree."""
         self.feedback_message = reason
         self.logger.error(f"{self.name}: {reason}")
         return Status.FAILURE
@@ -92,7 +92,7 @@ class Wait(Action):
 
 
 class _Reading(Wait):
-    """An action on the minimum reading of some sensors."""
+    """An action that reads the minimum reading of given sensors."""
 
     sensors: str
     channel = ""
@@ -105,7 +105,7 @@ class _Reading(Wait):
 
 
 class WaitForReading(_Reading):
-    """Waits until the minimum reading lies between limits."""
+    """Wait until the minimum reading lies between limits."""
 
     def execute(self, sensors: str, channel: str, at_least: float, at_most: float) -> None:
         """Store the parameters."""
@@ -118,7 +118,7 @@ class WaitForReading(_Reading):
 
 
 class WaitForSilence(_Reading):
-    """Waits until no sensor has a reading."""
+    """Wait until none of the sensors has a reading."""
 
     def execute(self, sensors: str) -> None:
         """Store the sensors."""
@@ -130,7 +130,7 @@ class WaitForSilence(_Reading):
 
 
 class AskReading(_Reading):
-    """Writes the minimum reading to a variable."""
+    """Write the minimum reading to a variable."""
 
     def __init__(self) -> None:
         super().__init__(resolve_variable_reference_arguments_in_execute=False)
@@ -149,33 +149,33 @@ class AskReading(_Reading):
 
 
 class WaitForPlace(Wait):
-    """Waits until the robot is near a place."""
+    """Wait until the robot is near a point."""
 
     def execute(self, x: float, y: float, within: float) -> None:
-        """Store the place and the distance [m]."""
+        """Store the point and the distance [m]."""
         self.place = x, y, within
 
     def holds(self) -> bool:
-        """Return True if the robot is near the place."""
+        """Return True if the robot is near the point."""
         x, y, within = self.place
         state = self.mission.state
         return math.hypot(float(state[X]) - x, float(state[Y]) - y) <= within
 
 
 class WaitForWaypoints(Wait):
-    """Waits until the robot has reached a number of waypoints."""
+    """Wait until the robot has reached a given number of waypoints."""
 
     def execute(self, count: int) -> None:
         """Store the number."""
         self.count = count
 
     def holds(self) -> bool:
-        """Return True if the robot has reached the number."""
+        """Return True if the robot has reached that number."""
         return self.mission.visited >= self.count
 
 
 class Drive(Action):
-    """Drives in place of the controller for a time."""
+    """Drive in place of the controller for a given time."""
 
     def setup(self, **kwargs: Any) -> None:
         """Store the simulation and the scenario's clock."""
@@ -183,11 +183,11 @@ class Drive(Action):
         self._clock = kwargs["clock"]
 
     def execute(self, speed: float, steering: float, duration: float) -> None:
-        """Store the command [m/s, rad] and the end of the duration [s]."""
+        """Store the command [m/s, rad], and the time [s] at which to stop."""
         self._command, self._end = (speed, steering), self._clock.now() + duration
 
     def act(self) -> Status:
-        """Drive, or return the robot to its controller."""
+        """Drive, or return control to the controller."""
         if self._clock.now() < self._end - self.simulation.dt / 2:
             self.simulation.command = self._command
             return Status.RUNNING
@@ -195,16 +195,16 @@ class Drive(Action):
         return Status.SUCCESS
 
     def request_cancel(self) -> bool:
-        """Return the robot to its controller."""
+        """Return control to the controller."""
         self.simulation.command = None
         return True
 
 
 class WaitForEnd(Wait):
-    """Waits for a mission end of the expected kind."""
+    """Wait until the mission ends in the expected way."""
 
     def execute(self, ended: str) -> None:
-        """Store the expected kind of end."""
+        """Store the expected ending."""
         self.ended = ended
 
     def holds(self) -> bool:
@@ -213,7 +213,7 @@ class WaitForEnd(Wait):
 
 
 class CheckMetric(Action):
-    """Checks that a metric of the mission so far lies between limits."""
+    """Check that a metric of the mission so far lies between limits."""
 
     def execute(self, metric: str, at_least: float, at_most: float) -> None:
         """Store the parameters."""
@@ -224,7 +224,7 @@ class CheckMetric(Action):
         value = getattr(self.mission.outcomes()[0], self.metric, None)
         if self.metric not in OUTCOME_COLUMNS or not isinstance(value, bool | int | float):
             raise InputError(
-                f"metric: must be a column of missions.csv with a number, not {self.metric}; "
+                f"metric: must be a numeric column of missions.csv, not {self.metric}; "
                 f"choose progress, for example"
             )
         low, high = self.limits
@@ -234,7 +234,7 @@ class CheckMetric(Action):
 
 
 def select_sensors(robot: Robot, text: str) -> list[int]:
-    """Return the indices of the sensors that a string names: all, numbers or type names.
+    """Return the indices of the sensors that a string selects by all, numbers or type names.
 
     Raises:
         InputError: the robot has no such sensor.
@@ -254,14 +254,14 @@ def select_sensors(robot: Robot, text: str) -> list[int]:
     if not chosen:
         known = ", ".join(dict.fromkeys(types)) or "no sensors"
         raise InputError(
-            f"sensors: must be all, numbers from 0 to {len(types) - 1} or names of types "
+            f"sensors: must be all, numbers from 0 to {len(types) - 1}, or type names "
             f"({known}), not {text!r}; use all, for example"
         )
     return sorted(chosen)
 
 
 def _smallest_reading(robot: Robot, readings: Array, numbers: Sequence[int], channel: str) -> float:
-    """Return the minimum reading of sensors in channels with this prefix, or NaN if silent.
+    """Return the sensors' minimum reading in channels with this prefix, or NaN if all are silent.
 
     Raises:
         InputError: the sensors have no such channel.
@@ -278,7 +278,7 @@ def _smallest_reading(robot: Robot, readings: Array, numbers: Sequence[int], cha
     if not values:
         names = [kind.name for number in numbers for kind in sensors[number].channels]
         raise InputError(
-            f"channel: must begin the name of a channel ({', '.join(dict.fromkeys(names))}), not "
-            f"{channel!r}; remove it to use all channels"
+            f"channel: must be the start of a channel's name ({', '.join(dict.fromkeys(names))}), "
+            f"not {channel!r}; leave channel out to use all channels"
         )
     return min((value for value in values if not math.isnan(value)), default=math.nan)

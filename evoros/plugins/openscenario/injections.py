@@ -1,4 +1,4 @@
-"""The actions of ``import osc.evoros`` that make parts of the robot fail."""
+"""The actions in ``osc.evoros`` that make parts of the robot fail."""
 
 import math
 
@@ -11,11 +11,11 @@ from evoros.plugins.openscenario.actions import Action, select_sensors
 from evoros.plugins.openscenario.simulation import split_words
 
 PARTS = ("steering", "drive", "wheel", "localization", "commands")
-"""Failure models of parts that can fail immediately."""
+"""Failure models of parts that can be made to fail immediately."""
 
 
 class InjectFailure(Action):
-    """Adds the faults that a failure model draws."""
+    """Add the faults that a failure model draws."""
 
     def __init__(self, failure: str, effect: str, onset: str, settings: str) -> None:
         super().__init__()
@@ -45,7 +45,7 @@ class InjectFailure(Action):
 
 
 class InjectFault(InjectFailure):
-    """Makes given sensors fail immediately."""
+    """Make given sensors fail immediately."""
 
     def __init__(self, sensors: str, effect: str, settings: str) -> None:
         super().__init__("given", effect, "", settings)
@@ -64,7 +64,7 @@ class InjectFault(InjectFailure):
 
 
 class InjectPartFault(InjectFailure):
-    """Makes a part other than a sensor fail immediately."""
+    """Make a part other than a sensor fail immediately."""
 
     def __init__(self, part: str, effect: str, settings: str) -> None:
         super().__init__(part, effect, "time", settings)
@@ -85,7 +85,7 @@ class InjectPartFault(InjectFailure):
 
 
 def describe_fault(fault: Fault) -> str:
-    """Describe the failing part, with its time [s] if it has one."""
+    """Describe the part that fails, with the time [s] if the fault has one."""
     onsets = fault.onset.tolist()
     if fault.signal == READINGS:
         failing = enumerate(onsets)

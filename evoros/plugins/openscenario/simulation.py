@@ -1,4 +1,4 @@
-"""The simulation that scenario_execution drives, one mission of evoros step by step."""
+"""The simulation for scenario_execution: an evoros mission, advanced step by step."""
 
 import math
 import shlex
@@ -29,7 +29,7 @@ from evoros.session.given_designs import read_like
 from evoros.storage import tables
 
 MISSION, TRAJECTORY = "mission.csv", "trajectory.csv"
-"""The files that a scenario writes to its output folder."""
+"""The files that a scenario writes to the output folder."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +43,12 @@ class Setting:
 
 @cache
 def build_setting(overrides: tuple[str, ...], config_dir: str | None, trial: int) -> Setting:
-    """Build the mission that ``evoros evaluate`` runs as this trial with these overrides.
+    """Build the mission that ``evoros evaluate`` would run as this trial with these overrides.
 
-    An experiment without genes needs no key ``designs``.
+    An experiment without genes does not need the key ``designs``.
 
     Raises:
-        InputError: a value cannot be used, or the overrides leave several designs or worlds.
+        InputError: a value cannot be used, or the overrides select several designs or worlds.
     """
     experiment, designs = _build(overrides, config_dir)
     if designs is None and not experiment.space.size:
@@ -56,11 +56,11 @@ def build_setting(overrides: tuple[str, ...], config_dir: str | None, trial: int
     else:
         named = read_sources(designs, experiment)
         if len(named) != 1:
-            raise InputError(f"designs: must be one design, not {len(named)}; name only one")
+            raise InputError(f"designs: must select one design, not {len(named)}; select only one")
         design = named[0].design
     if len(experiment.world) != 1:
         raise InputError(
-            f"world: must be one world, not {', '.join(experiment.world)}; choose one, as in "
+            f"world: must be a single world, not {', '.join(experiment.world)}; choose one, as in "
             f"world=maze"
         )
     missions = experiment.plan.evaluation(0, 0, design)
@@ -74,16 +74,16 @@ def build_setting(overrides: tuple[str, ...], config_dir: str | None, trial: int
 
 @cache
 def build_failure(overrides: tuple[str, ...], config_dir: str | None) -> Failure:
-    """Build the failure model that overrides choose.
+    """Build the failure model that the overrides choose.
 
     Raises:
-        InputError: there is no such failure, or a value cannot be used.
+        InputError: there is no such failure model, or a value cannot be used.
     """
     return _build(overrides, config_dir)[0].failure
 
 
 def _build(overrides: tuple[str, ...], config_dir: str | None) -> tuple[Experiment, object]:
-    """Return an experiment and the value of the key ``designs``."""
+    """Return the experiment, and the value of the key ``designs``."""
     (job,) = (
         job
         for job in Jobs(overrides, False, config_dir, EVALUATE, read_like)
@@ -93,7 +93,7 @@ def _build(overrides: tuple[str, ...], config_dir: str | None) -> tuple[Experime
 
 
 def split_words(key: str, text: str) -> tuple[str, ...]:
-    """Split a parameter into words like a shell.
+    """Split a parameter into words as a shell does.
 
     Raises:
         InputError: a quote is not closed.
@@ -101,17 +101,17 @@ def split_words(key: str, text: str) -> tuple[str, ...]:
     try:
         return tuple(shlex.split(text))
     except ValueError as error:
-        raise InputError(f"{key}: {error}, in {text!r}; close the quote") from None
+        raise InputError(f"{key}: {error} in {text!r}; close the quote") from None
 
 
 class Simulation(SimulationInterface):  # type: ignore[misc]
-    """A mission of evoros for scenario_execution's option ``--simulation``.
+    """An evoros mission for scenario_execution's option ``--simulation``.
 
     Scenario parameters choose the mission: ``overrides`` as for ``evoros evaluate``,
-    ``config_dir`` and ``trial``. A subclass with another ``dt`` changes the time step.
+    ``config_dir`` and ``trial``. A subclass can set another ``dt``.
     """
 
-    dt = 0.5  # time between two ticks of the scenario [s]; a multiple of the mission's tick
+    dt = 0.5  # time between scenario ticks [s]; a multiple of the mission's tick
 
     def __init__(self) -> None:
         # Speed [m/s] and steering [rad]; None: the controller drives.
@@ -130,7 +130,7 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
         self._logger = kwargs["logger"]
 
     def reset(self, overrides: str = "", config_dir: str = "", trial: int = 0) -> None:
-        """Open the mission of the next scenario and run it up to time 0."""
+        """Open the mission of the next scenario, and run it up to time 0."""
         self._leave()
         self.command, self.problem, self._folder = None, "", None
         try:
@@ -155,16 +155,16 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
 
     @property
     def mission(self) -> OpenMission:
-        """The open mission of the scenario."""
+        """The scenario's open mission."""
         assert self._mission is not None
         return self._mission
 
     def step(self) -> None:
-        """Run the mission for ``dt``; only the scenario's time advances after the mission's end."""
+        """Run the mission for ``dt``; after the mission, only the scenario's time advances."""
         if self._folder is None:
             self._folder = ScenarioExecutionConfig().output_directory or ""
             for name in (MISSION, TRAJECTORY) if self._folder else ():
-                Path(self._folder, name).unlink(missing_ok=True)  # left by an earlier scenario
+                Path(self._folder, name).unlink(missing_ok=True)  # leftovers of an earlier scenario
         if not self.problem:
             try:
                 self._run()
@@ -172,7 +172,7 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
                 self.stop(error)
         if self.problem:
             for key in list(Blackboard.storage):
-                if key.endswith("/fail"):  # the tool's name of the scenario's event
+                if key.endswith("/fail"):  # the tool's name for the scenario's event
                     Blackboard.set(key, True)
 
     def _run(self) -> None:
@@ -184,7 +184,7 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
             self.mission.run(1)
 
     def stop(self, error: EvorosError) -> None:
-        """Report an error in one line; the scenario fails at the next step."""
+        """Report an error on one line, so that the scenario fails at the next step."""
         if not self.problem:
             self.problem = single_line(error)
             self._logger.error(self.problem)
@@ -193,15 +193,15 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
         """Build a failure model with the user's parts.
 
         Raises:
-            InputError: there is no such failure, or a value cannot be used.
+            InputError: there is no such failure model, or a value cannot be used.
         """
         return build_failure(overrides, self._config_dir)
 
     def check_event(self, trigger: Trigger) -> None:
-        """Require that an event can occur in the mission.
+        """Require that a fault's trigger can occur in the mission.
 
         Raises:
-            InputError: the route or the world lacks it.
+            InputError: the route or the world does not allow the trigger.
         """
         assert self._setting is not None
         mission = self._setting.mission
@@ -210,11 +210,11 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
             raise InputError(f"failure.onset: must be {problem}; change it")
 
     def shutdown(self) -> None:
-        """Record the last mission and close it."""
+        """Record and close the last mission."""
         self._leave()
 
     def _leave(self) -> None:
-        """Record the mission unless it had a problem, and close it."""
+        """Close the mission, and record it unless it had a problem."""
         try:
             if self._folder and self._setting and self._mission and not self.problem:
                 self._record(self._setting, self._mission, Path(self._folder))

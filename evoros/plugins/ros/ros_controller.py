@@ -21,7 +21,7 @@ NODES = Rule(
     lambda v: isinstance(v, list | tuple) and bool(v) and all(map(COMMAND.holds, v)),
 )
 TOPICS = Rule(
-    f"strings that begin with / for {', '.join(ROLES)}, with {SENSOR} in range",
+    f"strings that start with / for {', '.join(ROLES)}, with {SENSOR} in range",
     lambda v: (
         isinstance(v, Mapping)
         and sorted(v) == list(ROLES)
@@ -32,7 +32,7 @@ TOPICS = Rule(
 
 
 def name_topics(goal: str) -> dict[str, str]:
-    """Return the usual topic of each role."""
+    """Return the usual topic for each role."""
     return {
         "command": "/cmd_vel",
         "goal": goal,
@@ -46,16 +46,16 @@ def name_topics(goal: str) -> dict[str, str]:
 @dataclass(frozen=True, kw_only=True)
 @checked
 class RosController(LineController):
-    """Starts ROS nodes for each mission, and a bridge between them and the mission.
+    """A controller that starts ROS nodes for each mission, and a bridge to the mission.
 
-    The bridge is a script that ``python``, the interpreter with ROS, runs.
+    The bridge is a script that runs in ``python``, the interpreter with ROS.
     """
 
-    bridge: ClassVar[str]  # script name
+    bridge: ClassVar[str]  # name of the bridge's script
     python: Annotated[str, TEXT] = "/usr/bin/python3"
     nodes: Annotated[Sequence[str | Sequence[str]], NODES]
     topics: Annotated[Mapping[str, str], TOPICS]
-    frame: Annotated[str, TEXT] = "odom"  # frame of the world
+    frame: Annotated[str, TEXT] = "odom"  # the world's frame
     twist: Annotated[str, one_of("yaw_rate", "steering")] = "yaw_rate"  # meaning of angular.z
     answer: Annotated[str, one_of("rest", "each")] = "rest"
 
@@ -69,7 +69,7 @@ class RosController(LineController):
         """Start the bridge and the nodes for one mission.
 
         Raises:
-            LaunchError: the bridge does not start, or refuses the briefing.
+            LaunchError: the bridge does not start, or rejects the briefing.
             PilotLost: the nodes were not ready in time.
         """
         robot = briefing.robot
@@ -85,7 +85,7 @@ class RosController(LineController):
 
 
 def _split_node(command: str | Sequence[str]) -> list[str]:
-    """Return the words of a command; ROS's PATH must resolve a program without a path."""
+    """Return the words of a command; a program without a path is left to ROS's PATH."""
     program = (shlex.split(command) if isinstance(command, str) else command)[0]
     words = split_command(command)
     return words if "/" in program else [program, *words[1:]]
@@ -94,7 +94,7 @@ def _split_node(command: str | Sequence[str]) -> list[str]:
 @dataclass(frozen=True, kw_only=True)
 @checked
 class Ros1(RosController):
-    """Runs ROS 1 nodes in lock-step. README.md describes their topics and parameters."""
+    """A controller that runs ROS 1 nodes in lock-step; README.md lists topics and parameters."""
 
     bridge: ClassVar[str] = "ros1"
     topics: Annotated[Mapping[str, str], TOPICS] = field(
@@ -105,7 +105,7 @@ class Ros1(RosController):
 @dataclass(frozen=True, kw_only=True)
 @checked
 class Ros2(RosController):
-    """Runs ROS 2 nodes in lock-step. README.md describes their topics and parameters."""
+    """A controller that runs ROS 2 nodes in lock-step; README.md lists topics and parameters."""
 
     bridge: ClassVar[str] = "ros2"
     topics: Annotated[Mapping[str, str], TOPICS] = field(

@@ -4,6 +4,6 @@ from evoros.files.plugins import Plugin
 
 PLUGIN = Plugin(
     __name__,
-    "runs in MLflow, Weights & Biases and TensorBoard",
+    "tracking of runs in MLflow, Weights & Biases and TensorBoard",
     extras=("mlflow", "tensorboard", "wandb"),
 )

@@ -1,4 +1,4 @@
-"""Observer that sends runs to an MLflow server or database file."""
+"""An observer that sends runs to an MLflow server or database file."""
 
 import fcntl
 import hashlib
@@ -20,11 +20,11 @@ from evoros.files.resources import expand_home
 from evoros.observers.protocol import ObservedEnd, ObservedRun, Observer, Send
 
 RUN, SWEEP, DIGEST = "evoros.run", "evoros.sweep", "evoros.digest"
-"""Tags for the id of a run, the hash of a sweep's folder, and the digest of a sent end."""
+"""Tags for a run's id, the hash of a sweep's folder, and the digest of a run's end once sent."""
 DEFAULTS = {
     "MLFLOW_DISABLE_TELEMETRY": "true",
     "MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true",
-    # An unresponsive server would otherwise delay the run for minutes.
+    # Otherwise, an unresponsive server would delay the run for minutes.
     "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1",
     "MLFLOW_HTTP_REQUEST_TIMEOUT": "10",
 }
@@ -34,7 +34,7 @@ RUNNING = "RUNNING"
 SQLITE, FILE = "sqlite:///", "outputs/mlflow.db"
 MOST_PARAMETERS, LONGEST = 100, 6000
 """MLflow's maximum number of parameters per request, and of characters per parameter."""
-_LOCK = Lock()  # jobs of a sweep run in threads and share experiments and parents
+_LOCK = Lock()  # a sweep's jobs run in threads, and share experiments and parents
 
 
 @dataclass(frozen=True)
@@ -42,19 +42,20 @@ _LOCK = Lock()  # jobs of a sweep run in threads and share experiments and paren
 class Mlflow(Observer):
     """Sends runs to the MLflow server or database at ``tracking_uri``.
 
-    None means the variable MLFLOW_TRACKING_URI if it is set, otherwise ``outputs/mlflow.db``.
+    ``tracking_uri`` None means the variable MLFLOW_TRACKING_URI if set, otherwise
+    ``outputs/mlflow.db``.
     """
 
     tracking_uri: Annotated[str | None, TEXT] = None
     experiment: Annotated[str, TEXT] = "evoros"
 
     def check(self) -> None:
-        """Require the package of MLflow's client."""
+        """Require MLflow's client package."""
         for name, value in DEFAULTS.items():
             os.environ.setdefault(name, value)
         with require_extra("mlflow", "observers=mlflow"):
             import mlflow  # noqa: F401
-        for library in ("mlflow", "alembic"):  # both log the creation of a database
+        for library in ("mlflow", "alembic"):  # both log that a database is created
             logging.getLogger(library).setLevel(logging.WARNING)
 
     @contextmanager
@@ -77,21 +78,21 @@ class Mlflow(Observer):
         yield _Connection(client, experiment).send
 
     def _find_experiment(self, client: Any, place: str | None) -> str:
-        """Return the id of the experiment, which is created if it does not exist."""
+        """Return the id of the experiment, creating the experiment if it does not exist."""
         found = client.get_experiment_by_name(self.experiment)
         if found is None:
             try:
                 return str(client.create_experiment(self.experiment, place))
             except Exception:
                 found = client.get_experiment_by_name(self.experiment)
-                if found is None:  # otherwise another process was first
+                if found is None:  # if found, another process was first
                     raise
         return str(found.experiment_id)
 
 
 @contextmanager
 def _lock_folder(folder: Path | None) -> Iterator[None]:
-    """Keep other processes, such as a launcher's, from creating a database at the same time."""
+    """Keep other processes, such as a launcher's jobs, from creating the database now."""
     if folder is None:
         yield
         return
@@ -105,7 +106,7 @@ def _lock_folder(folder: Path | None) -> Iterator[None]:
 
 
 class _Connection:
-    """A run in MLflow, with its known content."""
+    """A connection to a run in MLflow, with the run's known content."""
 
     def __init__(self, client: Any, experiment: str) -> None:
         self.client, self.experiment = client, experiment
@@ -115,7 +116,7 @@ class _Connection:
         self.steps: dict[str, set[int]] = {}
 
     def send(self, run: ObservedRun) -> None:
-        """Send everything that MLflow lacks."""
+        """Send everything that MLflow does not have yet."""
         if not self.id:
             self._begin(run)
         if run.end is None:
@@ -129,13 +130,13 @@ class _Connection:
             self._set_status(STATUS[run.end.state], run.end.time_s)
 
     def _begin(self, run: ObservedRun) -> None:
-        """Find or create the run, inside its sweep's run."""
+        """Find or create the run, inside the sweep's parent run."""
         with _LOCK:
             tags = {}
             if run.sweep is not None:
                 key = hashlib.sha256(run.sweep.encode()).hexdigest()
                 parent = self._find_or_create(SWEEP, key, str(run.group), time.time(), {})
-                if parent.info.status == RUNNING:  # The parent only groups runs.
+                if parent.info.status == RUNNING:  # the parent only groups runs
                     self.client.set_terminated(parent.info.run_id)
                 tags["mlflow.parentRunId"] = parent.info.run_id
             found = self._find_or_create(RUN, run.id, run.name, run.started_s, tags)
@@ -201,7 +202,7 @@ class _Connection:
                 file.write_bytes(content)
             if end.files:
                 self.client.log_artifacts(self.id, folder)
-        self.client.set_tag(self.id, DIGEST, end.digest)  # last, as a sign of completeness
+        self.client.set_tag(self.id, DIGEST, end.digest)  # last, as a sign that the end is complete
         self.digest = end.digest
 
 

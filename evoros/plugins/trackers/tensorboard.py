@@ -1,4 +1,4 @@
-"""Observer that writes event files for TensorBoard."""
+"""An observer that writes event files for TensorBoard."""
 
 import struct
 from collections.abc import Iterator, Mapping
@@ -13,26 +13,26 @@ from evoros.files.resources import expand_home
 from evoros.observers.protocol import ObservedEnd, ObservedRun, Observer, Send
 
 DIGEST, CONFIGURATION = "evoros/digest", "configuration"
-"""Tags of strings: the digest of a written end, and the configuration."""
+"""Tags of text: the digest of a run's end once written, and the configuration."""
 SHOWN_BYTES = 100_000
-"""Maximum size of the champion's tables that are shown."""
+"""Maximum size of one of the champion's files to show."""
 
 
 @dataclass(frozen=True)
 @checked
 class Tensorboard(Observer):
-    """Writes event files into ``folder``, in one subfolder per run, grouped by sweep."""
+    """An observer that writes event files into a subfolder of ``folder`` per run, by sweep."""
 
     folder: Annotated[str, TEXT] = "outputs/tensorboard"
 
     def check(self) -> None:
-        """Require the package that writes event files."""
+        """Require the package for writing event files."""
         with require_extra("tensorboard", "observers=tensorboard"):
             import tensorboardX  # noqa: F401
 
     @contextmanager
     def open(self, run: ObservedRun) -> Iterator[Send]:
-        """Open the run's folder and read its earlier event files."""
+        """Open the run's folder, and read earlier event files there."""
         self.check()
         place = run.origin / expand_home(self.folder) / (run.group or "")
         with closing(_Events(place / f"{run.name}_{run.id[:8]}")) as events:
@@ -40,7 +40,7 @@ class Tensorboard(Observer):
 
 
 class _Events:
-    """Event files of one run; a session creates its file at the first write."""
+    """One run's event files; a session creates its file at the first write."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -66,11 +66,11 @@ class _Events:
 
     @property
     def writer(self) -> Any:
-        """Writer of this session's file."""
+        """The writer of this session's file."""
         if self._writer is None:
             from tensorboardX import SummaryWriter
 
-            # The suffix distinguishes files of the same second.
+            # The suffix distinguishes files created in the same second.
             suffix = f".{self._files:05d}"
             self._writer = SummaryWriter(str(self.folder), filename_suffix=suffix)
         return self._writer
@@ -80,7 +80,7 @@ class _Events:
             self._writer.close()
 
     def send(self, run: ObservedRun) -> None:
-        """Write everything that the event files lack."""
+        """Write everything that the event files do not have yet."""
         if CONFIGURATION not in self.texts:
             rows = (f"| {key} | {value} |" for key, value in run.parameters.items())
             table = "\n".join(["| key | value |", "|---|---|", *rows])
@@ -106,7 +106,7 @@ class _Events:
             self.texts[tag] = text
 
     def _write_parameters(self, run: ObservedRun) -> None:
-        """Write the parameters for the tab HPARAMS."""
+        """Write the parameters for the HPARAMS tab."""
         from tensorboardX.summary import hparams
 
         values = {key: str(v) if v is None else v for key, v in run.parameters.items()}
@@ -125,7 +125,7 @@ class _Events:
 def _read_records(content: bytes) -> Iterator[bytes]:
     """Yield the complete records of an event file.
 
-    A record consists of length, checksum of the length, content and checksum of the content.
+    A record consists of a length, the length's checksum, the content, and the content's checksum.
     """
     place = 0
     while place + 12 <= len(content):

@@ -1,4 +1,4 @@
-"""Observer that writes offline runs for Weights & Biases; ``wandb sync`` sends them."""
+"""An observer that writes offline runs for Weights & Biases, to be sent by ``wandb sync``."""
 
 import json
 import os
@@ -19,26 +19,26 @@ from evoros.observers.protocol import ObservedRun, Observer, Send
 DEFAULTS = {"WANDB_ERROR_REPORTING": "false", "WANDB_SILENT": "true"}
 """Defaults of environment variables."""
 FOREIGN = "WANDB_RUN_ID", "WANDB_SWEEP_ID", "WANDB_RESUME", "WANDB_RUN_GROUP", "WANDB_NAME"
-"""Variables by which a sweep's agent names one run for all; they override arguments."""
+"""Variables with which a sweep's agent names a single run; they override arguments."""
 FILE_HEADER, HEADER, BLOCK = 7, 7, 32768
-"""Sizes [bytes] of a log's file header, piece header and block."""
+"""Sizes [bytes] of a log's file header, piece header, and block."""
 PIECES, LAST_PIECES = (1, 2, 3, 4), (1, 4)
-"""Kinds of pieces, and the kinds that end a record."""
+"""Kinds of pieces, and kinds of pieces that end a record."""
 PATIENCE_S = 30.0
 NOTE = "evoros.json"
-"""File in a completed offline run that lists its content."""
+"""File in a completed offline run that describes the run's content."""
 
 
 @dataclass(frozen=True)
 @checked
 class Wandb(Observer):
-    """Writes one offline run per run into ``folder``/wandb; never connects to a server."""
+    """An observer that writes an offline run per run into ``folder``/wandb; it never connects."""
 
     project: Annotated[str, TEXT] = "evoros"
     folder: Annotated[str, TEXT] = "outputs"
 
     def check(self) -> None:
-        """Require the package."""
+        """Require the wandb package."""
         for name, value in DEFAULTS.items():
             os.environ.setdefault(name, value)
         for name in FOREIGN:
@@ -48,7 +48,7 @@ class Wandb(Observer):
 
     @contextmanager
     def open(self, run: ObservedRun) -> Iterator[Send]:
-        """Find earlier sessions' offline runs and open this session's."""
+        """Find earlier sessions' offline runs, and open this session's offline run."""
         self.check()
         folder = run.origin / expand_home(self.folder)
         with closing(_OfflineRun(self.project, folder, run.id)) as offline:
@@ -58,7 +58,7 @@ class Wandb(Observer):
 class _OfflineRun:
     """An offline run, which replaces an earlier session's when there is more to write.
 
-    Therefore, ``wandb sync`` finds each run once and complete.
+    Therefore, ``wandb sync`` finds each run once, and complete.
     """
 
     def __init__(self, project: str, folder: Path, run_id: str) -> None:
@@ -69,7 +69,7 @@ class _OfflineRun:
         self._session: Any = None
 
     def send(self, run: ObservedRun) -> None:
-        """Write everything that the offline run lacks."""
+        """Write everything that the offline run does not have yet."""
         digest = "" if run.end is None else run.end.digest
         more = len(run.generations) > self.known["generations"]
         if not more and digest in ("", self.known["digest"]) and (self._session or self._earlier):
@@ -91,7 +91,7 @@ class _OfflineRun:
         import wandb
 
         self.folder.mkdir(parents=True, exist_ok=True)
-        # Names contain the second; a run of the same second would be overwritten.
+        # Names contain the second; a run started in the same second would be overwritten.
         while any(time.strftime("%Y%m%d_%H%M%S") in path.name for path in self._earlier):
             time.sleep(0.05)
         self.known = _note(0)
@@ -132,7 +132,7 @@ def _wait_for_end(log: Path) -> None:
     """Wait until the library's process has written the last record of an offline run.
 
     Raises:
-        TimeoutError: the record is not written within ``PATIENCE_S``.
+        TimeoutError: the record was not written within ``PATIENCE_S``.
     """
     end = time.monotonic() + PATIENCE_S
     while not any(record.WhichOneof("record_type") == "exit" for record in read_log(log)):
@@ -142,7 +142,7 @@ def _wait_for_end(log: Path) -> None:
 
 
 def read_log(path: Path) -> Iterator[Any]:
-    """Yield the records of an offline run, a LevelDB log of blocks and pieces."""
+    """Yield the records of an offline run, which is a LevelDB log of blocks and pieces."""
     from wandb.proto import wandb_internal_pb2
 
     messages: Any = wandb_internal_pb2
@@ -167,7 +167,7 @@ def _note(generations: int, digest: str = "") -> dict[str, Any]:
 
 
 def _read_note(path: Path) -> dict[str, Any]:
-    """Read the note of an offline run; an incomplete run has -1 generations."""
+    """Read an offline run's note; an incomplete run counts as -1 generations."""
     try:
         note = json.loads((path / NOTE).read_text(encoding="utf-8"))
         return _note(int(note["generations"]), str(note["digest"]))

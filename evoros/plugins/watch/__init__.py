@@ -1,15 +1,15 @@
-"""The subcommand ``watch``: a browser page that follows running runs."""
+"""The subcommand ``watch``: a live browser page about runs in progress."""
 
 from evoros.files.plugins import Plugin, Subcommand
 
 PLUGIN = Plugin(
     __name__,
-    "runs on a page in the browser that follows them",
+    "a live browser page about runs",
     subcommands={
         "watch": Subcommand(
             f"{__name__}.command:watch",
             "FOLDER",
-            "follow runs on a page in the browser",
+            "follow runs on a live browser page",
             ("--port",),
         )
     },

@@ -1,4 +1,4 @@
-"""The subcommand ``watch``: serve a browser page that follows runs until Ctrl-C."""
+"""The subcommand ``watch``: serve a live browser page about runs until Ctrl-C."""
 
 import os
 import signal
@@ -14,8 +14,8 @@ from evoros.terminal.arguments import CommandParser
 from evoros.terminal.console import print_result, reports_errors
 
 NAME = "evoros watch"
-ABOUT = """Shows runs, evaluations and sweeps on a browser page that follows them. It writes no
-files. The printed address works on this machine only and contains a secret; Ctrl-C ends it."""
+ABOUT = """Shows runs, evaluations and sweeps on a live browser page, without writing files. The
+printed address works only on this machine and contains a secret; Ctrl-C ends the page."""
 LAST_PORT = 65535
 
 
@@ -26,13 +26,13 @@ def watch(arguments: Sequence[str]) -> int:
     if not 0 <= options.port <= LAST_PORT:
         raise InputError(
             f"--port: must be from 1 to {LAST_PORT}, not {options.port}; choose another port, or "
-            f"leave it out"
+            f"leave --port out"
         )
     _serve([expand_home(folder) for folder in options.folders], options.port)
 
 
 def _serve(paths: Sequence[Path], port: int) -> NoReturn:
-    # These modules import the figures, which takes long.
+    # These modules import the figures, which is slow.
     from evoros.plugins.watch.folders import Folders
     from evoros.plugins.watch.server import open_server
     from evoros.plugins.watch.watcher import Watcher
@@ -40,7 +40,7 @@ def _serve(paths: Sequence[Path], port: int) -> NoReturn:
     watcher = Watcher(Folders(paths))
     watcher.folders.check()
     server = open_server(port, token_urlsafe(32), watcher.give)
-    os.nice(10)  # runs go first
+    os.nice(10)  # so that runs take precedence
     signal.signal(signal.SIGTERM, _terminate)
     watcher.look()
     Thread(target=server.serve_forever, daemon=True).start()
@@ -55,14 +55,14 @@ def _serve(paths: Sequence[Path], port: int) -> NoReturn:
 
 
 def _terminate(*_: object) -> NoReturn:
-    """End in the same order as on Ctrl-C, so that no process is left."""
+    """Stop as on Ctrl-C, so that no process is left behind."""
     raise EvorosError("terminated by a signal")
 
 
 def _parser() -> CommandParser:
     parser = CommandParser(NAME, description=ABOUT)
-    about = "a run, an evaluation or a sweep; it may not exist yet"
+    about = "a run, an evaluation or a sweep, which need not exist yet"
     parser.add_argument("folders", nargs="+", metavar="FOLDER", help=about)
-    about = "port of the page (default: any free one)"
+    about = "port of the page (default: any free port)"
     parser.add_argument("--port", type=int, default=0, metavar="N", help=about)
     return parser

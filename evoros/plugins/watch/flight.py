@@ -1,6 +1,6 @@
-"""Program that repeats the missions of a run's best design so far.
+"""A program that repeats the missions of a run's best design so far.
 
-``python -m evoros.plugins.watch.flight FOLDER NAME`` prints the content of the page's player.
+``python -m evoros.plugins.watch.flight FOLDER NAME`` prints the content for the page's player.
 """
 
 import resource
@@ -17,11 +17,11 @@ from evoros.session.replay import replay_in_plane
 from evoros.terminal.console import DONE, INPUT
 
 PROCESSOR_S = 60
-"""Processor time after which the kernel ends the process."""
+"""CPU time [s] after which the kernel kills the process."""
 
 
 def main() -> int:
-    """Run the process and return its exit status; print errors in one line."""
+    """Run the program and return the exit status; print any error on one line."""
     resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_S, PROCESSOR_S))
     folder, name = sys.argv[1:]
     try:
@@ -33,7 +33,7 @@ def main() -> int:
 
 
 def fly_best(record: Record) -> ShownDesign:
-    """Repeat the best design's missions that the player shows.
+    """Repeat the missions that the player shows for the best design.
 
     Raises:
         InputError: the run is finished, has no generation yet, or is not planar.
@@ -41,7 +41,7 @@ def fly_best(record: Record) -> ShownDesign:
     design = find_shown(record)
     if design is None:
         record.require_finished()
-        raise EvorosError(f"{record.path}: is finished, and has its champion's missions")
+        raise EvorosError(f"{record.path}: is finished, and has kept the champion's missions")
     first = {
         find_key(row): row
         for row in (find_first_mission(record.run, design, name) for name in record.context.courses)

@@ -1,4 +1,4 @@
-"""Snapshots of run folders: states, logs, and stamps of the files that figures depend on."""
+"""Snapshots of run folders: states, logs, and time stamps of files that figures depend on."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,52 +15,52 @@ FIGURES_OF = (
     *("config.yaml", "manifest.json", "setting.json", "generations", "designs.csv"),
     *("requirements.csv", "worst_cases.csv", "champion/certificate.json"),
 )
-"""Files and folders of a run on which its figures depend."""
+"""A run's files and folders that the figures depend on."""
 LOG_BYTES, LOG_LINES = 16_384, 60
-"""Number of bytes read from the end of a log, and number of lines shown."""
+"""Number of bytes to read from the end of a log, and number of lines to show."""
 Stamp = tuple[int, int]
 
 
 @dataclass(frozen=True)
 class Look:
-    """Snapshot of the runs and evaluations."""
+    """A snapshot of the runs and evaluations."""
 
     overviews: tuple[Overview, ...]
     empty: tuple[Path, ...]
-    """Folders without a run yet."""
+    """Folders that do not contain a run yet."""
     stamps: tuple[object, ...]
-    """Equal in two snapshots with the same figures."""
+    """Values that are equal in two snapshots if the figures are the same."""
     log: tuple[str, ...]
-    """Last lines of all logs, ordered by date."""
+    """The last lines of all logs, ordered by date."""
     names: Mapping[Path, str]
-    """Short names of the runs."""
+    """Short names for the runs."""
 
 
 @dataclass
 class Folders:
-    """Folders to look at repeatedly; files are read again only after changes."""
+    """Folders to look at repeatedly, rereading files only after changes."""
 
     paths: Sequence[Path]
     _known: dict[Path, tuple[Stamp | None, Overview]] = field(default_factory=dict)
     _logs: dict[Path, tuple[Stamp | None, list[str]]] = field(default_factory=dict)
 
     def check(self) -> None:
-        """Require that each folder has runs or no files.
+        """Require that each folder contains runs, or no files at all.
 
         Raises:
             InputError: a path is a file, or a folder with files but no run.
         """
         for path in self.paths:
             if path.exists() and not path.is_dir():
-                raise InputError(f"{path}: must be a folder, not a file; name its folder")
+                raise InputError(f"{path}: is a file, not a folder; give the folder of a run")
             if not _find(path) and any(files for _, _, files in os.walk(path)):
                 raise InputError(
-                    f"{path}: must be or contain the folder of a run, an evaluation or a sweep, or "
-                    f"be empty; name such a folder"
+                    f"{path}: contains files, but no run, evaluation or sweep; give such a folder, "
+                    f"or an empty one"
                 )
 
     def look(self) -> Look:
-        """Take a snapshot of all folders; their files may be missing or changing."""
+        """Take a snapshot of all folders, even while files are missing or change."""
         found = {path: _find(path) for path in self.paths}
         runs = list(dict.fromkeys(run for below in found.values() for run in below))
         overviews, names = tuple(map(self._survey, runs)), name_runs(runs)
@@ -76,7 +76,7 @@ class Folders:
         )
 
     def _survey(self, run: Path) -> Overview:
-        """Read a run's state; a running run's state may change without its file."""
+        """Read a run's state, which may change without its file while the run is in progress."""
         stamp = _stamp(run / STATUS)
         known, overview = self._known.get(run, (None, None))
         if overview is None or known != stamp or overview.state == RUNNING:
@@ -85,7 +85,7 @@ class Folders:
         return overview
 
     def _read_logs(self, names: Mapping[Path, str]) -> list[str]:
-        """Read the last lines of all logs; lines of several runs begin with the run's name."""
+        """Read the last lines of all logs; with several runs, lines start with the run's name."""
         dated = []
         for run in names:
             stamp = _stamp(run / LOG)
@@ -99,7 +99,7 @@ class Folders:
 
 
 def name_runs(runs: Sequence[Path]) -> dict[Path, str]:
-    """Name runs by their differences, such as the levels of a sweep's jobs."""
+    """Name runs by what differs between them, such as the levels of a sweep's jobs."""
     names = shorten_names(runs)
     words = {run: name.split("_") for run, name in names.items()}
     common = set.intersection(*map(set, words.values())) if len(words) > 1 else set()
@@ -115,7 +115,7 @@ def _find(path: Path) -> list[Path]:
 
 
 def _stamp(path: Path) -> Stamp | None:
-    """Return a value that changes with a file's content or the names in a folder."""
+    """Return a value that changes with a file's content, or with the names in a folder."""
     try:
         status = path.stat()
     except OSError:

@@ -1,6 +1,6 @@
-"""The page and its server, which answers only this machine and requires a secret address.
+"""The page and its server, which answers only this machine and requires a secret in the address.
 
-The page detects changed parts by their digests.
+The page finds changed parts by comparing digests.
 """
 
 import hashlib
@@ -26,7 +26,7 @@ from evoros.session.overview import COLUMNS, Overview, list_cells, write_clock
 from evoros.storage.layout import FINISHED, RUNNING
 
 WORDS = ("run", "state")
-"""Columns without numbers."""
+"""Columns that do not hold numbers."""
 SCRIPT = frame.read_scripts([*SCRIPTS, "live"])
 POLICY = frame.write_policy(SCRIPT, "'self'")
 HTML, JSON = "text/html; charset=utf-8", "application/json"
@@ -34,7 +34,7 @@ HTML, JSON = "text/html; charset=utf-8", "application/json"
 
 @dataclass(frozen=True)
 class Content:
-    """Content of one address."""
+    """The content at one address."""
 
     kind: str
     data: bytes
@@ -43,14 +43,14 @@ class Content:
 
 @dataclass(frozen=True)
 class Contents:
-    """Contents of all addresses; unchanged parts are rendered once."""
+    """The contents at all addresses; parts that do not change are rendered only once."""
 
     title: str
     parts: Mapping[str, Content]
     state: Content
 
     def find(self, address: str) -> Content | None:
-        """Return the content of an address; ``""`` is the page, ``part/ID`` one of its parts."""
+        """Return the content at an address: ``""`` is the page, and ``part/ID`` a part of it."""
         if not address:
             return self._assemble()
         kind, _, key = address.partition("/")
@@ -65,7 +65,7 @@ class Contents:
 
 
 def draw_parts(page: frame.Page) -> dict[str, Content]:
-    """Render the parts of a page, by their ids."""
+    """Render the parts of a page, by id."""
     return {key: _make(HTML, part) for key, part in frame.render_parts(page).items()}
 
 
@@ -77,7 +77,7 @@ def make_contents(
 ) -> Contents:
     """Return the contents of a page with a new section ``progress``.
 
-    ``state`` is the state of the runs and the page, which is served separately.
+    ``state``, the state of the runs and the page, is served separately.
     """
     parts = {**drawn, frame.name_section(progress[0]): _make(HTML, frame.render_section(*progress))}
     digests = [(key, part.digest) for key, part in parts.items()]
@@ -90,7 +90,7 @@ def _make(kind: str, text: str) -> Content:
 
 
 def render_progress(look: Look, trouble: str) -> Markup:
-    """Render the section ``progress``; ``trouble`` is the reason for missing figures."""
+    """Render the section ``progress``; ``trouble`` is the reason why figures are missing."""
     runs = look.overviews
     heads = [(name, name not in WORDS) for name in ("run", *COLUMNS)]
     table = frame.Table(heads, [(look.names[run.path], *list_cells(run)) for run in runs])
@@ -108,7 +108,7 @@ def render_progress(look: Look, trouble: str) -> Markup:
 
 
 def describe_state(runs: Sequence[Overview]) -> str:
-    """Return one state for all runs, giving precedence to running and unfinished ones."""
+    """Return one state for all runs; running, then unfinished runs take precedence."""
     states = [run.state for run in runs]
     ordered = (RUNNING, *(state for state in states if state != FINISHED), FINISHED)
     return next((state for state in ordered if state in states), "waiting")
@@ -117,7 +117,7 @@ def describe_state(runs: Sequence[Overview]) -> str:
 def _list_tiles(
     runs: Sequence[Overview], names: Mapping[Path, str]
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield name, value and note of each tile."""
+    """Yield the name, value and note of each tile."""
     yield "state", describe_state(runs), ""
     if not runs:
         return
@@ -125,7 +125,7 @@ def _list_tiles(
         yield runs[0].units, f"{runs[0].done}", f"of {runs[0].wanted}" if runs[0].wanted else ""
     else:
         finished = [run.state for run in runs].count(FINISHED)
-        yield "finished", f"{finished}", f"of {len(runs)} begun"
+        yield "finished", f"{finished}", f"of {len(runs)} started"
     best = max(runs, key=lambda run: -1e300 if run.best is None else run.best)
     if best.best is not None:
         fresh = "" if best.validated is None else f"{best.validated:.3f} validated"
@@ -141,9 +141,9 @@ def _list_tiles(
 
 HOST = "127.0.0.1"
 NAMES = (HOST, "localhost")
-"""Accepted host names; a hostile page that rebinds its name to this address uses another."""
+"""Accepted host names; a malicious page with DNS rebinding would use another name."""
 AT_ONCE = 32
-"""Maximum number of connections."""
+"""Maximum number of simultaneous connections."""
 SILENT_S = 20.0
 """Time after which a silent connection is closed [s]."""
 HEADERS = {
@@ -158,7 +158,7 @@ HEADERS = {
 
 
 class Server(ThreadingHTTPServer):
-    """Server on the loopback interface that requires a token."""
+    """A server on the loopback interface that requires a token."""
 
     daemon_threads = True
     block_on_close = False
@@ -171,16 +171,16 @@ class Server(ThreadingHTTPServer):
 
     @property
     def address(self) -> str:
-        """Address of the page."""
+        """The address of the page."""
         return f"http://{HOST}:{self.server_port}/{self.token.decode()}/"
 
     def server_bind(self) -> None:
-        """Bind the socket without looking up the machine's name."""
+        """Bind the socket, without looking up the machine's host name."""
         TCPServer.server_bind(self)
         self.server_name, self.server_port = HOST, int(self.server_address[1])
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Serve a connection in a thread, or close it if there are too many."""
+        """Serve a connection in a thread, or close it if there are too many connections."""
         if self._free.acquire(blocking=False):
             super().process_request(request, client_address)
         else:
@@ -200,7 +200,7 @@ class Server(ThreadingHTTPServer):
 
 
 def open_server(port: int, token: str, give: Callable[[], Contents]) -> Server:
-    """Open the server at a port; 0 takes any free one.
+    """Open the server on a port; 0 means any free port.
 
     Raises:
         InputError: the port cannot be opened.
@@ -209,8 +209,8 @@ def open_server(port: int, token: str, give: Callable[[], Contents]) -> Server:
         return Server(port, token, give)
     except OSError as error:
         raise InputError(
-            f"--port: {port} cannot be opened ({error.strerror}); choose another port, or leave it "
-            f"out"
+            f"--port: {port} cannot be opened ({error.strerror}); choose another port, or leave "
+            f"--port out"
         ) from error
 
 
@@ -221,13 +221,13 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = SILENT_S
 
     def do_POST(self) -> None:
-        """Refuse the request, because nothing can be changed."""
+        """Reject the request, because nothing can be changed."""
         self.send_error(HTTPStatus.METHOD_NOT_ALLOWED)
 
     do_PUT = do_DELETE = do_PATCH = do_OPTIONS = do_TRACE = do_CONNECT = do_POST  # noqa: N815
 
     def do_GET(self) -> None:
-        """Send a content, or only its headers in reply to HEAD."""
+        """Send the content at an address, or only the headers in reply to HEAD."""
         host = self.headers.get("Host", "").rpartition(":")
         token, _, name = self.path.removeprefix("/").partition("/")
         known = compare_digest(token.encode("latin-1", "replace"), self.server.token)
@@ -243,7 +243,7 @@ class _Handler(BaseHTTPRequestHandler):
     do_HEAD = do_GET  # noqa: N815
 
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
-        """Refuse a request and close the connection."""
+        """Reject a request, and close the connection."""
         status = HTTPStatus(code)
         more = {"Connection": "close"}
         if status == HTTPStatus.METHOD_NOT_ALLOWED:
@@ -260,4 +260,4 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(data)
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
-        """Log no requests, because their paths contain the token."""
+        """Do not log requests, because the paths contain the token."""

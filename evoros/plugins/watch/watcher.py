@@ -1,4 +1,4 @@
-"""Observation of folders while a page is open; changed figures are drawn again."""
+"""Watch folders while a page is open, and redraw the figures that change."""
 
 import logging
 import os
@@ -35,11 +35,11 @@ PLANE = ["evoros.simulator.planar.Planar"]
 PATIENCE_S = 120.0
 Key = tuple[Path, int]  # folder and design
 LOOK_S = 2.0
-"""Interval between two looks [s]."""
+"""Interval between two snapshots [s]."""
 IDLE_S = 30.0
-"""Time without requests after which nothing is read [s]."""
+"""Time without requests [s] after which nothing is read."""
 SHARE = 0.01
-"""Maximum share of the processors that drawing takes from runs."""
+"""Maximum share of the processors that drawing may take from runs."""
 MOST_REASONS = 3
 FIRST = ("Progress", "Player", "Figures")
 """Sections at the top of the page."""
@@ -47,9 +47,9 @@ FIRST = ("Progress", "Player", "Figures")
 
 @dataclass
 class Flights:
-    """Repeats the missions of the best running run's best design whenever the design changes.
+    """Repeats the missions of the best running run's best design, whenever that design changes.
 
-    Only code of locked runs is used, because this machine runs that code anyway.
+    Only the code of locked runs is executed, because this machine executes that code anyway.
     """
 
     _flown: dict[Key, Markup] = field(default_factory=dict)
@@ -58,9 +58,9 @@ class Flights:
     _closed: bool = False
 
     def update(self, study: Study) -> Flown:
-        """Repeat missing missions of the best run; return all known missions of the study."""
+        """Repeat missing missions of the best run; return all known missions in the study."""
         unfinished = [
-            record  # The run has a best design, but kept none of that design's missions.
+            record  # the run has a best design, but has kept none of its missions
             for record in study.ordered
             if not record.finished and _find_design(record) >= 0 and not keeps_shown(record)
         ]
@@ -76,7 +76,7 @@ class Flights:
         return Flown({record.name: content for record, content in known.items()}, notes)
 
     def close(self) -> None:
-        """End the running process, if any."""
+        """Kill the running process, if any."""
         self._closed = True
         if self._process is not None:
             self._process.kill()
@@ -98,25 +98,25 @@ class Flights:
                 content, error = self._process.communicate(timeout=PATIENCE_S)
             except subprocess.TimeoutExpired:
                 self._process.kill()
-                content, error = "", "they take too long"
+                content, error = "", "the missions take too long"
         if self._process.returncode == 0:
             self._flown[key] = Markup(content.strip())
         else:
-            self._failed[key] = error.strip().rpartition("\n")[2] or "their process ended"
+            self._failed[key] = error.strip().rpartition("\n")[2] or "the process exited"
 
 
 def _write_notes(flown: Sequence[str], obstacles: Mapping[Record, str]) -> Iterator[str]:
-    """Yield the names of runs with repeated missions, and the first reason against others."""
+    """Yield notes on repeated missions, and on the first run whose missions are not repeated."""
     if flown:
-        yield f"Flown again for this page, as the run keeps none: {', '.join(flown)}."
+        yield f"Missions repeated for this page, because the run keeps none: {', '.join(flown)}."
     for record, reason in obstacles.items():
         if reason and record.name not in flown:
-            yield f"{record.name}: its missions are not flown again: {reason}."
+            yield f"{record.name}: missions are not repeated: {reason}."
             return
 
 
 def _find_design(record: Record) -> int:
-    """Return the best design so far, or -1 if there is none."""
+    """Return the best design's id so far, or -1 if there is none."""
     try:
         design = read_complete(record, find_shown)
     except InputError:
@@ -125,26 +125,26 @@ def _find_design(record: Record) -> int:
 
 
 def _find_obstacle(record: Record) -> str:
-    """Return why a run's missions are not repeated, or an empty string if they can be."""
+    """Return why a run's missions cannot be repeated, or an empty string if they can be."""
     if record.run.manifest.get("simulators") != PLANE:
-        return "only planar missions are cheap to repeat; record=all keeps them"
+        return "only planar missions are cheap to repeat; record=all keeps all missions"
     if not (record.path.stat().st_uid == os.getuid() and is_locked(record.path)):
-        return "the run is not running now, on this machine and for this user"
+        return "the run is not in progress on this machine for this user"
     return ""
 
 
 @dataclass
 class Watcher:
-    """Updates the contents of the page in two threads, one looking and one drawing."""
+    """Updates the page's contents in two threads, one that reads and one that draws."""
 
     folders: Folders
     _contents: server.Contents = field(init=False)
     _parts: dict[str, server.Content] = field(default_factory=dict)
     _trouble: str = ""
-    _drawn: tuple[object, ...] | None = None  # stamps of the drawn figures
+    _drawn: tuple[object, ...] | None = None  # stamps of the figures drawn last
     _drawn_at: str = ""
     _look: Look | None = None
-    _asked_s: float = 0.0  # last request, by time.monotonic
+    _asked_s: float = 0.0  # time of the last request, by time.monotonic
     _awake: threading.Event = field(default_factory=threading.Event)
     _flights: Flights = field(default_factory=Flights)
 
@@ -152,7 +152,7 @@ class Watcher:
         self._parts = self._draw_parts(Page(""))
 
     def give(self) -> server.Contents:
-        """Return the contents of all addresses, and note the time of the request."""
+        """Return the contents at all addresses, and store the time of the request."""
         idle = time.monotonic() - self._asked_s > IDLE_S
         self._asked_s = time.monotonic()
         if idle:
@@ -160,7 +160,7 @@ class Watcher:
         return self._contents
 
     def run(self) -> NoReturn:
-        """Look repeatedly until Ctrl-C raises KeyboardInterrupt."""
+        """Take snapshots until Ctrl-C raises KeyboardInterrupt."""
         self.look()
         threading.Thread(target=self._draw_again, daemon=True).start()
         while True:
@@ -169,11 +169,11 @@ class Watcher:
             self.look()
 
     def close(self) -> None:
-        """End other processes."""
+        """Kill other processes."""
         self._flights.close()
 
     def look(self) -> None:
-        """Look at the folders and update their progress on the page."""
+        """Take a snapshot of the folders, and update the progress on the page."""
         self._look = self.folders.look()
         progress = FIRST[0], server.render_progress(self._look, self._trouble)
         state = {
@@ -184,7 +184,7 @@ class Watcher:
         self._contents = server.make_contents(self._title, self._parts, progress, state)
 
     def draw(self, look: Look) -> None:
-        """Draw the page of a look, or note why that fails."""
+        """Draw the page for a snapshot, or store why that fails."""
         begun = datetime.now(UTC).isoformat(timespec="seconds")
         with withhold_messages() as records:
             try:
@@ -218,7 +218,7 @@ class Watcher:
         return make_page(study, options, flown)
 
     def _draw_again(self) -> None:
-        """Draw whenever the figures change, taking at most ``SHARE`` of the processors."""
+        """Redraw whenever the figures change, using at most ``SHARE`` of the processors."""
         while True:
             look = self._look
             same = look is None or (look.stamps == self._drawn and not self._trouble)
@@ -235,6 +235,6 @@ class Watcher:
 
 
 def _processor_s() -> float:
-    """Return the processor time [s] of this thread and of child processes that have exited."""
+    """Return the CPU time [s] of this thread and of child processes that have exited."""
     times = os.times()
     return time.thread_time() + times.children_user + times.children_system

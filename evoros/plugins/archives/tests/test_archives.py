@@ -113,7 +113,7 @@ def test_a_secret_in_a_part_is_refused(
         error = refused_last(lambda: archived(tmp_path / "new.zip", *given), capsys)
     finally:
         part.unlink()
-    assert f"inputs/mine/note.txt: line 2: must not contain {said}" in error
+    assert f"inputs/mine/note.txt: line 2 contains {said}, which" in error
     assert TOKEN not in error
     assert not [*tmp_path.iterdir()]
 
@@ -236,7 +236,7 @@ CANNOT: dict[str, tuple[Callable[[Case, Path], list[object]], str]] = {
     "licence": (lambda case, tmp: [case.run, "--license", "my own"], "must be an SPDX identifier"),
     "twice": (
         lambda case, tmp: [case.run, case.run, "--config-dir", case.project / "mine"],
-        "must have a unique name",
+        "another folder has the same archive path",
     ),
 }
 
@@ -264,7 +264,7 @@ def test_what_cannot_be_archived_is_one_line(
 def test_an_existing_file_stays(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
     before = case.file.read_bytes()
     given = [case.run, "--config-dir", case.project / "mine"]
-    assert "must not exist yet" in refused_last(lambda: archived(case.file, *given), capsys)
+    assert "already exists" in refused_last(lambda: archived(case.file, *given), capsys)
     assert case.file.read_bytes() == before
 
 

@@ -91,7 +91,7 @@ def test_a_killed_scheduler_stops_the_run_in_one_line_and_another_goes_on_with_i
         _, errors = run.communicate(timeout=LIMIT_S)
         assert run.returncode == STOPPED
         last = errors.splitlines()[-1]
-        assert f"the dask scheduler at {first.address} ended or cannot be reached" in last
+        assert f"the Dask scheduler at {first.address} exited or can no longer be reached" in last
         assert "to continue type: evoros resume run" in last
         assert not any(sign in errors for sign in ("Traceback", "distributed"))
         first.end()
@@ -147,7 +147,7 @@ def test_nobody_at_the_address_is_told_in_one_line(
         == STOPPED
     )
     *_, line = capsys.readouterr().err.splitlines()  # behind the progress of the attempts
-    assert f"executor.address: no dask scheduler answers at tcp://127.0.0.1:{port}" in line
+    assert f"executor.address: no Dask scheduler answers at tcp://127.0.0.1:{port}" in line
     assert f"to continue type: evoros resume {tmp_path}/run" in line
     assert resume(tmp_path / "run", "executor=serial") == DONE
     assert content(tmp_path / "run") == whole
@@ -161,7 +161,7 @@ def test_a_scheduler_is_found_by_its_file(
         assert pool.submit(square, 6).result(LIMIT_S) == 36
     monkeypatch.setattr(dask_cluster, "CONNECT_S", 0.5)
     with (
-        pytest.raises(RunStopped, match=r"none\.json must be a scheduler file"),
+        pytest.raises(RunStopped, match=r"none\.json is not a scheduler file"),
         Dask(str(tmp_path / "none.json")).open(),
     ):
         pass
@@ -284,10 +284,10 @@ def test_leaving_a_cluster_ends_its_calls_and_leaves_the_workers(
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"address": "host"}, "Dask.address: must be the address of a dask scheduler"),
+        ({"address": "host"}, "Dask.address: must be the address of a Dask scheduler"),
         ({"address": ""}, "Dask.address: must be"),
         ({"address": 8786}, "Dask.address: must be"),
-        ({"address": "tcp://a:1", "workers": 2}, "executor.workers: must be null with"),
+        ({"address": "tcp://a:1", "workers": 2}, "executor.workers: must be null, not 2, if"),
         ({"workers": -1}, "Dask.workers: must be a whole number of at least 0, or null"),
         ({"time_limit_s": 0}, "Dask.time_limit_s: must be a number greater than 0"),
         ({"retries": 0.5}, "Dask.retries: must be"),

@@ -383,7 +383,7 @@ def test_bodies_that_overlap_are_told(other: MountedSensor, depth_mm: float | No
         line = next(iter(list_clashes(pair)), None)
         assert (line is None) == (depth_mm is None)
         if line is not None:
-            assert line.endswith(f"overlap; move one of them by {depth_mm:.1f} mm or more")
+            assert line.endswith(f"overlap; move one of the two by {depth_mm:.1f} mm or more")
             assert all(sensor.link in line for sensor in pair)
 
 
@@ -600,7 +600,7 @@ def test_the_drawing_has_every_number_once_a_view(record: Record) -> None:
     width, height = (25.4 * inches for inches in figure.get_size_inches())
     assert axes.get_xlim() == pytest.approx((0.0, width))  # to scale
     assert height < 297.0  # of A4
-    assert any("150 mm ahead of the axis of the rearmost wheels" in text for text in texts)
+    assert any("150 mm ahead of the axle of the rearmost wheels" in text for text in texts)
 
 
 def test_the_drawing_is_to_scale(record: Record) -> None:

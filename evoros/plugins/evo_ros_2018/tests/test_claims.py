@@ -356,7 +356,7 @@ def test_a_gain_that_may_be_none_says_nothing() -> None:
     table["validated_last"] = [14.0, 6, 11]
     finding = claims.judge_gain(table, "validated")
     assert (finding.verdict, math.isnan(finding.value)) == (UNKNOWN, True)
-    assert "no gain for sure" in finding.why
+    assert "not certainly a gain" in finding.why
     assert "needs" in claims.judge_gain(table.assign(validated_last=math.nan), "validated").why
     assert "needs" in claims.judge_gain(progress([3.5, 3.5], last=15), "recorded").why
     without_runs = pd.DataFrame()  # as of a study in which no design is mirrored
@@ -433,7 +433,7 @@ def test_a_swing_that_the_controller_makes_is_built_in() -> None:
     rows = pd.DataFrame([(run, 58.0) for run in "abcdefgh"], columns=["run", "swing_deg"])
     finding = claims.judge_heading_swing(rows, built_in=True)
     assert finding.verdict == BUILT_IN
-    assert "weaves by itself" in finding.why
+    assert "weaves by design" in finding.why
 
 
 def flown(run: str, completed: int, failed: int, before: int = 0) -> pd.DataFrame:

@@ -91,11 +91,11 @@ def test_the_failure_of_the_best_run_that_has_it_or_of_the_one_that_is_named(
     assert "seed-1" in made.messages[0]  # validated alike: the one with more recorded
     assert made.table is not None
     assert len(made.table) == 4
-    assert made.messages[0].endswith("the other 1 runs have none")
+    assert made.messages[0].endswith("the other 1 have no spatial failure")
     assert "seed-0" in product("failure", *every, run="seed-0").messages[0]
     out = str(tmp_path / "out")
     assert evoros_analyze(["failure", str(every[0]), "--output", out]) == INPUT
-    assert "give one with failure=spatial" in capsys.readouterr().err
+    assert "add a run with failure=spatial" in capsys.readouterr().err
     assert not Path(out).exists()
 
 

@@ -42,7 +42,7 @@ class TestGpu(ExecutorSuite):
 @pytest.mark.parametrize(
     ("driver", "reason"),
     [
-        (StandInDriver(gpus=0), "there is no GPU"),
+        (StandInDriver(gpus=0), "no GPU was found"),
         (object(), "cuInit: 'object' object has no attribute 'cuInit'"),
     ],
     ids=["no GPU", "no driver"],

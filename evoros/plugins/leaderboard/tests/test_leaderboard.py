@@ -138,7 +138,7 @@ def test_a_file_of_other_columns_is_refused_in_one_line(
 
 
 def test_a_folder_of_parts_that_others_do_not_have_is_refused(run: Path) -> None:
-    with pytest.raises(InputError, match=r"^--config-dir /mine: must be relative"):
+    with pytest.raises(InputError, match=r"^--config-dir /mine: must be a relative path"):
         make_row(run, "/mine")
 
 

@@ -273,7 +273,10 @@ def test_parts_fail_at_places_and_one_after_another(run: Callable[..., Ended], h
         ("nowhere.osc", "File does not exist"),
         (scenario("wait elapsed(3s)", overrides="world=mazze"), "world: must be one of"),
         (scenario("wait elapsed(3s)", overrides="world=maze"), "designs: must be a CSV file"),
-        (scenario("wait elapsed(3s)", overrides=PART + " world=case_study"), "must be one world"),
+        (
+            scenario("wait elapsed(3s)", overrides=PART + " world=case_study"),
+            "must be a single world",
+        ),
         (scenario('inject_fault(sensors: "6")'), "must be all, numbers from 0 to 5"),
         (scenario('inject_fault(sensors: "all", effect: "hush")'), "filter: must be one of"),
         (scenario('inject_fault(sensors: "all", settings: "loud=1")'), "loud"),
@@ -288,8 +291,11 @@ def test_parts_fail_at_places_and_one_after_another(run: Callable[..., Ended], h
             scenario('inject_part_fault(part: "drive")', "drive(speed: 0.1mps, duration: 2s)"),
             "must leave commands, steering and drive alone",
         ),
-        (scenario('wait_for_reading(channel: "colour")'), "channel: must begin the name"),
-        (scenario('check_metric(metric: "beauty")'), "metric: must be a column"),
+        (
+            scenario('wait_for_reading(channel: "colour")'),
+            "channel: must be the start of a channel's name",
+        ),
+        (scenario('check_metric(metric: "beauty")'), "metric: must be a numeric column"),
     ],
 )
 def test_input_that_cannot_be_used_is_one_line_and_never_passes(

@@ -1,1 +1,1 @@
-"""Missions as rosbags: their messages, the two formats, and a layout for Foxglove."""
+"""Missions as rosbags: messages, the two bag formats, and a layout for Foxglove."""

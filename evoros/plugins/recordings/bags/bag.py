@@ -1,7 +1,7 @@
-"""Missions as rosbags for rviz, Foxglove and ROS's tools.
+"""Missions as rosbags for rviz, Foxglove and the ROS tools.
 
-The topics and frames of the first robot have no prefix. Agents prefix theirs with their names, as
-is usual in ROS, and share ``/tf`` and ``/tf_static`` with the first robot.
+The topics and frames of the first robot have no prefix. Those for an agent are prefixed with the
+agent's name, as is usual in ROS; all robots share ``/tf`` and ``/tf_static``.
 """
 
 import argparse
@@ -36,7 +36,7 @@ SHOWN = (
     "geometry_msgs/msg/PoseStamped",
     SCAN,
 )
-"""Message types in the three-dimensional view, in addition to the frames and the robot."""
+"""Message types to show in the 3D view, in addition to the frames and the robot."""
 MOTION = {
     "/odom.twist.twist.linear.x": "speed [m/s]",
     "/ackermann_cmd.drive.steering_angle": "steering command [rad]",
@@ -70,7 +70,7 @@ def make_layout(topics: Sequence[Topic], robot_frame: str, agents: Sequence[str]
 def _find_series(
     topics: Sequence[Topic], fields: Mapping[str, Mapping[str, str]]
 ) -> dict[str, str]:
-    """Return the label of each plotted field; ``fields`` has descriptions by message type."""
+    """Return the label of each field to plot; ``fields`` holds descriptions by message type."""
     return {
         f"{topic.name}.{field}": f"{topic.name.removeprefix('/')} {words}".rstrip()
         for topic in topics
@@ -79,7 +79,7 @@ def _find_series(
 
 
 def _of_all(series: Mapping[str, str], agents: Sequence[str]) -> dict[str, str]:
-    """Return the labels of the fields of all robots."""
+    """Return the labels of the fields for all robots."""
     others = {f"/{name}{path}": f"{name} {series[path]}" for name in agents for path in series}
     return {**series, **others}
 
@@ -110,33 +110,34 @@ _OF_ALL = (FRAMES, FIXED_FRAMES, "/obstacles", WALKERS.name)
 """Topics that all robots share."""
 _FRAME_FIELDS = ("frame_id", "child_frame_id")
 HELP = "recorded missions as rosbags, with a layout for Foxglove"
-NEEDS = "a run that keeps trajectories, and the package rosbags"
+NEEDS = "a run that recorded trajectories, and the package rosbags"
 FILES = {
     "bag_WORLD/": "a rosbag2; with `--format ros1`, a file `bag_WORLD.bag`",
-    "bag_GENERATION_DESIGN_WORLD_TRIAL/": "its name if a design, generation or trial is chosen",
+    "bag_GENERATION_DESIGN_WORLD_TRIAL/": "its name if missions are chosen by number",
     "bag.foxglove.json": "a layout for Foxglove",
 }
-FORMATS = {"mcap": "rosbag2, for Foxglove too", "ros1": "for rosbag play"}
+FORMATS = {"mcap": "rosbag2, also for Foxglove", "ros1": "for rosbag play"}
 OUTPUT = "bags"
 DISTRO = "jazzy"
 LAYOUT = "bag.foxglove.json"
 GOALS = {"mcap": "/goal_pose", "ros1": "/move_base_simple/goal"}
-"""The topic of the next waypoint that rviz and navigation use, by format."""
+"""The topic on which rviz and navigation stacks expect the next waypoint, by format."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options that choose the missions and the message definitions."""
+    """Add the options for the missions and the message definitions."""
     add_missions(parser)
     about = (
-        f"ROS 2 distribution of the message definitions; jazzy also fits iron and later; {DISTRO}"
+        f"ROS 2 distribution of the message definitions; jazzy also suits iron and later; "
+        f"default: {DISTRO}"
     )
     parser.add_argument("--distro", choices=("humble", "jazzy"), help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Make a bag of each mission, and one layout."""
+    """Make a bag for each mission, and one layout."""
     if options.format == "ros1" and options.distro:
-        raise InputError("--distro: applies to --format mcap only; remove it, or use mcap")
+        raise InputError("--distro: applies only to --format mcap; remove --distro, or use mcap")
     record, missions = choose_missions(study, options)
     topics = _list_team_topics(missions[0], GOALS[options.format])
     layout = make_layout(topics, missions[0].root, list(missions[0].others))
@@ -179,7 +180,7 @@ def _list_team_messages(mission: RecordedMission, goal: str) -> list[Message]:
 
 
 def _place(name: str, message: Message) -> Message:
-    """Return an agent's message with its topic and frames prefixed by the agent's name."""
+    """Return an agent's message, with the agent's name as a prefix of its topic and frames."""
     topic = message.topic if message.topic in _OF_ALL else f"/{name}{message.topic}"
     return message._replace(topic=topic, content=_rename_frames(name, message.content))
 
@@ -198,6 +199,6 @@ def _rename_frames(name: str, content: Any) -> Any:
 
 
 def _join(messages: Sequence[Message]) -> Message:
-    """Join the fixed frames in one message, because a latched topic keeps only its last one."""
+    """Join the fixed frames in one message, because a latched topic keeps only the last message."""
     transforms = [transform for m in messages for transform in m.content["transforms"]]
     return messages[0]._replace(content={"transforms": transforms})

@@ -21,7 +21,7 @@ from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
 Content = Mapping[str, Any]
-"""The fields of a message by name; missing fields are zero or empty."""
+"""A message's fields by name; missing fields are zero or empty."""
 
 
 class Topic(NamedTuple):
@@ -29,7 +29,7 @@ class Topic(NamedTuple):
 
     name: str
     type: str
-    latched: bool = False  # later subscribers receive its last message
+    latched: bool = False  # later subscribers receive the last message
 
 
 class Message(NamedTuple):
@@ -50,9 +50,9 @@ _NO_ORIENTATION = (-1.0, *(0.0,) * 8)
 CUBE, _SPHERE, CYLINDER, TRIANGLE_LIST = 1, 2, 3, 11
 FIXED, _MOVABLE, WALKER = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42), (0.85, 0.45, 0.15)
 START_NS = 1_000_000_000
-"""The stamp at the start of a mission; ROS takes stamp 0 for unset."""
+"""The time stamp at the start of a mission, because ROS treats stamp 0 as unset."""
 WORLD_FRAME = "odom"
-_SAME_TIME = 1e-6  # fraction of a period within which two times are equal
+_SAME_TIME = 1e-6  # share of a period within which two times count as equal
 
 TOPICS = (
     Topic("/robot_description", "std_msgs/msg/String", True),
@@ -70,7 +70,7 @@ WALKERS = Topic("/walkers", "visualization_msgs/msg/MarkerArray")
 
 
 def list_topics(mission: RecordedMission, goal: str) -> list[Topic]:
-    """List the topics of a mission's bag; ``goal`` is the topic of the next waypoint."""
+    """List the topics in a mission's bag; ``goal`` is the topic for the next waypoint."""
     sensors = [Topic(f"/{sensor.link}", _choose_type(sensor.kind)) for sensor in mission.sensors]
     walkers = [WALKERS] if mission.walkers else []
     return [*TOPICS, *walkers, Topic(goal, "geometry_msgs/msg/PoseStamped", True), *sensors]
@@ -93,7 +93,7 @@ def to_stamp(time_s: float) -> int:
 
 
 def _describe(mission: RecordedMission) -> Iterator[Message]:
-    """Yield the constant messages: robot, frames, obstacles and route."""
+    """Yield the constant messages: the robot, frames, obstacles and route."""
     yield Message(START_NS, "/robot_description", {"data": mission.urdf})
     fixed = [
         _transform(START_NS, joint.parent, joint.child, joint.origin) for joint in mission.joints
@@ -144,7 +144,7 @@ def _show_walkers(mission: RecordedMission) -> Iterator[Message]:
 
 
 def _decide(mission: RecordedMission) -> Iterator[Message]:
-    """Yield commands and modes; the last record, at the end, has none."""
+    """Yield commands and modes; the last record, at the mission's end, has none."""
     names = (NONE, *mission.context.modes)
     for row in mission.trajectory.iloc[:-1].to_dict("records"):
         stamp = to_stamp(row["time_s"])
@@ -155,10 +155,10 @@ def _decide(mission: RecordedMission) -> Iterator[Message]:
 
 
 def _measure(sensor: RecordedSensor, times: Array) -> Iterator[Message]:
-    """Yield each reading of a sensor once, stamped with its sampling time.
+    """Yield each of a sensor's readings once, stamped with the sampling time.
 
-    A record holds the latest reading of each sensor, which may be older than the record. No
-    sensor takes a sample at the end of the mission.
+    A record holds each sensor's latest reading, which may be older than the record. No sensor
+    samples at the end of the mission.
     """
     period = sensor.kind.period_s
     samples = np.floor(times / period + _SAME_TIME)
@@ -174,7 +174,7 @@ def _measure(sensor: RecordedSensor, times: Array) -> Iterator[Message]:
 
 
 def _yaw_rates(rows: pd.DataFrame) -> list[float]:
-    """Return the yaw rate [rad/s] at each record, by central differences of the headings."""
+    """Return the yaw rate [rad/s] at each record, from central differences of the heading."""
     time, yaw = rows["time_s"].to_numpy(float), np.unwrap(rows["yaw_rad"].to_numpy(float))
     after, before = (np.clip(np.arange(len(rows)) + i, 0, len(rows) - 1) for i in (1, -1))
     turned, elapsed = yaw[after] - yaw[before], time[after] - time[before]
@@ -217,7 +217,7 @@ def _pose(pose: Pose) -> Content:
 
 
 def _list_markers(world: World) -> Iterator[Mapping[str, Any]]:
-    """Yield a marker without header for each shape of the obstacles."""
+    """Yield a marker, without a header, for each shape of an obstacle."""
     for body in standing_obstacles(world):
         colour = FIXED if body.mass is None else _MOVABLE
         rgba = {**dict(zip("rgb", colour, strict=True)), "a": 1.0}
@@ -228,7 +228,7 @@ def _list_markers(world: World) -> Iterator[Mapping[str, Any]]:
 
 
 def mark_walker(walker: WalkerTrack, record: int) -> Mapping[str, Any]:
-    """Return the marker of a walker at a record, without its header."""
+    """Return a walker's marker at a record, without a header."""
     x, y = walker.places[record].tolist()
     place = {"position": _vector((x, y, walker.height_m / 2)), "orientation": {"w": 1.0}}
     cylinder = _geometry(Shape("cylinder", (walker.radius_m, walker.height_m)))
@@ -237,7 +237,7 @@ def mark_walker(walker: WalkerTrack, record: int) -> Mapping[str, Any]:
 
 
 def _geometry(shape: Shape) -> Mapping[str, Any]:
-    """Return the type, size and points of a marker, in the frame of the shape."""
+    """Return a marker's type, size and points, in the shape's frame."""
     if shape.kind == "convex":
         solid = convex_polyhedron(shape.corners)
         points = solid.corners[solid.triangles.ravel()].tolist()
@@ -262,7 +262,7 @@ def _choose_type(kind: Beam | Signal) -> str:
 
 
 def _fill_message(kind: Beam | Signal, readings: Sequence[float]) -> Content | None:
-    """Return the content of a message without its header, or None if the sensor is silent."""
+    """Return a message's content without the header, or None if the sensor is silent."""
     if isinstance(kind, Beam):
         if not any(map(math.isfinite, readings)):
             return None

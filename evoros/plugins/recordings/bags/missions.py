@@ -1,4 +1,4 @@
-"""Recorded missions with all their robots, for export, and the options that choose them."""
+"""Recorded missions with all robots, for export, and the options that choose missions."""
 
 import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -35,27 +35,27 @@ from evoros.terminal.log import LOGGER
 from evoros.world.model import World
 
 _LARGEST = 1e9
-"""Upper bound of a mission's numbers, which messages can hold."""
+"""Upper limit of numbers in a mission, so that they fit into messages."""
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedMission:
-    """A recorded mission of one robot."""
+    """A recorded mission, as one robot sees it."""
 
     name: str  # WORLD, or GENERATION_DESIGN_WORLD_TRIAL
-    row: "pd.Series[str]"  # its row of ``missions.csv``
-    context: FigureContext  # includes the sensor types with their evolved parameters
+    row: "pd.Series[str]"  # the mission's row of ``missions.csv``
+    context: FigureContext  # includes the evolved parameters of the sensor types
     trajectory: pd.DataFrame  # has the columns of ``trajectory_WORLD.csv``
     urdf: str  # the robot with its sensors
-    loaded_urdf: str  # description of the robot in engines
+    loaded_urdf: str  # the robot as engines load it
     joints: Sequence[Joint]
     root: str  # root link
-    root_pose: Pose  # pose of the root link in the frame that the trajectory records
+    root_pose: Pose  # pose of the root link in the frame whose poses the trajectory records
     sensors: Sequence[RecordedSensor]
     world: World
     route: Array  # (legs, 2) waypoints in order [m]
     others: Mapping[str, "RecordedMission"] = field(default_factory=dict)
-    """The mission as each other robot recorded it, by the robot's name."""
+    """The mission as each of the other robots sees it, by robot name."""
     walkers: Sequence[WalkerTrack] = ()
 
 
@@ -80,7 +80,7 @@ def _read_others(
 
 
 def read_mission(record: Record, row: "pd.Series[str]") -> RecordedMission:
-    """Read the mission in a row of ``missions.csv`` of a run that keeps all trajectories."""
+    """Read the mission in a row of ``missions.csv``, from a run that keeps all trajectories."""
     generation, design, trial = (int(row[name]) for name in ("generation", "design", "trial"))
     key = (generation, design, str(row["world"]), trial)
     file, agent = trajectory_file(key), record.agent
@@ -97,12 +97,12 @@ def read_mission(record: Record, row: "pd.Series[str]") -> RecordedMission:
 
 
 class _Files(NamedTuple):
-    """The name of a mission and its files."""
+    """A mission's name and files."""
 
     mission: str
     trajectory: Path
     described: Path  # the robot with its sensors
-    loaded: Path  # the robot as engines load it; missing if equal to ``described``
+    loaded: Path  # the robot as engines load it; missing if the same as ``described``
 
 
 def _assemble(
@@ -117,7 +117,7 @@ def _assemble(
     urdf, source = read_text(files.described), str(files.described)
     loaded = read_text(files.loaded) if files.loaded.is_file() else urdf
     elements = parse(urdf.encode(), source)
-    # ``read_tree`` refuses meshes, which only the loaded robot has replaced by shapes.
+    # ``read_tree`` rejects meshes; only the loaded robot has shapes in place of meshes.
     links = [str(link.get("name")) for link in elements.findall("link")]
     joints = [read_joint(joint, links) for joint in elements.findall("joint")]
     root = next(iter({*links} - {joint.child for joint in joints}))
@@ -152,15 +152,14 @@ def _check(trajectory: pd.DataFrame, source: Path, context: FigureContext) -> No
     numbers = ("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "steering_rad", "mode", "visited")
     if trajectory[[*numbers]].isna().to_numpy().any() or (trajectory["time_s"].diff() < 0).any():
         raise InputError(
-            f"{source}: must have numbers in all cells except readings, and increasing times; "
-            f"restore the file"
+            f"{source}: a cell other than a reading is empty, or times decrease; restore the file"
         )
     recorded = trajectory.select_dtypes("number")
     far = (recorded.abs() > _LARGEST).to_numpy().any()
     if far or len(recorded.columns) < len(trajectory.columns) or (trajectory["visited"] < 0).any():
         raise InputError(
-            f"{source}: must have only numbers, of at most {_LARGEST:g}, and at least 0 "
-            f"waypoints visited; restore the file"
+            f"{source}: a cell is not a number of at most {_LARGEST:g}, or a number of visited "
+            f"waypoints is negative; restore the file"
         )
     if not trajectory["mode"].between(0, len(context.modes)).all():
         raise InputError(
@@ -172,7 +171,7 @@ def _check(trajectory: pd.DataFrame, source: Path, context: FigureContext) -> No
 def list_rows(
     record: Record, generation: int | None, design: int | None, trial: int | None
 ) -> Iterator["pd.Series[str]"]:
-    """Yield the rows of a design, or of the champion, in ``missions.csv``, in order."""
+    """Yield the rows in ``missions.csv`` of a design, by default the champion, in order."""
     missions = record.run.missions
     if design is None:
         design = int(
@@ -195,7 +194,7 @@ def add_missions(parser: argparse.ArgumentParser) -> None:
     """Add the options that choose missions."""
     add_run(parser)
     add_worlds(parser)
-    every = "instead of the champion: the recorded missions"
+    every = "instead of the champion's missions: the recorded missions"
     parser.add_argument("--design", type=int, metavar="ID", help=f"{every} of this individual")
     parser.add_argument("--generation", type=int, metavar="N", help=f"{every} of this generation")
     parser.add_argument("--trial", type=int, metavar="N", help=f"{every} of this trial")
@@ -204,13 +203,13 @@ def add_missions(parser: argparse.ArgumentParser) -> None:
 def choose_missions(
     study: Study, options: argparse.Namespace
 ) -> tuple[Record, list[RecordedMission]]:
-    """Return the run and its chosen missions, at least one."""
+    """Return the chosen run and at least one chosen mission."""
     study.check_worlds(options.world or [])
     return study.choose(options.run, partial(_read, options=options))
 
 
 def _read(record: Record, options: argparse.Namespace) -> list[RecordedMission]:
-    """Read the missions of one design; report and skip those that cannot be read."""
+    """Read the chosen missions; report and skip missions that cannot be read."""
     record.run.require_trajectories()
     missions: list[RecordedMission] = []
     for read in _list_readers(record, options):
@@ -220,8 +219,8 @@ def _read(record: Record, options: argparse.Namespace) -> list[RecordedMission]:
             LOGGER.warning("%s; left out", error)
     if not missions:
         raise InputError(
-            f"{record.path}: has no complete mission of this choice; choose other missions or "
-            f"restore the run"
+            f"{record.path}: has no complete mission that fits the options; choose other missions, "
+            f"or restore the run"
         )
     return missions
 

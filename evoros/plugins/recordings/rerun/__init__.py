@@ -1,1 +1,1 @@
-"""The subcommand ``rerun``: missions and a run's evolution for the Rerun viewer."""
+"""The subcommand ``rerun``: export missions and a run's evolution to the Rerun viewer."""

@@ -1,4 +1,4 @@
-"""The recording of a run: missions, evolution and layout of the views."""
+"""Make the recording of a run: missions, evolution, and the layout of the views."""
 
 import math
 import tempfile
@@ -49,15 +49,15 @@ from evoros.world.standing import standing_obstacles
 
 _EVOLUTION = "evolution"
 _FAN_M = 0.5
-"""Length of a sensor's fan, because its full range would cover the robot."""
+"""Length to which a sensor's fan is cut, because the full range would cover the robot."""
 _NAMES = {"recorded": "best", "validated": "best, validated", "mean": "mean"}
 APPLICATION = "evoros"
 _BEHIND_M, _ABOVE_M = 3.5, 2.2  # initial eye position relative to the robot
 _NEAR_M = (1.0, -1.2, 1.0)  # initial eye position relative to the best design
-_ALL_FACES = 5 * MOST_FACES  # maximum for the robots of all missions together
+_ALL_FACES = 5 * MOST_FACES  # maximum for all robots in all missions together
 GROUND, COURSE = (0.93, 0.92, 0.9), (200, 120, 0)
-_AROUND_M = 4.0  # margin of the ground around course and path
-_BELOW_M = 0.002  # lowers the ground, or lines on it would flicker
+_AROUND_M = 4.0  # margin of the ground around the course and the path
+_BELOW_M = 0.002  # depth of the ground, because lines at the same height would flicker
 PATH = (40, 40, 40)
 AGENTS = "agents"
 
@@ -65,7 +65,7 @@ AGENTS = "agents"
 def record_study(record: Record, missions: Sequence[RecordedMission]) -> bytes:
     """Return the file of a recording.
 
-    Equal runs give equal data, but the library's identifiers of rows and views differ each time.
+    Equal runs give equal data, but the library's ids of rows and views differ each time.
     """
     # The properties would contain the time of day.
     stream = rr.RecordingStream(APPLICATION, recording_id=record.name, send_properties=False)
@@ -126,7 +126,7 @@ def _lay_out_mission(mission: RecordedMission) -> rrb.Container:
 
 
 def _show_evolution(top: Entities, record: Record, urdf: str, most_faces: int) -> None:
-    """Show fitness, and the sensors of the best designs on the robot ``urdf``."""
+    """Show the fitness, and the best designs' sensors on the robot ``urdf``."""
     table = designs.read_generations(record)
     for name, column in designs.trace_fitness(table).dropna(axis=1, how="all").items():
         line, values = top.below("fitness", str(name)), column.dropna()
@@ -163,7 +163,7 @@ def _is_sensor(link: str, record: Record) -> bool:
 
 
 def _draw(sensors: pd.DataFrame) -> list[Array]:
-    """Return the outlines (k, 3) [m] of a design's sensor fans in the robot's frame."""
+    """Return the outlines (k, 3) [m] of a design's sensor fans, in the robot's frame."""
     names = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "fov_deg", "range_m")
     fans = []
     for x, y, z, yaw, pitch, fov, reach in sensors[[*names]].to_numpy(float).tolist():

@@ -1,4 +1,4 @@
-"""A robot in a recording: its links, sensor readings and failure marks."""
+"""Show a robot in a recording: links, sensor readings and failure markers."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,7 +20,7 @@ from evoros.plugins.recordings.video.surfaces import Surface
 from evoros.storage.figure_context import Beam
 
 TIME, GENERATION = "mission_time", "generation"
-"""Timelines of the recording."""
+"""Names of the recording's timelines."""
 
 
 class Entities(NamedTuple):
@@ -35,22 +35,22 @@ class Entities(NamedTuple):
 
     @property
     def address(self) -> str:
-        """The path in the notation of the viewer."""
+        """The path in the viewer's notation."""
         return rr.new_entity_path([*self.path])
 
     def show(self, *things: rr.AsComponents) -> None:
-        """Show things at all times."""
+        """Show archetypes at all times."""
         for thing in things:
             self.stream.log(self.address, thing, static=True, strict=True)
 
     def show_over_time(self, times_s: Array, columns: Iterable[rr.ComponentColumn]) -> None:
-        """Show one row of the columns from each mission time [s]."""
+        """Show one row of the columns from each mission time [s] on."""
         self._send(rr.TimeColumn(TIME, duration=times_s), columns)
 
     def show_over_generations(
         self, generations: Sequence[int], columns: Iterable[rr.ComponentColumn]
     ) -> None:
-        """Show one row of the columns from each generation."""
+        """Show one row of the columns from each generation on."""
         self._send(rr.TimeColumn(GENERATION, sequence=generations), columns)
 
     def _send(self, index: rr.TimeColumn, columns: Iterable[rr.ComponentColumn]) -> None:
@@ -58,7 +58,7 @@ class Entities(NamedTuple):
 
 
 def to_mesh(surface: Surface, painted: bool = True) -> rr.Mesh3D:
-    """Return a surface as a mesh whose corners have the normal and colour of their triangle."""
+    """Return a surface as a mesh, with each triangle's normal and colour at its corners."""
     corners = surface.corners[:, :3].astype(np.float32)
     colours = np.repeat(np.round(255 * surface.colours).astype(np.uint8), 3, axis=0)
     return rr.Mesh3D(
@@ -69,7 +69,7 @@ def to_mesh(surface: Surface, painted: bool = True) -> rr.Mesh3D:
 
 
 def find_changes(*columns: Array | Pixels) -> list[int]:
-    """Return the first row and each row in which a column (n, ...) changes."""
+    """Return the indices of the first row and of each row in which a column (n, ...) changes."""
     whole = np.hstack(
         [np.asarray(column, dtype=float).reshape(len(column), -1) for column in columns]
     )
@@ -78,18 +78,18 @@ def find_changes(*columns: Array | Pixels) -> list[int]:
 
 
 MOST_RAYS = 32
-"""Approximate maximum number of rays shown for a scan."""
+"""Approximate maximum number of rays to show for a scan."""
 LINE = -1.0
-"""The radius of lines; negative values are in screen points."""
+"""Radius of lines; negative values are in screen points."""
 _ARC = 7  # points on the arc of a fan
 MARK = (220, 30, 30)
-_ABOVE_M = 0.1  # height of a mark above its sensor
+_ABOVE_M = 0.1  # height of a marker above the sensor
 
 
 def show_robot(
     top: Entities, robot: ShownRobot, motion: Motion, sensors: Mapping[str, Pixels]
 ) -> None:
-    """Show a moving robot; ``sensors`` has the colours (n, 3) over time by link."""
+    """Show a moving robot; ``sensors`` maps links to colours (n, 3) over time."""
     zeros = np.zeros(len(motion.time_s))
     places = np.stack([motion.x_m, motion.y_m, zeros], axis=1)
     half = motion.yaw_rad / 2
@@ -117,20 +117,20 @@ def show_links(
     moving: Sequence[str] = (),
     painted: bool = True,
 ) -> None:
-    """Show links of a robot; links not in ``moving`` are placed at their poses."""
+    """Show some of a robot's links; links not in ``moving`` stay at their initial poses."""
     for link in links:
         surface, (x, y, z) = robot.surfaces[link], robot.tree.poses[link].position
         if len(surface.normals):
             turn = robot.tree.poses[link].quaternion
             top.below(link).show(to_mesh(surface, painted))
-            if link not in moving:  # static data would override motion
+            if link not in moving:  # static data would override the motion
                 top.below(link).show(
                     rr.Transform3D(translation=(x, y, z), quaternion=rr.Quaternion(xyzw=turn))
                 )
 
 
 def _move_links(robot: ShownRobot, motion: Motion) -> dict[str, Array]:
-    """Return the links that move relative to the root, with their frames (n, 4, 4) in it."""
+    """Return the frames (n, 4, 4), relative to the root, of links that move relative to it."""
     moving = [
         link
         for link, surface in robot.surfaces.items()
@@ -148,7 +148,7 @@ def _move_links(robot: ShownRobot, motion: Motion) -> dict[str, Array]:
 def show_faults(
     top: Entities, robot: ShownRobot, mission: RecordedMission, faults: Sequence[ShownFault]
 ) -> None:
-    """Mark failed sensors, and name other failed parts, from the time of failure."""
+    """Mark failed sensors, and name other failed parts, from the time of failure on."""
     marks: list[tuple[float, Array, str]] = []
     for fault in faults:
         link = mission.sensors[fault.sensor].link
@@ -173,7 +173,7 @@ def show_faults(
 def show_sensor(
     top: Entities, sensor: RecordedSensor, shown: ShownSensor, times: Array, colours: Pixels
 ) -> None:
-    """Show each change of a sensor's readings; ``colours`` (n, 3) at each time [s]."""
+    """Show each change in a sensor's readings; ``colours`` (n, 3) are for each time [s]."""
     _plot(top.below("readings", sensor.link), sensor, times)
     if shown.view is None or not isinstance(sensor.kind, Beam):
         return
@@ -193,7 +193,7 @@ def show_sensor(
 
 
 def draw_rays(ranges: Array, bearings: Array, view: FieldOfView) -> list[Array]:
-    """Return lines (k, 3) [m] in the sensor's frame: the outline of its fan, or its rays."""
+    """Return lines (k, 3) [m] in the sensor's frame: the outline of a fan, or rays."""
     if len(ranges) == 1:
         return [draw_fan(float(ranges[0]), view.half_rad)]
     step = math.ceil(len(ranges) / MOST_RAYS)
@@ -202,14 +202,14 @@ def draw_rays(ranges: Array, bearings: Array, view: FieldOfView) -> list[Array]:
 
 
 def draw_fan(reach: float, half_rad: float) -> Array:
-    """Return the outline (k, 3) [m] of a fan about x."""
+    """Return the outline (k, 3) [m] of a fan centred on the x axis."""
     angles = np.linspace(-half_rad, half_rad, _ARC)
     arc = reach * np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
     return np.vstack([np.zeros(3), arc, np.zeros(3)])
 
 
 def _plot(top: Entities, sensor: RecordedSensor, times: Array) -> None:
-    """Plot the readings of a sensor; a scan is reduced to its minimum."""
+    """Plot a sensor's readings; a scan is reduced to its minimum range."""
     kind = sensor.kind
     if isinstance(kind, Beam):
         values, names = np.fmin.reduce(sensor.readings, axis=1)[:, None], [f"{sensor.link} [m]"]

@@ -1,4 +1,4 @@
-"""Export of missions and a run's evolution to the Rerun viewer."""
+"""Export missions and a run's evolution to the Rerun viewer."""
 
 import argparse
 
@@ -7,15 +7,15 @@ from evoros.analysis.tables.study import Study
 from evoros.base.errors import InputError, require_extra
 from evoros.plugins.recordings.bags.missions import add_missions, choose_missions
 
-HELP = "recorded missions and the best designs of all generations, for the viewer Rerun"
-NEEDS = "a run that keeps trajectories, and the package rerun-sdk"
+HELP = "recorded missions and the best designs of all generations, for the Rerun viewer"
+NEEDS = "a run that recorded trajectories, and the package rerun-sdk"
 FILES = {
-    "rerun.rrd": "a recording for `rerun rerun.rrd`, with the layout of its views",
+    "rerun.rrd": "a recording for `rerun rerun.rrd`, with a layout of the views",
 }
 FORMATS: dict[str, str] = {}
 OUTPUT = "rerun"
 MAX_BYTES = 20_000_000
-"""Maximum size that the viewer opens without delay."""
+"""Maximum size that the viewer opens without a delay."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +31,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     content = record_study(record, missions)
     if len(content) > MAX_BYTES:
         raise InputError(
-            f"{record.path}: the recording must have at most {MAX_BYTES / 1e6:.0f} MB, not "
+            f"{record.path}: the recording exceeds {MAX_BYTES / 1e6:.0f} MB, with "
             f"{len(content) / 1e6:.0f} MB for {len(missions)} missions; choose fewer with --world, "
             f"--generation or --trial"
         )

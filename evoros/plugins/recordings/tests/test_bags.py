@@ -377,7 +377,7 @@ def test_humble_gets_its_own_messages(run: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (("--format", "ros1", "--distro", "humble"), "--distro: applies to --format mcap only"),
+        (("--format", "ros1", "--distro", "humble"), "--distro: applies only to --format mcap"),
         (("--world", "moon"), "--world: must be one of near, far, not 'moon'"),
     ],
 )

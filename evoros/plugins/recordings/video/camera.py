@@ -1,4 +1,4 @@
-"""Options, times, cameras and captions of a mission's pictures."""
+"""The options, times, cameras and captions of the pictures of a mission."""
 
 import math
 from collections.abc import Iterator
@@ -24,29 +24,33 @@ SIZE = Rule(
     "two even whole numbers of pixels, from 64 to 4096",
     lambda v: len(v) == 2 and all(is_whole(e) and 64 <= e <= 4096 and e % 2 == 0 for e in v),
 )
-_SMOOTHING_S = 0.7  # video time; standard deviation of the chase camera's heading filter
-_MARGIN_M = 1.5  # border around the course, where the captions lie
+_SMOOTHING_S = 0.7  # standard deviation of the chase camera's heading filter, in video time
+_MARGIN_M = 1.5  # border around the course, for the captions
 Pixels = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
-NEAR_M = 0.05  # nearer points are not drawn
-BACK_M, UP_M, AHEAD_M = 2.3, 1.9, 0.7  # chase camera: behind and above the robot, looking ahead
-CHASE_FOV_DEG, OVERHEAD_FOV_DEG = 50.0, 14.0  # nearly parallel from above: walls hide little
+NEAR_M = 0.05  # distance below which points are not drawn
+BACK_M, UP_M, AHEAD_M = (
+    2.3,
+    1.9,
+    0.7,
+)  # chase camera: behind the robot, above it, looking at a point ahead
+CHASE_FOV_DEG, OVERHEAD_FOV_DEG = 50.0, 14.0  # nearly parallel overhead, so that walls hide little
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole camera whose pixels are counted from the top left."""
+    """A pinhole camera, with pixels counted from the top left."""
 
     eye: Array  # (3,) [m]
     target: Array  # (3,) [m]
-    up: Array  # (3,) upward direction in the picture, not along the line of sight
+    up: Array  # (3,) direction that points up in the picture; not along the line of sight
     fov_deg: float  # vertical
     size: tuple[int, int]  # width, height
 
     @property
     def view(self) -> Array:
-        """Transform (4, 4) from the world to the camera, which looks along -z as in OpenGL."""
+        """The transform (4, 4) from the world to the camera, which looks along -z as in OpenGL."""
         forward = _normalize(self.target - self.eye)
         right = _normalize(np.cross(forward, self.up))
         matrix = np.eye(4)
@@ -61,7 +65,7 @@ class Camera:
 
     @property
     def pixels(self) -> Array:
-        """Projection (3, 4) of (x, y, z, 1) [m] to (column * depth, row * depth, depth [m])."""
+        """The projection (3, 4) of (x, y, z, 1) [m] to (column * depth, row * depth, depth [m])."""
         width, height = self.size
         focus = self.pixels_per_radian
         screen = np.array([[focus, 0, -width / 2], [0, -focus, -height / 2], [0, 0, -1.0]])
@@ -70,18 +74,18 @@ class Camera:
 
     @property
     def light(self) -> Array:
-        """Unit vector (3,) to a light above the left shoulder, so that faces of a box differ."""
+        """The unit vector (3,) to a light above the left shoulder, so that a box's faces differ."""
         right, _, back = self.view[:3, :3]
         return _normalize(np.array([0.0, 0.0, 1.0]) + 0.35 * back - 0.6 * right)
 
     def plane(self, frame: Array) -> Array:
-        """Return the projection (3, 3) of (x, y, 1) in the x-y plane of a frame (4, 4)."""
+        """Return the projection (3, 3) of points (x, y, 1) in the x-y plane of a frame (4, 4)."""
         matrix: Array = self.pixels @ frame[:, [0, 1, 3]]
         return matrix
 
 
 def chase_camera(x: float, y: float, yaw: float, size: tuple[int, int]) -> Camera:
-    """Return the camera behind and above a robot at x, y [m] with heading ``yaw`` [rad]."""
+    """Return a camera behind and above a robot at x, y [m] with heading ``yaw`` [rad]."""
     forward, place = np.array([np.cos(yaw), np.sin(yaw), 0.0]), np.array([x, y, 0.0])
     eye = place - BACK_M * forward + [0.0, 0.0, UP_M]
     up = np.array([0.0, 0.0, 1.0])
@@ -89,7 +93,7 @@ def chase_camera(x: float, y: float, yaw: float, size: tuple[int, int]) -> Camer
 
 
 def overhead_camera(low: ArrayLike, high: ArrayLike, size: tuple[int, int]) -> Camera:
-    """Return the camera above the rectangle between two corners (2,) [m], x to the right."""
+    """Return a camera above the rectangle between two corners (2,) [m], with x to the right."""
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     (width, depth), (x, y) = high - low, (low + high) / 2.0
     shown = max(depth, width * size[1] / size[0])
@@ -114,12 +118,14 @@ def _normalize(vector: Array) -> Array:
 @dataclass(frozen=True)
 @checked
 class RenderOptions:
-    """Options of a video or picture of a mission."""
+    """The options of a video or picture of a mission."""
 
-    camera: Annotated[str, one_of(*CAMERAS)] = "chase"  # behind the robot; above: the whole course
+    camera: Annotated[str, one_of(*CAMERAS)] = (
+        "chase"  # chase: behind the robot; above: the whole course
+    )
     size: Annotated[tuple[int, int], SIZE] = (854, 480)  # width, height
     fps: Annotated[float, POSITIVE] = 25.0  # pictures per second of video
-    speed: Annotated[float, POSITIVE] = 10.0  # mission time over video time
+    speed: Annotated[float, POSITIVE] = 10.0  # mission time divided by video time
     start_s: Annotated[float, NOT_NEGATIVE] = 0.0
     end_s: float = math.inf  # mission time, limited to the end of the mission
     title: str = ""
@@ -130,12 +136,13 @@ class RenderOptions:
 
 
 def sample_times(trajectory: pd.DataFrame, options: RenderOptions) -> Array:
-    """Return the mission times (n,) [s] of the pictures, of which the last is the end."""
+    """Return the mission times (n,) [s] of the pictures; the last is the end time."""
     first, last = (float(trajectory["time_s"].iloc[row]) for row in (0, -1))
     start, end = max(options.start_s, first), min(options.end_s, last)
     if start > end:
         raise InputError(
-            f"from {options.start_s:g} s: must be before the mission ends at {last:g} s; lower it"
+            f"from {options.start_s:g} s: the mission already ends at {last:g} s; start the video "
+            f"earlier"
         )
     step = options.speed / options.fps
     count = math.ceil((end - start) / step - 1e-9) + 1
@@ -146,7 +153,7 @@ def sample_times(trajectory: pd.DataFrame, options: RenderOptions) -> Array:
 def place_cameras(
     motion: Motion, world: World, places: Array, options: RenderOptions
 ) -> Iterator[Camera]:
-    """Yield the camera of each picture; ``places`` (n, 2) [m] is the robot's whole path."""
+    """Yield the camera for each picture; ``places`` (n, 2) [m] is the robot's whole path."""
     if options.camera == "above":
         points = np.vstack([places, world.course.route(True)])
         margin = world.course.acceptance_m + _MARGIN_M
@@ -164,13 +171,13 @@ def place_cameras(
 def make_captions(
     mission: FilmedMission, motion: Motion, options: RenderOptions
 ) -> Iterator[Caption]:
-    """Yield the caption of each picture, without the states of the sensors."""
+    """Yield the caption for each picture, without the sensors' states."""
     trajectory, context = mission.trajectory, mission.context
     touches = any(signal.measures == CONTACT for signal in context.signals.values())
     near = "near, touched" if touches else "near"
     key = [(CLEAR, "clear"), (NEAR, near), (FAILED, "failed or silent")]
     if any(fault.kind != ENDS for fault in mission.faults):
-        key.append((ERRING, "faulty (stronger: larger error)"))
+        key.append((ERRING, "faulty (stronger colour: larger error)"))
     end, goals = float(trajectory["time_s"].iloc[-1]), len(mission.world.course.route(True))
     contacts = trajectory.get("contact", pd.Series(0, trajectory.index)).to_numpy() > 0
     modes = ("none", *context.modes)

@@ -1,4 +1,4 @@
-"""Captions of a video's pictures: mission progress and colour key."""
+"""Write the captions of a video's pictures: mission progress and colour key."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -11,7 +11,7 @@ from evoros.analysis.drawing.style import BLUE, PURPLE, VERMILLION
 Colour = tuple[int, int, int]
 Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 COLUMN_EM, WIDTH_EM = 11, 52
-"""Widths of a text column and of a picture that fits all columns [em]."""
+"""Widths [em] of a text column, and of a picture that fits all columns."""
 
 
 def _rgb(name: str) -> Colour:
@@ -25,16 +25,16 @@ _INK, _PAPER, _OPACITY = (30, 30, 30), (255, 255, 255), 0.8
 
 
 class Caption(NamedTuple):
-    """The caption of one picture."""
+    """The caption for one picture."""
 
-    left: Sequence[str]  # columns of the top strip
+    left: Sequence[str]  # columns in the top strip
     right: str
     states: Sequence[Colour]  # one per sensor
     key: Sequence[tuple[Colour, str]]  # meanings of the colours
 
 
 def write_caption(picture: Image.Image, caption: Caption) -> None:
-    """Write a caption into strips at the top and the bottom."""
+    """Write a caption into strips at the top and bottom."""
     width, height = picture.size
     em = max(9, min(height // 32, width // WIDTH_EM))
     font, pad, strip = _font(em), em // 2, 2 * em
@@ -59,7 +59,7 @@ def write_caption(picture: Image.Image, caption: Caption) -> None:
 
 
 def _shorten(draw: ImageDraw.ImageDraw, text: str, font: Font, room: float) -> str:
-    """Cut a string that is wider than ``room`` [px]."""
+    """Shorten a string that is wider than ``room`` [px]."""
     if draw.textlength(text, font) <= room:
         return text
     while text and draw.textlength(f"{text}...", font) > room:
@@ -70,7 +70,7 @@ def _shorten(draw: ImageDraw.ImageDraw, text: str, font: Font, room: float) -> s
 def _draw_states(
     draw: ImageDraw.ImageDraw, states: Sequence[Colour], em: int, x: float, middle: float
 ) -> float:
-    """Draw a numbered square for each sensor; return the x coordinate of their end."""
+    """Draw a numbered square for each sensor; return the x coordinate after the last square."""
     font = _font(em)
     draw.text((x, middle), "sensors", _INK, font, anchor="lm")
     x += draw.textlength("sensors", font) + 0.6 * em

@@ -1,4 +1,4 @@
-"""Film missions and encode the pictures; on one machine, equal pictures give equal bytes."""
+"""Film missions, and encode the pictures; on one machine, equal pictures give equal bytes."""
 
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -41,17 +41,17 @@ from evoros.plugins.recordings.video.scene import Scene
 from evoros.plugins.recordings.video.sensors import make_views
 from evoros.storage.reading import Run
 
-# Bit-exact files have no dates and no names and versions of encoders. The index comes first, so
+# Bit-exact files contain no dates and no encoder names or versions. The index comes first, so
 # that the video plays while it loads.
 _CONTAINER = {"fflags": "+bitexact", "movflags": "+faststart"}
-_CODEC = {"crf": "21", "preset": "fast"}  # 18 looks like the original, 28 has visible artefacts
+_CODEC = {"crf": "21", "preset": "fast"}  # 18 looks like the original; 28 has visible artefacts
 
 
 def film(mission: FilmedMission, options: RenderOptions | None = None) -> Iterator[Pixels]:
     """Yield the pictures (h, w, 3) of a mission.
 
     Raises:
-        InputError: the trajectory or a URDF does not fit.
+        InputError: the trajectory or a URDF cannot be used.
     """
     check_poses(mission.trajectory)
     options = options or RenderOptions()
@@ -105,8 +105,8 @@ def encode_mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
             rate = Fraction(fps).limit_denominator(1000)
             stream = container.add_stream("libx264", rate=rate, options=_CODEC)
             stream.height, stream.width = first.shape[:2]
-            stream.pix_fmt = "yuv420p"  # the format that browsers and slides play
-            stream.codec_context.thread_count = 1  # more threads: bytes depend on the cores
+            stream.pix_fmt = "yuv420p"  # the format that browsers and slide programs play
+            stream.codec_context.thread_count = 1  # otherwise the bytes depend on the number of cores
             stream.codec_context.flags |= av.codec.context.Flags.bitexact
             for picture in chain([first], source):
                 container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
@@ -117,13 +117,13 @@ def encode_mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
 def film_champion(
     run: Run, world: str, trajectory: pd.DataFrame, options: RenderOptions | None = None
 ) -> bytes:
-    """Return an MP4 film of any mission of a run's champion, for example a replayed one.
+    """Return an MP4 film of any mission of a run's champion, such as a replayed one.
 
-    ``trajectory`` has the columns of ``champion/trajectory_WORLD.csv``. A world that is redrawn for
-    each mission is shown as in the champion's first mission.
+    ``trajectory`` has the columns of ``champion/trajectory_WORLD.csv``. A world that is redrawn
+    for each mission is shown as in the champion's first mission.
 
     Raises:
-        InputError: the run is not finished, av is not installed, or the trajectory does not fit.
+        InputError: the run is not finished, av is not installed, or the trajectory cannot be used.
     """
     shown = options or RenderOptions()
     mission = place_trajectory(read_record(run.path, run.path.name), world, trajectory)

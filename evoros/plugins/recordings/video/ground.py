@@ -1,4 +1,4 @@
-"""The ground of a video, painted from above: grid, course, shadows and path."""
+"""The ground in a video, painted in top view: grid, course, shadows and path."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -18,16 +18,16 @@ Colour = tuple[int, int, int]
 Pixel = tuple[int, int]
 FLOOR, GRID, SHADOW, HORIZON = (236, 234, 229), (216, 214, 208), (96, 98, 106), (246, 246, 244)
 TRACK, RING, GOAL = (120, 120, 125), (150, 150, 150), (0, 158, 115)
-_SUN = np.array([-0.16, -0.10])  # shadow offset per height, towards the light
-FOG_M = (10.0, 40.0)  # depths at which fog begins and hides the ground
-_MAX_PX = 1600  # maximum side; larger grounds are painted more coarsely
+_SUN = np.array([-0.16, -0.10])  # shadow offset per unit of height, towards the light
+FOG_M = (10.0, 40.0)  # depths at which fog begins, and at which it hides the ground
+_MAX_PX = 1600  # maximum side; a larger ground is painted more coarsely
 _MAX_SCALE = 120.0  # pixels per metre
 _SHADE = 0.42  # opacity of shadows
 _SMOOTH = 4  # oversampling of strokes
 
 
 class Ground:
-    """A picture of the ground at ``scale`` [px/m], x to the right and y up."""
+    """A picture of the ground at ``scale`` [px/m], with x to the right and y up."""
 
     def __init__(self, low: Array, high: Array, bodies: Sequence[Body]) -> None:
         self._low, self._high = low, high
@@ -55,7 +55,7 @@ class Ground:
         self._picture.paste(colour, corner, mask)
 
     def extend_track(self, points: Array, width_m: float) -> None:
-        """Extend the path without darker overlaps; paint everything else on copies afterwards."""
+        """Extend the path without darker overlaps; paint anything else on copies afterwards."""
         self._without_track = self._without_track or self._picture.copy()
         corner, mask = self._draw_mask(points, width_m)
         box = (*corner, corner[0] + mask.width, corner[1] + mask.height)
@@ -65,7 +65,7 @@ class Ground:
         self._picture.paste(TRACK, corner, whole)
 
     def _draw_mask(self, points: Array, width_m: float) -> tuple[Pixel, Image.Image]:
-        """Return the top left pixel and the mask of a line."""
+        """Return the top left pixel of a line's mask, and the mask."""
         corner, mask = self._make_mask(points, width_m, _SMOOTH)
         width = max(1, round(width_m * self.scale * _SMOOTH))
         pixels = self._to_pixels(points, corner, _SMOOTH)
@@ -81,7 +81,7 @@ class Ground:
         self.draw_line(np.array(center) + radius_m * circle, colour, width_m)
 
     def draw_shadow(self, parts: Iterable[Part], x: float, y: float, yaw: float) -> None:
-        """Draw the shadow of a robot."""
+        """Draw a robot's shadow."""
         cos, sin = math.cos(yaw), math.sin(yaw)
         turn = np.array([[cos, sin], [-sin, cos]])
         self._darken([_shadow(outline_part(part) @ turn + (x, y), part.top_m) for part in parts])
@@ -116,7 +116,7 @@ class Ground:
         self._picture.paste(SHADOW, corner, mask.filter(ImageFilter.GaussianBlur(1.5)))
 
     def _make_mask(self, points: Array, margin_m: float, factor: int) -> tuple[Pixel, Image.Image]:
-        """Return the top left pixel and an empty mask around points [m], scaled by ``factor``."""
+        """Return a mask around points [m], ``factor`` times finer, after its top left pixel."""
         pixels = np.array(self._to_pixels(points, (0, 0), 1))
         margin = margin_m * self.scale + 2
         corner = np.floor(pixels.min(axis=0) - margin).clip(0, self._picture.size)
@@ -126,14 +126,14 @@ class Ground:
         return (int(corner[0]), int(corner[1])), Image.new("L", size)
 
     def _to_pixels(self, points: Array, corner: Pixel, factor: int) -> list[tuple[float, float]]:
-        """Convert points (n, 2) [m] to pixels of a mask with top left ``corner``."""
+        """Convert points (n, 2) [m] to pixels in a mask with the top left pixel ``corner``."""
         right = (points[:, 0] - self._low[0]) * self.scale - corner[0]
         down = (self._high[1] - points[:, 1]) * self.scale - corner[1]
         return list(zip((right * factor).tolist(), (down * factor).tolist(), strict=True))
 
 
 def _fog(camera: Camera) -> Pixels:
-    """Return the opacity (h,) of the fog in each row, 0 to 255; the sky has 255."""
+    """Return the fog's opacity (h,) in each row, from 0 to 255, which is the sky's."""
     width, height = camera.size
     inverse = np.linalg.inv(camera.plane(np.eye(4)))
     rows = np.arange(height) + 0.5
@@ -147,7 +147,7 @@ def _fog(camera: Camera) -> Pixels:
 
 
 def _shadow(covered: Array, top_m: float) -> Array:
-    """Return the shadow of a prism that stands on a convex polygon (n, 2) [m]."""
+    """Return the shadow of a prism whose base is a convex polygon (n, 2) [m]."""
     return convex_hull(np.vstack([covered, covered - top_m * _SUN]))
 
 

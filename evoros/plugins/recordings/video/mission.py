@@ -1,4 +1,4 @@
-"""Missions of champions as filmed, with all their robots."""
+"""Missions of champions prepared for filming, with all robots."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,29 +25,29 @@ from evoros.storage.verification import read_text
 from evoros.world.model import World
 
 POSE = ("time_s", "x_m", "y_m", "yaw_rad")
-_MIN_SPEED_MPS = 0.02  # slower wheels keep their steering angle
+_MIN_SPEED_MPS = 0.02  # speed below which a wheel keeps its steering angle
 Flags = NDArray[np.bool_]
 
 
 class Motion(NamedTuple):
-    """The motion of a robot at n times of a mission."""
+    """A robot's motion at n times of a mission."""
 
     time_s: Array  # (n,)
     x_m: Array
     y_m: Array
-    yaw_rad: Array  # continuous
+    yaw_rad: Array  # continuous, without jumps of 2 pi
     record: NDArray[np.int64]  # (n,) index of the last record at or before the time
-    joints: Mapping[str, Array]  # (n,) [rad] by wheel or steering joint
+    joints: Mapping[str, Array]  # angles (n,) [rad] by wheel or steering joint
 
     def pose(self, index: int) -> tuple[float, float, float]:
-        """Return x and y [m] and yaw [rad] at one of the times."""
+        """Return x, y [m] and yaw [rad] at one of the times."""
         return float(self.x_m[index]), float(self.y_m[index]), float(self.yaw_rad[index])
 
 
 def interpolate(trajectory: pd.DataFrame, times: Array, robot: Urdf) -> Motion:
-    """Interpolate poses at times (n,) [s] linearly; wheels steer and turn so that they roll."""
+    """Interpolate poses linearly at times (n,) [s], with wheels that steer and turn to roll."""
     check_poses(trajectory)
-    # The end adds a record, possibly at the time of the previous record.
+    # The mission's end adds a record, possibly at the time of the previous record.
     distinct = trajectory.drop_duplicates("time_s", keep="last")
     time, x, y, yaw = (distinct[name].to_numpy(float) for name in POSE)
     yaw = np.unwrap(yaw)
@@ -72,10 +72,10 @@ def interpolate(trajectory: pd.DataFrame, times: Array, robot: Urdf) -> Motion:
 
 
 def check_poses(trajectory: pd.DataFrame, source: str = "trajectory") -> None:
-    """Require that a trajectory has poses at increasing times; errors name ``source``."""
+    """Require that a trajectory has poses at times that do not decrease; errors name ``source``."""
     for name in (*POSE, "mode", "visited"):
         if name not in trajectory:
-            raise InputError(f"{source}: column {name} not found; restore the file")
+            raise InputError(f"{source}: has no column {name}; restore the file")
     if trajectory.empty:
         raise InputError(
             f"{source}: has no rows, because the mission could not be run; show another mission"
@@ -83,20 +83,18 @@ def check_poses(trajectory: pd.DataFrame, source: str = "trajectory") -> None:
     numbers = trajectory[[*POSE]].to_numpy(float)
     for row in np.flatnonzero(~np.isfinite(numbers).all(axis=1)):
         raise InputError(
-            f"{source}: must have a time and a pose in each row, not {numbers[row].tolist()} in "
-            f"row {row + 1}; restore the file"
+            f"{source}: row {row + 1} has no complete time and pose, but {numbers[row].tolist()}; "
+            f"restore the file"
         )
     for row in np.flatnonzero(np.diff(numbers[:, 0]) < 0):
-        raise InputError(
-            f"{source}: time_s must not decrease, but does after row {row + 1}; restore the file"
-        )
+        raise InputError(f"{source}: time_s decreases after row {row + 1}; restore the file")
 
 
 def _joints(robot: Urdf, time: Array, twist: Array) -> Iterator[tuple[str, Array]]:
     """Yield the wheel and steering joints with their angles [rad] over time.
 
-    A wheel joint is continuous with a horizontal axis; a steering joint above it is vertical.
-    ``twist`` (3, n) has the velocities forward and left [m/s] and the yaw rate [rad/s].
+    A wheel joint is continuous and has a horizontal axis; a steering joint above it has a vertical
+    axis. ``twist`` (3, n) holds the forward and left velocities [m/s] and the yaw rate [rad/s].
     """
     steps = np.diff(time, prepend=time[0])
     for name, joint in robot.joints.items():
@@ -118,7 +116,7 @@ def _joints(robot: Urdf, time: Array, twist: Array) -> Iterator[tuple[str, Array
 
 
 def _direction(forward: Array, aside: Array) -> Array:
-    """Return the rolling direction of a wheel, -pi/2 to pi/2; a standing wheel keeps it."""
+    """Return a wheel's rolling direction, from -pi/2 to pi/2, which is kept at standstill."""
     sign = np.copysign(1.0, forward)
     angle = np.arctan2(aside * sign, forward * sign)
     moving = np.hypot(forward, aside) >= _MIN_SPEED_MPS
@@ -135,7 +133,7 @@ class ShownFault(NamedTuple):
 
 
 def flag_ends(times: Array, count: int, faults: Sequence[ShownFault]) -> Flags:
-    """Return flags (n, count), True once a fault has ended a sensor's readings by a time [s]."""
+    """Return flags (n, count), True at times [s] after a fault has ended a sensor's readings."""
     since = np.full(count, np.inf)
     for fault in faults:
         if fault.kind == ENDS:
@@ -144,7 +142,7 @@ def flag_ends(times: Array, count: int, faults: Sequence[ShownFault]) -> Flags:
 
 
 def measure_errors(times: Array, count: int, faults: Sequence[ShownFault]) -> Array:
-    """Return the displayed error (n, count), 0 to 1, of each sensor at each time [s]."""
+    """Return the error to display (n, count), from 0 to 1, for each sensor at each time [s]."""
     shares = np.zeros((len(times), count))
     for fault in faults:
         if fault.kind == ENDS:
@@ -156,7 +154,7 @@ def measure_errors(times: Array, count: int, faults: Sequence[ShownFault]) -> Ar
 
 
 class OtherRobot(NamedTuple):
-    """Another robot of a mission, filmed without its sensors."""
+    """Another robot in a mission, filmed without sensors."""
 
     trajectory: pd.DataFrame
     urdf: str
@@ -165,22 +163,24 @@ class OtherRobot(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FilmedMission:
-    """A mission and the faults, robots and walkers that a film shows."""
+    """A mission, with the faults, robots and walkers that a film shows."""
 
     trajectory: pd.DataFrame
     """The columns of ``champion/trajectory_WORLD.csv`` or ``evoros.replay``."""
-    urdf: str  # the robot that ran it, with its sensors
+    urdf: str  # the robot that ran the mission, with its sensors
     world: World
     context: FigureContext
     faults: Sequence[ShownFault] = ()
-    failed_parts: Sequence[tuple[float, str]] = ()  # time [s] and name
-    near_m: float | None = None  # lower readings are marked; None: half of each sensor's range
+    failed_parts: Sequence[tuple[float, str]] = ()  # time [s] and part name
+    near_m: float | None = (
+        None  # range below which readings are marked; None: half of each sensor's range
+    )
     others: Sequence[OtherRobot] = ()
     walkers: Sequence[WalkerTrack] = ()
 
 
 def read_mission(record: Record, world: str | None) -> tuple[str, FilmedMission]:
-    """Read the champion's mission in the named world, or in the first."""
+    """Read the champion's mission in the named world, or in the first world."""
     context = record.context
     name = world or next(iter(context.courses))
     if name not in context.courses:
@@ -205,7 +205,7 @@ def read_mission(record: Record, world: str | None) -> tuple[str, FilmedMission]
 
 
 def place_trajectory(record: Record, world: str, trajectory: pd.DataFrame) -> FilmedMission:
-    """Return the champion's mission on a trajectory, without faults and other robots."""
+    """Return a champion's mission with the given trajectory, without faults or other robots."""
     return FilmedMission(
         trajectory,
         _read_urdf(record),
@@ -217,7 +217,7 @@ def place_trajectory(record: Record, world: str, trajectory: pd.DataFrame) -> Fi
 
 
 def find_near(record: Record) -> float | None:
-    """Return the range [m] below which the controller avoids obstacles; None without one."""
+    """Return the range [m] below which the controller avoids obstacles; None if it has no limit."""
     near_m = record.values.get("controller.avoidance.range_m")
     return float(near_m) if isinstance(near_m, int | float) else None
 
@@ -234,7 +234,7 @@ def _read_urdf(record: Record) -> str:
 
 
 def _list_faults(track: pd.DataFrame, effects: Mapping[str, str]) -> Iterator[ShownFault]:
-    """Yield the sensor faults in a track; ``effects`` maps the names of faults to kinds."""
+    """Yield the sensor faults in a track; ``effects`` maps fault names to kinds."""
     columns = ("time_s", "failed_sensors", "failed_by")
     for time, sensors, names in zip(*(track[name] for name in columns), strict=True):
         for sensor, name in zip(str(sensors).split(";"), str(names).split(";"), strict=True):
@@ -243,7 +243,7 @@ def _list_faults(track: pd.DataFrame, effects: Mapping[str, str]) -> Iterator[Sh
 
 
 def _list_failed_parts(track: pd.DataFrame) -> Iterator[tuple[float, str]]:
-    """Yield the time [s] and name of each other part that failed."""
+    """Yield the time [s] and name of each part that failed, other than sensors."""
     if PARTS[0] in track:
         for time, parts in zip(track["time_s"], track[PARTS[0]], strict=True):
             for part in filter(None, str(parts).split(";")):

@@ -1,8 +1,8 @@
-"""Pictures of a mission: robots, obstacles, ground and sensor fans."""
+"""Render pictures of a mission: robots, obstacles, ground and sensor fans."""
 
-# VTK (pyvista 0.49) draws such a picture off screen in about 5 ms, but takes 806 MB and loads EGL
+# VTK (pyvista 0.49) draws such a picture off screen in about 5 ms, but takes 806 MB, and loads EGL
 # and a Mesa driver from the system, which pip does not install and containers lack. This renderer
-# needs pip alone.
+# needs only what pip installs.
 
 import math
 from collections.abc import Sequence
@@ -34,23 +34,23 @@ from evoros.storage.figure_context import FigureContext, Part
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
-_ARC = 13  # points on the arc of a fan, for its bounding box
-_LINE_PX = 2.0  # width of the arc drawn at the reading
+_ARC = 13  # points on the arc of a fan, for the bounding box
+_LINE_PX = 2.0  # width of the arc that marks the reading
 _AT_SENSOR, _AT_RANGE, _ON_ARC = 0.55, 0.12, 0.9  # opacities
 
 
 class Fan(NamedTuple):
-    """The field of view of a sensor in the x-y plane of its frame, centred on x."""
+    """A sensor's field of view, in the x-y plane of the sensor's frame, centred on x."""
 
-    frame: Array  # (4, 4) of the sensor in the world
+    frame: Array  # (4, 4) the sensor's frame in the world
     half_rad: float  # half the field of view
-    reach_m: Array  # (k,) readings of equal sectors, from the right edge to the left
+    reach_m: Array  # (k,) readings of equal sectors, from right to left
     range_m: float
     colour: tuple[int, int, int]
 
 
 def _blend_fan(picture: Floats, depth: Floats, camera: Camera, fan: Fan) -> None:
-    """Blend a fan into the pixels of ``picture`` (h, w, 3) where it lies before ``depth`` [m]."""
+    """Blend a fan into ``picture`` (h, w, 3) where the fan is nearer than ``depth`` [m]."""
     plane = camera.plane(fan.frame)
     box = _bounding_box(plane, fan, camera.size)
     if box is None or abs(np.linalg.det(plane)) < 1e-9:  # invisible, or seen edge-on
@@ -73,7 +73,7 @@ def _blend_fan(picture: Floats, depth: Floats, camera: Camera, fan: Fan) -> None
 
 
 def _opacity(u: Floats, v: Floats, scale: Floats, fan: Fan) -> Floats:
-    """Return the opacity (h, w) at points u, v [m] of the plane; ``scale`` [px/m]."""
+    """Return the opacity (h, w) at points u, v [m] in the plane; ``scale`` is in px/m."""
     distance, reach = np.hypot(u, v), _reach_at(u, v, fan)
     inside = u * np.sin(fan.half_rad) - np.abs(v) * np.cos(fan.half_rad)
     cover = np.clip(np.minimum(inside, reach - distance) * scale + 0.5, 0.0, 1.0)
@@ -86,7 +86,7 @@ def _opacity(u: Floats, v: Floats, scale: Floats, fan: Fan) -> Floats:
 
 
 def _reach_at(u: Floats, v: Floats, fan: Fan) -> Floats:
-    """Return the reading [m] of the sector at each point u, v [m]."""
+    """Return the reading [m] of the sector that contains each point u, v [m]."""
     count = len(fan.reach_m)
     if count == 1:
         return np.full(u.shape, fan.reach_m[0], dtype=np.float32)
@@ -97,9 +97,9 @@ def _reach_at(u: Floats, v: Floats, fan: Fan) -> Floats:
 
 
 def _bounding_box(plane: Array, fan: Fan, size: tuple[int, int]) -> tuple[slice, slice] | None:
-    """Return the rows and columns that contain the fan, or None if it is invisible."""
+    """Return the rows and columns that contain the fan, or None if the fan is invisible."""
     angles = np.linspace(-fan.half_rad, fan.half_rad, _ARC)
-    # The margin covers the bulge of the arc between its points.
+    # The margin covers the bulge of the arc between the sampled points.
     reach = (1.04 if fan.half_rad > 1.0 else 1.03) * float(fan.reach_m.max())
     arc = [[reach * np.cos(a), reach * np.sin(a), 1.0] for a in angles]
     corners = np.array([[0.0, 0.0, 1.0], *arc]) @ plane.T
@@ -114,7 +114,7 @@ def _bounding_box(plane: Array, fan: Fan, size: tuple[int, int]) -> tuple[slice,
 
 
 def _clip_to_front(corners: Array) -> Array:
-    """Return columns and rows (k, 2) of a polygon (n, 3), clipped in front of the camera."""
+    """Return a polygon (n, 3) in columns and rows (k, 2), clipped in front of the camera."""
     clipped = []
     for corner, following in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         if corner[2] >= NEAR_M:
@@ -127,16 +127,16 @@ def _clip_to_front(corners: Array) -> Array:
 
 
 CUT_M = 0.6
-"""Height [m] at which obstacles are cut, because taller ones would hide the robot."""
+"""Height [m] at which obstacles are cut off, because taller obstacles would hide the robot."""
 FIXED, MOVABLE = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42)
-_THIN_M = 1e-4  # a polyhedron that would be cut thinner is shown whole
+_THIN_M = 1e-4  # thickness below which a cut polyhedron is shown whole
 _OVERSAMPLING = 2  # rendered pixels per pixel, in each direction
 _AROUND_M = 8.0  # margin of the ground around the mission
-_TRACK_M, _TRACK_PX = 0.04, 2.0  # minimum width of the path
+_TRACK_M, _TRACK_PX = 0.04, 2.0  # minimum widths of the path
 
 
 class Other(NamedTuple):
-    """Another robot of the mission, drawn without its sensors."""
+    """Another robot in the mission, drawn without sensors."""
 
     motion: Motion
     parts: Sequence[Part]  # parts that cast a shadow
@@ -144,21 +144,21 @@ class Other(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Renderer:
-    """Renders a mission at n times; call ``render`` in the order of the times."""
+    """A renderer of a mission at n times; call ``render`` in the order of the times."""
 
     scene: Scene  # the robot of ``motion`` comes first
     motion: Motion
     sensors: Sequence[ShownSensor]
-    ended: Flags  # (n, sensors) True after the readings of a sensor have ended
-    errors: Array  # (n, sensors) displayed error, 0 to 1
+    ended: Flags  # (n, sensors) True after a sensor's readings have ended
+    errors: Array  # (n, sensors) error to display, 0 to 1
     goals: Array  # (n, 2) [m] next waypoint; NaN: none
     context: FigureContext
     ground: Ground
     others: Sequence[Other] = ()
-    walkers: Sequence[Array] = ()  # places (n, 2) [m] of each walker
+    walkers: Sequence[Array] = ()  # each walker's positions (n, 2) [m]
 
     def render(self, index: int, camera: Camera) -> Pixels:
-        """Return the picture (h, w, 3) at a time index."""
+        """Return the picture (h, w, 3) for a time index."""
         motions = [self.motion, *(other.motion for other in self.others)]
         for robot, motion in zip(self.scene.robots, motions, strict=True):
             frame = _frame(motion, index)
@@ -176,18 +176,18 @@ class Renderer:
         return np.clip(np.round(picture), 0, 255).astype(np.uint8)
 
     def colour_sensors(self, index: int) -> list[Colour]:
-        """Return the colour of each sensor at a time index."""
+        """Return each sensor's colour at a time index."""
         return colour_sensors(self.sensors, self.ended, self.errors, index)
 
     def _extend_track(self, index: int, camera: Camera) -> None:
-        steps = slice(max(index - 2, 0), index + 1)  # overlapping strokes hide the joints
+        steps = slice(max(index - 2, 0), index + 1)  # strokes overlap to hide the joints
         points = np.stack([self.motion.x_m[steps], self.motion.y_m[steps]], axis=1)
         depth = float((camera.pixels @ [*points[-1], 0.0, 1.0])[2])
         width = max(_TRACK_M, _TRACK_PX * depth / camera.pixels_per_radian)
         self.ground.extend_track(points, width)
 
     def _make_fans(self, index: int, robot: Array) -> list[Fan]:
-        """Return the fans in drawing order, most important last."""
+        """Return the fans in drawing order, the most important last."""
         fans: list[tuple[int, Fan]] = []
         states = classify_sensors(self.sensors, self.ended, index)
         colours = self.colour_sensors(index)
@@ -203,7 +203,7 @@ class Renderer:
         return [fan for _, fan in sorted(fans, key=lambda pair: pair[0])]
 
     def _project_floor(self, index: int, camera: Camera) -> Image.Image:
-        """Return the ground with shadows and goal, and the sky."""
+        """Return the ground with shadows and the goal, and the sky."""
         ground = self.ground.copy()
         for motion, parts in ((self.motion, self.context.parts), *self.others):
             ground.draw_shadow(parts, *motion.pose(index))
@@ -213,7 +213,7 @@ class Renderer:
         return ground.project(camera)
 
     def _render_solids(self, floor: Image.Image, camera: Camera) -> tuple[Floats, Floats]:
-        """Return the picture (h, w, 3) of solids on the floor, and their depths (h, w) [m]."""
+        """Return the picture (h, w, 3) of solids on the floor, and the depths (h, w) [m]."""
         width, height = (_OVERSAMPLING * length for length in camera.size)
         seen = self.scene.render(replace(camera, size=(width, height)))
         solid = np.isfinite(seen.depth)
@@ -227,13 +227,13 @@ class Renderer:
 
 
 def _frame(motion: Motion, index: int) -> Array:
-    """Return the frame (4, 4) of a robot's root link at a time index."""
+    """Return a robot's root frame (4, 4) at a time index."""
     x, y, yaw = motion.pose(index)
     return to_matrix(Pose.from_rpy((x, y, 0.0), 0.0, 0.0, yaw))
 
 
 def paint_ground(world: World, track: Array) -> Ground:
-    """Paint the ground and course around a mission with path ``track`` (n, 2) [m]."""
+    """Paint the ground and course around a mission with the path ``track`` (n, 2) [m]."""
     points = np.vstack([track, world.course.route(True)])
     low, high = points.min(axis=0) - _AROUND_M, points.max(axis=0) + _AROUND_M
     ground = Ground(low, high, [body for body, _ in cut_obstacles(world)])
@@ -243,7 +243,7 @@ def paint_ground(world: World, track: Array) -> Ground:
 
 
 def shape_walkers(walkers: Sequence[WalkerTrack]) -> list[Shape]:
-    """Return the walkers as cylinders on the ground, cut at ``CUT_M``."""
+    """Return the walkers as cylinders on the ground, cut off at ``CUT_M``."""
     heights = [min(walker.height_m, CUT_M) for walker in walkers]
     return [
         Shape("cylinder", (walker.radius_m, height), Pose((0.0, 0.0, height / 2)))
@@ -252,7 +252,7 @@ def shape_walkers(walkers: Sequence[WalkerTrack]) -> list[Shape]:
 
 
 def cut_obstacles(world: World) -> list[tuple[Body, Shade]]:
-    """Return the bodies of a world, cut at ``CUT_M``, with their colours."""
+    """Return the bodies of a world, cut off at ``CUT_M``, with their colours."""
     shown = []
     for body in standing_obstacles(world):
         cut = (_cut(body, shape) for shape in body.shapes)
@@ -264,7 +264,7 @@ def cut_obstacles(world: World) -> list[tuple[Body, Shade]]:
 
 
 def _cut(body: Body, shape: Shape) -> Shape | None:
-    """Cut an upright shape or a polyhedron at ``CUT_M``; return None if all of it is higher."""
+    """Cut off an upright shape or a polyhedron at ``CUT_M``; return None if nothing is lower."""
     pose = body.pose @ shape.pose
     low, high = bottom_height(shape, pose), top_height(shape, pose)
     if low >= CUT_M:
@@ -293,7 +293,7 @@ def _cut_polyhedron(shape: Shape, pose: Pose) -> Shape:
 def find_goals(world: World, places: Array, visited: NDArray[np.int64]) -> Array:
     """Return the next waypoint (n, 2) [m] at each record, NaN after the last.
 
-    The direction is not recorded; it is inferred from the first waypoint that the robot approached.
+    The direction is not recorded, but inferred from the first waypoint that the robot approached.
     """
     first = places[: int(np.count_nonzero(visited == 0)) + 1]
     routes = [world.course.route(forward) for forward in (True, False)]

@@ -1,4 +1,4 @@
-"""Robots and bodies as a camera sees them."""
+"""Robots and bodies as seen by a camera."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -34,13 +34,16 @@ _FILL = types.void(
 )
 UNPAINTED = (0.6, 0.6, 0.6)  # default colour
 MOST_FACES = 24_000
-"""Approximate number of triangles to which the meshes of one robot are coarsened."""
-_MIN_FACES = 400  # limit of the coarsening of one mesh
-_FINEST, _COARSER = 1 / 400, 1.25  # first cell size over the mesh extent, and growth per step
+"""Approximate number of triangles to which a robot's meshes are coarsened."""
+_MIN_FACES = 400  # minimum number for one mesh
+_FINEST, _COARSER = (
+    1 / 400,
+    1.25,
+)  # first cell size as a share of the mesh's extent, and growth factor per step
 
 
 class Picture(NamedTuple):
-    """The view of a camera."""
+    """A camera's view."""
 
     colours: Pixels  # (h, w, 3); the background is white
     depth: Floats  # (h, w) [m]; infinite in the background
@@ -49,12 +52,12 @@ class Picture(NamedTuple):
 def rasterize(corners: Array, colours: Pixels, size: tuple[int, int]) -> Picture:
     """Draw the front faces of triangles into a picture of ``size`` (width, height).
 
-    ``corners`` (t, 3, 3) has (column * depth, row * depth, depth [m]) of each triangle's corners,
-    as projected by ``Camera.pixels``; ``colours`` is (t, 3).
+    ``corners`` (t, 3, 3) holds (column * depth, row * depth, depth [m]) for each triangle's
+    corners, as projected by ``Camera.pixels``; ``colours`` is (t, 3).
 
-    A point of a triangle is a weighted mean of its corners. Divided by the depth, each weight is
-    linear in column and row, even if corners are behind the camera. The sum of the divided weights
-    is the nearness, 1 / depth, and a pixel is inside if no weight is negative.
+    A point in a triangle is a weighted mean of the triangle's corners. Divided by the depth, each
+    weight is linear in column and row, even if corners are behind the camera. The sum of the
+    divided weights is the nearness, 1 / depth, and a pixel is inside if no weight is negative.
     """
     a, b, c = corners.transpose(1, 0, 2)
     weights = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
@@ -72,7 +75,7 @@ def rasterize(corners: Array, colours: Pixels, size: tuple[int, int]) -> Picture
 def _bound(corners: Array, size: tuple[int, int]) -> NDArray[np.int64]:
     """Return the ranges of columns and rows (t, 4) that contain each triangle."""
     depth = corners[:, :, 2:]
-    crossing = depth.min(axis=(1, 2)) <= NEAR_M  # reaches behind the camera
+    crossing = depth.min(axis=(1, 2)) <= NEAR_M  # partly behind the camera
     points = corners[:, :, :2] / np.where(crossing[:, None, None], 1.0, depth)
     low, high = points.min(axis=1), points.max(axis=1) + 1.0
     low[crossing], high[crossing] = 0.0, size
@@ -82,7 +85,7 @@ def _bound(corners: Array, size: tuple[int, int]) -> NDArray[np.int64]:
 def _fill(
     weights: Array, boxes: NDArray[np.int64], colours: Pixels, nearness: Floats, picture: Pixels
 ) -> None:
-    """Draw triangles into pixels whose ``nearness`` (h, w) is lower."""
+    """Draw triangles into pixels where ``nearness`` (h, w) is lower."""
     for t in range(len(weights)):
         first, second, third = weights[t]
         for row in range(boxes[t, 1], boxes[t, 3]):
@@ -103,7 +106,7 @@ WALKER = (0.85, 0.45, 0.15)  # colour of walkers
 
 
 class ShownRobot:
-    """A robot that can be moved and painted."""
+    """A robot to show, which can be moved and painted."""
 
     def __init__(self, urdf: str, most_faces: int = MOST_FACES) -> None:
         element = parse(urdf.encode(), "robot.urdf")
@@ -113,7 +116,7 @@ class ShownRobot:
         self.frames = {link: to_matrix(pose) for link, pose in self.tree.poses.items()}
 
     def move(self, frame: Array, joints: Mapping[str, float]) -> None:
-        """Move the root link to a frame (4, 4) and turn the named joints to their angles [rad]."""
+        """Move the root link to a frame (4, 4), and turn the named joints to angles [rad]."""
         from scipy.spatial.transform import Rotation  # slow to import
 
         self.frames[self.tree.root] = frame
@@ -133,7 +136,7 @@ class ShownRobot:
 
 
 class Scene:
-    """Movable robots and walkers, with fixed bodies around them."""
+    """Robots and walkers that move, among fixed bodies."""
 
     def __init__(
         self,
@@ -149,12 +152,12 @@ class Scene:
         ]
 
     def move_walkers(self, places: Sequence[Array]) -> None:
-        """Move the walkers to places (2,) [m]."""
+        """Move the walkers to positions (2,) [m]."""
         for (frame, _), place in zip(self._walkers, places, strict=True):
             frame[:2, 3] = place
 
     def render(self, camera: Camera) -> Picture:
-        """Render the view of a camera."""
+        """Render a camera's view."""
         corners, shades = [], []
         links = (
             (robot.frames[link], surface)
@@ -174,8 +177,8 @@ def make_surfaces(
 ) -> Iterator[tuple[str, Surface]]:
     """Yield each link with its visible surface.
 
-    A mesh without colours takes the ``<material>`` of its link. If one of a link's visuals cannot
-    be read, the link shows its collision shapes.
+    A mesh without colours gets the colour of its ``<material>``. If one of a link's visuals cannot
+    be read, the link's collision shapes are shown.
     """
     named = {
         material.get("name"): colour
@@ -195,13 +198,13 @@ def make_surfaces(
             triangles = np.concatenate([part.triangles for part in parts])
             painted = np.concatenate([part.colours for part in parts])
             yield name, Surface.from_triangles(triangles, painted, is_open=True)
-        except InputError as error:  # no robot is refused for its looks
+        except InputError as error:  # a robot is not rejected for its looks
             LOGGER.warning("%s; the collision shapes of %s are shown", error, name)
             yield name, _show_shapes(tree, name, colours)
 
 
 def _show_shapes(tree: Urdf, link: str, colours: Sequence[Colour]) -> Surface:
-    """Return the surface of a link's shapes; the last colour repeats for further shapes."""
+    """Return the surface of a link's shapes; further shapes repeat the last colour."""
     shapes = tree.visuals[link]
     painted = chain(colours, repeat(colours[-1] if colours else UNPAINTED))
     shown = [colour for _, colour in zip(shapes, painted, strict=False)]
@@ -215,7 +218,7 @@ def _show(visual: Element, colour: Colour, most: int) -> Surface:
     name = str(mesh.get("filename"))
     path = Path(name.removeprefix("file://"))
     if not path.is_absolute() or not path.is_file():
-        raise InputError(f"{name}: file not found; restore it")
+        raise InputError(f"{name}: file not found; restore the file")
     x, y, z = read_values(mesh, "scale", 3, "1 1 1")
     triangles, colours = _read_coarse(path, (x, y, z), most, path.stat().st_mtime_ns)
     painted = np.where(np.isnan(colours), colour, colours)
@@ -225,7 +228,7 @@ def _show(visual: Element, colour: Colour, most: int) -> Surface:
 
 @lru_cache(maxsize=64)  # wheels share a mesh file, and missions share a robot
 def _read_coarse(path: Path, scale: Vector, most: int, changed_ns: int) -> tuple[Array, Array]:
-    """Read a mesh as at most ``most`` triangles with colours; ``changed_ns`` keys the cache."""
+    """Read a mesh as at most ``most`` triangles with colours; ``changed_ns`` is for the cache."""
     faces = read_faces(path, scale, painted=True)
     points = faces.triangles.reshape(-1, 3)
     whole = geometry.Surface(points, np.arange(len(points)).reshape(-1, 3))
@@ -245,10 +248,10 @@ def _choose_colour(visual: Element, named: Mapping[str | None, Colour]) -> Colou
 
 
 def _read_colour(material: Element) -> Colour | None:
-    """Return the colour of a material, or None if it is missing or cannot be read."""
+    """Return a material's colour, or None if the colour is missing or cannot be read."""
     color = material.find("color")
     try:
         red, green, blue, _ = map(float, "" if color is None else str(color.get("rgba")).split())
-    except ValueError:  # no robot is refused for its looks
+    except ValueError:  # a robot is not rejected for its looks
         return None
     return red, green, blue

@@ -1,4 +1,4 @@
-"""The sensors of a robot in pictures: their fans and colours."""
+"""A robot's sensors in pictures: fans and colours."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -18,30 +18,30 @@ from evoros.sensor.protocol import CONTACT, RAY_DEG
 from evoros.storage.figure_context import Beam
 
 SILENT_M = 0.3
-"""The length of a silent sensor's fan."""
+"""Length of a silent sensor's fan."""
 
 
 @dataclass(frozen=True)
 class FieldOfView:
-    """The field of view of a range sensor."""
+    """A range sensor's field of view."""
 
     frame: Array  # (4, 4) in the robot's frame
     half_rad: float  # half the field of view
     range_m: float
-    near_m: float  # lower readings are marked
+    near_m: float  # range below which readings are marked
 
 
 @dataclass(frozen=True, eq=False)
 class ShownSensor:
-    """A visible sensor with its readings in each picture."""
+    """A sensor to show, with its readings in each picture."""
 
     link: str
     readings: Array  # (n, channels); ranges [m] from right to left
-    view: FieldOfView | None  # None: not a range sensor
-    touches: bool  # True for a contact sensor, which reads 1 at a contact
+    view: FieldOfView | None  # None if it is not a range sensor
+    touches: bool  # True for a contact sensor, which reads 1 on contact
 
     def classify(self, index: int) -> Colour:
-        """Return the colour of the reading in a picture."""
+        """Return the colour for the reading in a picture."""
         readings = self.readings[index]
         nearest = float(np.fmin.reduce(readings))
         if np.isnan(nearest):
@@ -54,7 +54,7 @@ class ShownSensor:
 def make_views(
     robot: Urdf, sensors: Sequence[RecordedSensor], records: NDArray[np.int64], near_m: float | None
 ) -> Iterator[ShownSensor]:
-    """Yield the sensors with readings at ``records``; ``near_m`` defaults to half of each range."""
+    """Yield the sensors with readings at ``records``; ``near_m`` None means half of each range."""
     for sensor in sensors:
         kind, readings = sensor.kind, sensor.readings[records]
         if isinstance(kind, Beam):
@@ -68,7 +68,7 @@ def make_views(
 
 
 def _level(pose: Pose, half_rad: float) -> Pose:
-    """Return the pose, levelled if the cone of the beam contains a horizontal ray."""
+    """Return the pose, levelled if the beam's cone contains a horizontal ray."""
     if abs(math.asin(min(1.0, max(-1.0, float(pose.rotation[2, 0]))))) > half_rad:
         return pose
     return Pose.from_rpy(pose.position, 0.0, 0.0, pose.yaw)
@@ -77,7 +77,7 @@ def _level(pose: Pose, half_rad: float) -> Pose:
 def classify_sensors(sensors: Sequence[ShownSensor], ended: Flags, index: int) -> list[Colour]:
     """Return the colour of each sensor's state in a picture.
 
-    ``ended`` (n, sensors) is True after the readings of a sensor have ended.
+    ``ended`` (n, sensors) is True after a sensor's readings have ended.
     """
     return [
         FAILED if has_ended else sensor.classify(index)
@@ -88,9 +88,9 @@ def classify_sensors(sensors: Sequence[ShownSensor], ended: Flags, index: int) -
 def colour_sensors(
     sensors: Sequence[ShownSensor], ended: Flags, errors: Array, index: int
 ) -> list[Colour]:
-    """Return the colour of each sensor in a picture, mixed from the state's and the error's.
+    """Return each sensor's colour in a picture, a mix of the state's and the error's colours.
 
-    ``errors`` (n, sensors) has the share of the error's colour, from 0 to 1.
+    ``errors`` (n, sensors) is the share of the error's colour, from 0 to 1.
     """
     states = classify_sensors(sensors, ended, index)
     return [

@@ -1,4 +1,4 @@
-"""A mission as a video of the robot, its obstacles and its sensor readings."""
+"""A mission as a video of the robot, the obstacles and the sensor readings."""
 
 import argparse
 import math
@@ -14,39 +14,43 @@ from evoros.plugins.recordings.video.camera import CAMERAS, Pixels, RenderOption
 from evoros.plugins.recordings.video.film import encode_mp4, film
 from evoros.plugins.recordings.video.mission import read_mission
 
-ONE_ROBOT = IN_VIEW = True  # one robot with its sensors, and the others
+ONE_ROBOT = IN_VIEW = True  # one robot with its sensors, and the other robots
 HELP = "a video of one of the champion's missions, with its sensor readings"
-NEEDS = "a finished run that keeps trajectories"
+NEEDS = "a finished run that recorded trajectories"
 FILES = {
     "video.mp4": "the video",
 }
 FORMATS: dict[str, str] = {}
 _OPTION_NAMES = {"start_s": "--from", "end_s": "--to"}
-"""Options whose names differ from their fields of ``RenderOptions``."""
+"""Options whose names differ from the fields of ``RenderOptions``."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options that choose the mission and its view."""
+    """Add the options for the mission and the view."""
     add_run(parser)
-    parser.add_argument("--world", metavar="NAME", help="this world instead of the first")
-    about = "behind the robot (chase), or the whole course (above); chase"
+    parser.add_argument("--world", metavar="NAME", help="this world instead of the first one")
+    about = "view from behind the robot (chase), or of the whole course (above); default: chase"
     parser.add_argument("--camera", choices=CAMERAS, default="chase", help=about)
     parser.add_argument(
-        "--speed", type=float, default=10.0, metavar="N", help="times real time; 10"
+        "--speed",
+        type=float,
+        default=10.0,
+        metavar="N",
+        help="speed relative to real time; default: 10",
     )
-    about = "pictures per second of video; 25"
+    about = "frames per second of video; default: 25"
     parser.add_argument("--fps", type=float, default=25.0, metavar="N", help=about)
-    about = "in pixels, even numbers; 854x480"
+    about = "size in pixels, even numbers; default: 854x480"
     parser.add_argument("--size", default="854x480", metavar="WIDTHxHEIGHT", help=about)
-    about = "time of the mission at which the video begins; 0"
+    about = "mission time at which the video starts; default: 0"
     parser.add_argument("--from", dest="start", type=float, metavar="SECONDS", help=about)
-    about = "time of the mission at which it ends; the mission's end"
+    about = "mission time at which the video ends; default: the mission's end"
     parser.add_argument("--to", dest="end", type=float, metavar="SECONDS", help=about)
     parser.set_defaults(start=0.0, end=math.inf)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Make the video of the champion, from the named run or the best run."""
+    """Make the video of the champion of the named run, or of the best run."""
     study.check_worlds([options.world] if options.world else [])
     read = partial(read_mission, world=options.world)
     record, (name, mission) = study.choose(options.run, read)
@@ -70,7 +74,7 @@ def _parse_options(options: argparse.Namespace, title: str) -> RenderOptions:
 
 
 def _show_progress(pictures: Iterator[Pixels], count: int) -> Iterator[Pixels]:
-    """Yield the pictures, and show their number on a terminal."""
+    """Yield the pictures, and count them on a terminal."""
     for index, picture in enumerate(pictures, 1):
         yield picture
         if sys.stderr.isatty():

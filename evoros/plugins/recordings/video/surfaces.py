@@ -1,4 +1,4 @@
-"""Triangulated surfaces of shapes."""
+"""The surfaces of shapes as triangles."""
 
 import itertools
 import math
@@ -13,7 +13,7 @@ from evoros.geometry.polyhedron import convex_polyhedron
 from evoros.geometry.shapes import Shape
 
 MAX_SIDE = 129
-"""Maximum number of rows and columns of a height field; larger ones are thinned."""
+"""Maximum number of rows and columns of a height field; larger fields are thinned out."""
 _SIDES, _RINGS = 32, 16  # sides of a cylinder, rings of a sphere
 AMBIENT, DIFFUSE = 0.62, 0.45  # weights of ambient and directional light
 
@@ -22,7 +22,7 @@ Colour = tuple[float, float, float]  # red, green, blue, from 0 to 1
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Triangles of one rigid body."""
+    """The triangles of one rigid body."""
 
     corners: Array  # (3 t, 4) homogeneous coordinates [m]
     normals: Array  # (t, 3) of length 1
@@ -31,7 +31,7 @@ class Surface:
 
     @classmethod
     def from_triangles(cls, triangles: Array, colours: Array, is_open: bool = False) -> "Surface":
-        """Create the surface of triangles (t, 3, 3) [m] with colours (t, 3)."""
+        """Create a surface from triangles (t, 3, 3) [m] with colours (t, 3)."""
         normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
         corners = triangles.reshape(-1, 3)
@@ -39,7 +39,7 @@ class Surface:
 
     @classmethod
     def from_shapes(cls, shapes: Sequence[Shape], colours: Sequence[Colour]) -> "Surface":
-        """Create the surface of shapes in the frame of their body, one colour per shape."""
+        """Create a surface from shapes in their body's frame, with one colour per shape."""
         parts = [
             triangulate(shape) @ shape.pose.rotation.T + shape.pose.position for shape in shapes
         ]
@@ -49,14 +49,14 @@ class Surface:
 
     @property
     def triangles(self) -> Array:
-        """Corners (t, 3, 3) [m] of the triangles."""
+        """The corners (t, 3, 3) [m] of the triangles."""
         corners: Array = self.corners[:, :3].reshape(-1, 3, 3)
         return corners
 
     def face(self, eye: Array, frame: Array) -> "Surface":
         """Flip the triangles of an open surface that face away from the eye.
 
-        ``eye`` (3,) [m] is in the world, and ``frame`` (4, 4) is the surface's frame.
+        ``eye`` (3,) [m] is in the world frame, and ``frame`` (4, 4) is the surface's frame.
         """
         if not self.is_open:
             return self
@@ -74,9 +74,9 @@ class Surface:
 
 
 def triangulate(shape: Shape) -> Array:
-    """Return the triangles (t, 3, 3) [m] of a shape in its frame; a plane has none.
+    """Return the triangles (t, 3, 3) [m] of a shape, in the shape's frame; a plane has none.
 
-    Corners are in counter-clockwise order, seen from outside or above.
+    Corners are in counter-clockwise order, as seen from outside or above.
     """
     if shape.kind == "plane":
         return np.empty((0, 3, 3))
@@ -88,7 +88,7 @@ def triangulate(shape: Shape) -> Array:
 
 
 def _list_corners(shape: Shape) -> Array:
-    """Return corners (n, 3) [m] whose hull is the shape or approximates a round shape."""
+    """Return corners (n, 3) [m] whose hull is the shape, or approximates a round shape."""
     if shape.kind == "box":
         signs = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
         return np.asarray(signs * shape.size)

@@ -1,4 +1,5 @@
-"""Scripts for the user's ROS Python (3.8 or later); evoros imports none of them.
+"""Scripts for the user's ROS Python (3.8 or later), which evoros itself does not import.
 
-They import the standard library and one another; ``messages`` and the graphs also import ROS.
+The scripts import the standard library and one another; ``messages`` and the graphs import ROS,
+too.
 """

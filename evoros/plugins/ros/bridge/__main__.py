@@ -1,6 +1,6 @@
 """Start a bridge in the user's ROS Python: ``python FOLDER ros1`` or ``ros2``.
 
-The scripts form a package named after this folder, and evoros itself is not on their path.
+The scripts form a package named after this folder; evoros itself is not on the path.
 """
 
 import os
@@ -10,5 +10,5 @@ from importlib import import_module
 folder, name = os.path.split(os.path.dirname(os.path.abspath(__file__)))
 sys.path[0] = folder
 import_module(name)
-del sys.path[0]  # This folder also contains modules outside the package.
+del sys.path[0]  # the folder also contains modules outside the package
 import_module(f"{name}.{sys.argv[1]}").main()

@@ -1,4 +1,4 @@
-"""The protocol, commands and sensor schedule shared by the bridges to ROS 1 and 2."""
+"""The protocol, commands and sensor schedule that the bridges to ROS 1 and ROS 2 share."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ COMMANDS = {
 }
 """Message types that command the robot, with the path to the command in each."""
 STEADY = 10
-"""Number of consecutive checks that must find all nodes at rest before the mission begins, because
-nodes sometimes sleep by the wall clock while they start."""
+"""Number of consecutive checks that must find all nodes at rest before the mission starts, because
+nodes sometimes sleep in wall-clock time while they start."""
 PAUSE_S = 0.005  # pause between checks while nodes start
 OWN_SHARE = 0.8
-"""Fraction of a wall-clock limit after which this process ends itself with a reason."""
+"""Share of a wall-clock limit after which this process exits by itself with a reason."""
 
 
 class Tick(NamedTuple):
-    """The values before a decision; None means silent."""
+    """The values before a decision; None means that there is no reading."""
 
     time: float  # mission time [s]
     state: list[float | None]  # x, y [m], yaw [rad], speed [m/s], yaw rate [rad/s], contact
-    leg: list[float]  # x, y of its start, x, y of its end [m]
+    leg: list[float]  # x, y of the start, x, y of the end [m]
     readings: list[float | list[float | None] | None]  # one per sensor
 
 
 class Conversation:
-    """The lines between evoros and this process, which child processes do not inherit."""
+    """The pipes between evoros and this process, which child processes do not inherit."""
 
     def __init__(self) -> None:
         self._source = os.fdopen(int(os.environ.pop("EVOROS_IN")), "rb")
@@ -47,28 +47,28 @@ class Conversation:
         self._begun = False
 
     def require(self, ros: str, modules: Sequence[str], advice: str) -> None:
-        """Refuse the mission unless this Python has all modules of ``ros``."""
+        """Reject the mission unless this Python has all modules of ``ros``."""
         for module in modules:
             if find_spec(module) is None:
                 self.refuse(
-                    f"controller.python: must be a Python with {ros}, and {sys.executable} has no "
-                    f"module {module}; set the Python that your nodes need, often "
+                    f"controller.python: must be a Python with {ros}, but {sys.executable} has no "
+                    f"module {module}; set it to the Python that your nodes need, often "
                     f"/usr/bin/python3{advice}"
                 )
 
     def fail(self, why: str) -> NoReturn:
-        """Refuse the mission, or end it if it has begun."""
+        """Reject the mission, or end it if it has started."""
         if self._begun:
             end(why)
         self.refuse(why)
 
     def refuse(self, why: str) -> NoReturn:
-        """Refuse the mission and end. ``why`` is one line: key or node, rule, value, fix."""
+        """Reject the mission and exit. ``why`` is one line: key or node, rule, value, fix."""
         self._send({"refused": why})
         os._exit(0)
 
     def ready(self) -> None:
-        """Report to evoros that the mission can begin."""
+        """Report to evoros that the mission can start."""
         self._send({"ready": True})
         self._begun = True
 
@@ -86,14 +86,14 @@ class Conversation:
 
 
 def end(why: str) -> NoReturn:
-    """End at once with the last message ``why``."""
+    """Exit at once, with ``why`` as the last message."""
     sys.stdout.flush()
     print(f"evoros: {why}", file=sys.stderr, flush=True)
     os._exit(1)
 
 
 class Wheels:
-    """Converts ROS commands to speed and steering angle, which evoros clips."""
+    """Converts ROS commands to a speed and a steering angle, which evoros limits."""
 
     def __init__(self, drive: dict[str, float], twist: str) -> None:
         """``twist`` is the meaning of angular.z: yaw_rate [rad/s] or steering [rad]."""
@@ -102,14 +102,14 @@ class Wheels:
         self._steering = 0.0
 
     def read(self, message: Any) -> tuple[float, float]:
-        """Return speed [m/s] and steering angle [rad] of a message of a type in ``COMMANDS``."""
+        """Return the speed [m/s] and steering angle [rad] that a message commands."""
         kind = type(message).__name__
         for field in COMMANDS[kind]:
             message = getattr(message, field)
         if kind.startswith("Ackermann"):
             return message.speed, message.steering_angle
         speed, turn = message.linear.x, message.angular.z
-        # A yaw rate does not determine the angle of a standing robot, which therefore keeps it.
+        # A yaw rate does not determine the steering angle at standstill, so the angle is kept.
         if self._twist == "steering" or not math.isfinite(turn):
             self._steering = turn
         elif speed != 0.0:
@@ -118,28 +118,28 @@ class Wheels:
 
 
 def ros_time(time: float) -> tuple[int, int]:
-    """Return seconds and nanoseconds of a mission time [s], rounded to the nearest nanosecond.
+    """Convert a mission time [s] to seconds and nanoseconds, rounded to the nearest nanosecond.
 
-    A mission begins at 1 s, because ROS takes time 0 for unset. A timer of 0.1 s would miss a
-    clock that is one nanosecond short of it.
+    A mission starts at 1 s, because ROS treats time 0 as unset. A timer of 0.1 s would miss a tick
+    if the clock were one nanosecond short.
     """
     return divmod(round((1.0 + time) * 1e9), 10**9)
 
 
 class Modes:
-    """The mode that the nodes reported last, initially mode 1."""
+    """The mode last reported by the nodes; initially mode 1."""
 
     def __init__(self, names: list[str]) -> None:
         self._names = names
         self.now: int | str = 1
 
     def report(self, name: str) -> None:
-        """Note a mode by its name; evoros refuses an unknown name in the answer."""
+        """Store a mode by its name; evoros rejects an unknown name in the answer."""
         self.now = self._names.index(name) + 1 if name in self._names else name
 
 
 class Schedule:
-    """Finds the sensors that have measured since the last tick, each at its period."""
+    """Finds the sensors that have measured since the last tick, each with its period."""
 
     def __init__(self, sensors: list[dict[str, Any]]) -> None:
         self._periods = [sensor["period_s"] for sensor in sensors]
@@ -147,7 +147,7 @@ class Schedule:
 
     def due(self, time: float) -> list[int]:
         """Return the indices of the sensors with a new reading at ``time`` [s]."""
-        # The margin absorbs rounding errors at multiples of the period.
+        # The margin covers rounding errors at multiples of the period.
         counts = [math.floor(time / period + 1e-6) for period in self._periods]
         due = [i for i, count in enumerate(counts) if count != self._counts[i]]
         self._counts = counts
@@ -155,25 +155,25 @@ class Schedule:
 
 
 def check_publisher(topic: str, names: list[str], kind: str, kinds: tuple[str, ...]) -> None:
-    """Require one publisher on a topic, with messages of one of these types.
+    """Require that a topic has a single publisher, with messages of one of these types.
 
     Raises:
         ValueError: there are several publishers, or the type is not in ``kinds``.
     """
     if len(names) > 1:
         raise ValueError(
-            f"{topic}: one node must publish there, not {len(names)} ({', '.join(names)}), "
-            f"because the last message counts; give one of them another topic"
+            f"{topic}: must have one publisher, not {len(names)} ({', '.join(names)}), "
+            f"because the last message counts; remap the topic in all nodes but one"
         )
     if kind.rpartition("/")[2] not in kinds:
         raise ValueError(
-            f"{topic}: its messages must be {' or '.join(kinds)}, not {kind}; correct the node "
+            f"{topic}: messages must be {' or '.join(kinds)}, not {kind}; change the node "
             f"{names[0]} or controller.topics"
         )
 
 
 def root_link(description: str) -> str:
-    """Return the root link of a URDF."""
+    """Return the name of a URDF's root link."""
     robot = ElementTree.fromstring(description)
     children = {child.get("link") for child in robot.iterfind("joint/child")}
     (root,) = {link.get("name", "") for link in robot.iterfind("link")} - children

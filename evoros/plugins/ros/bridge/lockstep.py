@@ -11,13 +11,15 @@ from .conversation import OWN_SHARE, Conversation, Modes, Wheels, end
 from .nodes import Nodes
 from .rest import Hidden, Rest
 
-NO_COMMAND = "no node commanded; answer=each needs a command at each tick, answer=rest does not"
+NO_COMMAND = (
+    "no node sent a command; answer=each needs a command at each tick, answer=rest does not"
+)
 
 
 def fly_mission(
     ros: str, needed: Sequence[str], advice: str, create: Callable[[Conversation, Rest, float], Any]
 ) -> None:
-    """Fly one mission and end the process; ``create`` makes it before a monotonic time [s]."""
+    """Run one mission and exit; ``create`` must make the mission before a monotonic time [s]."""
     conversation = Conversation()
     options = conversation.briefing["ros"]
     until = time.monotonic() + OWN_SHARE * options["start_limit_s"]
@@ -26,7 +28,7 @@ def fly_mission(
         rest = Rest(options["isolate"])
     except OSError as error:
         conversation.refuse(
-            f"the system must show what threads wait for ({error}); use Linux with a complete /proc"
+            f"the system does not show what threads wait for ({error}); use Linux with a full /proc"
         )
     try:
         mission = create(conversation, rest, until)
@@ -35,11 +37,11 @@ def fly_mission(
         mission.fly()
     except Hidden as error:
         conversation.fail(f"controller.nodes: {error}")
-    os._exit(0)  # threads of ROS may still run
+    os._exit(0)  # does not wait for ROS threads
 
 
 class Crew:
-    """The user's nodes, which must run and come to rest, and their commands."""
+    """The user's nodes, which must keep running and come to rest, and the nodes' commands."""
 
     def __init__(self, conversation: Conversation, rest: Rest, start: Callable[[], Nodes]) -> None:
         """Start the nodes."""
@@ -55,31 +57,31 @@ class Crew:
             conversation.refuse(str(error))
         except OSError as error:
             conversation.refuse(
-                f"controller.nodes: must be commands that this system can execute, not "
-                f"{error.filename} ({error.strerror}); change or install it"
+                f"controller.nodes: this system cannot execute "
+                f"{error.filename} ({error.strerror}); change the command or install the program"
             )
 
     def require_start(self, until: float, missing: Callable[[], str | None]) -> None:
-        """Refuse the mission after a time of the monotonic clock [s], naming what is missing."""
+        """Reject the mission after a monotonic time [s], naming what is missing."""
         if time.monotonic() > until:
             self._conversation.refuse(
                 f"controller.nodes: {missing() or self.unrest()}, after "
-                f"{self.options['start_limit_s']:g} s; correct the nodes or start_limit_s"
+                f"{self.options['start_limit_s']:g} s; fix the nodes, or raise start_limit_s"
             )
 
     def require_nodes(self) -> None:
-        """End the mission if a node has ended."""
+        """End the mission if a node has exited."""
         ended = self.nodes.ended()
         if ended is not None:
             end(ended)
 
     def require_rest(self, until: float) -> None:
-        """Wait until all nodes are at rest; end the mission at ``until`` [s]."""
+        """Wait until all nodes are at rest; end the mission if they are not by ``until`` [s]."""
         if not self.rest.wait(until - time.monotonic()):
             end(self.unrest())
 
     def unrest(self) -> str:
-        """Describe the nodes that are still at work."""
+        """Name the nodes that are still working."""
         return f"the nodes did not come to rest: {'; '.join(self.rest.working())}"
 
     def answer(self, commands: Sequence[Any]) -> None:

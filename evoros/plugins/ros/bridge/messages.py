@@ -1,4 +1,4 @@
-"""The messages of a mission, which have the same names in ROS 1 and ROS 2."""
+"""The messages of a mission, whose types have the same names in ROS 1 and ROS 2."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, LaserScan, Range
 from std_msgs.msg import Bool, Float64MultiArray
 
-try:  # not always installed
+try:  # may not be installed
     from tf2_msgs.msg import TFMessage
 except ImportError:
     TFMessage = None
@@ -23,10 +23,10 @@ CLOCK, TRANSFORMS = "/clock", "/tf"
 
 
 class Messages:
-    """The topics that this process publishes, and the messages of each tick."""
+    """The topics on which this process publishes, and the messages at each tick."""
 
     def __init__(self, briefing: dict[str, Any], stamp: Callable[[int, int], Any]) -> None:
-        """``stamp`` makes a time from seconds and nanoseconds."""
+        """``stamp`` makes a ROS time from seconds and nanoseconds."""
         options, sensors = briefing["ros"], briefing["sensors"]
         self._topics, self._frame, self._stamp = options["topics"], options["frame"], stamp
         self._base = root_link(options["description"])
@@ -58,7 +58,7 @@ class Messages:
     def of(self, tick: Tick) -> Iterator[list[tuple[str, Any]]]:
         """Yield topics and messages in the order of delivery to the nodes.
 
-        Messages in one list, such as the ranges of a tick, belong together.
+        Messages in one list, such as a tick's ranges, belong together.
         """
         stamp = self._stamp(*ros_time(tick.time))
         if tick.leg != self._goal_leg:
@@ -91,7 +91,7 @@ class Messages:
             yield self._range_topics[index], message
 
     def _goal(self, leg: list[float], stamp: Any) -> Any:
-        """Return the end of a leg, facing along the leg."""
+        """Return the end of a leg as a pose that faces along the leg."""
         from_x, from_y, to_x, to_y = leg
         yaw = math.atan2(to_y - from_y, to_x - from_x)
         return self._locate(PoseStamped(pose=_pose(to_x, to_y, yaw)), stamp)
@@ -102,7 +102,7 @@ class Messages:
 
 
 def _make_message(sensor: dict[str, Any]) -> Any:
-    """Return the message of a sensor without its reading."""
+    """Return a sensor's message, without a reading."""
     make = _signal if "measures" in sensor else _scan if "bearings_rad" in sensor else _range
     message = make(sensor)
     if hasattr(message, "header"):
@@ -121,7 +121,7 @@ def _range(sensor: dict[str, Any]) -> Any:
 
 
 def _signal(sensor: dict[str, Any]) -> Any:
-    """Return the message of an IMU, wheel odometry, a bumper or any other sensor."""
+    """Return the message for an IMU, wheel odometry, a bumper or any other sensor."""
     kinds = {6: Imu, 2: TwistStamped, 1: Bool}
     expected = {"motion": 6, "wheels": 2, "contact": 1}
     count = len(sensor["channels"])
@@ -148,7 +148,7 @@ def _fill(message: Any, values: Sequence[float]) -> None:
 
 
 def _scan(sensor: dict[str, Any]) -> Any:
-    """Return a scan, from right to left."""
+    """Return a laser scan, from right to left."""
     bearings = sensor["bearings_rad"]
     return LaserScan(
         angle_min=bearings[0],

@@ -18,7 +18,7 @@ class Nodes:
         environment: dict[str, str],
         completed: list[list[str]] | None = None,
     ) -> None:
-        """Start all commands, or ``completed``, whose added arguments are left out of messages.
+        """Start all commands, in the form ``completed`` if given; messages quote ``commands``.
 
         ``python3`` in a command or in a node's shebang line resolves to this process's Python.
 
@@ -33,16 +33,16 @@ class Nodes:
         ]
 
     def ended(self) -> str | None:
-        """Describe a process that has ended, if there is one."""
+        """Describe a process that has exited, if there is one."""
         for process, command in zip(self._processes, self._commands):
             status = process.poll()
             if status is not None:
-                how = f"with exit status {status}" if status >= 0 else f"by signal {-status}"
-                return f"the node {shlex.join(command)} ended {how}"
+                how = f"with status {status}" if status >= 0 else f"on signal {-status}"
+                return f"the node {shlex.join(command)} exited {how}"
         return None
 
     def place(self, pid: int) -> int | None:
-        """Return the index of the command that started this process or its ancestor."""
+        """Return the index of the command that started this process or an ancestor of it."""
         places = {process.pid: index for index, process in enumerate(self._processes)}
         while pid > 1:
             if pid in places:

@@ -1,16 +1,17 @@
-"""Detect that all processes of a mission are at rest. Standard library only; Linux.
+"""Detect that all processes of a mission are at rest. Needs Linux and the standard library only.
 
-From Linux 5.16 on, ``wchan`` names a function only while a thread waits in it, and none as soon as
-the thread is woken. On older kernels the system call and then the state are read. The state alone
-changes too early, while the thread may still turn back, and the call alone is still shown while a
-woken thread moves to another CPU.
+From Linux 5.16 on, ``wchan`` names the kernel function in which a thread waits, and names none as
+soon as the thread is woken. On older kernels, the system call is read and then the state. The state
+alone changes too early, when the thread may still decide not to wait, and the call alone is still
+shown while a woken thread moves to another CPU.
 
-The CPU time of a process grows whenever one of its threads leaves a CPU. If each thread waits when
-looked at, and no CPU time grows from before the first look until after the last, then all threads
-waited before the first look. A running thread would have left its CPU, and a woken one would still
-be running. Sent messages have arrived, because the sending call also delivers them. Deliveries that
-an overloaded CPU leaves to a kernel thread are counted in softnet_stat. At rest, therefore, nothing
-happens before the next message or the end of a wall-clock timeout.
+The CPU time of a process grows whenever one of the process's threads leaves a CPU. If each thread
+waits when it is checked, and no CPU time grows between the times before the first check and after
+the last, then all threads waited before the first check: a running thread would have left its CPU,
+and a woken thread would still be running. Sent messages have arrived, because the call that sends
+a message also delivers it. Deliveries that an overloaded CPU leaves to a kernel thread are counted
+in softnet_stat. At rest, therefore, nothing happens before the next message or the end of a
+wall-clock timeout.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from contextlib import suppress
 
 from .watched_thread import WatchedThread, tells_places
 
-# A row of softnet_stat has numbers of eight digits for one CPU; the twelfth is its backlog.
+# A row of softnet_stat has eight-digit numbers for one CPU; the twelfth is the backlog.
 SOFTNET_BYTES = 65536
 BACKLOG, NO_PACKETS = slice(11 * 9, 11 * 9 + 8), b"00000000"
 FIRST_PAUSE_S, LAST_PAUSE_S = 0.00002, 0.0002
@@ -33,14 +34,14 @@ SET_TIMER_SLACK, SET_SUBREAPER = 29, 36
 
 
 class Hidden(Exception):
-    """This process may not watch a process of the mission."""
+    """This process is not permitted to watch a process of the mission."""
 
     def __init__(self, error: PermissionError) -> None:
-        """Describe an error on opening or reading a file of the process in /proc."""
+        """Describe an error in opening or reading one of the process's files in /proc."""
         command = _command(int(str(error.filename).split("/")[2]))
         super().__init__(
-            f"all processes must let evoros see what they wait for, unlike {command} ({error}); "
-            f"run them as the user and with the capabilities of evoros"
+            f"evoros cannot see what the process {command} waits for ({error}); "
+            f"run all processes as the same user and with the same capabilities as evoros"
         )
 
 
@@ -48,7 +49,7 @@ class Rest:
     """Watches all processes of a mission, and this process except its main thread."""
 
     def __init__(self, isolated: bool) -> None:
-        """Watch the processes that this one will start; call it before the first start.
+        """Watch the processes that this process will start; call this before the first start.
 
         If ``isolated``, all processes of the mission's process namespace are watched.
 
@@ -58,17 +59,17 @@ class Rest:
         self._isolated = isolated
         self._threads: list[WatchedThread] = []
         self._clocks: list[int] = []  # CPU-time clocks
-        self._working: WatchedThread | None = None  # last thread seen at work
+        self._working: WatchedThread | None = None  # last thread seen working
         self._tells_places = tells_places()
-        self._population: object = None  # value of ``_who`` for these threads
+        self._population: object = None  # value of ``_who`` for the listed threads
         self._newest = os.open("/proc/loadavg", os.O_RDONLY)
         self._packets = os.open("/proc/net/softnet_stat", os.O_RDONLY)
-        # Orphans become children of this process, which may look at its descendants.
+        # Orphans become children of this process, which may look at all its descendants.
         ctypes.CDLL(None).prctl(SET_SUBREAPER, 1, 0, 0, 0)
         os.stat(f"/proc/self/task/{os.getpid()}/children")
 
     def wait(self, limit_s: float) -> bool:
-        """Return True once all processes rest; False if one still works after ``limit_s`` [s].
+        """Return True once all processes rest; False if any still works after ``limit_s`` [s].
 
         Raises:
             Hidden: a process cannot be watched.
@@ -83,7 +84,7 @@ class Rest:
         return True
 
     def working(self) -> list[str]:
-        """Return the commands of the processes that are at work now.
+        """Return the commands of the processes that are working now.
 
         Raises:
             Hidden: a process cannot be watched.
@@ -92,7 +93,7 @@ class Rest:
         try:
             self._draw_up()
             for thread in self._threads:
-                with suppress(FileNotFoundError, ProcessLookupError):  # the thread has ended
+                with suppress(FileNotFoundError, ProcessLookupError):  # the thread has exited
                     if not thread.waits(self._tells_places):
                         pids.add(thread.pid)
         except PermissionError as error:
@@ -102,7 +103,7 @@ class Rest:
     def prepare(self) -> None:
         """Allow short pauses and many open files.
 
-        Call it after the start of all processes, which would inherit the settings.
+        Call this after all processes have started, because they would inherit the settings.
         """
         ctypes.CDLL(None).prctl(SET_TIMER_SLACK, 1, 0, 0, 0)
         _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -111,7 +112,7 @@ class Rest:
     def _at_rest(self) -> bool:
         try:
             if self._working is not None and not self._working.waits(self._tells_places):
-                return False  # usually the same thread is still at work
+                return False  # usually the same thread is still working
             if self._who() != self._population:
                 self._draw_up()
             before = list(map(time.clock_gettime_ns, self._clocks))
@@ -120,18 +121,18 @@ class Rest:
             after = list(map(time.clock_gettime_ns, self._clocks))
         except PermissionError as error:
             raise Hidden(error) from error
-        except OSError:  # a thread or process has ended
+        except OSError:  # a thread or process has exited
             self._population = self._working = None
             return False
         return before == after and self._who() == self._population
 
     def _packets_wait(self) -> bool:
-        """Return True if packets of any process wait for delivery; needs Linux 5.10."""
+        """Return True if any process's packets await delivery; needs Linux 5.10."""
         rows = os.pread(self._packets, SOFTNET_BYTES, 0).splitlines()
         return any(row[BACKLOG] not in (b"", NO_PACKETS) for row in rows)
 
     def _all_wait(self) -> bool:
-        """Return True if each thread waits; the last to work come first, as likeliest at work."""
+        """Return True if each thread waits; threads seen working last are checked first."""
         for place, thread in enumerate(self._threads):
             if not thread.waits(self._tells_places):
                 self._working = thread
@@ -140,8 +141,8 @@ class Rest:
         return True
 
     def _who(self) -> object:
-        """Return a value that changes whenever a process or thread of the mission begins."""
-        if self._isolated:  # number of the newest thread of this namespace
+        """Return a value that changes whenever a process or thread of the mission starts."""
+        if self._isolated:  # number of the newest thread in this namespace
             return os.pread(self._newest, 128, 0).split()[-1]
         return frozenset(self._list_threads())
 
@@ -158,12 +159,12 @@ class Rest:
             with suppress(FileNotFoundError, ProcessLookupError):  # the thread has ended
                 self._threads.append(WatchedThread(pid, tid))
         me = os.getpid()
-        # linux/posix-timers.h: numbers of the CPU clocks of a process and a thread
+        # linux/posix-timers.h: CPU clock ids of a process and a thread
         self._clocks = [~pid << 3 | 2 for pid in {thread.pid for thread in self._threads} - {me}]
         self._clocks += [~thread.tid << 3 | 6 for thread in self._threads if thread.pid == me]
 
     def _list_threads(self) -> set[tuple[int, int]]:
-        """Return the threads of all processes of the mission except this one's main thread."""
+        """Return the threads of all the mission's processes, except this process's main thread."""
         me = os.getpid()
         threads: set[tuple[int, int]] = set()
         pids = [me]
@@ -181,7 +182,7 @@ class Rest:
 def _numbers(folder: str) -> list[int]:
     try:
         return list(map(int, os.listdir(folder)))
-    except (FileNotFoundError, ProcessLookupError):  # the process has ended
+    except (FileNotFoundError, ProcessLookupError):  # the process has exited
         return []
 
 

@@ -1,8 +1,8 @@
-"""The bridge to ROS 1, which flies one mission with the user's nodes in lock-step.
+"""The bridge to ROS 1, which runs one mission with the user's nodes in lock-step.
 
-It runs in the user's ROS Python and needs the standard library and rospy with its messages, which
-it imports after the start of the nodes. plugins/ros/README.md describes topics, parameters and the
-lock-step.
+The bridge runs in the user's ROS Python, and needs the standard library and rospy with its
+messages, which are imported after the nodes have started. plugins/ros/README.md describes the
+topics, parameters and lock-step.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .rest import Rest
 if TYPE_CHECKING:
     from . import ros1_graph
 
-PORT = 11311  # default port of the master
+PORT = 11311  # the master's default port
 _LARGEST_SEED = 2**31  # parameters are signed 32-bit integers
 TOLD = ("sensors", "drive", "home", "route", "acceptance_m", "time_limit_s", "period_s")
 PROGRAM = """
@@ -60,7 +60,7 @@ class Mission:
     """One mission with ROS 1 nodes."""
 
     def __init__(self, conversation: Conversation, rest: Rest, until: float) -> None:
-        """Start the nodes and join the graph; the nodes start while this process imports rospy."""
+        """Start the nodes and join the graph; rospy is imported while the nodes start."""
         briefing = conversation.briefing
         self._crew = Crew(conversation, rest, lambda: start_nodes(briefing, until))
         logging.disable(logging.CRITICAL)
@@ -75,16 +75,16 @@ class Mission:
         self._incoming: dict[str, ros1_graph.Incoming] = {}
 
     def connect(self, until: float) -> None:
-        """Wait until all nodes are connected and at rest; discard earlier messages."""
+        """Wait until all nodes are connected and at rest; discard messages from before that."""
         while not self._steady():
             self._crew.require_start(until, self._missing)
             time.sleep(PAUSE_S)
         self._crew.rest.prepare()
-        self._crew.require_rest(until + PAUSE_S)  # the nodes answer the last questions first
+        self._crew.require_rest(until + PAUSE_S)  # so that the nodes answer the last requests
         self._hear()
 
     def _steady(self) -> bool:
-        """Return True if nothing is missing before and after a period of rest."""
+        """Return True if no connection is missing before and after a period of rest."""
         if self._missing() is not None:
             return False
         for _ in range(STEADY):
@@ -94,7 +94,7 @@ class Mission:
         return self._missing() is None
 
     def _missing(self) -> str | None:
-        """Connect to the nodes that publish commands and modes; name a missing connection."""
+        """Connect to the nodes that publish commands and modes; name any missing connection."""
         self._crew.require_nodes()
         missing = self._graph.missing(self._command)
         if missing is not None:
@@ -117,28 +117,28 @@ class Mission:
             self._crew.require_nodes()
             for publisher, message in self._outgoing.messages(tick):
                 connections = sorted(publisher.impl.connections, key=self._graph.place)
-                for connection in connections:  # one node after the other
+                for connection in connections:  # one node after another
                     publisher.impl.publish(message, connection_override=connection)
                     self._crew.require_rest(until)
-            # Nodes that react to poses stay silent while the localization is.
+            # Nodes that react to poses stay silent while the localization is silent.
             if self._crew.options["answer"] == "each" and tick.state[0] is not None:
                 self._require_command(until)
             self._crew.answer(self._hear())
 
     def _hear(self) -> list[Any]:
-        """Return the commands that have arrived, and note the mode."""
+        """Return the commands that have arrived, and store the reported mode."""
         try:
             if self._mode in self._incoming:
                 for message in self._incoming[self._mode].fetch():
                     self._crew.modes.report(message.data)
             return self._incoming[self._command].fetch()
         except ConnectionError as error:
-            time.sleep(10 * PAUSE_S)  # the node's process may be about to end
+            time.sleep(10 * PAUSE_S)  # the node may be about to exit
             self._crew.require_nodes()
             end(str(error))
 
     def _require_command(self, until: float) -> None:
-        """Wait for a command, and then until the nodes are at rest again."""
+        """Wait for a command, then until the nodes are at rest again."""
         while not self._incoming[self._command].wait(PAUSE_S):
             self._crew.require_nodes()
             if time.monotonic() > until:
@@ -147,14 +147,15 @@ class Mission:
 
 
 def main() -> None:
-    """Fly one mission."""
+    """Run one mission."""
     fly_mission("ROS 1", NEEDED, "", Mission)
 
 
 def _start_master(isolated: bool, until: float) -> dict[str, str]:
-    """Start a master as a separate process; return the environment in which nodes find it.
+    """Start a master as a separate process; return the environment in which nodes find the master.
 
-    A master in this process would compete for the interpreter. ``until`` [s] is a monotonic time.
+    A master in this process would compete for the interpreter lock. ``until`` is a monotonic time
+    [s].
     """
     port = PORT if isolated else _free_port()
     folder = os.getcwd()
@@ -185,7 +186,7 @@ def _set_parameters(address: str, briefing: dict[str, Any]) -> None:
         except (TypeError, OverflowError, Fault) as error:
             raise ValueError(
                 f"controller.parameters.{name[1:]}: must be a number, a string, true or false, or "
-                f"lists and mappings of them ({error}); change it"
+                f"lists and mappings of these ({error}); change the value"
             ) from None
 
 

@@ -1,4 +1,4 @@
-"""The ROS 1 graph of a mission: master, connections and messages."""
+"""The ROS 1 graph of a mission: the master, connections and messages."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ HEADER_BYTES = 4096
 
 
 def join() -> None:
-    """Make this process a node that runs on wall-clock time."""
+    """Make this process a node that uses wall-clock time."""
     rospy.init_node(
         NAME[1:], argv=[], disable_rostime=True, disable_rosout=True, disable_signals=True
     )
@@ -47,10 +47,10 @@ def ask_node(address: str, method: str, *arguments: Any) -> Any:
 
 
 class Incoming:
-    """The messages of one publisher, which the bridge fetches without a thread."""
+    """The messages from one publisher, which the bridge fetches without a thread."""
 
     def __init__(self, topic: str, publisher: str, kind: str) -> None:
-        """Connect to the node at an address.
+        """Connect to the publisher's node.
 
         Raises:
             OSError: the node does not accept the connection.
@@ -70,7 +70,7 @@ class Incoming:
         self._socket.setblocking(False)
 
     def wait(self, limit_s: float) -> bool:
-        """Return True if something arrives within a wall-clock time [s]."""
+        """Return True if data arrives within a wall-clock time [s]."""
         return bool(select.select([self._socket], [], [], limit_s)[0])
 
     def fetch(self) -> list[Any]:
@@ -103,13 +103,13 @@ class Incoming:
 
 
 class Outgoing:
-    """The publishers of this process and their messages."""
+    """This process's publishers and their messages."""
 
     def __init__(self, briefing: dict[str, Any]) -> None:
         self._messages = Messages(briefing, genpy.Time)
         topics = briefing["ros"]["topics"]
         latched = {topics["goal"], topics["route"]}
-        # A publisher without the queue that rospy advises sends at once.
+        # A publisher without the queue that rospy recommends sends immediately.
         warnings.filterwarnings("ignore", "The publisher should be created", SyntaxWarning)
         self.publishers = {
             topic: rospy.Publisher(
@@ -128,10 +128,10 @@ class Outgoing:
 
 
 class Graph:
-    """The nodes of a mission and their connections."""
+    """The nodes of a mission, and the connections between them."""
 
     def __init__(self, nodes: Nodes, publishers: list[Any]) -> None:
-        """``publishers`` are the publishers of this process."""
+        """``publishers`` are this process's publishers."""
         self._master, self._nodes, self._publishers = Master(NAME), nodes, publishers
         self._places: dict[str, int | None] = {}  # command index by node address
         self._addresses: dict[str, str] = {}  # node address by name
@@ -139,11 +139,11 @@ class Graph:
         self._subscribed: dict[str, list[str]] = {}
 
     def missing(self, command_topic: str) -> str | None:
-        """Name something for which the start of the mission waits, or return None."""
+        """Name something that the start of the mission waits for, or return None."""
         try:
             self._update()
             return self._missing_node(command_topic) or self._missing_connection()
-        except (OSError, Error, MasterException) as error:  # a node starts or ends
+        except (OSError, Error, MasterException) as error:  # a node is starting or exiting
             return f"a node does not answer: {error}"
 
     def publisher(self, topic: str, kinds: tuple[str, ...]) -> tuple[str, str] | None:
@@ -160,7 +160,7 @@ class Graph:
         return self._addresses[names[0]], kind
 
     def place(self, connection: Any) -> tuple[int, str]:
-        """Return a sort key by command index, because node names may be random."""
+        """Return a sort key that starts with the command's index; node names may be random."""
         name = connection.endpoint_id
         place = self._places.get(self._addresses.get(name, ""))
         return (-1 if place is None else place), name
@@ -188,20 +188,20 @@ class Graph:
         topics = {publisher.resolved_name for publisher in self._publishers}
         topics -= {"/clock"}  # every node subscribes to the clock
         if not any(self._subscribed.get(topic) for topic in topics):
-            return f"no node listens to {', '.join(sorted(topics))}"
+            return f"no node subscribes to {', '.join(sorted(topics))}"
         return None
 
     def _missing_connection(self) -> str | None:
         for publisher in self._publishers:
             topic = publisher.resolved_name
             if publisher.get_num_connections() != len(self._subscribed.get(topic, [])):
-                return f"a node is not yet connected with {topic}"
+                return f"a node is not yet connected to {topic}"
         # Connections between nodes count, because earlier messages would be lost.
         connected = self._connections()
         for topic, names in self._subscribed.items():
             for name in names:
                 if connected.get((name, topic), 0) < len(self._published.get(topic, [])):
-                    return f"{name} is not yet connected with all publishers of {topic}"
+                    return f"{name} is not yet connected to all publishers of {topic}"
         return None
 
     def _connections(self) -> dict[tuple[str, str], int]:

@@ -1,7 +1,7 @@
-"""The bridge to ROS 2, which flies one mission with the user's nodes in lock-step.
+"""The bridge to ROS 2, which runs one mission with the user's nodes in lock-step.
 
-It runs in the user's ROS Python and needs the standard library and rclpy with its messages.
-plugins/ros/README.md describes topics, parameters and the lock-step.
+The bridge runs in the user's ROS Python, and needs the standard library and rclpy with its
+messages. plugins/ros/README.md describes the topics, parameters and lock-step.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 NEEDED = ("rclpy", "geometry_msgs", "nav_msgs", "sensor_msgs", "rosgraph_msgs")
 ADVICE = ", and source /opt/ros/DISTRIBUTION/setup.bash before evoros"
 GRAPH_PAUSE_S, LOOK_S = 0.05, 0.0002
-"""Pauses between looks. Only the nodes know their connections with each other, and Fast DDS repeats
+"""Pauses between checks [s]. Only the nodes know the connections between them, and Fast DDS repeats
 lost discovery messages after a third of a second."""
 
 
@@ -51,12 +51,14 @@ class Mission:
     """One mission with ROS 2 nodes."""
 
     def __init__(self, conversation: Conversation, rest: Rest, until: float) -> None:
-        """Start the nodes and join the graph; the nodes start while this process imports rclpy."""
+        """Start the nodes and join the graph; rclpy is imported while the nodes start."""
         self._conversation, briefing = conversation, conversation.briefing
         try:
-            self._claim = set_environment(briefing["ros"]["isolate"])  # held to the end
+            self._claim = set_environment(
+                briefing["ros"]["isolate"]
+            )  # held until this process exits
         except OSError as error:
-            conversation.refuse(f"controller: this system cannot fly ROS 2 ({error})")
+            conversation.refuse(f"controller: this system cannot run ROS 2 missions ({error})")
         self._crew = Crew(conversation, rest, lambda: start_nodes(briefing))
         self._options = self._crew.options
         graph = import_module(".ros2_graph", __package__)
@@ -70,7 +72,7 @@ class Mission:
         self._reports: ros2_graph.Incoming | None = None  # mode reports
 
     def connect(self, until: float) -> None:
-        """Wait until all nodes are connected and at rest; discard earlier messages."""
+        """Wait until all nodes are connected and at rest; discard messages from before that."""
         while self._missing() is not None or not self._steady():
             self._crew.require_start(until, self._missing)
             time.sleep(PAUSE_S)
@@ -81,7 +83,7 @@ class Mission:
         self._hear()
 
     def _missing(self) -> str | None:
-        """Connect to the nodes that publish commands and modes; name a missing connection."""
+        """Connect to the nodes that publish commands and modes; name any missing connection."""
         topics = self._options["topics"]
         missing = self._graph.missing(topics["command"])
         if missing is not None:
@@ -121,18 +123,18 @@ class Mission:
             self._crew.answer(commands)
 
     def _deliver(self, together: list[tuple[str, Any]], until: float) -> None:
-        """Publish to each group of nodes in turn, after the previous one has come to rest."""
+        """Publish to each group of nodes in turn, once the previous group has come to rest."""
         for outlet in self._graph.outlets:
             outlet.deliver(together, lambda: self._crew.require_rest(until))
 
     def _hear(self) -> list[Any]:
-        """Return the commands that have arrived, and note the mode."""
+        """Return the commands that have arrived, and store the reported mode."""
         for message in [] if self._reports is None else self._reports.fetch():
             self._crew.modes.report(message.data)
         return [] if self._commands is None else self._commands.fetch()
 
     def _await_command(self, until: float) -> list[Any]:
-        """Return the first command and any others before the next rest."""
+        """Wait for a command; return it with any others that arrive before the nodes rest."""
         commands: list[Any] = []
         while not commands:
             time.sleep(LOOK_S)
@@ -145,5 +147,5 @@ class Mission:
 
 
 def main() -> None:
-    """Fly one mission."""
+    """Run one mission."""
     fly_mission("ROS 2", NEEDED, ADVICE, Mission)

@@ -21,13 +21,13 @@ NAME = "evoros"  # name of this process in the graph
 SPIN_S = 0.02
 DEPTH = 100  # maximum number of commands kept in one tick
 UNKNOWN = "_NODE_NAME_UNKNOWN_"  # rmw_dds_common
-EACH = QoSProfile(depth=10)  # reliable and volatile, also for best-effort subscriptions
+EACH = QoSProfile(depth=10)  # reliable and volatile; suits best-effort subscriptions, too
 KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Qualities of service; ``KEPT`` is for the goal and the route, which are published rarely."""
+"""QoS profiles; ``KEPT`` is for the goal and the route, which are published rarely."""
 
 
 def stamp(seconds: int, nanoseconds: int) -> Any:
-    """Return a time for messages."""
+    """Return a ROS time for messages."""
     return Time(sec=seconds, nanosec=nanoseconds)
 
 
@@ -50,16 +50,16 @@ class Outlet:
     def arrange(self) -> None:
         """Find the order of the node's subscriptions, once it is connected.
 
-        An executor runs ready callbacks in this order, regardless of arrival. Messages published in
-        that order therefore always reach the callbacks in order. Several nodes may have different
-        orders, so they receive each message at rest.
+        An executor runs ready callbacks in this order, whatever the order of arrival. Therefore,
+        messages published in this order always reach the callbacks in order. Several nodes may
+        have different orders, so they receive each message at rest.
         """
         infos = {
             topic: self._node.get_subscriptions_info_by_topic(publisher.topic_name)
             for topic, publisher in self._publishers.items()
         }
         self._one_by_one = any(len(subscriptions) > 1 for subscriptions in infos.values())
-        # Bytes 12 to 15 of the identifier number the subscriptions of a node.
+        # Bytes 12 to 15 of the identifier are the number of the subscription in a node.
         self._order = {
             topic: bytes(subscription.endpoint_gid[12:16])
             for topic, subscriptions in infos.items()
@@ -85,23 +85,20 @@ class Outlet:
         return publisher is not None and publisher.get_subscription_count() > 0
 
     def names(self) -> list[str]:
-        """Return the topic names that the nodes of the group use."""
+        """Return the topic names that the group's nodes use."""
         return [publisher.topic_name for publisher in self._publishers.values()]
 
     def missing(self) -> str | None:
-        """Name a connection or a node that the group lacks, or return None."""
+        """Name a connection or node that the group still lacks, or return None."""
         if self._commands and self._listening(CLOCK) < len(self._commands):
             names = " or ".join(shlex.join(command) for command in self._commands)
             return (
-                f"{names} has started no node that follows the simulated time, for which it needs "
-                f"the parameters of evoros; pass their file to a launch file as {{parameters}}"
+                f"{names} has started no node that follows simulated time; give the nodes the "
+                f"parameter file of evoros, which is passed to a launch file as {{parameters}}"
             )
         for topic, publisher in self._publishers.items():
             if publisher.get_subscription_count() != self._listening(topic):
-                return (
-                    f"a node does not connect with {topic}; subscribe there with the qualities of "
-                    f"service reliable and volatile"
-                )
+                return f"a node does not connect to {topic}; subscribe with reliable, volatile QoS"
         return None
 
     def _listening(self, topic: str) -> int:
@@ -109,10 +106,10 @@ class Outlet:
 
 
 class Incoming:
-    """The messages of one publisher, which the bridge fetches without a thread."""
+    """The messages from one publisher, which the bridge fetches without a thread."""
 
     def __init__(self, node: Any, topic: str, publisher: Any) -> None:
-        """Subscribe to the topic with the reliability of its publisher.
+        """Subscribe to the topic with the publisher's reliability.
 
         Raises:
             ValueError: this Python lacks the message type.
@@ -131,7 +128,7 @@ class Incoming:
         )
 
     def connected(self) -> bool:
-        """Return True if the publisher is matched, or always on Humble, which cannot report it."""
+        """Return True if the publisher is matched, or if unknown because this is Humble."""
         count = getattr(self._subscription, "get_publisher_count", None)
         return count is None or count() > 0
 
@@ -145,12 +142,12 @@ class Incoming:
 
 
 class Graph:
-    """The nodes of a mission and their connections."""
+    """The nodes of a mission, and the connections between them."""
 
     def __init__(
         self, groups: list[Group], kinds: Mapping[str, type], kept: Collection[str]
     ) -> None:
-        """``kinds`` has the message type of each topic; ``kept`` topics keep their last message."""
+        """``kinds`` maps topics to message types; ``kept`` topics keep their last message."""
         rclpy.init(args=[])
         self._node = rclpy.create_node(
             NAME, use_global_arguments=False, enable_rosout=False, start_parameter_services=False
@@ -158,14 +155,14 @@ class Graph:
         self._clients: dict[str, Any] = {}  # one per node
         self._answers: dict[str, Any] = {}
         self._topics = sorted(kinds.keys() - {CLOCK})  # every node subscribes to the clock
-        # Nodes also exchange transforms, so this topic has no prefix.
+        # Nodes exchange transforms with one another, too, so this topic has no prefix.
         shared = {topic: kind for topic, kind in kinds.items() if topic == TRANSFORMS}
         others = {topic: kind for topic, kind in kinds.items() if topic != TRANSFORMS}
         self.outlets = [Outlet(self._node, Group("", []), shared, kept)]
         self.outlets += [Outlet(self._node, group, others, kept) for group in groups]
 
     def missing(self, command_topic: str) -> str | None:
-        """Name something for which the start of the mission waits, or return None."""
+        """Name something that the start of the mission waits for, or return None."""
         for outlet in self.outlets:
             missing = outlet.missing()
             if missing is not None:
@@ -173,15 +170,15 @@ class Graph:
         if not self._node.count_publishers(command_topic):
             return f"no node publishes on {command_topic}"
         if not any(outlet.hears(topic) for outlet in self.outlets for topic in self._topics):
-            return f"no node listens to {', '.join(self._topics)}"
+            return f"no node subscribes to {', '.join(self._topics)}"
         return None
 
     def unanswered(self) -> str | None:
         """Ask each node for a parameter; name a node that has not answered, or return None.
 
-        This process knows its connections with a node, but only an answer proves that the node
-        knows them. A node learns of connections in the order of their creation, and the service
-        that asks it is created last.
+        This process knows its connections to a node, but only an answer proves that the node knows
+        them. A node learns of connections in the order of their creation, and the client that
+        asks is created last.
         """
         for name, namespace in sorted(self._listeners()):
             if name == UNKNOWN:
@@ -190,20 +187,20 @@ class Graph:
             services = self._node.get_service_names_and_types_by_node(name, namespace)
             asked = f"{place}/get_parameters" in dict(services)
             if asked and not self._has_answered(place):
-                return f"the node {place} does not answer; make it spin"
+                return f"the node {place} does not answer; make the node spin"
         return None
 
     def _listeners(self) -> set[tuple[str, str]]:
         """Return the name and namespace of each node that subscribes to this process.
 
-        The graph learns first of a node's services, then of its connections, then of its name.
+        The graph first learns a node's services, then its connections, then its name.
         """
         topics = [topic for outlet in self.outlets for topic in outlet.names()]
         listening = [self._node.get_subscriptions_info_by_topic(topic) for topic in topics]
         return {(node.node_name, node.node_namespace) for nodes in listening for node in nodes}
 
     def _has_answered(self, place: str) -> bool:
-        """Ask a node once; return True if its answer has arrived."""
+        """Ask a node once; return True if the answer has arrived."""
         if place not in self._clients:
             service = f"{place}/get_parameters"
             self._clients[place] = self._node.create_client(GetParameters, service)
@@ -219,7 +216,7 @@ class Graph:
     ) -> Incoming | None:
         """Connect to the node that publishes on a topic, or return None if there is none.
 
-        An existing connection ``connected`` stays; a second publisher may appear later.
+        An existing connection ``connected`` is kept; a second publisher may still appear.
 
         Raises:
             ValueError: there are several publishers, or the type is not in ``kinds``.

@@ -1,6 +1,6 @@
-"""Commands, parameters and environment of the ROS 2 nodes.
+"""The commands, parameters and environment of the ROS 2 nodes.
 
-Standard library only, because the nodes start before this process imports rclpy.
+Uses only the standard library, because the nodes start before this process imports rclpy.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 PARAMETERS, PLACEHOLDER = "parameters.yaml", "{parameters}"
 ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY")
-"""Variables that lead to nodes on other machines, or that a newer variable replaces."""
+"""Variables that lead to nodes on other machines, or that newer variables have replaced."""
 BEFORE_RANGES = ("foxy", "galactic", "humble")  # no ROS_AUTOMATIC_DISCOVERY_RANGE yet
 FAST, PROFILE = "rmw_fastrtps", "local.xml"
 LOCAL = """<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
@@ -37,20 +37,20 @@ LOCAL = """<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles
   </participant>
 </profiles>
 """
-"""Keeps Fast DDS on this machine, without shared memory, because its files remain after a kill.
-ROS's setting for this machine alone always uses shared memory."""
+"""A profile that keeps Fast DDS on this machine, without shared memory, whose files would remain
+after a kill. ROS's own setting for localhost always uses shared memory."""
 FIRST_PORT, PORTS_PER_DOMAIN, DOMAINS = 7400, 250, 101  # DDS ports below Linux's ephemeral ports
 
 
 class Group(NamedTuple):
-    """The nodes of one command or of all launch files, which receive a message together.
+    """The nodes of one command, or of all launch files, which receive each message together.
 
-    A DDS publisher reaches all subscriptions to its topic. Groups that receive a message in turn
-    therefore use different topic names, distinguished by ``prefix``.
+    A DDS publisher reaches all subscriptions to a topic. Therefore, groups that receive a message
+    in turn use different topic names, with different values of ``prefix``.
     """
 
     prefix: str
-    commands: list[list[str]]  # commands in the configuration
+    commands: list[list[str]]  # commands as configured
 
 
 def topic_names(briefing: dict[str, Any]) -> list[str]:
@@ -61,7 +61,7 @@ def topic_names(briefing: dict[str, Any]) -> list[str]:
 
 
 def group(commands: list[list[str]]) -> list[Group]:
-    """Divide the commands into groups, in their order."""
+    """Divide the commands into groups, keeping their order."""
     groups: dict[str, Group] = {}
     for index, command in enumerate(commands):
         prefix = _prefix(commands, index)
@@ -75,13 +75,13 @@ def _prefix(commands: list[list[str]], index: int) -> str:
 
 
 def takes_arguments(command: list[str]) -> bool:
-    """Return True if a command is a node, which takes ROS arguments, and not a launch file."""
+    """Return True if a command is a node, which takes ROS arguments, rather than a launch file."""
     launches = os.path.basename(command[0]) == "ros2" and command[1:2] == ["launch"]
     return not launches and PLACEHOLDER not in " ".join(command)
 
 
 def complete(commands: list[list[str]], topics: list[str]) -> list[list[str]]:
-    """Return the commands with the arguments for parameters and topic names."""
+    """Return the commands with added arguments for parameters and topic names."""
     path = os.path.abspath(PARAMETERS)
     completed = []
     for index, command in enumerate(commands):
@@ -96,7 +96,7 @@ def complete(commands: list[list[str]], topics: list[str]) -> list[list[str]]:
 
 
 def write_parameters(briefing: dict[str, Any]) -> None:
-    """Write the file with the parameters of all nodes.
+    """Write the parameter file for all nodes.
 
     Raises:
         ValueError: ROS 2 does not support a value.
@@ -117,7 +117,7 @@ def write_parameters(briefing: dict[str, Any]) -> None:
 
 
 def _describe_mission(briefing: dict[str, Any]) -> dict[str, Any]:
-    """Return the mission as parameters; ROS 2 has no lists of lists or of mappings."""
+    """Return the mission as parameters, without lists of lists or mappings, which ROS 2 lacks."""
     sensors = briefing["sensors"]
     return {
         "seed": briefing["seed"],
@@ -134,7 +134,7 @@ def _describe_mission(briefing: dict[str, Any]) -> dict[str, Any]:
 
 
 def _real(value: Any) -> Any:
-    """Convert numbers to float, because ROS 2 distinguishes integers."""
+    """Convert numbers to float, because ROS 2 distinguishes integers from floats."""
     if isinstance(value, list):
         return [_real(item) for item in value]
     return value if isinstance(value, str) else float(value)
@@ -147,13 +147,13 @@ def _checked(name: str, value: Any) -> Any:
     if len(kinds) != 1 or not kinds <= {bool, int, float, str}:
         raise ValueError(
             f"controller.parameters.{name}: must be a number, a string, true or false, or a list "
-            f"of one of these kinds, as ROS 2 demands, not {json.dumps(value)}; change it"
+            f"of one of these types, as ROS 2 demands, not {json.dumps(value)}; change the value"
         )
     return value
 
 
 def set_environment(isolated: bool) -> object:
-    """Isolate the nodes; return an object that must live as long as they do.
+    """Isolate the nodes; return an object that must live as long as the nodes.
 
     Raises:
         OSError: no domain is free.
@@ -169,7 +169,7 @@ def set_environment(isolated: bool) -> object:
             file.write(LOCAL)
         for name in ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE"):
             os.environ[name] = os.path.join(folder, PROFILE)
-        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"  # limited by the profile
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"  # the profile limits it
     elif old:
         os.environ["ROS_LOCALHOST_ONLY"] = "1"
     else:
@@ -178,13 +178,13 @@ def set_environment(isolated: bool) -> object:
 
 
 def _free_domain() -> tuple[int, object]:
-    """Return an unused domain and the socket that claims it."""
+    """Return an unused domain, and the socket that claims the domain."""
     for shift in range(DOMAINS):
         domain = 1 + (os.getpid() + shift) % DOMAINS
         claim = socket.socket(socket.AF_UNIX)
         try:
             claim.bind(f"\0evoros-ros-domain-{domain}")
-            for port in (0, 10, 11):  # discovery and first participant
+            for port in (0, 10, 11):  # discovery, and the first participant
                 with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
                     any_socket.bind(("", FIRST_PORT + PORTS_PER_DOMAIN * domain + port))
             return domain, claim

@@ -1,4 +1,4 @@
-"""Detect whether a thread of another process waits. Standard library only; Linux."""
+"""Detect whether a thread waits. Needs Linux and the standard library only."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ import threading
 import time
 
 # asm/unistd.h: clock_nanosleep, nanosleep. Threads at rest also sleep, as in rospy.spin(), so the
-# duration of a sleep must be known, which only the memory of the thread holds.
+# duration of a sleep must be known, which is found only in the thread's memory.
 _SLEEPING = {"x86_64": "230 35", "aarch64": "115 101"}
 CLOCK_SLEEP, SLEEP = _SLEEPING.get(os.uname().machine, "none none").encode().split()
 UNTIL = 1  # linux/time.h: TIMER_ABSTIME
 NOWHERE = b"0"  # value of wchan
-ASLEEP, ENDED = b"S", (b"Z", b"X")  # values of stat
-UNTOLD = b"0 0 0\n"  # value of schedstat without statistics
+ASLEEP, ENDED = b"S", (b"Z", b"X")  # states in stat
+UNTOLD = b"0 0 0\n"  # content of schedstat on a kernel without statistics
 PLACE_BYTES = 64
 """Maximum length of a kernel function's name."""
 SHORT_S = 0.001
-"""A thread that sleeps for less is at work. Publishers of rospy call time.sleep(0), which lasts up
-to the timer slack of the kernel, 50 us."""
+"""Duration of a sleep below which a thread counts as working. rospy's publishers call
+time.sleep(0), which lasts up to the kernel's timer slack of 50 us."""
 TRIAL_LOOKS, TRIAL_PAUSE_S = 20, 0.0002
-"""Maximum number of looks at a thread that soon waits, and the pause between them [s]."""
+"""Maximum number of checks of a thread that will soon wait, and the pause between checks [s]."""
 
 
 class WatchedThread:
-    """The open files of a thread in /proc and their last contents."""
+    """A thread's open files in /proc, and their last contents."""
 
     def __init__(self, pid: int, tid: int) -> None:
         """Open the files.
 
         Raises:
-            FileNotFoundError, ProcessLookupError: the thread has ended.
+            FileNotFoundError, ProcessLookupError: the thread has exited.
         """
         self.pid, self.tid = pid, tid
         self._files: list[int] = []
@@ -49,7 +49,7 @@ class WatchedThread:
 
     @property
     def numbers(self) -> tuple[int, int]:
-        """Numbers of the process and the thread."""
+        """The ids of the process and the thread."""
         return self.pid, self.tid
 
     def close(self) -> None:
@@ -58,26 +58,26 @@ class WatchedThread:
             os.close(file)
 
     def waits(self, tells_places: bool) -> bool:
-        """Return True if the thread waits for an outside event or has ended.
+        """Return True if the thread waits for an outside event or has exited.
 
-        Without ``tells_places``, the call is read before the state; see ``rest``.
+        Without ``tells_places``, the system call is read before the state; see ``rest``.
 
         Raises:
-            PermissionError: the process cannot be watched; the error has the name of the file.
+            PermissionError: the process cannot be watched; the error holds the file's name.
         """
         place = os.pread(self._place, PLACE_BYTES, 0) if tells_places else b""
         if place and place == self._known_place:
             return True
         runs = os.pread(self._runs, 128, 0)
         if place not in (b"", NOWHERE) and runs == self._sleep[0]:
-            return self._sleep[1] - time.monotonic() > SHORT_S  # not run since
+            return self._sleep[1] - time.monotonic() > SHORT_S  # it has not run since
         call, *arguments = self._read_call()
         state = self._read_state()
         if state != ASLEEP or place == NOWHERE or call == b"running":  # includes stopped threads
             return state in ENDED
         if call in (CLOCK_SLEEP, SLEEP):
             left = self._sleeps_for(call, arguments)
-            if self._read_call() != [call, *arguments]:  # the memory may be newer
+            if self._read_call() != [call, *arguments]:  # the memory may have changed since
                 return False
             self._sleep = (runs if runs != UNTOLD else b"", time.monotonic() + left)
             return left > SHORT_S
@@ -89,14 +89,14 @@ class WatchedThread:
         clock, flags, at = 0, 0, int(arguments[0], 16)
         if call == CLOCK_SLEEP:
             clock, flags, at = (int(argument, 16) for argument in arguments[:3])
-        # An exec replaces the memory, so the file is opened each time.
+        # The file is opened each time, because an exec replaces the memory.
         with open(f"/proc/{self.pid}/mem", "rb", buffering=0) as memory:
             seconds, nanoseconds = struct.unpack("qq", os.pread(memory.fileno(), 16, at))
         left: float = seconds + 1e-9 * nanoseconds
         return left - (time.clock_gettime(clock) if flags == UNTIL else 0.0)
 
     def _read_call(self) -> list[bytes]:
-        """Return the number and arguments of the thread's system call, or ``running``."""
+        """Return the number and arguments of the thread's system call; ``running`` if it runs."""
         try:
             return os.pread(self._call, 192, 0).split()
         except PermissionError as error:
@@ -110,9 +110,9 @@ class WatchedThread:
 
 
 def tells_places() -> bool:
-    """Return True if the kernel names the place where a thread waits, but none once it is woken.
+    """Return True if the kernel names where a thread waits, and stops once the thread is woken.
 
-    It does so from version 5.16 on, if it has the names of its functions.
+    This needs Linux 5.16 or later, built with the names of kernel functions.
     """
     version = re.match(r"(\d+)\.(\d+)", os.uname().release)
     if version is None or tuple(map(int, version.groups())) < (5, 16):

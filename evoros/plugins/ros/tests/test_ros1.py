@@ -188,9 +188,9 @@ def test_ackermann_commands_are_taken_where_there_are_such_messages(tmp_path: Pa
         ({"answer": "never"}, "answer: must be one of rest, each"),
         (
             {"topics": {**name_topics("/goal"), "range": "/a"}},
-            "topics: must be strings that begin with /",
+            "topics: must be strings that start with /",
         ),
-        ({"topics": {"command": "/cmd_vel"}}, "topics: must be strings that begin with /"),
+        ({"topics": {"command": "/cmd_vel"}}, "topics: must be strings that start with /"),
     ],
 )
 def test_a_wrong_setting_is_refused_before_a_run(change: dict[str, Any], message: str) -> None:

@@ -25,11 +25,11 @@ def _nothing_remains() -> Iterator[None]:
 
 
 FAULTS = {
-    "dies": (PilotLost, r"faulty.py'? dies ended with exit status 7"),
+    "dies": (PilotLost, r"faulty.py'? dies exited with status 7"),
     "closes": (PilotLost, r"a node no longer publishes on /cmd_vel"),
     "stops": (PilotLost, r"did not come to rest: .*faulty.py'? stops"),
     "spins": (PilotLost, r"did not come to rest: .*faulty.py'? spins"),
-    "hides": (PilotLost, r"must let evoros see .* unlike .*faulty.py'? hides"),
+    "hides": (PilotLost, r"cannot see what the process .*faulty.py'? hides waits for"),
     "nan": (SimulationError, r"NaN.* at 1.9 s; it must answer"),
     "infinite": (SimulationError, r"Infinity.* at 1.9 s; it must answer"),
     "mode": (SimulationError, r"dancing.* at 1.9 s; it must answer"),
@@ -70,11 +70,11 @@ NO_ROS: dict[str, Any] = {"python": sys.executable}
 QUICK: dict[str, Any] = {"start_limit_s": 10.0}
 REFUSED: dict[str, tuple[list[str], dict[str, Any], str]] = {
     "no rospy": (node("avoid", "rate"), NO_ROS, "controller.python: must be a Python with ROS 1"),
-    "no command": ([str(NODES / "avoid.py")], {}, "must be commands that this system can execute"),
+    "no command": ([str(NODES / "avoid.py")], {}, "controller.nodes: this system cannot execute"),
     "no node": (node("faulty", "no_node"), QUICK, "no_node has started no node"),
-    "deaf": (node("faulty", "deaf"), QUICK, "no node listens to /move_base_simple/goal, /odom"),
+    "deaf": (node("faulty", "deaf"), QUICK, "no node subscribes to /move_base_simple/goal, /odom"),
     "mute": (node("avoid", "rate", "/wish"), QUICK, "no node publishes on /cmd_vel"),
-    "point": (node("faulty", "point"), {}, "/cmd_vel: its messages must be Twist or"),
+    "point": (node("faulty", "point"), {}, "/cmd_vel: messages must be Twist or"),
     "parameter": (
         node("avoid", "rate"),
         {"parameters": {"gain": None}},
@@ -101,10 +101,10 @@ def test_nodes_that_cannot_control_are_refused_in_one_line(
 
 def test_two_nodes_that_command_are_refused_by_their_names() -> None:
     two = controller(node("avoid", "rate"), node("limit"))
-    with pytest.raises(LaunchError, match=r"/cmd_vel: one node must publish there, not 2 \(/avoid"):
+    with pytest.raises(LaunchError, match=r"/cmd_vel: must have one publisher, not 2 \(/avoid"):
         fly(two)
 
 
 def test_a_node_that_fails_at_its_start_says_why() -> None:
-    with pytest.raises(PilotLost, match=r"there is no map.*ended with exit status 1"):
+    with pytest.raises(PilotLost, match=r"there is no map.*exited with status 1"):
         fly(faulty("fails"))

@@ -172,7 +172,7 @@ def test_the_mode_is_the_reported_one_and_the_first_before(heard: Heard) -> None
 
 
 FAULTS: dict[str, tuple[type[Exception], str]] = {
-    "dies": (PilotLost, r"faulty.py'? dies ended with exit status 7"),
+    "dies": (PilotLost, r"faulty.py'? dies exited with status 7"),
     "stops": (PilotLost, r"did not come to rest: .*faulty.py'? stops"),
     "spins": (PilotLost, r"did not come to rest: .*faulty.py'? spins"),
     "nan": (SimulationError, r"NaN.* at 1.9 s; it must answer"),
@@ -210,21 +210,21 @@ REFUSED: dict[str, tuple[list[str], dict[str, Any], str]] = {
         {"python": sys.executable},
         "controller.python: must be a Python with ROS 2",
     ),
-    "no command": ([str(NODES / "avoid.py")], {}, "must be commands that this system can execute"),
+    "no command": ([str(NODES / "avoid.py")], {}, "controller.nodes: this system cannot execute"),
     "no node": (node("faulty", "no_node"), QUICK, "no_node has started no node"),
     "wall clock": (
         node("faulty", "wall_clock"),
         QUICK,
-        "has started no node that follows the simulated time",
+        "has started no node that follows simulated time",
     ),
-    "deaf": (node("faulty", "deaf"), QUICK, "no node listens to /goal_pose, /odom, /route"),
+    "deaf": (node("faulty", "deaf"), QUICK, "no node subscribes to /goal_pose, /odom, /route"),
     "mute": (
         [*node("avoid", "rate"), "--ros-args", "-r", "cmd_vel:=wish"],
         QUICK,
         "no node publishes on /cmd_vel",
     ),
     "blocks": (node("faulty", "blocks"), QUICK, "the node /faulty does not answer"),
-    "point": (node("faulty", "point"), {}, "/cmd_vel: its messages must be Twist or"),
+    "point": (node("faulty", "point"), {}, "/cmd_vel: messages must be Twist or"),
     "parameter": (
         node("avoid", "rate"),
         {"parameters": {"gain": [1, "a"]}},
@@ -259,13 +259,13 @@ def test_nodes_that_cannot_control_are_refused_in_one_line(
 def test_two_nodes_that_command_are_refused_by_their_names() -> None:
     two = controller(node("avoid", "callback"), node("limit"))
     with pytest.raises(
-        LaunchError, match=re.escape("must publish there, not 2 (avoider, limiter)")
+        LaunchError, match=re.escape("must have one publisher, not 2 (avoider, limiter)")
     ):
         fly(two)
 
 
 def test_a_node_that_fails_at_its_start_says_why() -> None:
-    with pytest.raises(PilotLost, match=r"there is no map.*ended with exit status 1"):
+    with pytest.raises(PilotLost, match=r"there is no map.*exited with status 1"):
         fly(faulty("fails"))
 
 

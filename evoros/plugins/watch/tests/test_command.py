@@ -18,8 +18,8 @@ from evoros.terminal.console import INTERRUPTED, STOPPED
     ("arguments", "words"),
     [
         (["watch"], "required: FOLDER"),
-        (["watch", "FILE"], "must be a folder, not a file"),
-        (["watch", "FULL"], "must be or contain the folder of a run"),
+        (["watch", "FILE"], "is a file, not a folder"),
+        (["watch", "FULL"], "contains files, but no run, evaluation or sweep"),
         (["watch", "new", "--prot=1"], "--prot=1: is an unexpected argument"),
         (["watch", "new", "--once"], "--once: is an option of evoros status; evoros watch has"),
         (["watch", "new", "--port=x"], "--port: invalid int value: 'x'"),

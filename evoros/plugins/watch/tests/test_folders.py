@@ -193,7 +193,7 @@ def test_missions_flown_again_are_those_that_were_recorded(tmp_path: Path) -> No
     with (run / "missions.csv").open("rb") as missions:
         fcntl.flock(missions, fcntl.LOCK_EX)  # as the process of a run does
         assert flights.update(load_study([run])) == Flown(
-            {"run": recorded}, ["Flown again for this page, as the run keeps none: run."]
+            {"run": recorded}, ["Missions repeated for this page, because the run keeps none: run."]
         )
         flights.close()
         with pytest.MonkeyPatch.context() as patch:
@@ -208,4 +208,4 @@ def test_a_run_that_does_not_run_is_not_flown(tmp_path: Path) -> None:
     flown = Flights().update(study)
     assert not flown.playbacks
     (note,) = flown.notes
-    assert "is not running now" in note
+    assert "is not in progress on this machine" in note
