@@ -81,7 +81,7 @@ class SkidSteer:
     steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
     max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
     # Effective track divided by the geometric one:
-    wheel_separation_multiplier: Annotated[float, POSITIVE]  # as commands assume
+    wheel_separation_multiplier: Annotated[float, POSITIVE]  # assumed by commands
     turning_resistance: Annotated[float, AT_LEAST_ONE]  # actual
 
     @property

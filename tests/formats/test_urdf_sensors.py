@@ -180,7 +180,7 @@ def test_what_an_imu_loses_of_its_noise_is_named_in_one_note() -> None:
     assert sensor.settings["rate_noise.sigma_m"] == 0.2
     assert sensor.settings["rate_bias.sd_m"] == 5.0
     (note,) = sensor.notes
-    for named in ("<angular_velocity>", "dynamic_bias_stddev", "bias_mean", "of stddev between"):
+    for named in ("<angular_velocity>", "dynamic_bias_stddev", "bias_mean", "in stddev between"):
         assert named in note
 
 
