@@ -122,6 +122,7 @@ TEXTS = ("pass", "return 1e308", "1 / 0", "return np.zeros(7)")
 ENTERED = (*OBJECTS, "return nullcontext(None)")
 STARTS = OBJECTS[1:]  # a rule may have neither parameters nor memory
 VALUES = ("values[0] = 'x'", "1 / 0", "values[99] = 1")
+TRUTHS = (*OBJECTS, "return True")
 COMMANDS = ("command[0] = math.nan; return 1", "command[0] = 1e308; return 1")
 
 
@@ -189,7 +190,7 @@ KINDS = {
         _OWN,
         {
             "def launch(self, briefing)": ENTERED,
-            "def exchange(self, time, state, leg, readings, command)": (*OBJECTS, *COMMANDS),
+            "def exchange(self, time, state, leg, readings, command)": (*TRUTHS, *COMMANDS),
             **_properties("files"),
             **_CONTROLLED,
         },
@@ -202,21 +203,21 @@ KINDS = {
             **_static("rule(pose)", ("pose[0] = 'x'", "1 / 0", "pose[9] = 1")),
         },
     ),
-    "fitness": Kind("EquationOne", ("fitness._target_={}",), {"def score(self, _)": OBJECTS}, True),
+    "fitness": Kind("EquationOne", ("fitness._target_={}",), {"def score(self, _)": TRUTHS}, True),
     "measure": Kind(
         "Mass",
         (*_MEASURE, "objectives.mine._target_={}"),
-        {"def compute(self, _)": ("pass", "return 'x'", "1 / 0", "return np.zeros(7)")},
+        {"def compute(self, _)": ("pass", "return 'x'", "1 / 0", "return True")},
     ),
     "confirmation": Kind(
         "Confirmation",
         ("+confirmation._target_={}", _CONFIRMING),
-        {"def confirm_best(self, *_)": (*OBJECTS, "return {99: 1.0}", "return {0: math.nan}")},
+        {"def confirm_best(self, *_)": (*OBJECTS, "return {99: 1.0}", "return {False: 1.0}")},
     ),
     "final choice": Kind(
         "FinalChoice",
         ("final_choice=halving", "final_choice._target_={}"),
-        {"def find_finalists(self, _)": (*OBJECTS, "return [99]", "return []")},
+        {"def find_finalists(self, _)": (*OBJECTS, "return [99]", "return [False]")},
         True,
     ),
     "observer": Kind("Tracker", ("+observers.mine._target_={}",), {"def open(self, run)": ENTERED}),

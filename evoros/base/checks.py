@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from numbers import Real
+from numbers import Integral, Real
 from typing import Annotated, Any, TypeAlias, TypeVar, get_args, get_origin, get_type_hints
 
 from evoros.base.errors import InputError, PartFault
@@ -91,12 +91,25 @@ def list_rules(cls: type) -> Iterator[tuple[str, Rule, bool]]:
 
 def is_number(value: object) -> bool:
     """Return True if a value is a finite real number and not a Boolean."""
-    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    try:
+        return is_real(value) and math.isfinite(value)  # type: ignore[arg-type]
+    except OverflowError:  # an int that no float holds
+        return False
+
+
+def is_real(value: object) -> bool:
+    """Return True if a value is a real number, finite or not, and not a Boolean."""
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def is_whole(value: object) -> bool:
     """Return True if a value is an integer and not a Boolean."""
     return isinstance(value, int) and not isinstance(value, bool)
+
+
+def is_integer(value: object) -> bool:
+    """Return True if a value, also one of numpy, is an integer and not a Boolean."""
+    return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 NUMBER = Rule("a number", is_number)
@@ -118,7 +131,7 @@ NOT_NEGATIVES = Rule(
 )
 SCORE = Rule(  # small enough for squares and sums not to overflow
     "a finite number of at most 1e100 in magnitude",
-    lambda v: isinstance(v, Real) and bool(abs(v) <= 1e100),  # type: ignore[operator]
+    lambda v: is_number(v) and abs(float(v)) <= 1e100,
 )
 FLAG = Rule("true or false", lambda v: isinstance(v, bool))
 

@@ -45,8 +45,9 @@ class AskedSearch:
         return len(ids) == len(value) and all(self._is_point(one.genome) for one in value)
 
     def _is_point(self, genome: object) -> bool:
-        numbers = isinstance(genome, np.ndarray) and genome.shape == (self.size,)
-        return bool(numbers and np.all((genome >= 0.0) & (genome <= 1.0)))  # type: ignore[operator]
+        if not isinstance(genome, np.ndarray) or genome.dtype.kind not in "fiu":
+            return False
+        return genome.shape == (self.size,) and bool(np.all((genome >= 0.0) & (genome <= 1.0)))
 
     def _are_candidates(self, value: object) -> bool:
         rows = value if isinstance(value, list | tuple) else ()

@@ -3,9 +3,8 @@
 import math
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
-from numbers import Real
 
-from evoros.base.checks import SCORE, Rule, ask
+from evoros.base.checks import SCORE, Rule, ask, is_real
 from evoros.base.combining import mean
 from evoros.base.errors import InputError
 from evoros.design.design import Design
@@ -23,7 +22,7 @@ from evoros.robot.model import Robot
 from evoros.terminal.activity import announce
 from evoros.terminal.log import LOGGER
 
-A_NUMBER = Rule("a number", lambda v: isinstance(v, Real))
+A_NUMBER = Rule("a number", is_real)
 
 
 @dataclass

@@ -5,7 +5,9 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,6 +15,8 @@ from hypothesis import strategies as st
 from evoros.base.checks import SCORE, ask
 from evoros.base.errors import InputError
 from evoros.cli.main import evoros
+from evoros.evolution.asked_search import AskedSearch
+from evoros.optimizer.protocol import Individual
 from evoros.terminal.console import INPUT, STOPPED
 
 HEAD = """
@@ -136,15 +140,34 @@ def mend_and_resume(module: Path, fault: str, told: str) -> None:
     subprocess.run([sys.executable, "-m", *typed], check=True, capture_output=True)
 
 
-@given(st.one_of(st.none(), st.text(), st.floats(), st.lists(st.floats()), st.complex_numbers()))
+NOT_SCORES = (True, np.True_, np.zeros(1), np.float32("inf"), np.float16("-inf"), 10**400, "1")
+
+
+@given(
+    st.one_of(
+        *(st.none(), st.floats(), st.lists(st.floats()), st.complex_numbers()),
+        *(st.sampled_from(NOT_SCORES), st.floats(width=32).map(np.float32)),
+    )
+)
 def test_scores_are_numbers_whose_squares_and_sums_are_finite(value: object) -> None:
     class Own:
         def score(self, _: object) -> object:
             return value
 
-    if isinstance(value, float) and abs(value) <= 1e100:
+    if isinstance(value, float | np.float32) and abs(float(value)) <= 1e100:
         number = ask("fitness", Own().score, SCORE, ())
-        assert math.isfinite(math.fsum([number**2] * 1000))
+        assert math.isfinite(math.fsum([float(number) ** 2] * 1000))
         return
     with pytest.raises(InputError, match=r"^fitness: Own\.score must return a finite number"):
         ask("fitness", Own().score, SCORE, ())
+
+
+@pytest.mark.parametrize("kind", [bool, complex, object])
+def test_genes_of_another_kind_than_numbers_are_refused(kind: type) -> None:
+    class Own:
+        def ask(self) -> list[Individual]:
+            return [Individual(0, np.zeros(3).astype(kind), (), "initial")]
+
+    search: Any = Own()
+    with pytest.raises(InputError, match=r"^optimizer: Own\.ask must return a list of individ"):
+        AskedSearch(search, 3).ask()
