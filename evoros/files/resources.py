@@ -26,13 +26,14 @@ def expand_home(path: str | Path) -> Path:
 
 
 _POINTER = b"version https://git-lfs.github.com/spec/"
+_PAGES = b"<!doctype html", b"<html"
 
 
 def read_file(path: Path) -> bytes:
     """Read a file named by a user or a description.
 
     Raises:
-        InputError: the file cannot be read, or Git LFS has not fetched it.
+        InputError: the file cannot be read, Git LFS has not fetched it, or it is a web page.
     """
     try:
         content = path.read_bytes()
@@ -45,6 +46,10 @@ def read_file(path: Path) -> bytes:
         raise InputError(f"{path}: cannot be read ({error.strerror}); {fix}") from error
     if content.startswith(_POINTER):
         raise InputError(f"{path}: is only a Git LFS pointer to the file; type git lfs pull")
+    if content[:200].lstrip().lower().startswith(_PAGES):
+        raise InputError(
+            f"{path}: is a web page in place of the file; download the raw file instead"
+        )
     return content
 
 

@@ -2,9 +2,11 @@
 
 import csv
 from collections.abc import Iterator, Sequence
+from io import StringIO
 from pathlib import Path
 
 from evoros.base.errors import InputError
+from evoros.files.resources import read_file
 from evoros.formats.strict_xml import quote
 
 
@@ -20,22 +22,19 @@ def read_rows(
             repeated.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = csv.reader(file, strict=True)
-            names = [name.strip() for name in next(rows, [])]
-            _check_columns(path, names, required, optional)
-            for row in rows:
-                if len(row) not in (0, len(names)):
-                    raise InputError(
-                        f"{path}: line {rows.line_num}: must have {len(names)} cells, like the "
-                        f"first line, not {len(row)}; add or delete cells"
-                    )
-                if row:
-                    cells = (" ".join(cell.split()) for cell in row)
-                    yield rows.line_num, dict(zip(names, cells, strict=True))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; correct the path") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        rows = csv.reader(StringIO(read_file(path).decode("utf-8-sig"), newline=""), strict=True)
+        names = [name.strip() for name in next(rows, [])]
+        _check_columns(path, names, required, optional)
+        for row in rows:
+            if len(row) not in (0, len(names)):
+                raise InputError(
+                    f"{path}: line {rows.line_num}: must have {len(names)} cells, like the "
+                    f"first line, not {len(row)}; add or delete cells"
+                )
+            if row:
+                cells = (" ".join(cell.split()) for cell in row)
+                yield rows.line_num, dict(zip(names, cells, strict=True))
+    except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: must be a CSV file in UTF-8 ({error}); convert it") from error
 
 

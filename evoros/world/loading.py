@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from evoros.base.errors import InputError
-from evoros.files.resources import find_file
+from evoros.files.resources import find_file, read_file
 from evoros.formats.lenient_xml import is_xacro
 from evoros.formats.sdf.links import Inertia
 from evoros.formats.sdf.reader import SdfWorld, combine_inertias, read_sdf
@@ -225,7 +225,7 @@ def read_world(
         InputError: a file is missing or unusable.
     """
     path = find_file(sdf, "worlds")
-    content, source = path.read_bytes(), sdf
+    content, source = read_file(path), sdf
     if is_xacro(path, content):
         folders = options.model_paths
         xacro = ReadOptions(

@@ -190,12 +190,6 @@ def test_names_in_latin_1_do_not_matter_whatever_is_installed(
     assert read(tmp_path / name) == read(plain)
 
 
-def test_a_pointer_of_git_lfs_is_named(tmp_path: Path) -> None:
-    pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n"
-    for name in ("a.stl", "a.obj", "a.dae"):
-        assert "type git lfs pull" in refused(write(tmp_path / name, pointer))
-
-
 def test_a_mesh_is_read_once_and_a_damaged_cache_does_not_matter(
     tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
