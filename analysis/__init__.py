@@ -12,11 +12,15 @@ Everything here is imported on first use.
 
 from typing import TYPE_CHECKING
 
+from evoros.files.private import keep_fonts
+
 if __name__ != "evoros.analysis":
     raise ImportError(
         f"{__name__}: the folder analysis/ of evoros is imported as evoros.analysis; your package "
         f"with this name needs an __init__.py and must come before that folder on the path"
     )
+
+keep_fonts()
 
 if TYPE_CHECKING:
     from .api import analyze

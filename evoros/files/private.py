@@ -54,6 +54,18 @@ def private_folder(name: str) -> Path | None:
     return None
 
 
+def keep_fonts() -> None:
+    """Let matplotlib keep its list of fonts here if the user has no home to write in.
+
+    Otherwise, each process would make the list, which takes seconds, and warn.
+    """
+    home = find_home()
+    if home is None or not os.access(home, os.W_OK):
+        folder = private_folder("matplotlib")
+        if folder is not None:
+            os.environ.setdefault("MPLCONFIGDIR", str(folder))
+
+
 def _is_private(folder: Path) -> bool:
     """Return True if only this user can write to the folder."""
     status = folder.stat()
@@ -72,6 +84,13 @@ def is_other_secret(one: str, other: str) -> bool:
     return one[:_ID_DIGITS] == other[:_ID_DIGITS] and one != other
 
 
+def _publish(draft: Path, path: Path) -> None:
+    try:
+        os.link(draft, path)
+    except PermissionError:  # a file system without hard links
+        draft.rename(path)
+
+
 def _read_key() -> bytes:
     """Read the user's key, which is created on first use; without a folder, return a new key."""
     folder, new = private_folder("key"), token_bytes(32)
@@ -82,6 +101,6 @@ def _read_key() -> bytes:
         draft.touch(mode=0o600)
         draft.write_bytes(new)
         with suppress(FileExistsError):  # another process was first
-            os.link(draft, path)
-        draft.unlink()
+            _publish(draft, path)
+        draft.unlink(missing_ok=True)
     return path.read_bytes()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from evoros.files.private import cache_home, find_home, private_folder
+from evoros.files.private import cache_home, find_home, hash_secret, keep_fonts, private_folder
 
 
 @pytest.fixture
@@ -53,3 +53,29 @@ def test_an_unknown_user_of_a_container_leaves_no_folder_named_tilde(
         os._exit(0 if find_home() is None and private_folder("code") else 1)
     assert os.waitpid(child, 0)[1] == 0
     assert [path.name for path in tmp_path.iterdir()] == ["evoros-54321"]
+
+
+def test_a_file_system_without_hard_links_keeps_the_key_of_secrets(
+    without_home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr("os.link", refuse)
+    assert hash_secret("a") == hash_secret("a")
+    (folder,) = without_home.rglob("key*")
+    assert [path.name for path in folder.iterdir()] == ["secrets"]
+
+
+@pytest.mark.parametrize("writable", [True, False])
+def test_only_without_a_home_matplotlib_keeps_its_fonts_among_the_private_files(
+    writable: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MPLCONFIGDIR", "")  # restored afterwards
+    monkeypatch.delenv("MPLCONFIGDIR")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr("os.access", lambda path, _: writable or Path(path) != tmp_path)
+    keep_fonts()
+    kept = str(tmp_path / ".cache" / "evoros" / "matplotlib")
+    assert os.environ.get("MPLCONFIGDIR") == (None if writable else kept)
