@@ -126,7 +126,7 @@ def measure_link(urdf: Urdf, link: str) -> Wheel | None:
 def _find_steering(urdf: Urdf, above: Sequence[Joint]) -> Joint | None:
     """Find the joint that steers a wheel: a vertical one, or a fixed one with a steering name."""
     for joint in above:
-        if joint.type in TURNING and abs(float(urdf.axis_of(joint)[UP])) > ALIGNED:
+        if joint.type in TURNING and abs(float(urdf.axis_of(joint)[UP])) > NEARLY_ALIGNED:
             return joint
     for joint in above:
         if joint.type == "fixed" and _STEERING.search(f"{joint.name} {joint.child}"):

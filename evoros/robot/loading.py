@@ -112,7 +112,7 @@ def _adapt_drive(
     ]
     lines = {
         "joint axes that point right or down are reversed": notes.turned_round,
-        "skewed wheels are aligned with the robot's lateral axis": notes.straightened,
+        "skewed axes of wheels and steering joints are straightened": notes.straightened,
         "wheels are replaced by one cylinder each": notes.reshaped,
         "wheels that mimic another joint get their own motor": notes.mimics,
         f"steering joints without limits stop at {stop:g} rad": notes.stops,

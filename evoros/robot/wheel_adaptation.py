@@ -79,10 +79,14 @@ def _point_left(urdf: Urdf, joint: Joint, named: bool, notes: Notes) -> Array:
         return joint.axis if along > 0.0 else -joint.axis
     if abs(along) < NEARLY_ALIGNED and not named:
         raise misaligned_error(urdf, [joint], "correct the <axis> or the <origin>")
+    _tell_straightened(joint, along, notes)
+    return left
+
+
+def _tell_straightened(joint: Joint, along: float, notes: Notes) -> None:
     if abs(along) < 1.0 - 4e-5:  # half a degree
         angle = math.degrees(elementary.acos(abs(along)))
         notes.straightened.append(f"{joint.name} ({angle:.1f} deg)")
-    return left
 
 
 def _is_plain(urdf: Urdf, joint: Joint, axis: Array) -> bool:
@@ -122,9 +126,10 @@ def adapt_steering(
     rotation = urdf.poses[joint.child].rotation
     up: Array = rotation.T[:, UP]
     along = 1.0 if joint.type == "fixed" else float(urdf.axis_of(joint)[UP])
-    if abs(along) < ALIGNED:
+    if abs(along) < NEARLY_ALIGNED:
         problem = f"joint {name!r} must have a vertical axis (z)"
         raise urdf.error(problem, "turn its <axis> or its <origin>")
+    _tell_straightened(joint, along, notes)
     lower, upper = joint.lower, joint.upper
     stated = find_joint(elements, name).find("limit")
     if stated is not None and joint.type == "revolute" and _is_exchanged(stated):

@@ -46,6 +46,14 @@ def test_steered_wheels_before_others_are_ackermann(kind: str, limit: str, angle
     assert chosen.steering_limit_rad == angle
 
 
+@pytest.mark.parametrize("lean", [0.0, 0.1, 0.35])
+def test_a_car_whose_steering_axes_lean_is_no_skid_steer(lean: float) -> None:
+    """Those of the AutoRally lean by 6 deg, tangent 0.1, and this one's by up to 19 deg."""
+    leaning = steered("revolute", LIMIT).replace(Z, f'<axis xyz="0 {lean} 1"/>')
+    assert leaning.count(f'"0 {lean} 1"') == 2
+    assert isinstance(choose(leaning, REAR), AckermannDescription)
+
+
 def test_fixed_wheels_are_found_by_their_name_and_shape() -> None:
     fixed = "".join(
         wheel(name, xyz, kind="fixed") for name, xyz in (("l", "0 0.1 0.05"), ("r", "0 -0.1 0.05"))

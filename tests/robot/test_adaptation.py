@@ -284,7 +284,7 @@ def test_a_wheel_askew_is_set_across_the_robot_with_its_angle_told(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     robot = load(tmp_path, BASE, slanted(12.0), CASTER, drive=NAMED)
-    line = told(caplog, "skewed wheels")
+    line = told(caplog, "skewed axes")
     assert "left_wheel_joint (12.0 deg), right_wheel_joint (12.0 deg)" in line
     axis = element(robot, "joint[@name='left_wheel_joint']/axis").get("xyz")
     assert [float(x) for x in str(axis).split()] == pytest.approx([0.0, 1.0, 0.0])
@@ -418,7 +418,9 @@ def test_a_centre_of_mass_far_from_the_robot_is_told(
 def test_stops_of_a_steering_in_degrees_are_told(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, limit: float, warns: bool
 ) -> None:
-    stops = f'<axis xyz="0 0 1"/><limit lower="{-limit}" upper="{limit}" effort="1" velocity="1"/>'
+    stops = (
+        f'<axis xyz="0 0.1 1"/><limit lower="{-limit}" upper="{limit}" effort="1" velocity="1"/>'
+    )
     front = "".join(
         link(f"{side}_hinge", INERTIAL.format(0.1, 1e-4))
         + joint(f"{side}_steering", f"{side}_hinge", f"0.2 {y} 0.05", "revolute", stops)
@@ -436,6 +438,7 @@ def test_stops_of_a_steering_in_degrees_are_told(
     robot = load(tmp_path, BASE, WHEELS, front)
     assert isinstance(robot.drive, Ackermann)
     assert any("may be in degrees: left_st" in m for m in caplog.messages) == warns
+    assert "left_steering (5.7 deg), right_steering (5.7 deg)" in told(caplog, "skewed axes")
 
 
 def test_a_mass_of_zero_makes_a_frame(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
