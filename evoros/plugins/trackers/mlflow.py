@@ -112,7 +112,7 @@ class _Connection:
         self.client, self.experiment = client, experiment
         self.id = ""  # MLflow's run id
         self.status = self.digest = ""
-        self.parameters: set[str] = set()
+        self.parameters: dict[str, str] = {}
         self.steps: dict[str, set[int]] = {}
 
     def send(self, run: ObservedRun) -> None:
@@ -141,7 +141,8 @@ class _Connection:
                 tags["mlflow.parentRunId"] = parent.info.run_id
             found = self._find_or_create(RUN, run.id, run.name, run.started_s, tags)
         self.id, self.status = found.info.run_id, found.info.status
-        self.digest, self.parameters = found.data.tags.get(DIGEST, ""), set(found.data.params)
+        self.digest = found.data.tags.get(DIGEST, "")
+        self.parameters = {k: found.data.tags.get(k, v) for k, v in found.data.params.items()}
         for name in found.data.metrics:
             history = self.client.get_metric_history(self.id, name)
             self.steps[name] = {metric.step for metric in history}
@@ -174,13 +175,17 @@ class _Connection:
         self.status = status
 
     def _send_parameters(self, run: ObservedRun) -> None:
+        """Send the parameters; a changed one becomes a tag, since MLflow keeps the first value."""
         from mlflow.entities import Param
 
         values = {_name(key): str(value)[:LONGEST] for key, value in run.parameters.items()}
         missing = [Param(key, v) for key, v in values.items() if key not in self.parameters]
         for begin in range(0, len(missing), MOST_PARAMETERS):
             self.client.log_batch(self.id, params=missing[begin : begin + MOST_PARAMETERS])
-        self.parameters |= values.keys()
+        for key, value in values.items():
+            if self.parameters.get(key, value) != value:
+                self.client.set_tag(self.id, key, value)
+        self.parameters |= values
 
     def _send_metrics(self, metrics: Mapping[str, float], step: int, time_s: float) -> None:
         from mlflow.entities import Metric

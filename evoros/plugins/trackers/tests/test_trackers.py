@@ -2,7 +2,9 @@
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import pytest
@@ -86,6 +88,7 @@ def read_mlflow(origin: Path, run_id: str) -> dict[str, Any]:
         "name": found.info.run_name,
         "started": found.info.start_time,
         "parameters": found.data.params,
+        "changed": {k: v for k, v in found.data.tags.items() if k in found.data.params},
         "metrics": {n: [(m.step, m.value, m.timestamp) for m in h] for n, h in history.items()},
         "files": {name: hash_file(place / name) for name in files},
         "digest": found.data.tags.get("evoros.digest"),
@@ -122,6 +125,16 @@ class TestMlflow(ObserverSuite):
 
     def read(self, run: ObservedRun) -> Any:
         return read_mlflow(run.origin, run.id)
+
+    def test_a_value_that_resuming_changes_is_a_tag(self) -> None:
+        """MLflow keeps the first value of a parameter."""
+        for seed, tags in ((3, {}), (4, {"seed": "4"}), (5, {"seed": "5"}), (3, {"seed": "3"})):
+            run = example_run("resumed", self.database, 1)
+            parameters = MappingProxyType({**run.parameters, "seed": seed})
+            for _ in range(2):  # by two connections
+                shown = self.send(replace(run, parameters=parameters))
+                assert shown["parameters"]["seed"] == "3"
+                assert shown["changed"] == tags
 
 
 @pytest.mark.slow
