@@ -278,10 +278,10 @@ class Careless(Layer, Estimator):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"avoidance": Careless()}, r"Careless\.start: its Lost must .* \(missing .* 'pose'\)"),
+        ({"avoidance": Careless()}, r"Careless\.start: Lost must .* \(missing .* 'pose'\)"),
         (
             {"localization": {"own": Careless()}},
-            r"Careless\.start_estimate: its Lost must .* \(missing .* 'speed'\)",
+            r"Careless\.start_estimate: Lost must .* \(missing .* 'speed'\)",
         ),
     ],
     ids=["layer", "localization"],
