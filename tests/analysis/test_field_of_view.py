@@ -16,6 +16,8 @@ from robot_cases import rover
 from user_parts.comb import Comb
 
 from evoros.analysis.command import evoros_analyze
+from evoros.analysis.report.playback import encode_sensors
+from evoros.analysis.tables.champions import read_champion_sensors
 from evoros.analysis.tables.records import read_record
 from evoros.config.compose import compose
 from evoros.controller.briefing_text import describe_briefing
@@ -98,27 +100,33 @@ def test_a_sensor_that_states_no_field_has_that_of_its_rays(wide: float) -> None
     assert math.degrees(high - low) == pytest.approx(whole)
 
 
+WIDE = {"beam": 27.0, "ray": 0.0, "infrared": 7.5, "zone": 27.0, "lidar": 200.0, "comb": 60.0}
+"""The width [deg] of each sensor of ``design=views``, in its order."""
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("choice", "kind", "fields", "wide"), [CASES[0], CASES[3]])
-def test_a_package_and_a_panel_state_this_field(
-    choice: str, kind: type[Any], fields: dict[str, float], wide: float, tmp_path: Path
-) -> None:
-    asked = [f"design.sensors.sonar.{name}={value}" for name, value in fields.items()]
+def test_whatever_states_a_field_of_view_states_this_one(tmp_path: Path) -> None:
+    """The package's files, the mounting drawing, the panel and the report."""
     run = tmp_path / "run"
-    assert tiny(run, f"sensor@design.sensors.sonar={choice}", *asked) == DONE
-    sensors = read_champion(read_record(run, "run")).sensors
-    assert {sensor.kind.fov_deg for sensor in sensors} == {wide}  # type: ignore[union-attr]
+    more = ("simulator=planar", "controller/avoidance=blind", "optimizer.generations=1")
+    assert tiny(run, "design=views", *more) == DONE
+    record = read_record(run, "run")
     assert evoros_analyze(["deploy", str(run), "--output", str(tmp_path / "src")]) == DONE
     (package,) = (tmp_path / "src").iterdir()
     (parameters,) = yaml.safe_load((package / "config" / "robot.yaml").read_text()).values()
     told = parameters["ros__parameters"]["evoros"]
-    assert list(read_widths(told.values())) == pytest.approx([wide] * len(sensors))
-    assert (package / "README.md").read_text().count(f"| {wide:g} |") == len(sensors)
-    plan = plan_mounting(read_champion(read_record(run, "run")))
-    assert {sensor.fov_deg for sensor in plan.sensors} == {wide}
+    assert list(read_widths(told.values())) == pytest.approx([*WIDE.values()])
+    lines = (package / "README.md").read_text().splitlines()
+    rows = [line.split("|") for line in lines if line.startswith(tuple(f"| `{w}_" for w in WIDE))]
+    assert [float(row[7]) for row in rows] == [*WIDE.values()]
+    plan = plan_mounting(read_champion(record))
+    assert [sensor.fov_deg for sensor in plan.sensors] == [*WIDE.values()]
     out = tmp_path / "out"
     assert evoros_analyze(["panel", str(run), "--output", str(out)]) == DONE
-    assert set(pd.read_csv(out / "panel.csv").fov_deg) == {wide}
+    panel = pd.read_csv(out / "panel.csv")
+    assert panel.fov_deg.tolist() == [*WIDE.values()]
+    drawn = encode_sensors(read_champion_sensors(record))
+    assert [sensor["fov"] for sensor in drawn] == [round(math.radians(w), 4) for w in WIDE.values()]
 
 
 def read_widths(described: Iterable[Any]) -> Iterator[float]:
