@@ -272,7 +272,7 @@ def test_an_injected_regression_is_found(
     assert lost[: lost.sum()].all()  # the worst first
     printed = capsys.readouterr().out
     assert "they differ in controller" in printed
-    assert f"missions {lost.sum()} lost and 0 gained" in printed
+    assert f"missions: {lost.sum()} lost, 0 gained" in printed
     again = re.findall(r"replay in ([AB]): (evoros replay .*)", printed)
     assert [side for side, _ in again] == ["A", "B"] * regression.SHOWN
     outcomes = []
