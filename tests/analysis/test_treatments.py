@@ -207,7 +207,7 @@ def test_conditions_that_no_run_meets_are_one_line(sweep: Path) -> None:
     none = parse_conditions(["effect=silence", "population_size=3"])
     assert not any(select_rows(apart, none, ""))
     folders = [record.path for record in apart]
-    with pytest.raises(InputError, match="none of the 2 runs meets all conditions"):
+    with pytest.raises(InputError, match="none of 2 runs meets all conditions"):
         load_study(folders, ["effect=silence", "population_size=3"])
 
 
