@@ -126,7 +126,9 @@ def _find_resistance(simulator: Simulator, setting: Setting, trial: TrialDrive) 
 def _find_limit(simulator: Simulator, setting: Setting, trial: TrialDrive) -> float | None:
     """Return a lower limit [rad] up to which a skid-steer robot turns as commanded, or None."""
     drive = setting.robot.drive
-    for share in (0.75, 0.5) if isinstance(drive, SkidSteer) else ():
+    if not isinstance(drive, SkidSteer):
+        return None
+    for share in (0.75, 0.5):
         limit = float(f"{share * drive.steering_limit:.2g}")
         changed = dataclasses.replace(drive, steering_limit_rad=limit)
         lower = setting._replace(robot=dataclasses.replace(setting.robot, drive=changed))

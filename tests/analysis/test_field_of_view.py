@@ -10,10 +10,10 @@ import pandas as pd
 import pytest
 import yaml
 from bundled_parts import configured, kinds
+from comb import Comb
 from helpers import tiny
 from lxml import etree
 from robot_cases import rover
-from user_parts.comb import Comb
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.report.playback import encode_sensors

@@ -7,12 +7,12 @@ from functools import cache, partial
 
 import numpy as np
 import pytest
+from comb import Comb
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from planar_cases import experiment, put, rover
 from sensor_cases import start_chain
-from user_parts.comb import Comb
 
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
