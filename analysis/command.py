@@ -72,7 +72,6 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> tuple[list[
 
 
 def _write_product(product: Product, options: argparse.Namespace) -> list[Path]:
-    """Write a product's files into the output folder; return the paths of the files or folders."""
     if product.folder:
         folder: Path = options.output / product.folder
         write_folder(folder, f"{NAME} {options.subcommand}", product.files)

@@ -60,7 +60,6 @@ def draw_faults(axes: Axes, path: pd.DataFrame, effects: Mapping[str, str]) -> N
 
 
 def _name_part(axes: Axes, place: tuple[float, float], name: str) -> None:
-    """Write a part's name next to a point, towards the middle of the map."""
     left = place[0] > sum(axes.get_xlim()) / 2
     style: dict[str, Any] = {"ha": "right" if left else "left", "va": "center", "zorder": 6}
     halo = [withStroke(linewidth=2.0, foreground="white")]

@@ -79,7 +79,6 @@ def letter(index: int) -> str:
 
 
 def _find_titles(axes: Axes) -> list[Text]:
-    """Return the middle, left and right titles."""
     texts = {*axes.texts}
     return [part for part in axes.get_children() if isinstance(part, Text) and part not in texts]
 
@@ -97,7 +96,6 @@ def _sort(panels: Sequence[Axes]) -> list[Axes]:
 
 
 def _spell_names(axes: Axes) -> None:
-    """Replace underscores in titles and labels with spaces."""
     _spell([*_find_titles(axes), axes.xaxis.label, axes.yaxis.label])
     for axis in (axes.xaxis, axes.yaxis):
         formatter = axis.get_major_formatter()

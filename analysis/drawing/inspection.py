@@ -57,7 +57,6 @@ def _draw_view(axes: Axes, robot: Robot, plane: tuple[int, int]) -> None:
 
 
 def _draw_places(above: Axes, side: Axes, poses: Array, colour: str) -> None:
-    """Draw a dot for each pose, and a short line in the sensor's direction."""
     length = 0.03
     for x, y, z, yaw, pitch in poses.tolist():
         ahead = length * math.cos(pitch)

@@ -111,7 +111,6 @@ def _mark_point(axes: Axes, place: tuple[float, float], colour: str) -> None:
 
 
 def _dimension_above(axes: Axes, plan: MountingPlan, view: View, top: float) -> None:
-    """Write x above the view and y on the right of it, each value once."""
     places = [sensor.place_mm for sensor in plan.sensors]
     xs = group_values((p[X], view.along(p[Y])) for p in places)
     ys = group_values((p[Y], view.across(p[X])) for p in places)
@@ -144,7 +143,6 @@ def _dimension_side(axes: Axes, plan: MountingPlan, view: View) -> None:
 
 
 def _label_above(axes: Axes, plan: MountingPlan, view: View) -> None:
-    """Write each sensor's number and yaw beyond its arrow."""
     if not plan.sensors:
         return
     starts = view.place(np.array([sensor.place_mm for sensor in plan.sensors]))
@@ -177,7 +175,6 @@ def _label_side(axes: Axes, plan: MountingPlan, view: View) -> None:
 
 
 def _write_label(axes: Axes, place: Sequence[float], numbers: Sequence[int], angle: str) -> None:
-    """Write numbers in discs and an angle, centred on a point."""
     middle, y = place
     left = middle - (len(numbers) * _BALLOON + _ANGLE) / 2
     for position, index in enumerate(numbers):
@@ -190,18 +187,15 @@ def _write_label(axes: Axes, place: Sequence[float], numbers: Sequence[int], ang
 
 
 def _write_length(value: float) -> str:
-    """Format a length with one decimal and a typographic minus sign."""
     return f"{round(value, 1) + 0.0:.1f}".replace("-", "\N{MINUS SIGN}")
 
 
 def _write_angle(degrees: float, positive: str, negative: str) -> str:
-    """Format an angle without its sign, followed by the word for its direction."""
     size = f"{abs(degrees):.1f}\N{DEGREE SIGN}"
     return size if not round(degrees, 1) else f"{size} {positive if degrees > 0 else negative}"
 
 
 def _list_notes(plan: MountingPlan) -> Iterator[tuple[str, str]]:
-    """Yield the marker colour and description of each reference point."""
     yield DARK, f"datum of all dimensions: {plan.datum}"
     if plan.centre_mm is not None:
         place = ", ".join(map(_write_length, plan.centre_mm.tolist()))
@@ -296,7 +290,6 @@ def _fill(axes: Axes, view: View, points: Array, look: Mapping[str, Any]) -> Non
 
 
 def _draw_beam(axes: Axes, sensor: PlacedSensor, view: View) -> None:
-    """Draw a sensor's direction, and in the top view its field of view."""
     start = view.place(sensor.place_mm[None])[0]
     step = sensor.direction[[view.right, view.up]] * _ARROW
     if view.up == Y and sensor.fov_deg is not None and sensor.fov_deg < 360.0:

@@ -68,10 +68,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 def draw_archives(
     study: Study, archive: Archive, elites: Mapping[str, pd.DataFrame], by: str
 ) -> Figure:
-    """Draw one map per group of runs, with coverage and QD score below.
-
-    ``elites`` maps each group to its elites. A single map is drawn next to some of its designs.
-    """
+    """Draw one map per group of runs, with coverage and QD score below."""
     with use_style():
         titles = _make_titles(study, elites, by)
         treatments = study.treatments

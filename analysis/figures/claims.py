@@ -135,7 +135,6 @@ def format_value(row: Any) -> str:
 
 
 def _format_reference(row: Any) -> str:
-    """Format the values that the rule compares with."""
     form = NUMBER_FORMATS[row.unit]
     parts = [] if np.isnan(row.reference) else [form.format(row.reference)]
     parts += [] if np.isnan(row.random) else [f"random {form.format(row.random)}"]

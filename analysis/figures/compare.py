@@ -126,9 +126,7 @@ def draw_comparison(
 ) -> Figure:
     """Draw one panel per measure: a dot for each run below a box plot, with tests underneath.
 
-    ``width`` is in inches, and ``label`` names the fitness. Boxes span the quartiles;
-    whiskers end at the last value within 1.5 interquartile ranges. The median, its interval and n
-    are written on the right.
+    ``width`` is in inches. Whiskers end at the last value within 1.5 interquartile ranges.
     """
     names = list(dict.fromkeys(runs["treatment"].astype(str)))
     letters = style.abbreviate(names, NAME_LENGTH)

@@ -209,9 +209,7 @@ def draw_factors(
 ) -> Figure:
     """Draw one panel per measure: replicates, means and intervals, with the tests below.
 
-    ``bounds`` are the minimum and maximum possible values, and ``width`` is in inches. The first
-    factor's levels lie along the x axis, and colours show the second factor's levels. Lines
-    between means are parallel if there is no interaction.
+    ``width`` is in inches. Lines between means are parallel if there is no interaction.
     """
     lines = max(_wrap_level(level, width, cells).count("\n") for level in _list_first(cells))
     panel_in = PANEL_IN + style.scale_type(0.13) * lines
@@ -249,7 +247,6 @@ def _list_first(cells: Mapping[str, Mapping[Cell, Array]]) -> list[str]:
 
 
 def _wrap_level(level: str, width: float, cells: Mapping[str, Mapping[Cell, Array]]) -> str:
-    """Wrap a level's description to fit between a panel's ticks."""
     panel = width / (2 if width > 1.5 * style.COLUMN_IN and len(cells) > 1 else 1) - 0.7
     room = LETTERS_PER_IN * panel / len(_list_first(cells))
     return "\n".join(

@@ -132,7 +132,6 @@ def _draw_quartiles(axes: Axes, table: pd.DataFrame) -> None:
 
 
 def _finish(figure: Figure, panels: list[Axes], meaning: str) -> None:
-    """Use integer ticks for generations, and add the legend."""
     for axes in panels:
         axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True, steps=[1, 2, 5, 10]))
     handles, labels = panels[0].get_legend_handles_labels()

@@ -123,7 +123,6 @@ def _note(placed: pd.DataFrame, cut: float, width: float) -> str:
 def _make_panels(
     sensors: pd.DataFrame, ratio: float, width: float, foot: float
 ) -> tuple[Figure, dict[str, Axes]]:
-    """Make the axes of each run; every treatment starts a new row."""
     certified = "fitness_low" in sensors and sensors.fitness_low.notna().any()
     above = TITLE_IN + CERTIFIED_IN * certified
     by = sensors.groupby("treatment", sort=False).run

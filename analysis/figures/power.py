@@ -148,10 +148,7 @@ def draw_power(
     width: float = COLUMN_IN,
     title: str = FITNESS,
 ) -> Figure:
-    """Plot power against replicates, ``width`` inches wide; dots mark the required numbers.
-
-    ``title`` names the quantity that differs.
-    """
+    """Plot power against replicates, ``width`` inches wide; dots mark the required numbers."""
     with use_style():
         figure = Figure(figsize=(width, 2.6), layout="constrained")
         axes = figure.subplots()

@@ -182,7 +182,6 @@ def _fans(area: Area) -> list[tuple[Point, Range]]:
 
 
 def _write_name(axes: Axes, name: str, area: Area, reach: float) -> None:
-    """Write a region's name and headings outside its fan."""
     fans, (low, high) = _fans(area), area.yaw_deg
     (x, y), middle = fans[len(fans) // 2]
     heading = (middle[0] + middle[1]) / 2

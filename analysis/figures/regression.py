@@ -158,7 +158,6 @@ def _find_status(judged: pd.DataFrame) -> int:
 
 
 def _introduce(one: Record, other: Record, pairs: pd.DataFrame) -> Iterator[str]:
-    """Describe the comparison and the limits of its results."""
     changes = list_changes(one, other)
     what = f"differ in {', '.join(changes)}" if changes else "have the same configuration"
     about = f"A: {one.name}, B: {other.name}: {len(pairs)} missions on the same random draws"

@@ -132,7 +132,6 @@ def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = P
 
 
 def _make_upper_key(colours: Mapping[str, str]) -> list[Artist]:
-    """Make the legend entries for the coverage panels, in the first treatment's colour."""
     colour = next(iter(colours.values()))
     band = Patch(fc=colour, alpha=0.25, label="95 % interval")
     single = Line2D([], [], color=colour, lw=0.4, alpha=0.35, label="single champions")

@@ -199,7 +199,6 @@ def _draw_panel(
 
 
 def _add_legend(figure: SubFigure) -> None:
-    """Add a legend above the panel, with as many names in a line as fit."""
     (axes,) = figure.axes
     names = [str(label) for label in axes.get_legend_handles_labels()[1]]
     columns = max(1, min(len(names), int(50 / (max(map(len, names)) + 5))))

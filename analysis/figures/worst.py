@@ -106,10 +106,7 @@ class TestedDesign:
     """Rows from a search for worst cases, if any; they replace the smallest set."""
 
     def describe(self) -> Iterator[str]:
-        """Describe the smallest set that stops the design, how to repeat it, and the risks.
-
-        ``describe_worst_cases`` describes the results of a search for worst cases.
-        """
+        """Describe the smallest set that stops the design, how to repeat it, and the risks."""
         if self.cases.empty:
             return
         if self.searched is None:

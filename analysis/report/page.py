@@ -144,7 +144,6 @@ def make_page(study: Study, options: argparse.Namespace, flown: Flown | None = N
 
 
 def _render_player(study: Study, playbacks: Mapping[str, Markup], flown: Flown) -> Markup:
-    """Render the player for runs, and the reasons why other runs are missing."""
     kept = sum(keeps_shown(run) or run.name in flown.playbacks for run in study.records)
     counts = {"played": len(playbacks), "others": kept - len(playbacks)}
     return render("player.html", without=len(study.records) - kept, notes=flown.notes, **counts)

@@ -136,7 +136,6 @@ def _prefix(key: str, value: str, name: str) -> str:
 
 
 def _set_width(root: ElementTree.Element, name: str) -> None:
-    """Set the width on screens; the page's style limits it to the available space."""
     points = float(root.attrib.pop("width").removesuffix("pt"))
     width = points * _CSS_PER_IN / _PT_PER_IN * SCALE
     root.attrib.pop("height")

@@ -44,10 +44,7 @@ def summarize(study: Study) -> str:
 
 
 def label_runs(records: Sequence[Record]) -> dict[str, str]:
-    """Map run names to labels: treatment and seed, or the run's name if these are not unique.
-
-    The label of an unfinished run says that the best design so far is shown.
-    """
+    """Map run names to labels: treatment and seed, or the run's name if these are not unique."""
     short = [f"{record.treatment}, seed {record.seed}" for record in records]
     names = [record.name for record in records]
     distinct = len(records) > 1 and len(set(short)) == len(short)

@@ -69,10 +69,7 @@ def title_measure(measure: str, label: str = FITNESS) -> str:
 
 
 def conclude(table: pd.DataFrame, label: str = FITNESS) -> list[str]:
-    """Return a sentence for each row, but only one for a measure without enough replicates.
-
-    ``label`` is the name of the fitness.
-    """
+    """Return a sentence for each row, but only one for a measure without enough replicates."""
     said: list[str] = []
     for measure, rows in table.groupby("measure", sort=False):
         pairs = rows.to_dict("records")

@@ -142,10 +142,7 @@ def list_contrasts(
     levels: Mapping[str, Sequence[str]],
     bounds: tuple[float, float] = (-inf, inf),
 ) -> Iterator[Contrast]:
-    """Yield the contrasts of means by factor and interaction; cells have equal weights.
-
-    ``bounds`` are the minimum and maximum possible values.
-    """
+    """Yield the contrasts of means by factor and interaction; cells have equal weights."""
     keys, samples = list(cells), list(cells.values())
     for place, (name, known) in enumerate(levels.items()):
         rest = len(keys) / len(known)

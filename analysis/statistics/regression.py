@@ -146,7 +146,6 @@ def compare_missions(pairs: pd.DataFrame, quantities: Sequence[str]) -> pd.DataF
 
 
 def _list_groups(pairs: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
-    """Yield each design's missions over all worlds and, if there are several, in each world."""
     for design, of_design in pairs.groupby("design", sort=True):
         yield str(design), ALL_WORLDS, of_design
         if of_design["world"].nunique() > 1:
@@ -181,10 +180,7 @@ def _compare(missions: pd.DataFrame, quantity: str) -> dict[str, Any]:
 
 
 def _estimate_change(differences: Array, quantity: str, missions: int) -> Interval:
-    """Return the mean change in a quantity over trials, and its interval.
-
-    ``missions`` is the number of missions in these trials.
-    """
+    """Return the mean change in a quantity over trials, and its interval."""
     if quantity == COMPLETED and len(differences) == missions:
         gained, lost = (int((sign * differences > 0).sum()) for sign in (1, -1))
         return share_change_interval(gained, lost, missions)

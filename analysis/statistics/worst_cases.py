@@ -84,7 +84,6 @@ def _require_one_simulator(study: Study) -> None:
 
 
 def _write_set(cell: object) -> str:
-    """Return the failed sensors of a semicolon-separated cell, in ascending order."""
     return " ".join(map(str, sorted({int(float(part)) for part in split_cell(cell)})))
 
 
@@ -117,10 +116,7 @@ def list_cases(missions: pd.DataFrame) -> pd.DataFrame:
 
 
 def count_sets(cases: pd.DataFrame, sensors: Mapping[tuple[str, str], int]) -> pd.DataFrame:
-    """Count the sets that occurred and the sets that stop a design, by number of failed sensors.
-
-    ``sensors`` maps each design to its number of sensors; ``docs/analysis.md`` describes ``SETS``.
-    """
+    """Count the sets that occurred and the sets that stop a design, by number of failed sensors."""
     rows = []
     for (source, design), tested in cases.groupby(list(KEYS), sort=False):
         total = sensors[str(source), str(design)]

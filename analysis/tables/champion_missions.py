@@ -104,7 +104,6 @@ def classify_failure(record: Record) -> str:
 def _select_champion(
     evaluation: EvaluationRecord, designs: pd.DataFrame, record: Record
 ) -> pd.DataFrame:
-    """Select the missions of a run's champion in an evaluation."""
     content = identify_champion(record)
     champion = designs[[other == content for other in designs["content"]]]
     names, missions = ["source", "design"], evaluation.run.missions

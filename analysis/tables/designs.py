@@ -149,7 +149,6 @@ def place_candidates(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
 
 
 def _list_beam_genes(record: Record) -> Iterator[tuple[str, str, str]]:
-    """Yield each gene that sets a field of view or range, with its sensor type and column."""
     columns = {"fov_deg": "fov_deg", "range_max_m": "range_m"}
     for gene, key in record.context.genes.items():
         value = re.fullmatch(rf"{re.escape(TYPES)}(.+)\.(fov_deg|range_max_m)", key)

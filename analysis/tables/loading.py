@@ -60,7 +60,6 @@ def load_study(
 
 
 def _read(folders: Sequence[Path]) -> tuple[list[Record], list[str]]:
-    """Read the folders; return the records, and the reasons why other folders are unreadable."""
     names = shorten_names(folders)
     records, left_out = list[Record](), list[str]()
     for folder in folders:

@@ -68,8 +68,6 @@ def list_changes(one: Record, other: Record) -> list[str]:
 def pair_missions(study: Study, one: Record, other: Record) -> pd.DataFrame:
     """Pair the missions with the same draws: one row per pair, the worst change first.
 
-    ``docs/analysis.md`` describes the columns.
-
     Raises:
         InputError: no missions match, or their draws differ.
     """
@@ -104,7 +102,6 @@ def pair_missions(study: Study, one: Record, other: Record) -> pd.DataFrame:
 
 
 def _name_change(row: Mapping[Any, float]) -> str:
-    """Name a change by the most important quantity that differs."""
     signs = [int(np.sign(value)) for value in row.values() if value == value]
     changed = next((sign for sign in signs if sign), 0)
     if row[COMPLETED]:
@@ -173,7 +170,6 @@ def _name_designs(
 
 
 def _qualify(table: pd.DataFrame) -> Iterator[str]:
-    """Yield each row's design name, with its source if several designs share the name."""
     sources = table.groupby("design")["source"].nunique()
     for design, source in zip(table["design"], table["source"], strict=True):
         yield design if sources[design] == 1 else f"{design} of {source}"

@@ -102,7 +102,6 @@ def _prefix(side: str, row: Mapping[Any, Any]) -> Row:
 
 
 def _champion_treatments(study: Study) -> dict[Any, str]:
-    """Map each run's champion to the run's treatment."""
     treatments = {}
     for record in study.records:
         try:

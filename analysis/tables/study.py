@@ -69,7 +69,6 @@ class Study:
                 yield record, result
 
     def _read(self, record: AnyRecord, read: Callable[[AnyRecord], Result]) -> Result:
-        """Read the record; report its progress if it is not finished."""
         result = read_complete(record, read)
         if not record.finished:
             self._warn(record.progress)

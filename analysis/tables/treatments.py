@@ -74,10 +74,7 @@ def label_treatments(
 
 
 def label_levels(factors: Sequence[Factor], count: int) -> list[str]:
-    """Label each of ``count`` runs by its level of every factor.
-
-    A single factor is not named. Long labels leave out levels that follow from earlier factors.
-    """
+    """Label each of ``count`` runs by its level of every factor."""
     labels = _join(factors, count)
     if max(map(len, labels), default=0) > LABEL_LENGTH:
         kept: list[Factor] = []
