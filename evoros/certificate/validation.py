@@ -67,10 +67,7 @@ def list_looks(validation: Validation, trials: int, missions: int, room: Bounds)
 
 
 def foresee_trials(validation: Validation, missions: int, bounds: Sequence[float]) -> str:
-    """Describe the minimum number of trials that the precision needs; empty if unknown.
-
-    ``bounds`` are the minimum and maximum of the fitness; each trial has ``missions`` scores.
-    """
+    """Describe the minimum number of trials that the precision needs; empty if unknown."""
     if not _is_known(validation, bounds):
         return ""
     level = (bounds[1] - bounds[0]) / 2
@@ -82,7 +79,6 @@ def foresee_trials(validation: Validation, missions: int, bounds: Sequence[float
 
 
 def _is_known(validation: Validation, bounds: Sequence[float]) -> bool:
-    """Return True if the fitness has finite bounds and a precision is required."""
     return validation.precision is not None and bool(bounds) and all(map(math.isfinite, bounds))
 
 

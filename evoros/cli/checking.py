@@ -50,7 +50,6 @@ def check_jobs(command: str, jobs: Jobs, explain: Explain) -> list[Job]:
 
 
 def _sort_jobs(jobs: Jobs, explain: Explain) -> tuple[list[Job], list[RefusedJob]]:
-    """Separate the jobs that can start from those with a fault."""
     ready: list[Job] = []
     refused: list[RefusedJob] = []
     checks = _Checks(explain)
@@ -93,7 +92,6 @@ class _Checks:
         return ""
 
     def find_fault(self, job: Job) -> str:
-        """Describe the fault of a job; empty if there is none."""
         try:
             if (job.folder / MISSIONS).exists():
                 require_same(job.folder, job.config)

@@ -48,7 +48,6 @@ def export(arguments: Sequence[str]) -> int:
 
 
 def _list_runs(folder: Path) -> list[Path]:
-    """List the runs below a folder, or the folder itself if it contains none."""
     from evoros.storage.layout import evaluates, folders_below
 
     below = folders_below(folder, warn_left_out)

@@ -236,7 +236,6 @@ def _write(path: Path, content: bytes, replace: bool = False) -> None:
 
 
 def _format(inspection: "Inspection", shown: Sequence[str]) -> str:
-    """Format an inspection as a table, with the messages not yet ``shown`` for another part."""
     here = f"{Path.cwd()}/"  # left out, to shorten paths below the current folder
     messages = [text.replace(here, "") for text in inspection.messages if text not in shown]
     rows = [*inspection.rows, *(("note", message) for message in messages)]

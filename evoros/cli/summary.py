@@ -75,7 +75,6 @@ def _summarize_evaluation(folder: Path) -> list[str]:
 
 
 def _describe_designs(rows: Sequence[Mapping[str, str]]) -> list[str]:
-    """Describe the fitness and the completion rates of the designs."""
     scores = [float(row["fitness_mean"]) for row in rows]
     trials = int(rows[0]["trials"])
     if len(rows) == 1:
@@ -164,7 +163,6 @@ def _describe_missions(status: Mapping[str, Any], unit: str = "") -> str:
 
 
 def _write_duration(seconds: float) -> str:
-    """Write a duration [s] in hours from 2 h, in minutes from 2 min, and otherwise in seconds."""
     for unit, size in (("h", 3600), ("min", 60)):
         if seconds >= 2 * size:
             return f"{seconds / size:,.0f} {unit}"
@@ -177,7 +175,6 @@ def _read(file: Path) -> dict[str, Any]:
 
 
 def _describe_champion(certificate: Mapping[str, Any]) -> str:
-    """Name the champion and, if a final choice was made, the numbers of finalists and trials."""
     text, finalists = f"design {certificate['design']}", len(certificate["finalists"])
     if not finalists:
         return text
@@ -203,7 +200,6 @@ def _describe_fitness(certificate: Mapping[str, Any]) -> str:
 
 
 def _describe_certificate(certificate: Mapping[str, Any]) -> list[str]:
-    """Describe the champion's completion rates on fresh draws, and its rivals."""
     confidence = certificate["confidence"]
     worlds = {name: Rate(**rate) for name, rate in certificate["worlds"].items()}
     lines = [f"completed         {_write_rates(worlds, confidence)}"]
@@ -272,7 +268,6 @@ def _describe_rivals(certificate: Mapping[str, Any]) -> str:
 
 
 def _describe_loss(status: Mapping[str, Any]) -> str:
-    """Describe the loss of fitness in the confirming simulator."""
     best = "" if status["best_loss"] is None else f"{status['best_loss']:.3f} for the champion, "
     designs = write_count(status["confirmed"], "confirmed design")
     return f"fitness lower by {best}{status['mean_loss']:.3f} on average over {designs}"

@@ -185,7 +185,6 @@ class Sweep:
         return JobResult(console.DONE)
 
     def _wait(self, count: int) -> None:
-        """Wait until at most ``count`` jobs are running."""
         while len(self._running) > count:
             for future in wait(self._running, return_when=FIRST_COMPLETED).done:
                 self._conclude(self._running[future], future.result())
@@ -284,7 +283,6 @@ def run_by_plugins(command: str, jobs: Jobs, config_dir: str | None, interrupts:
 def _conclude(
     command: str, jobs: Jobs, results: Sequence[tuple[Path, JobResult]], others: Sequence[int]
 ) -> int:
-    """Print the table of a sweep and the next step; return the worst exit status."""
     console.print_result(format_jobs(results))
     statuses = [console.DONE, *others, *(judge_result(*result) for result in results)]
     if console.STOPPED in statuses or console.INTERRUPTED in statuses:

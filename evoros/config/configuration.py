@@ -121,7 +121,6 @@ def _check_arguments(node: Any, key: str, choices: Mapping[str, str]) -> None:
 
 
 def _describe_missing(key: str, name: str) -> str:
-    """Describe a missing argument of the class at ``key``, with the choices of its group."""
     choices = sorted(path.stem for path in bundled_folder("conf").glob(f"{name}/*.yaml"))
     if choices and not key:
         return f"{name}: has no choice; type {name}=NAME, one of: {', '.join(choices)}"
@@ -274,7 +273,6 @@ def _is_in(module: str, folders: Sequence[Path]) -> bool:
 
 @cache
 def _list_bundled() -> frozenset[str]:
-    """List the classes named by bundled configuration files."""
     files = (file for folder in conf_folders() for file in folder.rglob("*.yaml"))
     texts = (file.read_text(encoding="utf-8") for file in files)
     pattern = rf"{TARGET}: *([\w.]+)"

@@ -120,7 +120,6 @@ class Jobs:
             raise
 
     def _compose(self, overrides: Sequence[str], index: int) -> DictConfig:
-        """Compose a job from the primary file, or from the configuration of ``like=``."""
         primary, kept = self.primary, dict[str, str]()
         if self._read_run is not None:
             primary, kept = choose_primary(primary, overrides, self.config_dir, self._read_run)
@@ -155,7 +154,6 @@ class Jobs:
         return str(getattr(direction, "name", direction)) == "minimize"
 
     def __iter__(self) -> Iterator[Job | RefusedJob]:
-        """Compose and yield each job; a job that cannot be composed is yielded with its fault."""
         if self.sweep is None:
             config = freeze(self._base, evaluates=self.primary == EVALUATE)
             yield place_job(config, _read_path(self._base, "run.dir"))
@@ -175,7 +173,6 @@ class Jobs:
     def _compose_in_sweep(
         self, overrides: tuple[str, ...], index: int
     ) -> tuple[Configuration, str]:
-        """Compose a job of a sweep, and name its folder."""
         others, numbers = split_numbers(overrides)
         known = self._composed.get(others)
         config = None if known is None else change_numbers(known, numbers)
@@ -198,11 +195,7 @@ def place_job(
 
 
 def _read_path(config: DictConfig, key: str) -> Path:
-    """Read a path of Hydra's part.
-
-    Raises:
-        InputError: the path has a reference that cannot be resolved.
-    """
+    """Read a path of Hydra's part."""
     try:
         return Path(OmegaConf.select(config.hydra, key))
     except OmegaConfBaseException as error:
@@ -210,7 +203,6 @@ def _read_path(config: DictConfig, key: str) -> Path:
 
 
 def _find_plugins(config: DictConfig) -> dict[str, str]:
-    """Return the chosen launcher and sweeper, except for Hydra's basic ones."""
     chosen = {kind: config.hydra.runtime.choices.get(f"hydra/{kind}") for kind in PLUGINS}
     return {kind: str(name) for kind, name in chosen.items() if name not in (None, "basic")}
 

@@ -196,7 +196,6 @@ def _select(config: Any, name: str) -> Any:
 
 
 def _no_such_choice(error: MissingConfigException) -> str:
-    """Describe an unknown choice of a group, and name the known choices."""
     group, _, name = (error.missing_cfg_file or "").rpartition("/")
     missing = explain_missing(f"{group}={name}")
     if missing:

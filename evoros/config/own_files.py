@@ -118,7 +118,6 @@ def _format(values: Mapping[str, Any], comments: Mapping[str, str], indent: str)
 
 
 def _dump(value: object) -> str:
-    """Return a value in YAML on one line."""
     text: str = yaml.safe_dump(value, default_flow_style=True, width=_WIDTH)
     return text.removesuffix("...\n").strip()
 
@@ -129,10 +128,7 @@ def is_bundled(group: str, name: str) -> bool:
 
 
 def find_key(place: str, key: str, choices: Mapping[str, str]) -> list[Path]:
-    """Find the chosen files that contain ``key`` and provide values at a dotted ``place``.
-
-    ``choices`` has the chosen file of each group, as recorded in a configuration.
-    """
+    """Find the chosen files that contain ``key`` and provide values at a dotted ``place``."""
     names = []
     for group, choice in choices.items():
         folder, _, at = group.partition("@")

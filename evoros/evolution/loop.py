@@ -219,7 +219,6 @@ def _find_advantage(rivals: Sequence[Rival], low: float) -> float:
 
 
 def _rate_parts(validation: Validation, outcomes: Sequence[Outcome]) -> dict[str, Rate]:
-    """Return the completion rates of missions with failed parts, by part and effect."""
     met: dict[str, list[Outcome]] = {}
     for outcome in outcomes:
         failed = zip(outcome.failed_parts, outcome.parts_failed_by, strict=True)

@@ -110,7 +110,6 @@ def list_measures(experiment: Experiment) -> dict[str, Measure]:
 
 
 def _sign(measure: Measure) -> float:
-    """Return the factor by which an objective is multiplied to be maximized."""
     return -1.0 if measure.direction == MINIMIZE else 1.0
 
 

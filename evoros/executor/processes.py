@@ -106,7 +106,6 @@ class _WorkerPool:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
-        """See ``Pool``."""
         call = _QueuedCall(pack_call(function, args))
         with self._lock:
             if self._closing.done():

@@ -114,7 +114,6 @@ def _check_references(tree: Any) -> None:
 
 
 def _find(node: Any, path: tuple[str, ...]) -> Any:
-    """Return the value at a path; None if not found."""
     for name in path:
         if isinstance(node, list) and name.isdecimal() and int(name) < len(node):
             node = node[int(name)]

@@ -67,7 +67,6 @@ def keep_fonts() -> None:
 
 
 def _is_private(folder: Path) -> bool:
-    """Return True if only this user can write to the folder."""
     status = folder.stat()
     return status.st_uid == os.getuid() and not status.st_mode & 0o022
 

@@ -210,8 +210,6 @@ RobotCheck = Callable[[scene.Subject], Iterator[str]]
 def preflight(experiment: Experiment) -> None:
     """Try every part of an experiment once, so that bad input does not stop the run later.
 
-    Warnings from the checks are logged.
-
     Raises:
         InputError: a part rejects its input.
     """

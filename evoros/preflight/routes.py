@@ -212,7 +212,6 @@ def _list_touched(
 
 
 def _list_falling(robot: Robot, world: World) -> list[Body]:
-    """Return the bodies that fall onto the robot at home."""
     ground = [body for body in world.bodies if body.is_ground]
     falling: dict[str, Body] = {}
     landed = []

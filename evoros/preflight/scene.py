@@ -77,10 +77,7 @@ def try_designs(subject: Subject) -> Iterator[Member]:
 
 
 def find_values(part: object, name: str, at: str) -> Iterator[tuple[str, float]]:
-    """Yield the dotted key and value of each number called ``name`` in a description.
-
-    ``at`` is the key of ``part``.
-    """
+    """Yield the dotted key and value of each number called ``name`` in a description."""
     if is_dataclass(part):
         children = {field.name: getattr(part, field.name) for field in fields(part)}
     elif isinstance(part, Mapping):

@@ -208,10 +208,7 @@ class Claim:
     def judge(
         self, trials: Trials, agents: Sequence[str], measured: Measured, tests: int = 1
     ) -> Verdict:
-        """Decide the requirement by trials.
-
-        If any of several ``tests`` may show a violation, they share its error rate.
-        """
+        """Decide the requirement by trials."""
         rows = self._read_trials(trials, agents, measured)
         values = self._average(rows)
         result, count = decide(values, self._required, self.confidence, tests)

@@ -257,7 +257,6 @@ def _list_differences(one: Path, other: Path, diff: Diff) -> Iterator[str]:
 
 
 def _list_files(one: Path, other: Path) -> Iterator[str]:
-    """Yield the names of the compared files of either folder."""
     for pattern in COMPARED:
         paths = [path.relative_to(base) for base in (one, other) for path in base.glob(pattern)]
         names = sorted({str(path) for path in paths if not path.name.startswith(".")})

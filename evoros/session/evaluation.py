@@ -193,7 +193,6 @@ class Evaluation:
         folder.complete()
 
     def _read(self, trials: DesignTrials) -> None:
-        """Read the recorded missions of a design, round by round."""
         while not trials.finished:
             new = [one for one in trials.list_all() if one.key not in trials.outcomes]
             found = [mission for mission in new if self.folder.has(mission)]
@@ -243,7 +242,6 @@ class Evaluation:
             trials.forget()
 
     def _search_worst_cases(self, dispatcher: Dispatcher, status: Status) -> None:
-        """Search for the worst cases of each design, if configured."""
         experiment, settings = self.experiment, self.experiment.worst_cases
         if settings is None:
             return

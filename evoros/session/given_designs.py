@@ -76,7 +76,6 @@ def warn_of_changes(config: Configuration, experiment: Experiment) -> None:
 
 
 def _list_runs(source: str) -> list[Path]:
-    """List the finished runs in a folder, which may itself be a run."""
     path = expand_home(source)
     folders = list(layout.folders_below(path, warn_left_out))
     if folders in ([], [path]):
@@ -215,7 +214,6 @@ def _require_configured(path: Path, champion: NamedDesign, experiment: Experimen
 
 
 def _compare_robots(path: Path, robot: Robot) -> None:
-    """Warn if the run's robot has a different name than the evaluation's."""
     file = path / CHAMPION / ROBOT
     name = parse(read_text(file).encode(), str(file)).get("name") if file.is_file() else None
     if name is not None and name != robot.name:

@@ -105,8 +105,6 @@ def inspect_world(
 ) -> Inspection:
     """Describe the world ``name``, and choose a controller that suits it.
 
-    ``reason`` describes the location of a suggested course. ``draw`` draws the world's picture.
-
     Raises:
         InputError: the configuration cannot be composed, or the world cannot be used.
     """

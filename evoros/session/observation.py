@@ -44,10 +44,7 @@ CERTIFIED = (
 
 
 class FolderReader:
-    """Reads a run folder; each table is read only once, because tables never change.
-
-    Relative paths in a tracker's keys resolve against ``origin``.
-    """
+    """Reads a run folder; each table is read only once, because tables never change."""
 
     def __init__(self, folder: Path, origin: Path) -> None:
         self.folder, self.origin = folder, origin
@@ -188,19 +185,16 @@ class _Link:
     stack: ExitStack = field(default_factory=ExitStack)
 
     def open(self, run: protocol.ObservedRun) -> None:
-        """Connect, and send the start of a run."""
         with self._guard():
             self.send = self.stack.enter_context(open_observer(self.observer, run))
             self.send(run)
 
     def tell(self, read: Callable[[], protocol.ObservedRun]) -> None:
-        """Send the recorded run."""
         with self._guard():
             if self.send is not None:
                 self.send(read())
 
     def close(self) -> None:
-        """Close the connection."""
         with self._guard():
             self.stack.close()
 

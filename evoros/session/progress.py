@@ -103,7 +103,6 @@ class Progress(_Shown):
         yield 3, _speed(self.simulated, elapsed) if self.missions else ""
 
     def _describe_time(self, elapsed: float) -> str:
-        """Describe the remaining time, or the elapsed time before the first mission."""
         if self.missions:
             return f"{write_clock(self._left() * elapsed / self.missions)} left"
         return f"after {write_clock(_elapsed(self._created))}"

@@ -116,10 +116,7 @@ def _read_manifest(folder: Path) -> Mapping[str, Any]:
 def plan_row(
     experiment: Experiment, designs: Mapping[int, Design], key: MissionKey, row: Mapping[str, str]
 ) -> tuple[Mission, Scenario]:
-    """Plan the mission ``key`` of a row of ``missions.csv``; return it with its scenario.
-
-    ``designs`` has the designs of the run by id.
-    """
+    """Plan the mission ``key`` of a row of ``missions.csv``; return it with its scenario."""
     generation, design, world, trial = key
     purpose = row.get("purpose", experiment.evaluation_draws)
     setting = experiment.conditions.get(row.get(CASE, ""))

@@ -221,7 +221,6 @@ def _start_evaluation(
     designs: Sequence[NamedDesign],
     trials: int | None,
 ) -> Evaluation:
-    """Return an evaluation of ``trials``, by default the configured number."""
     if trials not in (None, experiment.plan.evaluation_trials):
         if experiment.evaluation_draws == plan.VALIDATION:
             validation = replace(experiment.validation, trials=trials)

@@ -86,10 +86,7 @@ class Status:
 
     @contextmanager
     def track(self, earlier: Sequence[LogRecord]) -> Iterator[None]:
-        """Log to the folder, and write the status at the start and at the end of the run.
-
-        ``earlier`` messages come from before the folder existed.
-        """
+        """Log to the folder, and write the status at the start and at the end of the run."""
         with log_to_file(self.folder.path / LOG, earlier):
             self.write(RUNNING)
             try:

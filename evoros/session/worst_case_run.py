@@ -97,7 +97,6 @@ class WorstCaseRun:
         return outcomes
 
     def _describe_model(self, index: int, design: NamedDesign) -> list[list[object]]:
-        """Return the rows of the trials under the failure model, one per world."""
         trials = self.experiment.plan.evaluation_trials
         rows: list[list[object]] = []
         for world, rate in self.rates[index].items():
@@ -111,7 +110,6 @@ class WorstCaseRun:
     def _describe(
         self, design: NamedDesign, search: CaseSearch, trials: CaseTrials, smallest: bool
     ) -> list[list[object]]:
-        """Return the rows of a case, one per world."""
         stopped, failed = search.list_stopped(trials), len(trials.case.sensors)
         key = (design.source, design.name, trials.number, trials.case.text, failed, trials.stage)
         confidence = self.settings.confidence
@@ -157,7 +155,6 @@ def keep_worst(
 
 
 def _list_worst(folder: RunFolder) -> list[Row]:
-    """List the rows of the worst missions for unmet requirements."""
     verdicts = [row for row in read_verdicts(folder.path) if row["result"] != MET]
     wanted = {tuple(name_worst(row).values()) for row in verdicts}
     if not wanted:

@@ -84,7 +84,6 @@ def _create_folder(path: Path, files: Mapping[str, str]) -> None:
 
 
 def _fill(path: Path, files: Mapping[str, str]) -> None:
-    """Write the first files into an empty folder, and remove them if one fails."""
     (first, content), *others = files.items()
     with (path / first).open("x", encoding="utf-8") as file:  # fails if another process was faster
         try:

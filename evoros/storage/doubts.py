@@ -17,10 +17,7 @@ Row = Mapping[str, str]
 
 
 def warn_not_run(folder: Path) -> str:
-    """Return a warning if none of the recorded missions could be run; otherwise ''.
-
-    The file is read up to the first mission that was run.
-    """
+    """Return a warning if none of the recorded missions could be run; otherwise ''."""
     endings = Counter[tuple[str, str]]()
     for row in _read_missions(folder):
         if row["ended"] not in NOT_RUN:

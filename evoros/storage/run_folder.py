@@ -115,8 +115,6 @@ class RunFolder(MissionLog):
     ) -> "RunFolder":
         """Create the folder of a new run; an existing folder must be empty.
 
-        ``designs`` has the files of given designs; a search has none.
-
         Raises:
             InputError: the folder has a run or other files; nothing was changed.
         """
@@ -230,7 +228,6 @@ class RunFolder(MissionLog):
         return whole and all(self.digests.is_whole(name, self._read(name)) for name in tracks)
 
     def _read(self, name: str) -> bytes:
-        """Read a file; empty if it is missing."""
         path = self.path / name
         return read_bytes(path) if path.is_file() else b""
 

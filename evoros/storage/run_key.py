@@ -83,7 +83,6 @@ def _list_secrets(node: Any, value: Any, above: str = "") -> Iterator[tuple[str,
 
 
 def _read_number(text: str) -> float | int:
-    """Read a number; integral floats become integers."""
     value = float(text)
     return int(value) if value.is_integer() else value
 

@@ -162,7 +162,6 @@ class TrajectoryFiles:
 
 
 def _name_robot(design: int) -> str:
-    """Return the name prefix of a design's robot files."""
     return f"{ROBOTS}{design:06d}"
 
 

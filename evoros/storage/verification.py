@@ -140,7 +140,6 @@ def read_text(path: Path) -> str:
 
 
 def _find_folder(path: Path) -> Path:
-    """Return the run folder above a file."""
     for parent in path.parents:
         if (parent / layout.DIGESTS).is_file():
             return parent

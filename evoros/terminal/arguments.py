@@ -47,7 +47,6 @@ def _stands_alone(word: str) -> bool:
 
 
 def _advise_quotes(before: str, *rest: str) -> str:
-    """Advise typing several words as one, with the quotes that the shell and Hydra need."""
     key, equals, value = before.partition("=")
     if not equals:
         return f"a path with a space needs quotes: {shell_line(' '.join((before, *rest)))}"

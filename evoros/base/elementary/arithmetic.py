@@ -58,10 +58,7 @@ def multiply(a: float, b: float) -> tuple[float, float]:
 
 @inlined
 def polynomial(x: float, coefficients: tuple[float, ...]) -> float:
-    """Return the polynomial with these coefficients, the constant first (Horner's scheme).
-
-    The compiler unrolls the loop.
-    """
+    """Return the polynomial with these coefficients, the constant first (Horner's scheme)."""
     value = coefficients[-1]
     for i in range(len(coefficients) - 2, -1, -1):
         value = value * x + coefficients[i]

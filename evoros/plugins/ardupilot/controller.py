@@ -123,7 +123,6 @@ class ArduPilotPilot:
         return AVOIDING if self._avoiding else NAVIGATING
 
     def _avoid(self, time: float, state: Array, leg: Array, readings: Array) -> None:
-        """Let the avoidance layer take over or release the radio."""
         station, wish = self._station, self._wish
         avoiding = bool(self._rule(state, leg, readings, time, wish))
         if avoiding != self._avoiding or not station.has_set_mode():
@@ -176,13 +175,7 @@ class ArduPilotPilot:
         )
 
     def _check_parameters(self) -> None:
-        """Require that the autopilot knows the given parameters; it would ignore unknown ones.
-
-        The check ends if the autopilot answers no request at all.
-
-        Raises:
-            InputError: the autopilot does not know one of the parameters.
-        """
+        """Require that the autopilot knows the given parameters; it would ignore unknown ones."""
         station, names = self._station, list(self._settings.parameters)
         for first in range(0, len(names), ASKED_AT_ONCE):
             asked = names[first : first + ASKED_AT_ONCE]

@@ -198,7 +198,6 @@ def _claim_core(allowed: set[int]) -> tuple[int, socket.socket] | None:
 
 
 def _find_core() -> int | None:
-    """Return the core on which this thread runs, or None if it is unknown."""
     try:
         status = Path("/proc/thread-self/stat").read_text(encoding="utf-8")
         return int(status.rpartition(")")[2].split()[PROCESSOR])

@@ -242,10 +242,7 @@ def _draw_world(field: BarnField, draws: str) -> World:
 
 
 def build_cylinders(cells: Cells) -> Iterator[Body]:
-    """Yield the cylinders of the walls around the start, and of exposed filled cells.
-
-    The walls enclose the start, except on the side towards the field.
-    """
+    """Yield the cylinders of the walls around the start, and of exposed filled cells."""
     near = np.lib.stride_tricks.sliding_window_view(np.pad(cells, 1), (3, 3)).all(axis=(2, 3))
     walls = [(row, -WALL_COLUMNS) for row in range(SIDE)]
     walls += [(row, column) for column in range(1 - WALL_COLUMNS, 0) for row in (0, SIDE - 1)]

@@ -122,7 +122,6 @@ def _list_files() -> Iterator[tuple[Path, Path]]:
 
 
 def _list_package(folder: Path) -> Iterator[Path]:
-    """Yield all files of a package, including its data files."""
     for path in folder.iterdir():
         if path.name.startswith(".") or path.name in _NEVER:
             continue
@@ -174,7 +173,6 @@ class _Slot:
     busy: threading.Lock = field(default_factory=threading.Lock)
 
     def end(self) -> None:
-        """End the process and any call in it."""
         with suppress(Exception):  # another thread may have done so
             self.closing.set_result(None)
         with self.busy:

@@ -217,7 +217,6 @@ class DaskTransport:
                 )
 
     def _look(self) -> None:
-        """Ask the scheduler for its workers."""
         try:
             threads = self._await(self._client.nthreads(asynchronous=True), ANSWER_S)
         except Exception as error:
@@ -245,7 +244,6 @@ class DaskTransport:
         return asyncio.run_coroutine_threadsafe(limited(), self._loop).result(limit_s + CONNECT_S)
 
     def _lose(self, reason: str) -> None:
-        """End all calls and reject new ones."""
         with self._lock:
             if self._lost is not None:
                 return

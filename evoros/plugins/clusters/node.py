@@ -98,12 +98,10 @@ class _Companion:
         return self._process.poll() is None
 
     def await_end(self) -> None:
-        """Wait for the companion to exit after a connection has closed."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(END_S)
 
     def connect(self) -> Connection:
-        """Return a connection to a new thread in the companion."""
         ours, theirs = socket.socketpair()
         with theirs:
             socket.send_fds(self._control, [b"."], [theirs.fileno()])
@@ -117,7 +115,6 @@ class _Node:
         self._thread = threading.local()  # each thread's companion, and the connection to it
 
     def ask(self, request: bytes) -> Answer:
-        """Return the companion's answer; a killed companion is replaced."""
         for _ in range(ATTEMPTS):
             try:
                 connection = self._connect()
@@ -144,7 +141,6 @@ class _Node:
             connection.recv()
 
     def _connect(self) -> Connection:
-        """Return this thread's connection."""
         with self._lock:
             if self._companion is None or not self._companion.runs():
                 self._companion = _Companion()
@@ -199,7 +195,6 @@ def has_library(wanted: Mapping[str, str]) -> bool:
 
 
 def _version(package: str) -> str:
-    """Return the version of a package, or an empty string if it is not installed."""
     try:
         return version(package)
     except PackageNotFoundError:

@@ -153,7 +153,6 @@ class RangeFinder:
 
 
 def _is_ardupilot(champion: Champion) -> bool:
-    """Return True if ArduPilot drove the missions."""
     return bool(champion.values.get("controller._target_") == _CONTROLLER)
 
 

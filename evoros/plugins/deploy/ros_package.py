@@ -118,7 +118,6 @@ def _write_parameters(champion: Champion, options: PackageOptions) -> dict[str, 
 
 
 def _describe(champion: Champion, options: PackageOptions) -> dict[str, Any]:
-    """Return the values with which to fill the templates."""
     maintainer = _MAINTAINER.fullmatch(options.maintainer)
     assert maintainer is not None  # PackageOptions has checked it
     return {
@@ -141,7 +140,6 @@ def _describe(champion: Champion, options: PackageOptions) -> dict[str, Any]:
 
 
 def _list_commands(champion: Champion) -> list[str]:
-    """Return the commands that were the controller in the missions."""
     given = [champion.values.get(f"controller.{key}") for key in ("command", "nodes")]
     commands = [given[0]] if given[0] else given[1] or []
     return [line if isinstance(line, str) else " ".join(map(str, line)) for line in commands]

@@ -71,7 +71,6 @@ def _read_imu(options: argparse.Namespace) -> tuple[float, float, float] | None:
 
 
 def _draw(champion: Champion) -> dict[str, bytes]:
-    """Return the mounting drawing in each format."""
     figure = draw_mounting(plan_mounting(champion))
     return {f"drawing/mounting.{kind}": render(figure, kind) for kind in ("pdf", "png")}
 
@@ -116,7 +115,6 @@ def _describe_reach(kind: Beam | Signal) -> str:
 
 
 def _list_solids(champion: Champion, sensors: set[str], wheels: set[str]) -> Iterator[Solid]:
-    """Yield the robot's visible shapes, without the sensors."""
     for link, shapes in champion.shown.visuals.items():
         for shape in shapes if link not in sensors else ():
             points = shape_points(shape, champion.shown.poses[link] @ shape.pose)

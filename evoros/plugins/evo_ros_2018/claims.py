@@ -119,7 +119,6 @@ def _weaves(record: Record) -> bool:
 
 
 def _gather(study: Study, read: Callable[[Record], pd.DataFrame]) -> pd.DataFrame:
-    """Gather the tables of all runs; the result is empty if no run has rows."""
     if any(len(read(record)) for record in study.records):
         return study.gather(read)
     return pd.DataFrame(columns=["first", "last"])

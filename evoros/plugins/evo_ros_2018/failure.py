@@ -57,7 +57,6 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def _read_sensors(record: Record, study: Study) -> pd.DataFrame:
-    """Read the champion's sensors, and require at least one."""
     if read_champion_sensors(record).empty:
         raise InputError(
             f"{record.path}: the champion has no sensors; choose another run with --run"
@@ -132,7 +131,6 @@ def _fit_window(table: pd.DataFrame, reach: float, panel_in: float) -> Window:
 
 
 def _shade(probability: float) -> str:
-    """Return a grey that is darker for higher probabilities."""
     return f"{1 - 0.85 * probability:.3f}"
 
 

@@ -307,7 +307,6 @@ def _format_movable(body: Body, index: int) -> tuple[str, list[str]]:
 
 
 def _format_walker(index: int, radius: float, height: float) -> tuple[str, list[str]]:
-    """Return the model of a walker, which slides along x and y."""
     model, frame = f"walker{index}", Pose((0.0, 0.0, height / 2.0 + WALKER_GAP_M))
     inertial = Inertial(WALKER_KG, Pose(), (WALKER_KG, WALKER_KG, WALKER_KG, 0.0, 0.0, 0.0))
     cylinder = Solid(WALKER, Shape("cylinder", (radius, height)), Pose(), MAX_FRICTION)

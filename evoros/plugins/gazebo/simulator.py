@@ -168,7 +168,6 @@ class GazeboSimulation:
                         self._walkers.touch(walker, robot)
 
     def _feel(self, contacts: Array) -> None:
-        """Report the contacts of each step to the contact sensors."""
         rows = contacts.tolist()
         for index, vehicle in enumerate(self._vehicles):
             own = [row for row in rows if row[ROBOT] == index]

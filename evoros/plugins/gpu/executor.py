@@ -67,7 +67,6 @@ class Joining:
             part.future.set_running_or_notify_cancel()
 
     def _fill(self) -> None:
-        """Send calls to free workers."""
         while parts := self._take():
             self._send(parts)
 
@@ -209,20 +208,16 @@ class _Batching:
 
     @property
     def workers(self) -> int:
-        """The number of workers."""
         return self.pool.workers
 
     @property
     def shares_files(self) -> bool:
-        """True if the workers can read this process's files."""
         return self.pool.shares_files
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
-        """Call ``function(*args)`` in a worker."""
         return self.pool.submit(function, *args)
 
     def join(
         self, function: Callable[..., Any], run: object, share: float, shared: Shared, asked: Any
     ) -> "Future[Any]":
-        """Add a part to the next call of a worker."""
         return self.joining.add(Part(function, run, share, shared, asked))

@@ -50,7 +50,6 @@ def leaderboard(arguments: Sequence[str]) -> int:
 
 
 def _check(file: Path, known: Path | None) -> int:
-    """Rerun the rows that are not in ``known``, and return the exit status."""
     from evoros.plugins.leaderboard.rows import read_rows
 
     left_out = set(read_rows(known)) if known else set()

@@ -52,7 +52,6 @@ class Action(BaseAction):  # type: ignore[misc]
         raise NotImplementedError
 
     def _attempt(self, function: Callable[[], T]) -> T | None:
-        """Call a function; return None if the scenario cannot continue."""
         if self.simulation.problem:
             return None
         try:
@@ -261,11 +260,7 @@ def select_sensors(robot: Robot, text: str) -> list[int]:
 
 
 def _smallest_reading(robot: Robot, readings: Array, numbers: Sequence[int], channel: str) -> float:
-    """Return the sensors' minimum reading in channels with this prefix, or NaN if all are silent.
-
-    Raises:
-        InputError: the sensors have no such channel.
-    """
+    """Return the minimum reading in channels with this prefix, or NaN if all are silent."""
     sensors = robot.mounted_sensors()
     values = [
         float(value)

@@ -214,7 +214,6 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
         self._leave()
 
     def _leave(self) -> None:
-        """Close the mission, and record it unless it had a problem."""
         try:
             if self._folder and self._setting and self._mission and not self.problem:
                 self._record(self._setting, self._mission, Path(self._folder))

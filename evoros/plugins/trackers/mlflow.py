@@ -78,7 +78,6 @@ class Mlflow(Observer):
         yield _Connection(client, experiment).send
 
     def _find_experiment(self, client: Any, place: str | None) -> str:
-        """Return the id of the experiment, creating the experiment if it does not exist."""
         found = client.get_experiment_by_name(self.experiment)
         if found is None:
             try:
@@ -116,7 +115,6 @@ class _Connection:
         self.steps: dict[str, set[int]] = {}
 
     def send(self, run: ObservedRun) -> None:
-        """Send everything that MLflow does not have yet."""
         if not self.id:
             self._begin(run)
         if run.end is None:

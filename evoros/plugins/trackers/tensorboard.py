@@ -66,7 +66,6 @@ class _Events:
 
     @property
     def writer(self) -> Any:
-        """The writer of this session's file."""
         if self._writer is None:
             from tensorboardX import SummaryWriter
 
@@ -80,7 +79,6 @@ class _Events:
             self._writer.close()
 
     def send(self, run: ObservedRun) -> None:
-        """Write everything that the event files do not have yet."""
         if CONFIGURATION not in self.texts:
             rows = (f"| {key} | {value} |" for key, value in run.parameters.items())
             table = "\n".join(["| key | value |", "|---|---|", *rows])

@@ -69,7 +69,6 @@ class _OfflineRun:
         self._session: Any = None
 
     def send(self, run: ObservedRun) -> None:
-        """Write everything that the offline run does not have yet."""
         digest = "" if run.end is None else run.end.digest
         more = len(run.generations) > self.known["generations"]
         if not more and digest in ("", self.known["digest"]) and (self._session or self._earlier):
@@ -129,11 +128,7 @@ class _OfflineRun:
 
 
 def _wait_for_end(log: Path) -> None:
-    """Wait until the library's process has written the last record of an offline run.
-
-    Raises:
-        TimeoutError: the record was not written within ``PATIENCE_S``.
-    """
+    """Wait until the library's process has written the last record of an offline run."""
     end = time.monotonic() + PATIENCE_S
     while not any(record.WhichOneof("record_type") == "exit" for record in read_log(log)):
         if time.monotonic() > end:

@@ -75,10 +75,7 @@ def make_contents(
     progress: tuple[str, Markup],
     state: Mapping[str, object],
 ) -> Contents:
-    """Return the contents of a page with a new section ``progress``.
-
-    ``state``, the state of the runs and the page, is served separately.
-    """
+    """Return the contents of a page with a new section ``progress``."""
     parts = {**drawn, frame.name_section(progress[0]): _make(HTML, frame.render_section(*progress))}
     digests = [(key, part.digest) for key, part in parts.items()]
     return Contents(title, parts, _make(JSON, json.dumps({**state, "parts": digests})))
@@ -117,7 +114,6 @@ def describe_state(runs: Sequence[Overview]) -> str:
 def _list_tiles(
     runs: Sequence[Overview], names: Mapping[Path, str]
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield the name, value and note of each tile."""
     yield "state", describe_state(runs), ""
     if not runs:
         return
@@ -243,7 +239,6 @@ class _Handler(BaseHTTPRequestHandler):
     do_HEAD = do_GET  # noqa: N815
 
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
-        """Reject a request, and close the connection."""
         status = HTTPStatus(code)
         more = {"Connection": "close"}
         if status == HTTPStatus.METHOD_NOT_ALLOWED:

@@ -125,7 +125,6 @@ def _find_design(record: Record) -> int:
 
 
 def _find_obstacle(record: Record) -> str:
-    """Return why a run's missions cannot be repeated, or an empty string if they can be."""
     if record.run.manifest.get("simulators") != PLANE:
         return "only planar missions are cheap to repeat; record=all keeps all missions"
     if not (record.path.stat().st_uid == os.getuid() and is_locked(record.path)):

@@ -93,7 +93,6 @@ def to_stamp(time_s: float) -> int:
 
 
 def _describe(mission: RecordedMission) -> Iterator[Message]:
-    """Yield the constant messages: the robot, frames, obstacles and route."""
     yield Message(START_NS, "/robot_description", {"data": mission.urdf})
     fixed = [
         _transform(START_NS, joint.parent, joint.child, joint.origin) for joint in mission.joints

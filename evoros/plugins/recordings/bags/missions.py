@@ -209,7 +209,6 @@ def choose_missions(
 
 
 def _read(record: Record, options: argparse.Namespace) -> list[RecordedMission]:
-    """Read the chosen missions; report and skip missions that cannot be read."""
     record.run.require_trajectories()
     missions: list[RecordedMission] = []
     for read in _list_readers(record, options):

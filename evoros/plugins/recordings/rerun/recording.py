@@ -126,7 +126,6 @@ def _lay_out_mission(mission: RecordedMission) -> rrb.Container:
 
 
 def _show_evolution(top: Entities, record: Record, urdf: str, most_faces: int) -> None:
-    """Show the fitness, and the best designs' sensors on the robot ``urdf``."""
     table = designs.read_generations(record)
     for name, column in designs.trace_fitness(table).dropna(axis=1, how="all").items():
         line, values = top.below("fitness", str(name)), column.dropna()

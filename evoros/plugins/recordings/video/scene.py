@@ -204,7 +204,6 @@ def make_surfaces(
 
 
 def _show_shapes(tree: Urdf, link: str, colours: Sequence[Colour]) -> Surface:
-    """Return the surface of a link's shapes; further shapes repeat the last colour."""
     shapes = tree.visuals[link]
     painted = chain(colours, repeat(colours[-1] if colours else UNPAINTED))
     shown = [colour for _, colour in zip(shapes, painted, strict=False)]
@@ -248,7 +247,6 @@ def _choose_colour(visual: Element, named: Mapping[str | None, Colour]) -> Colou
 
 
 def _read_colour(material: Element) -> Colour | None:
-    """Return a material's colour, or None if the colour is missing or cannot be read."""
     color = material.find("color")
     try:
         red, green, blue, _ = map(float, "" if color is None else str(color.get("rgba")).split())

@@ -74,7 +74,6 @@ def _parse_options(options: argparse.Namespace, title: str) -> RenderOptions:
 
 
 def _show_progress(pictures: Iterator[Pixels], count: int) -> Iterator[Pixels]:
-    """Yield the pictures, and count them on a terminal."""
     for index, picture in enumerate(pictures, 1):
         yield picture
         if sys.stderr.isatty():

@@ -44,7 +44,6 @@ class Crew:
     """The user's nodes, which must keep running and come to rest, and the nodes' commands."""
 
     def __init__(self, conversation: Conversation, rest: Rest, start: Callable[[], Nodes]) -> None:
-        """Start the nodes."""
         briefing = conversation.briefing
         self.options: dict[str, Any] = briefing["ros"]
         self.rest = rest

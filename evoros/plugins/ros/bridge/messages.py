@@ -102,7 +102,6 @@ class Messages:
 
 
 def _make_message(sensor: dict[str, Any]) -> Any:
-    """Return a sensor's message, without a reading."""
     make = _signal if "measures" in sensor else _scan if "bearings_rad" in sensor else _range
     message = make(sensor)
     if hasattr(message, "header"):
@@ -121,7 +120,6 @@ def _range(sensor: dict[str, Any]) -> Any:
 
 
 def _signal(sensor: dict[str, Any]) -> Any:
-    """Return the message for an IMU, wheel odometry, a bumper or any other sensor."""
     kinds = {6: Imu, 2: TwistStamped, 1: Bool}
     expected = {"motion": 6, "wheels": 2, "contact": 1}
     count = len(sensor["channels"])
