@@ -169,7 +169,6 @@ def _await_end(keeper: "subprocess.Popen[bytes]") -> None:
 
 
 def _list_residents(home: str) -> Iterator[int]:
-    """Yield the processes whose HOME is this folder."""
     for path in Path("/proc").glob("[0-9]*/environ"):
         with suppress(OSError):  # the process has exited, or belongs to another user
             if f"HOME={home}".encode() in path.read_bytes().split(b"\0"):
@@ -215,7 +214,6 @@ def _explain(program: str, isolated: bool, news: Mapping[str, Any]) -> LaunchErr
 
 
 def _describe(status: int) -> str:
-    """Describe the exit status of a process, as reported by waitpid."""
     if os.WIFSIGNALED(status):
         code = os.WTERMSIG(status)
         return f"by signal {code} ({signal.strsignal(code)})"

@@ -240,7 +240,6 @@ def make_kernel(target: Target, run: Lowered, rules: Parts) -> bytes | NotCompil
 
 
 def _find_path(target: Target, run: Lowered, rules: Parts) -> Path | None:
-    """Return the cache path of a kernel's code, or None if there is no cache folder."""
     folder = cache_folder()
     if folder is None:
         return None

@@ -151,7 +151,6 @@ def cache_folder() -> Path | None:
 
 @cache
 def _hash_reachable(folders: tuple[Path, ...]) -> str:
-    """Return a hash of the Python files in folders and of their imports from evoros."""
     modules = _list_modules()
     found = {file: file.name for folder in folders for file in folder.rglob("*.py")}
     waiting, texts = list(found), []
@@ -170,7 +169,6 @@ def _hash_reachable(folders: tuple[Path, ...]) -> str:
 
 
 def _list_imported(text: bytes) -> set[str]:
-    """List the modules and names that a source imports from evoros, anywhere in the file."""
     names: set[str] = set()
     for source, imported, module in _IMPORT.findall(text):
         package = (source or module).decode()
@@ -183,7 +181,6 @@ def _list_imported(text: bytes) -> set[str]:
 
 @cache
 def _list_modules() -> dict[str, Path]:
-    """List the sources of evoros by module name, without following links."""
     start = len(str(PACKAGE.parent)) + 1
     names = {str(path)[start:-3].replace("/", "."): path for path in PACKAGE.rglob("*.py")}
     return {name.removesuffix(".__init__"): path for name, path in names.items()}

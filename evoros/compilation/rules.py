@@ -173,7 +173,6 @@ def _compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
 
 
 def _find_reason(message: str) -> str:
-    """Extract the reason from numba's message."""
     lines = [line.strip() for line in message.splitlines() if line.strip()]
     reasons = [line for line in lines if not line.startswith(("Failed in", "During:", "File"))]
     return (reasons or lines or ["numba cannot compile it"])[0]
@@ -184,14 +183,12 @@ _OF_NUMPY |= {name: name for name in (*_OF_BOTH, "tanh", "hypot", "power")}
 
 @compilable
 def _log(x: float, base: float = math.e) -> float:
-    """Return the logarithm of x to a base."""
     value = elementary.log(x)
     return value if base == math.e else value / elementary.log(base)
 
 
 @compilable
 def _hypot(x: float, y: float = 0.0, z: float = 0.0) -> float:
-    """Return the length of a vector."""
     value = elementary.hypot(x, y)
     return value if z == 0.0 else elementary.hypot(value, z)
 

@@ -69,7 +69,6 @@ class DeadReckoning(Estimator):
     def _find(
         self, robot: Robot, field: str, name: str, kind: type[Odometry | Imu], period: float
     ) -> list[int]:
-        """Return the indices of the mounts with the sensor type ``name``."""
         mounts = [i for i, mount in enumerate(robot.mounts) if mount.sensor == name]
         sensor = robot.sensors.get(name)
         if not mounts or not isinstance(sensor, kind):

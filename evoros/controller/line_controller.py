@@ -96,7 +96,6 @@ def _is_plain(value: object) -> bool:
 
 
 def _require_ready(name: str, answer: bytes) -> None:
-    """Reject a command that has not accepted its briefing."""
     try:
         content = json.loads(answer)
     except (ValueError, RecursionError):
@@ -155,7 +154,6 @@ class LinePilot:
 
 
 def _group(readings: Array, parts: Sequence[slice]) -> list[Any]:
-    """Return each sensor's reading: a number, or an array if there are several channels."""
     return [
         readings[part] if part.stop - part.start > 1 else readings[part.start] for part in parts
     ]

@@ -202,7 +202,6 @@ COMMAND = Rule(
 
 
 def _are_texts(value: object) -> bool:
-    """Return True if a value is a list of non-empty strings."""
     return isinstance(value, list | tuple) and all(map(TEXT.holds, value))
 
 

@@ -154,7 +154,6 @@ class OutlineRegion(RegionDescription):
         return robot.sensor_links[robot.mount_link][2] + robot.mount_z_m
 
     def _outline(self, robot: Robot, height: float, mirrored: bool, key: str) -> Array:
-        """Return the outline at a height, united with its mirror image if ``mirrored``."""
         solids = _solids(robot, self.link)
         outline = compute_outline_at(solids, height)
         if outline is None:

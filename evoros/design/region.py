@@ -128,7 +128,6 @@ def _list_corners(axes: Mapping[str, Range]) -> Iterator[dict[str, float]]:
 
 
 def _list_ends(ends: Range, cells: int) -> list[float]:
-    """Return the boundaries of a range's cells."""
     values: list[float] = np.linspace(*ends, cells + 1).tolist()
     return values
 

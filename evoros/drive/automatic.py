@@ -253,7 +253,6 @@ class AutomaticDescription(DriveDescription):
         return chosen
 
     def _find_pairs(self, urdf: Urdf) -> list[Pair]:
-        """Find pairs of drive wheels; reject machines that only look as if they fitted."""
         wheels = select_driven(urdf, find_candidates(urdf))
         fixed = pair_up([wheel for wheel in wheels if wheel.steering is None])
         if self.kind == "differential":
@@ -307,7 +306,6 @@ class AutomaticDescription(DriveDescription):
 
 
 def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> None:
-    """Log the drive, its limits and the fixed joints that now turn."""
     kind = type(chosen).__name__.removesuffix("Description")
     limits = [
         f"{key}={getattr(chosen, key):g}"

@@ -98,7 +98,6 @@ def is_called_wheel(joint: Joint) -> bool:
 
 
 def _is_caster(urdf: Urdf, joint: Joint, above: Sequence[Joint]) -> bool:
-    """Return True if the part or a link above it has a caster's name; driven omni wheels pass."""
     driven = joint.name in urdf.actuated
     names = [name for j in above for name in (j.name, j.child)]
     return any(CASTER.search(_OMNI.sub("", name) if driven else name) for name in names)
@@ -124,7 +123,6 @@ def measure_link(urdf: Urdf, link: str) -> Wheel | None:
 
 
 def _find_steering(urdf: Urdf, above: Sequence[Joint]) -> Joint | None:
-    """Find the joint that steers a wheel: a vertical one, or a fixed one with a steering name."""
     for joint in above:
         if joint.type in TURNING and abs(float(urdf.axis_of(joint)[UP])) > NEARLY_ALIGNED:
             return joint

@@ -166,7 +166,6 @@ def _find_free(
     ground: Sequence[Footprint] | None,
     home: tuple[float, float] | None,
 ) -> FreeSpace:
-    """Return the free space among and around the obstacles, or on the ground without obstacles."""
     low, high = find_bounds(*(footprints or ground or ()))
     if home is not None:
         low, high = np.minimum(low, home), np.maximum(high, home)

@@ -75,7 +75,6 @@ def draw_example(sampler: WorldSampler, renew: bool, function: str) -> World:
 
 
 def _write_note(kind: str, values: Mapping[str, object]) -> str:
-    """Return the comment of a drawn SDF file, with one line of JSON per named value."""
     lines = (f"{key}: {json.dumps(value, default=_describe)}" for key, value in values.items())
     text = "\n".join(lines).replace("--", "-\\u002d")  # XML allows no -- in a comment
     return f"A {kind} that evoros generated from\n{text}\n"

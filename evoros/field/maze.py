@@ -134,7 +134,6 @@ class Maze:
         return [(x, y) for x, y in near if 0 <= x < self.columns and 0 <= y < self.rows]
 
     def _connect(self, rng: Generator) -> Doors:
-        """Connect all cells without a loop, by a random depth-first search from home."""
         doors: Doors = {(x, y): set() for x in range(self.columns) for y in range(self.rows)}
         stack, seen = [self.route[0]], {self.route[0]}
         while stack:
@@ -155,7 +154,6 @@ class Maze:
                 _add_door(doors, cell, closed[pick_index(float(rng.random()), len(closed))])
 
     def _build_walls(self, doors: Doors) -> Iterator[Body]:
-        """Yield boxes along the grid lines, one for each straight wall."""
         pitch, corner = self.pitch_m, self._corner
         for axis in (0, 1):
             for line, start, end in self._list_runs(doors, axis):

@@ -90,7 +90,6 @@ class Objects:
             yield self._build(f"decoy_{index}", self.decoy_m, x, y)
 
     def _draw_place(self, taken: Array, rng: Generator) -> tuple[float, Array]:
-        """Draw a bearing apart from ``taken`` ones, and a position that leaves waypoints free."""
         home, points = np.array(self.course.home[:2]), np.array(self.course.waypoints)
         for _ in range(MAX_ATTEMPTS):
             bearing = (2.0 * float(rng.random()) - 1.0) * math.pi

@@ -178,7 +178,6 @@ class PlacedObstacles:
         return True
 
     def _is_near_another(self, footprint: Footprint) -> bool:
-        """Return True if another obstacle is within the gap; bounding circles rule out most."""
         x, y, radius = bounding_circle(footprint)
         apart = np.sqrt(((self._centres - (x, y)) ** 2).sum(axis=1)) - self._radii - radius
         near = (self.footprints[i] for i in np.flatnonzero(apart < self.gap))

@@ -76,7 +76,6 @@ def _decode(content: bytes) -> str:
 
 
 def _repair(text: str) -> tuple[str, list[str]]:
-    """Return the repaired XML and descriptions of the repaired errors."""
     repairs: list[str] = []
 
     def apply(repaired: str, slip: str) -> None:
@@ -123,7 +122,6 @@ def _cut_after_root(text: str) -> str:
 
 
 def _quote_value(pair: re.Match[str]) -> str:
-    """Return an attribute with its value in quotes; a missing value becomes empty."""
     space, name, value = pair[1], pair[2], pair[3] or ""
     if value[:1] in ("'", '"'):
         return pair[0]
@@ -131,7 +129,6 @@ def _quote_value(pair: re.Match[str]) -> str:
 
 
 def _lines(text: str) -> str:
-    """Return the line breaks of a string."""
     return "\n" * text.count("\n")
 
 

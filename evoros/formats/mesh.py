@@ -176,8 +176,6 @@ def _shape(corners: Corners) -> Shape:
 
 @dataclass(frozen=True)
 class _Division:
-    """The convex parts of a mesh."""
-
     parts: tuple[Corners, ...]  # corners [m] of each part
     dropped: int  # number of parts that are too small to count
     deviation_m: float  # maximum distance of the mesh's surface from the parts

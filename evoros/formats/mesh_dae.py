@@ -74,7 +74,6 @@ class _Document:
         }
 
     def surfaces(self, up_axis: bool) -> Iterator[Submesh]:
-        """Yield the surfaces of the scene, or all geometries of a file without a scene."""
         unit = self.root.find("{*}asset/{*}unit")
         meter = float(unit.get("meter", "1")) if unit is not None else 1.0
         base = np.diag([meter, meter, meter, 1.0])
@@ -90,7 +89,6 @@ class _Document:
             yield from self._node(node, base, 0)
 
     def _target(self, element: Element, tag: str) -> Element:
-        """Return the element with this tag that an element's ``url`` or ``source`` refers to."""
         address = element.get("url") or element.get("source") or ""
         target = self.by_id.get((tag, address.removeprefix("#")))
         if target is None:

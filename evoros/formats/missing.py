@@ -81,7 +81,6 @@ class Absences:
         raise InputError(f"{problem}; {'; '.join(fixes)}{instead}")
 
     def _list(self) -> Iterator[str]:
-        """Yield each name with the first place where it occurs and the number of occurrences."""
         places: dict[str, list[str]] = {}
         for absence in self._absences:
             places.setdefault(absence.name, []).append(absence.place)

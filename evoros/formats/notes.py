@@ -54,7 +54,6 @@ class Notes:
 
 
 def _list(names: list[str]) -> str:
-    """Return the names after the first, or a few of them and the number of others."""
     others = [name for name in dict.fromkeys(names) if name and name != names[0]]
     if not others:
         return ""

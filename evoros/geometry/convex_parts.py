@@ -156,7 +156,6 @@ def _merge(pieces: list[Piece]) -> list[Piece]:
 
 
 def _unite(first: Piece, second: Piece) -> Piece | None:
-    """Return the union of two pieces if their hulls fill the union's hull, otherwise None."""
     a, b = np.reshape(first.hull.bounding_box(), (2, 3)), second.hull.bounding_box()
     c, d = np.reshape(b, (2, 3))
     if (a[0] > d + 1e-6).any() or (c > a[1] + 1e-6).any():

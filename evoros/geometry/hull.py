@@ -112,7 +112,6 @@ def _without_flat_corners(hull: Hull) -> Hull:
 
 
 def _extremes(points: Array, directions: Array) -> NDArray[np.integer]:
-    """Return the indices of the points that are farthest in at least one of the directions."""
     columns = np.ascontiguousarray(points.T)
     farthest = [
         (product(directions[i : i + 50], columns)).argmax(axis=1)

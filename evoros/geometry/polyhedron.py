@@ -73,7 +73,6 @@ def _distinct_planes(equations: Array) -> Array:
 def _face_outwards(
     points: Array, triangles: NDArray[np.intp], equations: Array
 ) -> NDArray[np.intp]:
-    """Return triangles with their corners counter-clockwise as seen from outside."""
     a, b, c = (points[triangles[:, i]] for i in range(3))
     inwards = (np.cross(b - a, c - a) * equations[:, :3]).sum(axis=1) < 0.0
     turned = triangles.copy()

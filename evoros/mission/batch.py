@@ -138,7 +138,6 @@ class _Group:
                 yield "layer", layer.rule
 
     def finish(self, results: Iterator[LoopResult]) -> list[Rollout]:
-        """Return the rollouts of all missions, given the results of ``calls`` in order."""
         rollouts = dict(self._failed)
         for i, opened in self._opened.items():
             try:

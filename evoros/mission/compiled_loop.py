@@ -128,7 +128,6 @@ def _type(context: Any) -> Any:
 
 @lower_builtin(get_stage, types.NamedTupleClass, types.Array, types.Integer)  # type: ignore[untyped-decorator]
 def _get_stage(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    """Read the named tuple of a stage from a table."""
     stage, table = signature.return_type, signature.args[1]
     start = builder.mul(arguments[2], ir.Constant(arguments[2].type, count_words(stage)))
     place = builder.gep(context.make_array(table)(context, builder, arguments[1]).data, [start])
@@ -188,7 +187,6 @@ def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
 
 
 def _run(loop: Loop, *arguments: Any) -> LoopResult:
-    """Run a compiled loop while signal handlers are deferred."""
     with hold_interrupts():
         return loop(*arguments)
 
@@ -208,7 +206,6 @@ def explain_interpreted(inputs: LoopInputs) -> list[str]:
 
 
 def _run_tabulated(inputs: LoopInputs, *arguments: Any) -> LoopResult:
-    """Run the compiled loop with tables of the stages."""
     tabulated = tabulate_stages(inputs)  # kept alive until the loop has ended
     result: LoopResult = _compile_loop()(tabulated, *arguments)
     return result
@@ -216,7 +213,6 @@ def _run_tabulated(inputs: LoopInputs, *arguments: Any) -> LoopResult:
 
 @cache
 def _compile_loop() -> Any:
-    """Compile ``run_loop``."""
     records = name_records(map(types.FunctionType, SIMULATION_RULES), TABLE)
     signature = types.NamedTuple((I8, I8, types.boolean), LoopResult)(*records.values())
     with compiling() as cached:

@@ -197,7 +197,6 @@ class Image:
         return results
 
     def _add(self, call: LoopCall, ending: NDArray[Any]) -> list[int]:
-        """Add the arrays of a mission, and return the words of its row."""
         inputs, agents, timing, arrays = call
         inputs = tabulate_stages(inputs, self._tabulate)
         for array in (inputs.parameters, inputs.memory, arrays.routes, *agents):
@@ -221,7 +220,6 @@ class Image:
         return table
 
     def _name(self, value: Any) -> int:
-        """Return the number of a rule, or the address of a generator's state."""
         if not isinstance(value, Generator):
             return self._numbers[value]
         key = id(value.bit_generator)

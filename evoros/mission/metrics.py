@@ -95,7 +95,6 @@ def _measure_track(
 
 
 def _list_touched(index: int, row: Array, world: World) -> tuple[str, ...] | None:
-    """Return the names of the walkers that a robot has touched, up to a trajectory row."""
     if world.crowd is None:
         return None
     names = world.crowd.names
@@ -105,13 +104,11 @@ def _list_touched(index: int, row: Array, world: World) -> tuple[str, ...] | Non
 
 
 def _find_columns(agents: Agents, index: int) -> slice:
-    """Return the slice of a robot's ``ROBOT_COLUMNS`` in a trajectory."""
     first = 1 + agents.readings[index] + agents.estimates[index] + index * len(ROBOT_COLUMNS)
     return slice(first, first + len(ROBOT_COLUMNS))
 
 
 def _share_avoiding(index: int, setup: Setup) -> float:
-    """Return the share of a robot's decisions made by its avoiding layers."""
     first, end = setup.agents.layers[index : index + 2]
     decisions = setup.arrays.decisions[first + index : end + index + 1]
     modes = setup.robots[index].participant.member.controller.modes

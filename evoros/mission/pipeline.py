@@ -203,7 +203,6 @@ def describe_pose(pose: Array, period: float) -> Target:
 def _start_filters(
     part: str, filters: Mapping[str, protocol.Filter], target: Target, draws: Draws
 ) -> list[FilterStage]:
-    """Start the filters of a part, each with a separate random stream."""
     always = np.zeros(target.channels.size)
     return [
         start_filter(item, target, always, draws(f"{part}.{name}"))
@@ -287,18 +286,15 @@ _NO_DRAWS: Generator = generator("", "copy")  # copies draw no numbers
 
 
 def _copy(signal: Array, values: Array) -> None:
-    """Copy all values."""
     copy_values(signal, values)
 
 
 def _receive(signal: Array, values: Array) -> None:
-    """Copy the values that are not NaN."""
     for i in range(len(values)):
         if not math.isnan(signal[i]):
             values[i] = signal[i]
 
 
 def _weaken(signal: Array, values: Array) -> None:
-    """Clip the values to [0, 1]; NaN becomes 0."""
     for i in range(len(values)):
         values[i] = 0.0 if math.isnan(signal[i]) else min(max(signal[i], 0.0), 1.0)

@@ -83,7 +83,6 @@ class Scenario:
         self._check_walkers()
 
     def _check_walkers(self) -> None:
-        """Require that the walkers fit all worlds and the simulator."""
         for name, world in self.world.items():
             names = name_walkers(self.walkers, world)
             if not names:
@@ -237,7 +236,6 @@ class Scenario:
 
 
 def _check_limit(world: str, limit: float, period: float) -> None:
-    """Require that a mission can end exactly at its time limit."""
     count = max(1, round(limit / period))
     if not math.isclose(count * period, limit, rel_tol=1e-9):
         raise InputError(

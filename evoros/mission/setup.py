@@ -152,7 +152,6 @@ class Setup:
         return inputs.LoopInputs(observe, sense, advance, NO_VALUES, NO_VALUES, *stages)
 
     def _list_actuation(self) -> list[list[inputs.FilterStage]]:
-        """List the stages between each robot's controller and its drive."""
         strengths, listed = self.arrays.driven[len(self.arrays.commands) :], []
         for index, robot in enumerate(self.robots):
             driven = self.arrays.driven[index * COMMAND_SIZE :][:COMMAND_SIZE]
@@ -222,7 +221,6 @@ def _count_steps(scenario: Scenario, member: Member) -> tuple[int, int]:
 
 
 def _add_up(sizes: Sequence[int]) -> inputs.Integers:
-    """Return the start index of each part, and the end of the last part."""
     return np.array(list(accumulate(sizes, initial=0)))
 
 

@@ -139,7 +139,6 @@ def replace_lost_body(
 
 
 def _list_body(urdf: Urdf, rolling: Collection[str]) -> list[str]:
-    """Return the links that are neither wheels, driven or not, nor casters."""
     free = [name for name in urdf.poses if name not in rolling and not CASTER.search(name)]
     return [name for name in free if not ("wheel" in name.lower() and _is_round(urdf, name))]
 
@@ -210,7 +209,6 @@ def _looks_round(urdf: Urdf, name: str) -> bool:
 
 
 def _shows_roller(urdf: Urdf, name: str) -> bool:
-    """Return True if a link's only visual is a cylinder that lies across the robot."""
     shown = urdf.visuals[name]
     turned = (urdf.poses[name] @ shape.pose for shape in shown)
     return len(shown) == 1 and all(

@@ -83,7 +83,6 @@ def _gap(collision: Element, link: Pose) -> float:
 
 
 def _raise(collision: Element, link: Pose) -> bool:
-    """Raise a shape that is slightly below the ground; return True if raised."""
     depth = -_gap(collision, link)
     if depth <= TOLERANCE_M / 2:
         return False
@@ -95,7 +94,6 @@ def _raise(collision: Element, link: Pose) -> bool:
 
 
 def _cut_off(link: Element, pose: Pose) -> bool:
-    """Cut a link's shapes that reach far below the ground; return True if any was cut."""
     deep = [c for c in link.findall("collision") if _gap(c, pose) < -_MAX_DEPTH_M]
     for collision in deep:
         shape = read_shape(collision)

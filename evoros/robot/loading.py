@@ -156,7 +156,6 @@ def _complete_masses(
 
 
 def _tell_dense(elements: Element, urdf: Urdf) -> list[str]:
-    """Report links that are denser than any metal if they fill the bounding box of their shapes."""
     dense = []
     for link in elements.findall("link"):
         name, mass = str(link.get("name")), link.find("inertial/mass")

@@ -70,8 +70,6 @@ def _level_pitch(sensor: RangeSensor) -> float:
 
 
 def _find_carrier(places: Places, solids: Sequence[SolidShape]) -> str:
-    """Return the link with the largest area in top view, or the first link if none has shapes."""
-
     def area(link: str) -> float:
         shapes = [(solid.shape, solid.pose) for solid in solids if solid.link == link]
         if not shapes:

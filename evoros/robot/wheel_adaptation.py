@@ -90,7 +90,6 @@ def _tell_straightened(joint: Joint, along: float, notes: Notes) -> None:
 
 
 def _is_plain(urdf: Urdf, joint: Joint, axis: Array) -> bool:
-    """Return True if the wheel's only shape is a sphere, or a cylinder about the axis."""
     shapes = urdf.shapes[joint.child]
     if len(shapes) != 1 or len(group_shapes(urdf, joint.child)) != 1:
         return False
@@ -100,7 +99,6 @@ def _is_plain(urdf: Urdf, joint: Joint, axis: Array) -> bool:
 
 
 def _reshape(elements: Element, urdf: Urdf, joint: Joint, wheel: Wheel, axis: Array) -> None:
-    """Replace all collision shapes of a wheel by one cylinder about its axis."""
     links = {str(link.get("name")): link for link in elements.findall("link")}
     for name in urdf.rigid_group(joint.child):
         set_collisions(links[name], ())

@@ -190,7 +190,6 @@ class ContactSensor(SignalSensor):
 
 
 def _are_channels(value: object) -> bool:
-    """Return True if a value is a list of channels with ordered limits."""
     channels = value if isinstance(value, list | tuple) else ()
     return bool(channels) and all(
         isinstance(one, Channel)

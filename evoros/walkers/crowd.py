@@ -33,7 +33,6 @@ MOST_WALKERS = 200
 
 
 def _is_range(value: object, holds: Rule) -> bool:
-    """Return True if a value satisfies a rule, or is a list [low, high] of two values that do."""
     if isinstance(value, list | tuple):
         return len(value) == 2 and all(map(holds.holds, value)) and value[0] <= value[1]
     return holds.holds(value)

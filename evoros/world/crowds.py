@@ -170,7 +170,6 @@ def _draw_group(
     others: Sequence[Walker],
     rng: Generator,
 ) -> Iterator[Walker]:
-    """Draw a group, with walkers beyond the drawn number marked as absent."""
     low, high = group.numbers
     count = low if low == high else int(rng.integers(low, high + 1))
     placed = [other for other in others if other.present]
@@ -232,7 +231,6 @@ def _start_at(corners: Array, share: float) -> tuple[int, tuple[float, float]]:
 def _is_clear(
     start: _Start, group: Walkers, robots: Sequence[Standing], placed: Sequence[Walker]
 ) -> bool:
-    """Return True if a start is clear of the robots at home and of the walkers already placed."""
     x, y = start[2]
     for walker in placed:
         gap = math.dist(walker.place, (x, y)) - walker.radius - group.radius_m

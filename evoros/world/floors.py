@@ -196,7 +196,6 @@ def points_between(points: Sequence[Sequence[float]]) -> Iterator[tuple[float, f
 
 
 def _mark_floors(bodies: Sequence[Body], tops: Sequence[_Top]) -> list[Body]:
-    """Return the bodies with floors marked; a body that is only partly a floor is split."""
     chosen: dict[int, set[int]] = {}
     for top in tops:
         chosen.setdefault(top.body, set()).add(top.shape)

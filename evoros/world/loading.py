@@ -168,7 +168,6 @@ def _join_bodies(bodies: Sequence[Body]) -> Body:
 
 
 def _group_pairs(pairs: Iterable[tuple[int, int]]) -> list[list[int]]:
-    """Return the groups of indices connected by pairs, each in ascending order."""
     groups: dict[int, list[int]] = {}
     for a, b in pairs:
         first, second = groups.setdefault(a, [a]), groups.setdefault(b, [b])

@@ -137,7 +137,6 @@ def _check_ground(world: World) -> None:
 
 
 def _check_course(world: World) -> None:
-    """Check that home and the waypoints are not inside an obstacle."""
     course = world.course
     points = {f"waypoint {i}": point for i, point in enumerate(course.waypoints)}
     points["home"] = (course.home_x_m, course.home_y_m)

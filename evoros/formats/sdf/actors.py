@@ -75,7 +75,6 @@ def settle_vehicles(container: Element, reading: Reading) -> set[str]:
 
 
 def _fix_to_world(world: Element, reading: Reading) -> None:
-    """Fix the models that joints of the world connect, so that none of them moves."""
     models = {model.get("name", "").strip(): model for model in world.findall("model")}
     for joint in world.findall("joint"):
         names = [read_text(require_child(joint, tag)) for tag in ("parent", "child")]
@@ -110,7 +109,6 @@ def is_static(model: Element) -> bool:
 
 
 def _why_it_drives(model: Element, joints: list[Element]) -> str:
-    """Name the plugin or wheels that make a model a vehicle; empty if there are none."""
     for plugin in model.iter("plugin"):
         parent = plugin.getparent()
         name = f"{plugin.get('filename', '')} {plugin.get('name', '')}"
@@ -123,7 +121,6 @@ def _why_it_drives(model: Element, joints: list[Element]) -> str:
 
 
 def _movable_joints(model: Element) -> Iterator[Element]:
-    """Yield the joints of a model, and of the models inside it, that let parts move."""
     for child in model:
         if child.tag == "model" and not is_static(child):
             yield from _movable_joints(child)
@@ -170,7 +167,6 @@ def _rolls(joint: Element) -> bool:
 
 
 def _is_panel(link: Element) -> bool:
-    """Return True if all collisions of a link are boxes as thin as a door."""
     kinds = [shape for geometry in link.iterfind("collision/geometry") for shape in geometry]
     sizes = [sorted(read_positive(size, 3)) for shape in kinds for size in shape.iterfind("size")]
     boxes = len(sizes) == len(kinds) > 0 and all(shape.tag == "box" for shape in kinds)
@@ -243,13 +239,11 @@ def _read_actor(element: Element, taken: set[str], reading: Reading) -> Actor:
 
 
 def _read_flag(script: Element, tag: str) -> bool:
-    """Read a flag of a script, which is true by default."""
     child = find_child(script, tag)
     return True if child is None else read_flag(child)
 
 
 def _read_points(script: Element) -> Iterator[Point]:
-    """Yield the waypoints of all trajectories, one after another."""
     last = -1.0
     for trajectory in script.findall("trajectory"):
         shift = None

@@ -112,7 +112,6 @@ def _check(element: Element, kind: str, notes: Notes) -> None:
 
 
 def _note_plugins(root: Element, notes: Notes) -> None:
-    """Note the plugins: the harmless ones in one line, each other one separately."""
     harmless: dict[str, Element] = {}
     for plugin in root.iter("plugin"):
         parent = plugin.getparent()

@@ -105,7 +105,6 @@ class Frames:
         return self._poses[path]
 
     def _relative_pose(self, path: Path) -> Pose:
-        """Return the pose of a frame relative to its base."""
         frame = self._frames[path]
         if not frame.placement:
             return frame.relative.pose
@@ -139,7 +138,6 @@ class Frames:
 
 
 def _read_frame_pose(element: Element) -> RelativePose:
-    """Read the pose of a frame; ``attached_to`` or ``<child>`` may name its base."""
     relative = read_pose(element)
     if relative.base or element.tag not in ("frame", "joint"):
         return relative

@@ -160,7 +160,6 @@ def read_geometry(geometry: Element, reading: Reading) -> tuple[Shape, ...]:
 
 
 def _read_sizes(solid: Element, reading: Reading) -> tuple[float, ...]:
-    """Return the lengths [m] of a solid; SDF's default replaces a missing one."""
     sizes: list[float] = []
     for tag, default in _SIZES_M[str(solid.tag)].items():
         element = find_child(solid, tag)
@@ -239,8 +238,6 @@ def _read_polylines(polylines: list[Element]) -> tuple[Shape, ...]:
 
 
 class _MeshUse(NamedTuple):
-    """A mesh file, or a part of it, and its transformation."""
-
     path: Path
     scale: Vector
     submesh: str

@@ -114,7 +114,6 @@ def expand_includes(container: Element, reading: Reading, chain: tuple[Path, ...
 
 
 def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Element | None:
-    """Return the model of an include; None if it is left out."""
     element = strict_xml.require_child(include, "uri")
     uri = strict_xml.read_text(element)
     beside = reading.folder_of(include)
@@ -153,7 +152,6 @@ def _find_model(uri: str, beside: Path, reading: Reading) -> Path | None:
 
 
 def _stand_in(include: Element, uri: str, reading: Reading) -> Element | None:
-    """Return a basic model for an address without a file; None if it is left out."""
     name = uri.rstrip("/").split("/")[-1].lower().replace("%20", "_").replace(" ", "_")
     name = re.sub(r"\.(model|light)$", "", name)
     if name in _BASICS:
@@ -188,7 +186,6 @@ def _choose_model(root: Element, include: Element, reading: Reading, file: Path)
 
 
 def _add_actor(root: Element, include: Element) -> None:
-    """Move the actor of a file, if any, into the world that includes it."""
     actor, world = root.find("actor"), include.getparent()
     if actor is not None and world is not None:
         actor.set("name", (include.findtext("name") or actor.get("name") or "").strip())
@@ -220,7 +217,6 @@ def _minor_version(text: str) -> int:
 
 
 def _adapt(include: Element, model: Element) -> None:
-    """Give a model the name, pose, static flag and placement frame of its include."""
     source = strict_xml.source_of(include)
     for tag in ("name", "placement_frame"):
         element = strict_xml.find_child(include, tag)

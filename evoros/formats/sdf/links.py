@@ -64,7 +64,6 @@ def is_auto(link: Element) -> bool:
 
 
 def _compute_inertia(pose: Pose, weights: Weights) -> Inertia:
-    """Return the mass and centre of mass of homogeneous shapes."""
     mass, moment = 0.0, np.zeros(3)
     for shape, place, density in weights:
         if shape.kind in ("plane", "heightfield"):
@@ -215,7 +214,6 @@ def _read_friction(collision: Element) -> float:
 
 
 def _read_coefficient(element: Element | None) -> list[float]:
-    """Return an element's coefficient; an unlimited one becomes ``MAX_NUMBER``."""
     return (
         []
         if element is None
@@ -273,7 +271,6 @@ def _bounding_box(shapes: tuple[Shape, ...]) -> Shape | None:
 
 
 def _corners(shape: Shape) -> tuple[Vector, ...]:
-    """Return the corners of a shape or of its bounding box."""
     if shape.kind == "convex":
         return shape.corners
     if shape.kind == "box":

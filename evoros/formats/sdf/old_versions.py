@@ -47,7 +47,6 @@ def modernize(root: Element, notes: Notes) -> None:
 
 
 def _rewrite(element: Element) -> int:
-    """Convert attributes of an element to children or content; return the number converted."""
     tag = str(element.tag)
     count = 0
     for name in _TO_CHILDREN.get(tag, "").split():
@@ -64,7 +63,6 @@ def _rewrite(element: Element) -> int:
 
 
 def _move(source: Element, attribute: str, owner: Element, tag: str) -> bool:
-    """Add an attribute as a child of ``owner`` unless the child exists; return True if added."""
     text = source.attrib.pop(attribute, None)
     if text is None or owner.find(tag) is not None:
         return False

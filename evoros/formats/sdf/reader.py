@@ -170,7 +170,6 @@ def read_sdf(
 
 
 def _hash(content: bytes, reading: Reading) -> str:
-    """Return the hash of the world's file if it is the only one, otherwise of all files' hashes."""
     first = hashlib.sha256(content)
     if not reading.contents:
         return first.hexdigest()
@@ -208,7 +207,6 @@ def _choose_container(root: Element, reading: Reading) -> Element:
 
 
 def _insert_and_delete(container: Element) -> None:
-    """Add the models that a ``<state>`` inserts, and remove those that it deletes."""
     for state in container.findall("state"):
         for change in state.findall("insertions"):
             container.extend(change.findall("model"))
@@ -266,7 +264,6 @@ def _apply_state(
 
 
 def _place_meshes(models: Sequence[Element], frames: Frames) -> Iterator[tuple[Element, Pose]]:
-    """Yield the meshes of all collisions with their world poses."""
     for model in models:
         for path, element, _ in _walk_models(model, (), False):
             for link in element.findall("link"):
@@ -303,7 +300,6 @@ def _build_bodies(model: Element, frames: Frames, reading: Reading) -> list[Body
 
 
 def _walk_models(model: Element, scope: Path, static: bool) -> Iterator[tuple[Path, Element, bool]]:
-    """Yield the path, the element and the static flag of a model and of all models inside it."""
     static = static or is_static(model)
     path = (*scope, read_name(model))
     yield path, model, static
@@ -312,7 +308,6 @@ def _walk_models(model: Element, scope: Path, static: bool) -> Iterator[tuple[Pa
 
 
 def _join(joint: Element, scope: Path, frames: Frames, parents: dict[Path, Path]) -> None:
-    """Join the two links of a joint into one body."""
     roots = []
     for tag in ("parent", "child"):
         end = require_child(joint, tag)

@@ -174,8 +174,6 @@ _HOSTS = ("fuel.gazebosim.org", "fuel.ignitionrobotics.org")
 
 @dataclass(frozen=True)
 class _FuelAddress:
-    """A model on a Fuel server, or a file inside it."""
-
     host: str
     owner: str
     kind: str
@@ -185,7 +183,6 @@ class _FuelAddress:
 
 
 def _parse_address(uri: str) -> _FuelAddress | None:
-    """Return the parts of a web address of Fuel; None for any other address."""
     match = _ADDRESS.fullmatch(unquote(uri.strip()).rstrip("/"))
     if match is None:
         return None
@@ -196,7 +193,6 @@ def _parse_address(uri: str) -> _FuelAddress | None:
 
 
 def _find_in_cache(address: _FuelAddress, declared: Sequence[Path]) -> Path | None:
-    """Return the model's folder or the file inside it, from the cache or a declared folder."""
     names = (address.name, address.name.replace(" ", "_"))
     given = (_child(folder, name) for folder in declared for name in names)
     places = (folder / address.inner for folder in (*_cached_folders(address), *given) if folder)
@@ -235,7 +231,6 @@ def _cached_folders(address: _FuelAddress) -> Iterator[Path]:
 
 
 def _child(folder: Path, name: str) -> Path | None:
-    """Return the subfolder with this name, ignoring case and %20 encoding."""
     if (folder / name).is_dir():
         return folder / name
     try:

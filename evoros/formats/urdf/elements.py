@@ -142,7 +142,6 @@ def _end(joint: Element, tag: str) -> str:
 
 
 def _find_outermost(root: Element, kept: Collection[str]) -> Element | None:
-    """Find a fixed joint with a child that carries nothing and is not in ``kept``."""
     unmerged = {_end(joint, "parent") for joint in root.findall("joint")} | set(kept)
     fixed = root.iterfind("joint[@type='fixed']")
     return next((joint for joint in fixed if _end(joint, "child") not in unmerged), None)

@@ -65,7 +65,6 @@ def read(name: str, options: ReadOptions | None = None) -> tuple[Path, Element]:
 
 
 def _check_robot(root: Element, file: Path) -> None:
-    """Reject a xacro file that only defines macros, and name the files that call them."""
     if root.tag != "robot" or any(child.tag not in _WITHOUT_LINKS for child in root):
         return
     users = [
@@ -180,7 +179,6 @@ def _is_absent(mesh: Element) -> bool:
 
 
 def _place(mesh: Element) -> str:
-    """Return a mesh's line in its file, or its link in an expanded description."""
     if not source_of(mesh).endswith(EXPANDED):
         return place_of(mesh)
     link = next(mesh.iterancestors("link"))
@@ -188,7 +186,6 @@ def _place(mesh: Element) -> str:
 
 
 def _remove_part(element: Element) -> None:
-    """Remove the visual, collision or material that contains an element."""
     parts = ("visual", "collision", "material")
     part = next((e for e in element.iterancestors() if e.tag in parts), element)
     parent = part.getparent()
@@ -197,7 +194,6 @@ def _remove_part(element: Element) -> None:
 
 
 def _package_of(name: str) -> str:
-    """Return the package in ``package://NAME/...`` or ``model://NAME/...``, or an empty string."""
     scheme = next((s for s in ("package://", "model://") if name.startswith(s)), "")
     return name[len(scheme) :].partition("/")[0] if scheme else ""
 
@@ -231,7 +227,6 @@ def _resolve(name: str, element: Element, file: Path, packages: PackageIndex, no
 
 
 def _find(candidates: Sequence[Path], packages: PackageIndex) -> Path | None:
-    """Return the first candidate that is a file, or the source from which a package installs it."""
     folders = (*packages.roots, *packages.folders.values())
     places = [candidate for candidate in candidates if candidate.is_file()]
     places += [place for place in (locate_installed(c, folders) for c in candidates) if place]

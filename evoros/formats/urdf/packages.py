@@ -142,7 +142,6 @@ class _Search:
 
 
 def _stated_name(package: Path) -> str:
-    """Return the name in package.xml, or the folder's name if there is none."""
     try:
         text = (package / "package.xml").read_text(encoding="utf-8", errors="replace")
     except OSError:

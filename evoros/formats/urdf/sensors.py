@@ -119,7 +119,6 @@ def _read_values(noise: Element | None) -> tuple[dict[str, float], list[str]]:
 
 
 def _tell(lost: Iterable[str], where: str) -> tuple[str, ...]:
-    """Return a note that names the unsupported values; empty if there are none."""
     names = list(dict.fromkeys(lost))
     return (f"cannot represent all of {where}: {', '.join(names)}",) * bool(names)
 

@@ -136,7 +136,6 @@ class SolidsReader:
         return tuple(Shape("convex", (), pose @ part.pose, corners=part.corners) for part in parts)
 
     def _replace_absent(self, link: Element, solid: Element, name: str) -> tuple[Shape, ...]:
-        """Return the substitute of a missing mesh: the box with the link's inertia, or nothing."""
         if self.missing == "error":
             fix = "add the folder of its package to robot.packages, or set robot.missing=leave_out"
             raise element_error(solid, f"names the absent mesh {name}, which is needed", fix)
@@ -175,7 +174,6 @@ class SolidsReader:
         return tuple(map(simplify, shapes))
 
     def _tell_size(self, path: Path, shapes: Sequence[Shape]) -> None:
-        """Note a mesh so large that it is probably not in metres."""
         size = np.ptp([corner for shape in shapes for corner in shape.corners], axis=0)
         if size.max() > _LARGEST_M:
             words = " x ".join(f"{length:.4g}" for length in size.tolist())

@@ -183,7 +183,6 @@ def _expand(request: dict[str, Any]) -> dict[str, Any]:
 
 
 def _find_line(file: str, error: str) -> int | None:
-    """Return the line of the expression or macro that an error of xacro quotes, if found."""
     quoted = re.search(r"when evaluating expression '(.*)'|unknown macro name: (\S+)", error)
     if quoted is None:
         return None

@@ -132,7 +132,6 @@ def _explain_error(answer: Mapping[str, Any]) -> str:
 
 
 def _tell_skipped(file: Path, answer: Mapping[str, Any]) -> None:
-    """Log omissions due to ignored packages, files with different letter case, and old tags."""
     absent = answer["absent"]["packages"]
     skipped = [name for name in answer["skipped"] if name.partition("/")[0] not in absent]
     for text, names in (

@@ -75,7 +75,6 @@ class Packages:
         return io.BytesIO(content)
 
     def _locate(self, path: Path) -> str | None:
-        """Return an existing file: the path, its source, or a name with different letter case."""
         place = locate(path, (*self.index.roots, *self.index.folders.values()))
         if place is None:
             place = find_in_any_case(path)
@@ -84,7 +83,6 @@ class Packages:
 
 
 def _place(file: str, text: str) -> str:
-    """Return a file and the line in it that names a package or contains a string."""
     try:
         lines = Path(file).read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

@@ -125,7 +125,6 @@ def _add_joint(body: Any, library: Any, joint: Joint, driven: bool, prefix: str)
 
 
 def _add_rotor(spec: Any, library: Any, joint: str) -> str:
-    """Add a free-spinning rotor for a joint's motor; return the rotor's joint."""
     name = rotor_of(joint)
     moments = [MOTOR_INERTIA] * 3
     rotor = spec.worldbody.add_body(

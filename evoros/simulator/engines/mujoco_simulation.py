@@ -109,7 +109,6 @@ class MujocoSimulation:
             self._walkers.observe(state)
 
     def _name_place(self, warning: str) -> str:
-        """Return a warning, preceded by the name of the robot concerned if it is known."""
         place = _PLACE.search(warning)
         if place is None or len(self._robots) == 1:
             return warning

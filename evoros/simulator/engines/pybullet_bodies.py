@@ -101,7 +101,6 @@ def _shape_arguments(bullet: Any, shape: Shape) -> dict[str, Any]:
 
 
 def _write_polyhedra(folder: Path, shapes: Sequence[Shape]) -> list[str]:
-    """Write a file for each polyhedron; return the paths, with "" for other shapes."""
     paths = []
     for index, shape in enumerate(shapes):
         path = folder / f"{index}.obj"

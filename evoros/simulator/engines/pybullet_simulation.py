@@ -294,13 +294,11 @@ class _Vehicle:
         self._signals.read(signals)
 
     def take(self, command: tuple[float, ...]) -> None:
-        """Set the motor targets if the command has changed."""
         if self._command != command:
             self._command = command
             self._set_motors(command)
 
     def report_contact(self) -> None:
-        """Record contact with an obstacle, for the next observation and for contact sensors."""
         if not self._touched:
             self._touched = any(find_touches(self._bullet, self._robot, self._model.ground))
         if self._signals.feels:
