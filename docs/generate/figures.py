@@ -62,8 +62,8 @@ def _list_special(module: Subcommand, common: Options) -> Options:
 
 
 def _describe(name: str, module: Subcommand, options: Options, shared: Options) -> str:
-    also = [option for option, about in options.items() if shared.get(option) == about]
-    special = {option: about for option, about in options.items() if option not in also}
+    special = {o: about for o, about in options.items() if shared.get(o) != about}
+    also = [f"`{option.strip('`').split()[0]}`" for option in options if option not in special]
     files = {f"`{file}`": about for file, about in module.FILES.items()}
     folder = getattr(module, "OUTPUT", "figures")
     where = "" if folder == "figures" else f" in `{folder}/`"
