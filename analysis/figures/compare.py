@@ -104,7 +104,6 @@ def _report_unused(study: Study) -> Iterator[str]:
 
 
 def _report_conditions(study: Study) -> Iterator[str]:
-    """Report the conditions that differ between runs, other than the compared designs."""
     conditions = [select_conditions(record) for record in study.records]
     keys = (key for values in conditions for key in find_differences(values, conditions[0]))
     parts = dict.fromkeys(key.split(".")[0] for key in keys)

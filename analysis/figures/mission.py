@@ -204,7 +204,6 @@ def _measure_panel(panels: Sequence[Axes], width: float) -> float:
 def _read(
     record: Record, wanted: Sequence[str] | None
 ) -> tuple[list[pd.DataFrame], dict[str, World]]:
-    """Read tracks and worlds; report and skip worlds whose missions are unreadable."""
     require_trajectories(record)
     tracks, worlds = [], {}
     for name in record.context.courses:

@@ -99,10 +99,7 @@ def _compare_with_random(sides: Sequence[pd.DataFrame]) -> tuple[float, Interval
 def _estimate(
     samples: Sequence[Array], plain: bool = False, bounds: tuple[float, float] = UNBOUNDED
 ) -> Interval:
-    """Return a mean or a difference between two means with its interval, exact for binary values.
-
-    ``bounds`` are the minimum and maximum possible values.
-    """
+    """Return a mean or a difference of two means with its interval, exact for binary values."""
     if len(samples) == 2:
         return contrast_interval(samples, [1.0, -1.0], bounds)
     (sample,) = samples

@@ -199,7 +199,6 @@ def _describe_margin(row: Mapping[Hashable, Any]) -> str:
 
 
 def _list_worst(pairs: pd.DataFrame) -> Iterator[str]:
-    """Count the changed missions, and print the commands that replay the worst of them."""
     counts: Mapping[Hashable, int] = pairs["change"].value_counts().to_dict()
     said: Sequence[str] = [f"{counts.get(name, 0)} {name}" for name in (LOST, GAINED)]
     yield f"missions: {', '.join(said)}, {len(pairs) - counts.get('same', 0)} changed in total"

@@ -128,7 +128,6 @@ def _select(records: Sequence[AnyRecord], conditions: Conditions) -> list[AnyRec
 
 
 def _label(records: Sequence[AnyRecord]) -> tuple[AnyRecord, ...]:
-    """Give each record the label of its treatment, and its level of each factor."""
     names = label_treatments(
         [r.values for r in records], [r.choices for r in records], [r.given for r in records]
     )

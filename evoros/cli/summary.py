@@ -183,7 +183,6 @@ def _describe_champion(certificate: Mapping[str, Any]) -> str:
 
 
 def _describe_fitness(certificate: Mapping[str, Any]) -> str:
-    """Describe the champion's fitness on fresh draws, with its interval, and when selected."""
     recorded, trials = certificate["recorded_fitness"], certificate["validated_trials"]
     if not trials:
         return f"{recorded:.3f} on the draws that selected it; validation.trials adds fresh draws"
@@ -242,7 +241,6 @@ def _write_rates(rates: Mapping[str, Rate], confidence: float) -> str:
 
 
 def _describe_rivals(certificate: Mapping[str, Any]) -> str:
-    """Describe the evidence that a rival is better, and its maximum advantage."""
     rivals, advantage = certificate["rivals"], certificate["rival_advantage"]
     if not rivals:
         return "none tested on the same draws; set their number with validation.rivals"

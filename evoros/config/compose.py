@@ -134,10 +134,7 @@ def compose_with_hydra(
 
 
 def _find_unknown(extra: Sequence[str], overrides: Sequence[str], primary: str) -> str:
-    """Describe the first overridden key that does not exist; empty if all exist.
-
-    Keys are looked up in the configuration composed from ``extra`` and the other overrides.
-    """
+    """Describe the first overridden key that does not exist; empty if all exist."""
     try:
         parsed = OverridesParser.create().parse_overrides(list(overrides))
         folders = [*conf_folders(), *NAMED_FOLDERS]

@@ -22,10 +22,7 @@ WIDTH = 100  # maximum number of columns of help
 def show(
     command: str, primary: str, arguments: Sequence[str], subcommands: Sequence[str] = ()
 ) -> int:
-    """Pass the arguments of a command to Hydra, and return the exit status.
-
-    ``primary`` is the command's primary file in conf/. ``subcommands`` are lines of --help.
-    """
+    """Pass the arguments of a command to Hydra, and return the exit status."""
     register_resolver("evoros.subcommands", lambda: "\n".join(subcommands))
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises errors instead of printing them
     sys.argv = [command, *arguments]

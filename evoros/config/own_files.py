@@ -301,7 +301,6 @@ def _mask(settings: dict[str, Any], lidar: OwnSensor) -> str:
 
 
 def _find_fault(kind: str, settings: Mapping[str, Any]) -> str:
-    """Return why a type of sensor rejects these settings; empty if it accepts them."""
     plain = {key: value for key, value in settings.items() if key != "filters"}
     try:
         get_class(_read_bundled(SENSOR, kind)["_target_"])(**plain)

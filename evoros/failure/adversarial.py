@@ -102,7 +102,6 @@ class EvolvingCases:
         return Case.of(failures.items())
 
     def _mutate(self, case: Case) -> Case:
-        """Move a time, replace a sensor, or add or remove one."""
         failures = dict(zip(case.sensors, case.times_s, strict=True))
         if not failures:
             return case

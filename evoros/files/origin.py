@@ -69,10 +69,7 @@ def read_patch() -> str | None:
 
 
 def _git(*arguments: str, status: int = 0) -> str | None:
-    """Return the output of git about the checkout; None if git is missing or fails.
-
-    ``status`` is the exit status of git on success.
-    """
+    """Return the output of git about the checkout; None if git is missing or fails."""
     environment = {key: value for key, value in os.environ.items() if not key.startswith("GIT_")}
     command = ["git", "--no-optional-locks", "-C", str(_ROOT), *arguments]
     with suppress(OSError, subprocess.TimeoutExpired):

@@ -171,10 +171,7 @@ def _start(home: tuple[float, float], waypoints: Any = None) -> Course:
 
 
 def _suggest(place: _Place, bodies: Sequence[Body], on_floors: bool) -> Suggestion | None:
-    """Suggest a course on the floor, not under bodies that are too low or may fall.
-
-    With ``on_floors``, the plane that is added to a world without ground is no floor.
-    """
+    """Suggest a course on the floor, not under bodies that are too low or may fall."""
     obstacles = stand(bodies)
     below = max(place.robot.height_m, LOW_M) + HEADROOM_M
     fixed = [body for body in obstacles if body.mass is None]

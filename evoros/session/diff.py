@@ -275,7 +275,6 @@ def _diff_configurations(one: Path, other: Path, diff: Diff) -> str:
 
 
 def _diff_manifests(one: Path, other: Path, diff: Diff) -> str:
-    """Compare the hashes of the inputs of two folders, and note different circumstances."""
     first, second = (read_json(folder / MANIFEST) for folder in (one, other))
     same_text = hash_file(one / CONFIG) == hash_file(other / CONFIG)
     for name in _differing(first.get("sha256", {}), second.get("sha256", {})):

@@ -199,7 +199,6 @@ def open_run(
 
 
 def _resume(record: RunFolder, experiment: Experiment, wanted: int | None) -> Search | Evaluation:
-    """Prepare a recorded run for resuming, perhaps with more generations or trials."""
     configured = read_recorded(record.path / layout.CONFIG).values
     if not layout.evaluates(record.path):
         for file in find_strays(record.path, record.digests.entries):

@@ -110,7 +110,6 @@ class Search:
         self.folder.complete(self.generations, self.extended)
 
     def _log_precision(self) -> None:
-        """Log the minimum number of trials needed by the certificate, if it is known."""
         experiment = self.experiment
         missions, bounds = experiment.scored_missions, experiment.fitness_bounds
         if foreseen := foresee_trials(experiment.validation, missions, bounds):

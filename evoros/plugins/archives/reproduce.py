@@ -61,7 +61,6 @@ def _run_all(
     overrides: Sequence[str],
     interrupts: Interrupts,
 ) -> int:
-    """Rerun all recorded runs in one pool and return the worst exit status."""
     from evoros.cli.sweep import Sweep, begin_all
     from evoros.config.jobs import Job
     from evoros.session.progress import SweepProgress

@@ -125,7 +125,6 @@ def _gather(study: Study, read: Callable[[Record], pd.DataFrame]) -> pd.DataFram
 
 
 def _describe(study: Study, options: argparse.Namespace) -> pd.DataFrame:
-    """Describe champions and random designs, with the kind of failure in their runs."""
     if not study.records:
         return _NO_DESIGNS
     champions, initial = study.gather(read_champion), study.gather(read_initial_sensors)
@@ -136,7 +135,6 @@ def _describe(study: Study, options: argparse.Namespace) -> pd.DataFrame:
 
 
 def _report_pooled(study: Study) -> Iterator[str]:
-    """Report each kind of failure whose runs belong to several treatments."""
     mirrored = [record for record in study.records if record.context.mirrored]
     for kind in dict.fromkeys(map(classify_failure, mirrored)):
         labels = dict.fromkeys(r.treatment for r in mirrored if classify_failure(r) == kind)

@@ -45,8 +45,6 @@ class Setting:
 def build_setting(overrides: tuple[str, ...], config_dir: str | None, trial: int) -> Setting:
     """Build the mission that ``evoros evaluate`` would run as this trial with these overrides.
 
-    An experiment without genes does not need the key ``designs``.
-
     Raises:
         InputError: a value cannot be used, or the overrides select several designs or worlds.
     """

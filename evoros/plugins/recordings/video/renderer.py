@@ -203,7 +203,6 @@ class Renderer:
         return [fan for _, fan in sorted(fans, key=lambda pair: pair[0])]
 
     def _project_floor(self, index: int, camera: Camera) -> Image.Image:
-        """Return the ground with shadows and the goal, and the sky."""
         ground = self.ground.copy()
         for motion, parts in ((self.motion, self.context.parts), *self.others):
             ground.draw_shadow(parts, *motion.pose(index))
