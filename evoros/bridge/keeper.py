@@ -148,10 +148,7 @@ def prepare_folder(folder: str, files: dict[str, str]) -> None:
 
 
 def lead(order: dict[str, Any], ports: dict[str, int], failing: int, reporting: int) -> None:
-    """Start the command as the first process of its namespace, wait for it, and exit.
-
-    The exit kills whatever else runs in the namespace.
-    """
+    """Start the command as the first process of its namespace, wait for it, and exit."""
     command = os.fork()
     if command == 0:
         execute(order["command"], ports, HOME)

@@ -278,7 +278,6 @@ def _take(part: Any) -> Any:
 
 
 def _write_call(kind: NumberedRule, rules: Mapping[int, Lowered]) -> str:
-    """Return the code of a function that calls a rule of a kind by its number."""
     convention, rule = cpu_target.target_context.call_conv, kind.signature
     module = ir.Module()
     numbered = convention.get_function_type(rule.return_type, (types.int64, *rule.args))

@@ -46,10 +46,7 @@ _COMPILING = Lock()  # guards numba's process-wide settings
 
 
 class SharedLocator(UserProvidedCacheLocator):  # type: ignore[misc]
-    """Finds machine code by module name instead of by installation path.
-
-    All environments with the same sources share the compiled code.
-    """
+    """Finds machine code by module name instead of by installation path."""
 
     def __init__(self, function: Any, file: str) -> None:
         super().__init__(function, file)
@@ -65,10 +62,7 @@ class SharedLocator(UserProvidedCacheLocator):  # type: ignore[misc]
 
 
 def compile_function(function: Any, signature: Any, on_disk: bool, **options: Any) -> Any:
-    """Compile a function, or load its machine code from disk; for use within ``compiling``.
-
-    Damaged code, for example after a power loss, is discarded and recompiled.
-    """
+    """Compile a function, or load its machine code from disk; for use within ``compiling``."""
     for waiting, inlined in take_waiting(bundled=True):
         register(waiting, waiting, inlined)
     try:
@@ -113,10 +107,7 @@ def lower(dispatcher: Any, signature: Any) -> Lowered:
 
 @contextmanager
 def compiling() -> Iterator[bool]:
-    """Make numba use the cache folder of evoros; yields True if there is a folder.
-
-    numba's warning that function arguments are experimental is silenced.
-    """
+    """Make numba use the cache folder of evoros; yields True if there is a folder."""
     folder = cache_folder()
     with announce("compiling"), _COMPILING, warnings.catch_warnings():
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)

@@ -67,10 +67,7 @@ def find_addresses(kind: Any) -> list[int]:
 
 
 class Reader:
-    """Generates code that reads consecutive values from memory.
-
-    ``make_generator`` generates code that makes a random generator from its word.
-    """
+    """Generates code that reads consecutive values from memory."""
 
     def __init__(
         self, context: Any, builder: Any, place: Any, make_generator: Callable[..., Any]

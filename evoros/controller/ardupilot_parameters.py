@@ -78,7 +78,6 @@ def list_range_finders(robot: Robot) -> list[tuple[int, RangeSensor]]:
 
 
 def _describe_range_finders(robot: Robot) -> Iterator[tuple[str, float]]:
-    """Yield the range finders' parameters; limits have the names of all ArduPilot versions."""
     poses = robot.sensor_poses.tolist()
     for index, (mount, sensor) in enumerate(list_range_finders(robot), 1):
         instance, (x, y, z, yaw, _) = str(index), poses[mount]

@@ -121,7 +121,6 @@ def _join_corners(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _list_corners(axes: Mapping[str, Range]) -> Iterator[dict[str, float]]:
-    """Yield the values at the corners of the cells; the last axis varies fastest."""
     corners = [_list_ends(ends, CELLS[name]) for name, ends in axes.items()]
     for values in product(*corners):
         yield dict(zip(axes, values, strict=True))
@@ -240,10 +239,7 @@ class BoundRegion:
     free: FreePlaces | None = None  # None: all places are free
 
     def place(self, values: Mapping[str, float]) -> SensorPose:
-        """Return the pose with these coordinates and angles.
-
-        If some places are not free, the pose is at the same fraction of the free places.
-        """
+        """Return the pose with these coordinates and angles."""
         if self.free is not None:
             values = self.free.adapt(values)
         x, y, z, yaw, pitch = (values[name] for name in (*COORDINATES, *ANGLES))

@@ -210,7 +210,6 @@ def _add_door(doors: Doors, first: Cell, second: Cell) -> None:
 
 
 def _find_way(doors: Doors, start: Cell, goal: Cell) -> list[Cell]:
-    """Return the cells on the only path between two cells of a maze without loops."""
     previous, waiting = {start: start}, [start]
     while waiting:
         cell = waiting.pop()

@@ -1,5 +1,4 @@
-"""Reads mesh files as convex shapes, which are cached in the user's cache folder, one file per
-mesh.
+"""Reads mesh files as convex shapes, cached in the user's cache folder, one file per mesh.
 
 If the cache is missing, damaged or read-only, reading just takes longer.
 """

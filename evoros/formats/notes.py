@@ -36,10 +36,7 @@ class Notes:
             lines.append((text, name))
 
     def add_file(self, path: Path, remark: str) -> None:
-        """Note the use of a file that is not XML; remarks that differ only in numbers share a kind.
-
-        ``remark`` is a sentence about the file.
-        """
+        """Note a file that is not XML; remarks that differ only in numbers share a kind."""
         self.add_line(f"{path}: {remark}", re.sub(r"\d+", "N", remark), path.name)
 
     def report(self) -> None:

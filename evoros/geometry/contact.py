@@ -1,7 +1,4 @@
-"""The contact between two convex polygons on the ground that overlap slightly.
-
-The functions give the same results compiled and interpreted.
-"""
+"""The contact between two convex polygons on the ground that overlap slightly."""
 
 import math
 

@@ -22,10 +22,7 @@ def find_connected(free: Cells, start: tuple[int, int]) -> Cells:
 
 
 def label_regions(free: Cells, diagonals: bool = False) -> NDArray[np.int64]:
-    """Label the regions of free cells that share sides, from 1; blocked cells are 0.
-
-    With ``diagonals``, a shared corner connects two cells as well.
-    """
+    """Label the regions of free cells that share sides, from 1; blocked cells are 0."""
     labels, _ = ndimage.label(free, np.ones((3, 3)) if diagonals else None)
     return np.asarray(labels, dtype=np.int64)
 

@@ -95,8 +95,6 @@ def _cut(triangles: Array, height: float) -> Array:
 
 @dataclass(frozen=True)
 class _Limits:
-    """Maximum numbers of elements that represent a mesh."""
-
     surfaces: int  # connected parts; beyond this number, small neighbours are joined
     plates: int  # plates of all open surfaces together
     parts: int  # parts of one solid
@@ -189,10 +187,7 @@ class _Divider:
         return hulls, error + max((piece.concavity for piece in pieces), default=extent)
 
     def _make_plates(self, surface: Surface, extent: float) -> tuple[list[Hull], float]:
-        """Return the hulls of a surface's flat polygons, and their deviation [m].
-
-        A surface with too many polygons is coarsened.
-        """
+        """Return the hulls of a surface's flat polygons, and their deviation [m]."""
         most = max(_SMALL.plates, int(self._limits.plates * surface.area / self._area))
         most_faces = min(8 * most, (self._limit - self.work) / _FACE_WORK)
         coarse, error, cell = surface, 0.0, min(max(extent / 200, 0.002), 0.1)

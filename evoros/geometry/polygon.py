@@ -1,7 +1,4 @@
-"""Convex polygons on the ground and the distance between two of them.
-
-The functions give the same results compiled and interpreted.
-"""
+"""Convex polygons on the ground and the distance between two of them."""
 
 import math
 

@@ -39,10 +39,7 @@ class Surface:
 
 
 def weld(triangles: Array) -> Surface:
-    """Return the surface of triangles (n, 3, 3) [m], with corners joined if equal to a micrometre.
-
-    Faces without an area and repeated faces are left out.
-    """
+    """Return the surface of triangles (n, 3, 3) [m]; corners equal to a micrometre are joined."""
     corners = triangles.reshape(-1, 3)
     # Whole micrometres would split coordinates that end in half ones, as 1/16 inch does.
     first, indices = unique_rows(np.round(corners * 1.03e6))

@@ -53,7 +53,6 @@ class Batcher:
             return [g.finish(results) if isinstance(g, _Group) else g for g in groups]
 
     def _prepare(self, groups: Sequence["_Group | NoKernel"]) -> list["_Group | NoKernel"]:
-        """Add all rules to the kernel; replace each group that it cannot run by the reason."""
         prepared: list[_Group | NoKernel] = list(groups)
         opened = {i: group for i, group in enumerate(groups) if isinstance(group, _Group)}
         with suppress(NoKernel):
@@ -67,7 +66,6 @@ class Batcher:
         return prepared
 
     def _launch(self, calls: Sequence[LoopCall]) -> list[LoopResult]:
-        """Run the mission loop of each call; split the calls in half if the device is full."""
         if not calls:
             return []
         image = Image(calls, self._numbers)
@@ -122,11 +120,7 @@ class _Group:
         self.calls = [opened.call for opened in self._opened.values()]
 
     def list_rules(self) -> Iterator[Named]:
-        """Yield all rules that the missions call.
-
-        Raises:
-            NoKernel: a random generator is not PCG64.
-        """
+        """Yield all rules that the missions call; raise NoKernel if a generator is not PCG64."""
         for call in self.calls:
             inputs = call.inputs
             yield from zip(("observe", "sense", "advance"), inputs[:3], strict=True)

@@ -102,10 +102,7 @@ def tabulate(
     stages: Sequence[FilterStage | LayerStage],
     name: Callable[[Any], int] = find_address,
 ) -> NDArray[np.int64]:
-    """Return the table of compiled stages; the caller must keep the stages alive.
-
-    ``name`` returns the word that stands for a rule or a generator.
-    """
+    """Return the table of compiled stages; the caller must keep the stages alive."""
     types_ = STAGE_TYPES[kind]
     rows = [list(list_words(types_, stage, name)) for stage in stages]
     return np.array(rows, dtype=np.int64).reshape(len(stages), count_words(types_))
@@ -159,8 +156,6 @@ def run_call(call: LoopCall) -> LoopResult:
 
 def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
     """Choose the compiled loop if all filters can be compiled, otherwise the interpreted one.
-
-    Return the loop and the inputs that it takes.
 
     The compiled loop can call interpreted rules of motion and of layers. The interpreted loop calls
     compiled rules where possible.

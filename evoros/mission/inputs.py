@@ -263,7 +263,6 @@ def _expose_engine(inputs: LoopInputs, timing: Timing, arrays: Arrays, expose: E
 def _expose_layers(
     inputs: LoopInputs, agents: Agents, arrays: Arrays, expose: Expose, call_layer: CompiledRule
 ) -> tuple[LayerStage, ...]:
-    """Replace each interpreted layer by a compiled rule that calls it."""
     layers = list(inputs.layers)
     for i in range(inputs.robots):
         for place in range(agents.layers[i], agents.layers[i + 1]):

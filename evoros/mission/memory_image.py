@@ -124,7 +124,6 @@ class _Pieces:
             self._spans.append((start, start + array.nbytes, group))
 
     def arrange(self) -> None:
-        """Join overlapping spans, and lay out the pieces by group."""
         pieces: list[list[int]] = []
         for start, end, group in sorted(self._spans):
             if pieces and start < pieces[-1][1]:

@@ -67,8 +67,6 @@ def enter(member: Member, failure: Failure, course: Course, mission: Mission) ->
 def open_layers(participant: Participant) -> Iterator[Sequence[LayerStage]]:
     """Start the controller of a robot for one mission.
 
-    A live controller becomes one layer per mode.
-
     Raises:
         InputError: a layer refuses to start.
         LaunchError: a live controller cannot be started.

@@ -124,10 +124,7 @@ class Plan:
     def final(
         self, generation: int, design_id: int, design: Design, trials: range
     ) -> list[Mission]:
-        """Return missions of the final choice on fresh draws, which all designs share.
-
-        Their trials are numbered after all others.
-        """
+        """Return missions of the final choice on fresh draws, which all designs share."""
         after = self._confirmed + max(0, self.most_validation_trials - self.validation_trials)
         numbers = range(after + trials.start, after + trials.stop)
         return self._missions(generation, design_id, design, FINAL, "all", numbers, trials.start)
@@ -141,10 +138,7 @@ class Plan:
         earlier: int = 0,
         cases: Sequence[Case] = (),
     ) -> list[Mission]:
-        """Return the missions of ``selection`` for another simulator, on the same draws.
-
-        Their trials are numbered after those for validation.
-        """
+        """Return the missions of ``selection`` for another simulator, on the same draws."""
         after = self._selected + self.validation_trials
         return [
             replace(mission, trial=after + mission.trial, purpose=CONFIRMATION)

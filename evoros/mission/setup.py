@@ -94,7 +94,6 @@ class Setup:
         faults: Sequence[Fault],
         place: Sequence[float],
     ) -> None:
-        """Add the clocks and the drive inputs that faults of a robot at a place need."""
         course, clocks, arrays = participant.course, self.clocks[index], self.arrays
         for trigger in dict.fromkeys(fault.trigger for fault in faults):
             if trigger != AT_START and trigger not in clocks:
@@ -212,7 +211,6 @@ def _describe_agents(
 
 
 def _count_steps(scenario: Scenario, member: Member) -> tuple[int, int]:
-    """Return the time steps between two readings and between two decisions."""
     robot = member.robot
     decide = scenario.count_steps("controller.period_s", member.controller.period_s)
     types = {mount.sensor for mount in robot.mounts}

@@ -117,10 +117,7 @@ def replace_lost_body(
     reader: SolidsReader,
     wheels: Sequence[Wheel],
 ) -> list[str]:
-    """Add a box around the wheels if missing meshes leave too little of the body.
-
-    ``rolling`` names the links of all wheels and casters.
-    """
+    """Add a box around the wheels if missing meshes leave too little of the body."""
     solid = collision_points(urdf, _list_body(urdf, rolling))
     if not reader.lacks_meshes or (len(solid) and not _is_small(solid, wheels)):
         return []

@@ -326,7 +326,6 @@ def _check_types(description: object, drive: object, mount: object, options: Rea
 def _find_body(
     urdf: Urdf, rolling: Collection[str], exposed_casters: Mapping[str, str]
 ) -> list[outline.SolidShape]:
-    """Find the shapes of all links outside ``rolling``, and of body parts that slide."""
     solids = [
         outline.SolidShape(exposed_casters.get(link, link), shape, urdf.poses[link] @ shape.pose)
         for link, shapes in urdf.shapes.items()

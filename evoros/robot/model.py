@@ -42,7 +42,6 @@ def sensor_elements(name: str, mount: Mount, sensor: Sensor) -> tuple[Element, E
 
 
 def _add_body(link: Element, sensor: Sensor) -> None:
-    """Add a homogeneous box with a mass and a visual, but no collision shape."""
     mass, (x, y, z) = float(sensor.mass_kg), map(float, sensor.size_m)
     moments = (y * y + z * z, x * x + z * z, x * x + y * y)
     xx, yy, zz = (f"{mass * moment / 12.0}" for moment in moments)

@@ -87,10 +87,7 @@ def find_self_sights(robot: Robot) -> Iterator[SelfSight]:
 
 
 class BlindShares:
-    """The fractions of a sensor's channels that see ``robot``, for any poses of the sensor.
-
-    Sensors with many directions are sampled.
-    """
+    """The fractions of a sensor's channels that see ``robot``, for any poses of the sensor."""
 
     def __init__(self, robot: Robot, sensor: RangeSensor) -> None:
         rays, channels = sensor.rays(), np.asarray(sensor.channel_of())

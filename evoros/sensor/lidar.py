@@ -63,10 +63,7 @@ class Lidar(RangeSensor):
         return steps * half_space
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>``; ``name`` is its name and topic.
-
-        Of the filters, Gazebo simulates only Gaussian noise.
-        """
+        """Return the SDF ``<sensor>``; ``name`` is its name and topic."""
         angles = self._angles()
         fan = Fan(self.beams, angles[0], angles[-1])
         return gazebo_rays(name, self, fan, noise=self.filters.values())

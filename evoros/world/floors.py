@@ -34,8 +34,6 @@ _LEVEL = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class _Top:
-    """The level top of a fixed body's shape."""
-
     body: int
     shape: int
     height: float  # [m]

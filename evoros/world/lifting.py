@@ -151,8 +151,6 @@ class Lifts:
 
 
 class _Near(NamedTuple):
-    """A body above, below or inside another one."""
-
     base: float  # the body's lift [m]
     gap: Clearance
     depth: float  # depth of the overlap [m]

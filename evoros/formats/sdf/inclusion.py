@@ -94,10 +94,7 @@ _NEWEST = 12
 
 
 def expand_includes(container: Element, reading: Reading, chain: tuple[Path, ...] = ()) -> None:
-    """Replace the includes of a world or model, and of all models inside it.
-
-    ``chain`` is the sequence of including files that led here.
-    """
+    """Replace the includes of a world or model, and of all models inside it."""
     for model in container.findall("model"):
         expand_includes(model, reading, chain)
     for include in container.findall("include"):
@@ -194,7 +191,6 @@ def _add_actor(root: Element, include: Element) -> None:
 
 
 def _find_sdf(place: Path, reading: Reading) -> Path | None:
-    """Return the SDF file of a model's folder: the newest that model.config lists, or else any."""
     if place.is_file():
         return place.resolve()
     config = place / "model.config"

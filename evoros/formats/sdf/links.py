@@ -1,7 +1,4 @@
-"""A link of an SDF file: its collision shapes, friction and inertia.
-
-A box may replace a mesh that cannot be read.
-"""
+"""A link of an SDF file: its collision shapes, friction and inertia."""
 
 from collections.abc import Iterable, Sequence
 from copy import copy
@@ -232,11 +229,7 @@ def _read_density(collision: Element, link: Element) -> float:
 def _substitute_box(
     link: Element, path: Path, frames: Frames, reading: Reading
 ) -> tuple[Shape, Pose, str] | None:
-    """Return a box that replaces a link's mesh, its world pose, and its origin.
-
-    This is the bounding box of the link's first readable visual, or else the homogeneous box with
-    the link's inertia; None if there is neither.
-    """
+    """Return a box that replaces a link's mesh, its world pose, and its origin."""
     silent = copy(reading)  # only the box of the visual matters, so its notes are dropped
     silent.notes = Notes(LOG)
     for visual in link.findall("visual"):

@@ -178,7 +178,6 @@ def _hash(content: bytes, reading: Reading) -> str:
 
 
 def _choose_container(root: Element, reading: Reading) -> Element:
-    """Check the root and its version; return its ``<world>``, or the root if it only has models."""
     if root.tag not in ("sdf", "gazebo"):
         raise element_error(root, "must be <sdf>", f"give an SDF file, version {_VERSIONS}")
     version = re.fullmatch(r"1\.([0-9]{1,2})", root.get("version", "").strip())

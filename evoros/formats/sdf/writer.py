@@ -187,10 +187,7 @@ def _height_range(shape: Shape) -> tuple[float, float]:
 
 
 def _encode_heights(shape: Shape) -> bytes:
-    """Return the heights of a field as a 16-bit grey PNG image, black to white, north up.
-
-    Heights are rounded to a 65535th of their range.
-    """
+    """Return the heights of a field as a 16-bit grey PNG image, black to white, north up."""
     low, high = _height_range(shape)
     levels = (np.array(shape.heights) - low) * (_WHITE / (high - low) if high > low else 0.0)
     rows = np.rint(levels[::-1]).astype(">u2")

@@ -82,10 +82,7 @@ def _check_robot(root: Element, file: Path) -> None:
 def _fill_placeholders(
     text: str, file: Path, arguments: Mapping[str, object], root: Element
 ) -> Element:
-    """Return the root with ``${NAME}`` replaced, as launch files do in a URDF without xacro.
-
-    Prefixes of names are empty unless an argument sets them.
-    """
+    """Return the root with ``${NAME}`` replaced, as launch files do in a URDF without xacro."""
     names = sorted(set(_PLACEHOLDER.findall(text)))
     unknown = sorted(set(arguments) - set(names))
     if unknown:
@@ -199,7 +196,6 @@ def _package_of(name: str) -> str:
 
 
 def _resolve(name: str, element: Element, file: Path, packages: PackageIndex, notes: Notes) -> str:
-    """Return the real path of a named file, or the name if there is no such file."""
     scheme = next((s for s in _MESH_SCHEMES if name.startswith(s)), "")
     path = name[len(scheme) :]
     if "://" in path:

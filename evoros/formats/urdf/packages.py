@@ -108,7 +108,6 @@ class _Search:
         self._seen: set[Path] = set()
 
     def look_below(self, place: Path) -> None:
-        """Collect the packages in a folder, level by level; only ``place`` may contain others."""
         level = [place]
         for _ in range(_LEVELS_DOWN + 1):
             level = [deeper for here in level for deeper in self._look_into(here, place)]
@@ -200,7 +199,6 @@ def find_in_any_case(path: Path) -> Path | None:
 
 @lru_cache(maxsize=1024)
 def _read_rules(package: Path) -> tuple[tuple[str, str], ...]:
-    """Return paths in the share folder of a package, with the sources that fill them."""
     try:
         text = (package / "CMakeLists.txt").read_text(encoding="utf-8", errors="replace")
     except OSError:

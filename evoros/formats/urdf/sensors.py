@@ -91,7 +91,6 @@ def read_imu_noise(sensor: Element) -> Noise:
 
 
 def _find_axes(imu: Element, now: str, before: str) -> Iterator[Element | None]:
-    """Yield the noise of each axis of a quantity, or the noise common to all axes."""
     quantity, common = find_child(imu, now), find_child(imu, "noise")
     if quantity is not None:
         axes = (find_child(quantity, axis) for axis in _AXES)
@@ -157,10 +156,7 @@ class SensorsRead(NamedTuple):
 
 
 def read_sensors(robot: Element) -> SensorsRead:
-    """Read the ``<sensor>`` elements in the ``<gazebo>`` elements of a ``<robot>``.
-
-    A sensor with an unsupported type or invalid values is left out.
-    """
+    """Read the ``<sensor>`` elements in the ``<gazebo>`` elements of a ``<robot>``."""
     sensors: list[DescribedSensor] = []
     left_out = []
     for gazebo in robot.iterfind("gazebo"):
@@ -211,10 +207,7 @@ def _read_cone(cone: Element) -> dict[str, float]:
 
 
 def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
-    """Read a ray sensor: a lidar, or a sonar if only its nearest hit is published.
-
-    A scan with one ray or no width is a range finder, which has no field of view.
-    """
+    """Read a ray sensor: a lidar, or a sonar if only its nearest hit is published."""
     rays = next((child for tag in ("lidar", "ray") for child in element.iterfind(tag)), None)
     if rays is None:
         raise element_error(element, "must have a <ray> or <lidar>", "add it")

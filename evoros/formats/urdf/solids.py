@@ -88,10 +88,7 @@ class SolidsReader:
             self._names[_STRANGE].append(f"<{child.tag!s}> of {link.get('name')}")
 
     def read(self, link: Element, part: Element, hull: bool = True) -> tuple[Shape, ...]:
-        """Read the solids of a ``<collision>`` or ``<visual>``, in the link's frame.
-
-        A mesh becomes its hull or convex parts.
-        """
+        """Read the solids of a ``<collision>`` or ``<visual>``, in the link's frame."""
         geometry = part.find("geometry")
         if geometry is None or not len(geometry):
             self._names[_EMPTY].append(str(link.get("name")))
@@ -216,7 +213,6 @@ def _ellipsoid(radii: list[float]) -> tuple[Vector, ...]:
 
 
 def _box_of_inertia(link: Element) -> Shape | None:
-    """Return the homogeneous box with the inertia of a link; None if it has no mass."""
     inertial = link.find("inertial")
     if inertial is None:
         return None

@@ -160,7 +160,6 @@ def _prefix(robots: Sequence[PlacedRobot], index: int) -> str:
 
 
 def _masks(robots: Sequence[PlacedRobot], index: int) -> tuple[int, int]:
-    """Return a robot's type bits and collision bits; with several robots, each has a bit."""
     types, meets = mujoco_bodies.MEETS[mujoco_bodies.ROBOT]
     if len(robots) == 1:
         return types, meets

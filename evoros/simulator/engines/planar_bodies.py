@@ -152,10 +152,7 @@ def can_push(world: World) -> bool:
 
 @lru_cache(maxsize=64)
 def find_movables(world: World, tallest: float) -> tuple[tuple[Body, ...], Movables]:
-    """Return the immovable obstacles, and the bodies that a robot of this height [m] can push.
-
-    No body is pushable in a world whose missions end at the first contact.
-    """
+    """Return the immovable obstacles, and the bodies that a robot of this height [m] can push."""
     fixed, pushable = split_obstacles(world, tallest) if can_push(world) else ((), ())
     if not pushable:
         nothing = np.zeros((0, BODY_SIZE)), np.zeros((0, PART_SIZE)), np.zeros((0, 2))

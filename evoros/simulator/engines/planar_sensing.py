@@ -207,10 +207,7 @@ class Sensors(NamedTuple):
 
 @compilable
 def sense(parameters: Array, memory: Array, signals: Array) -> None:
-    """Fill ``signals`` with the range [m] of each beam of all robots, within the sensor's limits.
-
-    Beams see obstacles, pushable bodies, walkers, other robots and steered wheels.
-    """
+    """Fill ``signals`` with the range [m] of each beam of all robots, within its limits."""
     places = unpack(Plane, parameters).places
     place_shapes(parameters, memory)
     for i in range(len(places) - 1):
