@@ -38,9 +38,7 @@ from ..tables.paired_scores import climb, pair_scores
 from ..tables.records import FITNESS, bound_scores, label_fitness
 from ..tables.study import Study
 
-HELP = (
-    "the same designs in two simulators, or under two failure models: changes in rank and fitness"
-)
+HELP = "designs in two simulators or under two failure models: changes in rank and fitness"
 NEEDS = "evaluations of the same designs under different conditions, or runs with a confirmation"
 FILES = {
     "transfer.csv": "a row for each design",

@@ -49,8 +49,7 @@ class _Refuse(Action):
 
     def __call__(self, parser: ArgumentParser, *_: Any) -> None:
         raise InputError(
-            f"{self.option_strings[0]}: is not an option of evoros; choose a study by "
-            "experiment=..."
+            f"{self.option_strings[0]}: is not an option of evoros; use experiment= for a study"
         )
 
 

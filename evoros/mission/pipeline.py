@@ -8,6 +8,7 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import COMMAND_SIZE, NO_VALUES, POSE_SIZE, STRENGTH_SIZE, Array, copy_values
+from evoros.base.checks import require
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.compilation.named_rules import bind, start_rule
@@ -216,8 +217,9 @@ def start_filter(
     """Start a filter that changes the values of a target after ``onset`` (channels,) [s].
 
     Raises:
-        InputError: the filter refuses to start.
+        InputError: ``item`` is not a filter, or refuses to start.
     """
+    require(item, protocol.FILTER_RULES)
     rule = start_rule(item.rule, protocol.FILTER_ARGUMENTS, item.start, target.channels, onset, rng)
     return FilterStage(target.every, *rule, rng, NO_VALUES, target.values)
 

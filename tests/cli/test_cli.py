@@ -60,7 +60,7 @@ BAD = [
     (["population_size=3"], "did you mean optimizer.population_size"),
     (["~fitness._target_"], "fitness: must be a fitness function (a subclass"),
     (["+design.genes.a={key: controller.period_s, low: 0, high: 1}"], "add _target_, the class"),
-    (["fitness._target_=builtins.dict"], "fitness._target_: must be a class of evoros or of a"),
+    (["fitness._target_=builtins.dict"], "fitness._target_: must be a class in evoros or in a"),
     (
         ["fitness._target_=evoros.files.disk.os.getcwd"],
         "evoros.files.disk.os.getcwd is not a part's class",

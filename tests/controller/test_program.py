@@ -217,7 +217,7 @@ STARTS = {
     },
     "refuse": "refuses the mission: no wheels$",
     "rubbish": "the first line must be .*, not 'what[?]'; fix the program$",
-    "nan": "its first line must be ",
+    "nan": "the first line must be ",
     "two": "answered more than one line; it must",
     "flood": "answered 1048576 bytes without an end of line; it must",
 }

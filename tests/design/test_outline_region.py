@@ -163,7 +163,7 @@ def test_a_side_that_the_robot_lacks_is_refused(
 def test_twins_need_a_symmetric_robot() -> None:
     lopsided = replace(ROBOT, outline=ROBOT.outline + np.array([0.0, 0.1]))
     region = OutlineRegion("left")
-    with pytest.raises(InputError, match=r"symmetric to 0.05 m .* differs by 0.2 m"):
+    with pytest.raises(InputError, match=r"symmetric to within 0.05 m .* differ by 0.2 m"):
         region.bind(lopsided, True, "design.regions.left")
     region.bind(lopsided, False, "design.regions.left")
     replace(region, overhang_m=0.21).bind(lopsided, True, "design.regions.left")

@@ -287,7 +287,7 @@ def test_an_include_of_itself_is_an_error_with_its_way(tmp_path: Path) -> None:
         ("model://tower", "add the folder that holds tower to world.NAME.model_paths"),
         ("tower.sdf", "correct the path"),
         ("https://example.org/tower.sdf", "download https"),
-        ("model://empty", "no model.config"),
+        ("model://empty", "nor a model.config"),
     ],
 )
 def test_a_missing_model_is_an_error_with_a_fix_unless_left_out(

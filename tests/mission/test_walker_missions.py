@@ -135,8 +135,8 @@ WRONG: Sequence[tuple[list[str], str]] = [
     (["world=generated", "world.generated.renew=true", "walkers.people.route=[[3,0],[3,9]]"],
      "walkers.people.route: must be null"),
     (["walkers.people.phase=even", "walkers.people.number=60",
-      "walkers.people.route=[[0,1],[2,1]]"], "walkers.people.number: must leave room"),
-    (["walkers.people.radius_m=2", "world=maze"], "lower it or walkers.people.radius_m"),
+      "walkers.people.route=[[0,1],[2,1]]"], "walkers.people.number: the world"),
+    (["walkers.people.radius_m=2", "world=maze"], "lower this number or walkers.people.radius_m"),
     (["walkers.people.route=[[0.2,0],[-0.2,0]]"], "apart from each other and from the robots"),
 ]  # fmt: skip
 

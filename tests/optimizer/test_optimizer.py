@@ -452,7 +452,7 @@ def test_individuals_cannot_be_changed_after_they_are_made() -> None:
 
 
 def test_a_space_without_genes_is_refused() -> None:
-    with pytest.raises(InputError, match="something to evolve"):
+    with pytest.raises(InputError, match="nothing to evolve"):
         GeneticAlgorithm().start(SensorSpace(0), GOALS, np.random.default_rng(0))
     asked, _ = run(RandomSearch(population_size=2), SensorSpace(0), 0, flat)[0]
     assert [len(one.genome) for one in asked] == [0, 0]

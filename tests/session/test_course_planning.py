@@ -56,7 +56,7 @@ def test_a_course_lies_inside_an_office_whatever_its_floor(
     if slab:
         boxes.append((0, 0, slab / 2, length + 2 * margin, width + 2 * margin, slab))
     planned = plan_course({"sdf": str(write(tmp_path, boxes, at))}, rover())  # type: ignore[arg-type]
-    assert "region that is enclosed" in planned.reason
+    assert "largest enclosed free region" in planned.reason
     course = planned.course
     stops = np.array([(course["home_x_m"], course["home_y_m"]), *course["waypoints"]]) - at
     assert (np.abs(stops) < np.array([length, width]) / 2).all()

@@ -239,7 +239,11 @@ def test_designs_of_python_are_completed_likewise() -> None:
             "agents.oncoming.design: must be the design that the run used for this agent",
         ),
         ("both", ["agents=none"], "agent must be one of the experiment's agents (none)"),
-        ("alone", ["agents=none", VALIDATION, "worst_cases=search"], "worst_cases: must be none"),
+        (
+            "alone",
+            ["agents=none", VALIDATION, "worst_cases=search"],
+            "worst_cases: cannot be combined with evaluation_draws=validation",
+        ),
         (
             "alone",
             [

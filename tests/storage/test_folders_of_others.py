@@ -155,7 +155,7 @@ def test_a_class_deep_in_the_configuration_is_found(
     call = {"_target_": "os.system", "_args_": [f"touch {mark}"]}
     rename(folder, "failure.earliest_s", [1.0, {"deep": call}])
     assert resume(folder) == INPUT
-    assert "failure.earliest_s[1].deep._target_: must be a class of evoros" in (
+    assert "failure.earliest_s[1].deep._target_: must be a class in evoros" in (
         capsys.readouterr().err
     )
 
@@ -170,7 +170,7 @@ def test_a_folder_that_is_not_named_is_not_imported_from(
     for more in ([], ["--config-dir", str(tmp_path / "other")]):
         assert evolve(["resume", str(folder), *more]) == INPUT
         (line,) = capsys.readouterr().err.splitlines()
-        assert "add --config-dir with the folder of its module planar" in line
+        assert "add --config-dir with the folder that contains the module planar" in line
     assert everything(folder) == before
 
 

@@ -149,7 +149,7 @@ def test_resuming_refuses_other_overrides_untouched(
         ("manifest.json", '"format_version": 1', '"format_version": 2', "format_version must be"),
         ("missions.csv", "\n0,0,", "\n0,zero,", "line 2: is not a row of this version"),
         ("generations/00001.csv", "\n1,", "\n1,9", "replaying the run gives a table that differs"),
-        ("missions.csv", "/selection/", "/selected/", "has been edited"),
+        ("missions.csv", "/selection/", "/selected/", "or was edited"),
     ],
 )
 def test_a_run_that_was_edited_is_refused_in_one_line(

@@ -37,7 +37,7 @@ def test_the_ground_must_be_at_zero_at_home_and_face_up(ground: Body) -> None:
 
 
 def test_there_must_be_ground_and_there_may_be_more_below() -> None:
-    with pytest.raises(InputError, match="it has none"):
+    with pytest.raises(InputError, match="there is none"):
         world_of(box("alone", 1.0, 1.0, 0.5))
     below = Body("below", Pose((0.0, 0.0, -1.0)), GROUND.shapes)
     assert world_of(below, GROUND, Body("twice", Pose(), GROUND.shapes * 2)).obstacles == ()

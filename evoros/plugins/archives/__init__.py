@@ -15,7 +15,7 @@ PLUGIN = Plugin(
         "archive": Subcommand(
             f"{__name__}.archive:archive",
             "FOLDER ...",
-            "write a study, with all it takes to reproduce it, into one file",
+            "write a study and all that reproduces it into one file",
             ("--output", "--config-dir", "--license", "--author", "--version"),
         ),
     },

@@ -1,4 +1,4 @@
-"""The subcommand ``archive``: write a study, with all it takes to reproduce it, into one file."""
+"""The subcommand ``archive``: write a study and all that reproduces it into one file."""
 
 from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence

@@ -335,7 +335,7 @@ def test_nodes_get_the_parameters_of_the_missions(record: Record, tmp_path: Path
     assert sensors["sonar_1"]["topic"] == "/scan/sonar_1"
     assert sensors["drive"]["max_speed_mps"] == 0.5
     assert "steering_limit_rad" not in sensors["drive"]
-    assert "parameter: evoros.drive.steering_limit_rad\n" in texts["config/robot.yaml"]
+    assert "parameter type: evoros.drive.steering_limit_rad\n" in texts["config/robot.yaml"]
     for line in ("`ros2 run mine avoid`", "`python3 limit.py`", "range: `/scan/{sensor}`"):
         assert f"- {line}\n" in texts["README.md"]
     assert not [name for name, text in texts.items() if "secret" in text]

@@ -330,7 +330,7 @@ def test_a_fan_is_hidden_behind_an_obstacle(
 
 
 def test_a_robot_of_another_mission_is_refused(urdf: str, setting: FigureContext) -> None:
-    with pytest.raises(InputError, match="sensors 0, 1, 2, 3, 4, 5, 6, which"):
+    with pytest.raises(InputError, match="sensors 0, 1, 2, 3, 4, 5, 6, but"):
         list(film(FilmedMission(table([1.0] * 7), urdf, OPEN, setting)))
 
 

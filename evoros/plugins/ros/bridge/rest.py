@@ -40,7 +40,7 @@ class Hidden(Exception):
         """Describe an error in opening or reading one of the process's files in /proc."""
         command = _command(int(str(error.filename).split("/")[2]))
         super().__init__(
-            f"evoros cannot see what the process {command} waits for ({error}); "
+            f"what the process {command} waits for is hidden ({error}); "
             f"run all processes as the same user and with the same capabilities as evoros"
         )
 

@@ -29,7 +29,7 @@ FAULTS = {
     "closes": (PilotLost, r"a node no longer publishes on /cmd_vel"),
     "stops": (PilotLost, r"did not come to rest: .*faulty.py'? stops"),
     "spins": (PilotLost, r"did not come to rest: .*faulty.py'? spins"),
-    "hides": (PilotLost, r"cannot see what the process .*faulty.py'? hides waits for"),
+    "hides": (PilotLost, r"what the process .*faulty.py'? hides waits for is hidden"),
     "nan": (SimulationError, r"NaN.* at 1.9 s; it must answer"),
     "infinite": (SimulationError, r"Infinity.* at 1.9 s; it must answer"),
     "mode": (SimulationError, r"dancing.* at 1.9 s; it must answer"),

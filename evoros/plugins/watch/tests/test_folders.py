@@ -91,7 +91,7 @@ def test_what_has_no_run_and_never_will_is_refused(tmp_path: Path, kind: str) ->
         (path / "photo.png").touch()
     else:
         path.touch()
-    with pytest.raises(InputError, match=r"name (such a|its) folder"):
+    with pytest.raises(InputError, match=r"give (such a|the) folder"):
         Folders([path]).check()
 
 
