@@ -192,7 +192,6 @@ UNTYPED: Mapping[str, str] = {
     "evoros/plugins/openscenario/injections.py failure.sensors": EVALUATIONS,
     "evoros/plugins/openscenario/simulation.py world=maze": EVALUATIONS,
     "evoros/plugins/watch/watcher.py record=all": NOTES,
-    "evoros/preflight/drive.py robot.drive.steering_limit_rad={limit}": DRIVEN,
     "evoros/preflight/drive.py robot.drive.turning_resistance={resistance}": DRIVEN,
     "evoros/preflight/drive.py robot.drive.turning_resistance={resistance}{RIGHT}": DRIVEN,
     "evoros/preflight/drive.py robot.drive.turning_x_m={drive.rear_axle_x_m}": DRIVEN,

@@ -30,7 +30,7 @@ from ..tables.validated import (
 )
 from .options import add_conditions, score_runs
 
-HELP = "comparison of treatments by recorded and validated fitness: tests, effects, intervals"
+HELP = "treatments by recorded and validated fitness: tests, effects, intervals"
 NEEDS = "finished runs; for tests, at least two treatments with replicates"
 FILES = {
     "compare.csv": "the tests, a row for each measure and pair of treatments",

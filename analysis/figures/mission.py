@@ -32,7 +32,7 @@ from ..tables.study import Study, read_complete
 from ..tables.tracks import name_robots, select_track
 from ..tables.walkers import WalkerTrack, read_walkers, to_table
 
-HELP = "maps of the champion's missions: path by mode, collisions, points where sensors failed"
+HELP = "maps of the champion's missions: path by mode, collisions, sensor failures"
 NEEDS = "a run that keeps trajectories, finished or with record=all"
 FILES = {
     "mission.csv": "the tracks of the missions",

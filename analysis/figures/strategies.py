@@ -33,7 +33,7 @@ from ..tables.study import Study
 from .options import add_thresholds, check_thresholds
 
 ONE_ROBOT = True
-HELP = "evolved features: coverage by direction, front arrays, side mounts, redundancy, clusters"
+HELP = "evolved features: coverage, front arrays, side mounts, redundancy, clusters"
 NEEDS = "finished runs"
 FILES = {
     "strategies.csv": "the measures of each treatment and of random designs",

@@ -27,7 +27,7 @@ from .summary import name_page, summarize, tabulate_versions
 
 GENERATION = 0
 """The generation of all missions of an evaluation."""
-HELP = "one HTML page with the verdicts on requirements, in which worst missions can be played"
+HELP = "one HTML page with verdicts on requirements and a player of worst missions"
 NEEDS = "an evaluation with requirements"
 FILES = {
     "requirements.html": "the page",

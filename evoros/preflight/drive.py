@@ -94,7 +94,9 @@ def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) 
         )
     limit = _find_limit(simulator, setting, trial) if only_turns else None
     if limit is not None:
-        return f"set robot.drive.steering_limit_rad={limit:g}, up to which it turns as commanded"
+        return (
+            f"lower robot.drive.steering_limit_rad to {limit:g}, up to which it turns as commanded"
+        )
     general = (
         "compare the drive's wheels, casters and effort limits, the friction, the masses and the "
         "collision shapes with the real robot"

@@ -455,9 +455,10 @@ def test_a_steering_limit_is_proposed_if_only_tight_turns_are_wrong() -> None:
     wrong = ["robot=mule", "design=around"]
     (line,) = check_drive(replace(build(*wrong), simulator=Stub("skid")))
     assert "slower than commanded at full lock; " in line
-    advice = re.search(r"set (robot\.drive\.steering_limit_rad=\S+),", line)
+    advice = re.search(r"lower (robot\.drive\.steering_limit_rad) to (\S+),", line)
     assert advice is not None, line
-    assert check_drive(replace(build(*wrong, advice[1]), simulator=Stub("skid"))) == []
+    typed = f"{advice[1]}={advice[2]}"
+    assert check_drive(replace(build(*wrong, typed), simulator=Stub("skid"))) == []
 
 
 def test_a_simulator_without_fault_gives_no_warning() -> None:

@@ -22,7 +22,7 @@ from evoros.terminal.log import LOGGER
 _MM = 1000.0
 _SAME_MM = 0.5  # wheels whose centres differ by less share an axle
 ONE_ROBOT = True
-HELP = "the champion as a ROS 2 package, with a drawing that shows where to mount the sensors"
+HELP = "the champion as a ROS 2 package, with a drawing of the mounting poses"
 NEEDS = "a finished run"
 FILES = {"ROBOT_champion/": "the package; `--name` renames it"}
 FORMATS: Mapping[str, str] = {}
