@@ -128,7 +128,7 @@ def test_figures_of_one_robot_show_the_first_one_or_the_named_one_and_say_so(
 ) -> None:
     rows = record.run.champion
     first, other = draw(study, "overlay"), draw(study, "overlay", "--agent", "oncoming")
-    alone = "the first robot alone, without oncoming; --agent NAME shows another"
+    alone = "the first robot alone, without oncoming; --agent NAME shows another robot"
     assert first.messages == [alone]
     assert other.messages == ["oncoming alone, without the first robot"]
     for product, name in ((first, ""), (other, "oncoming")):
@@ -144,7 +144,7 @@ def test_figures_of_one_robot_show_the_first_one_or_the_named_one_and_say_so(
     options = ["--size", "128x72", "--to", "1"]
     films = [draw(study, "video", *options, *of) for of in ((), ("--agent", "oncoming"))]
     assert [film.messages[1] for film in films] == [
-        "the first robot, with oncoming in view; --agent NAME shows another",
+        "the first robot, with oncoming in view; --agent NAME shows another robot",
         "oncoming, with the first robot in view",
     ]
     assert films[0].files != films[1].files

@@ -42,7 +42,7 @@ def test_users_parts_are_found_again_in_a_fresh_process(tmp_path: Path) -> None:
     assert float(done.stdout.split()[0]) == row.time_s
     assert load_run(run).generations["generation"].max() == 2
     done = in_a_fresh_process(f"evoros.resume({str(run)!r})", tmp_path)
-    assert "add --config-dir with the folder of its module planar" in done.stderr
+    assert "add --config-dir with the folder that contains the module planar" in done.stderr
 
 
 @pytest.mark.slow

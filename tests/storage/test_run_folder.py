@@ -232,7 +232,7 @@ def test_a_class_that_cannot_be_imported_is_one_line(
     process = start(["resume", str(whole)], tmp_path)
     _, err = process.communicate()
     assert process.returncode == INPUT
-    assert "--config-dir with the folder of its module planar" in err
+    assert "--config-dir with the folder that contains the module planar" in err
     assert err.count("\n") == 1
 
 

@@ -206,7 +206,7 @@ def test_a_call_that_kills_its_workers_is_found_and_costs_no_other(
             killer = pool.submit(kill_worker, tally)
             beside = pool.submit(time.sleep, 2)  # it ends with each worker that the other kills
             behind = [pool.submit(square, n) for n in range(1, 5)]
-            with pytest.raises(WorkerLost, match="lost because at least 4 dask workers") as loss:
+            with pytest.raises(WorkerLost, match="lost, because at least 4 Dask workers") as loss:
                 killer.result(LIMIT_S)
             assert beside.result(LIMIT_S) is None
             assert [call.result(LIMIT_S) for call in behind] == [1, 4, 9, 16]
