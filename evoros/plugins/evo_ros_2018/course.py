@@ -105,7 +105,7 @@ def _add_legend(figure: Figure, with_obstacles: bool) -> None:
     entries: list[Line2D | Patch] = [
         Line2D([], [], label="first phase (second: in reverse)", **first),
         Line2D([], [], **{**HOME, "label": "home"}),
-        Line2D([], [], **{**WAYPOINT, "label": "waypoint, acceptance radius"}),
+        Line2D([], [], **{**WAYPOINT, "label": "waypoint and radius"}),
     ]
     if with_obstacles:
         entries.append(Patch(fc=OBSTACLE, ec="black", lw=0.3, label="obstacle"))
