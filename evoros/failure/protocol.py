@@ -11,12 +11,11 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import ask, require, sequence_of
+from evoros.base.checks import ask, sequence_of
 from evoros.base.errors import InputError
 from evoros.filter.protocol import (
     COMMAND,
     DRIVE,
-    FILTER_RULES,
     POSE,
     READINGS,
     SIGNALS,
@@ -186,7 +185,7 @@ def draw_faults(
     ``channels`` has one value per sensor.
 
     Raises:
-        InputError: a fault has an unknown signal, an invalid filter, the wrong number of onsets, or
+        InputError: a fault has an unknown signal, the wrong number of onsets, or
             a part that its model does not declare.
     """
     faults: tuple[Fault, ...] = ask("failure", failure.draw, _FAULTS, channels, rng)
@@ -203,7 +202,6 @@ def make_faults(failure: Failure, case: Case, sensors: int) -> tuple[Fault, ...]
     """
     if failure.effect is None:
         raise InputError(f"failure: must have an effect for cases; add it to {failure!r}")
-    require(failure.effect, FILTER_RULES)
     return (Fault(failure.effect, case.onsets(sensors)),) if case.sensors else ()
 
 
@@ -238,7 +236,6 @@ def _check_fault(fault: Fault, failure: Failure, sensors: int) -> None:
             f"failure: the parts of {name} must include {fault.part}, which one of its faults "
             f"affects, not {list(failure.parts)}; add it to the class"
         )
-    require(fault.filter, FILTER_RULES)
 
 
 class SystematicFailure(Failure):
