@@ -1,4 +1,4 @@
-"""Collects from the source what messages propose to type.
+"""Collects from the source what messages propose to type, and finds it in a message.
 
 No mark is needed: in a message, a word with ``=``, a word that begins with ``--``, and a line that
 begins with ``evoros`` or another program is what a user types. Values that a message fills in
@@ -7,7 +7,7 @@ appear here as ``{expression}``.
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -24,6 +24,25 @@ COMMAND = re.compile(r"\bevoros ([a-z]+)(?: ([a-z]+))?")
 INSTALL = re.compile(r"pip install '?([\w{}-]+(?:\[[^\]]+\])?)")
 _EXTRA = re.compile(r"require_extra\(\s*\"([^\"]*)\"")
 _TEXTS_OF_HELP = ("help", "usage", "epilog", "description", "metavar")
+
+NOT_TYPED: Mapping[str, str] = {
+    r"\w+=[^ ]*:": "the subject of the message: the choice that cannot be used",
+    r"(hydra/)?\{?\w+\}?=\{(path|run|source|jobs.plugins\[plugin\])\}:?": "the same",
+    r"(key|column|known)=.*": "names the form",
+    r"(time_step|x)=\{.*|record=\{(recorded|kept)\}": "states a value",
+    r"(name|reference|type|effort|velocity|rpy)=.*": "an attribute of XML",
+    r"(dtype|frozen|default|ensure_ascii|charset|key)=.*": "Python, or the head of a page",
+    r"hydra/sweeper=optuna|hydra\.sweeper\.direction=.*": "of a plugin of Hydra",
+    r"answer=.*": "states the choice of a ROS controller",
+    r"core\.symlinks=true": "of git",
+    r"\{p\}=.*": "a declaration of XML",
+    r"\+?design\.sensors\.\{name\}\.(\{key\}|filters\.own_body)=.*": "typed in tests of preflight",
+    r"completed=0.95|\{COMPLETED\}=0.05": "of a requirement and of --margin, which have tests",
+    r"\{key\}=\{getattr\(chosen, key\)\}": "states what was found",
+    r"navigation=serpentine": "states the controller of the paper",
+    r"design=\{design\.name.*": "of inspect, whose line is typed in its test",
+}
+"""Words with ``=`` that nobody types as they stand."""
 
 
 class Message(NamedTuple):
@@ -90,3 +109,28 @@ def list_extras() -> Iterator[tuple[str, str]]:
             r"require_extra\(\s*\"([^\"]*)\"", file.read_text(encoding="utf-8")
         ):
             yield extra, str(file.relative_to(ROOT))
+
+
+def key_of(message: Message) -> str:
+    """The module of a message and the first override that it proposes; empty if it has none."""
+    found = (match[0] for match in OVERRIDE.finditer(message.text))
+    first = next((f for f in found if not any(re.fullmatch(p, f) for p in NOT_TYPED)), "")
+    return f"{message.place.partition(':')[0]} {first.partition('=[')[0]}" if first else ""
+
+
+PROPOSALS = {message.text: key for message in list_messages() if (key := key_of(message))}
+
+
+def list_alternatives(message: str, filled: Mapping[str, str]) -> list[list[str]]:
+    """What a message proposes to type: the words of each alternative, with the user's names."""
+    for name, value in filled.items():
+        message = message.replace(name, value)
+    parts = re.split(r",? or ", message.partition("; ")[2])
+    return [found for part in parts if (found := [m[0] for m in OVERRIDE.finditer(part)])]
+
+
+def is_of(message: str, key: str) -> bool:
+    """Return True if a message is one of those that the source has under a key."""
+    texts = [text for text, other in PROPOSALS.items() if other == key]
+    patterns = [".*".join(map(re.escape, re.split(r"\{[^{}]*\}", text))) for text in texts]
+    return any(re.search(pattern, message) for pattern in patterns)

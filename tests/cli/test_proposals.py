@@ -20,9 +20,12 @@ from helpers import ROOT, TINY, USER_PARTS, cut, finished_run
 from proposal_sites import (
     COMMAND,
     INSTALL,
+    NOT_TYPED,
     OPTION,
     OVERRIDE,
-    Message,
+    PROPOSALS,
+    is_of,
+    list_alternatives,
     list_extras,
     list_messages,
 )
@@ -74,24 +77,6 @@ FILLED: Mapping[str, str] = {
     "{growing}": "trials",
 }
 """Values of what messages fill in; all others are numbers."""
-NOT_TYPED: Mapping[str, str] = {
-    r"\w+=[^ ]*:": "the subject of the message: the choice that cannot be used",
-    r"(hydra/)?\{?\w+\}?=\{(path|run|source|jobs.plugins\[plugin\])\}:?": "the same",
-    r"(key|column|known)=.*": "names the form",
-    r"(time_step|x)=\{.*|record=\{(recorded|kept)\}": "states a value",
-    r"(name|reference|type|effort|velocity|rpy)=.*": "an attribute of XML",
-    r"(dtype|frozen|default|ensure_ascii|charset|key)=.*": "Python, or the head of a page",
-    r"hydra/sweeper=optuna|hydra\.sweeper\.direction=.*": "of a plugin of Hydra",
-    r"answer=.*": "states the choice of a ROS controller",
-    r"core\.symlinks=true": "of git",
-    r"\{p\}=.*": "a declaration of XML",
-    r"\+?design\.sensors\.\{name\}\.(\{key\}|filters\.own_body)=.*": "typed in tests of preflight",
-    r"completed=0.95|\{COMPLETED\}=0.05": "of a requirement and of --margin, which have tests",
-    r"\{key\}=\{getattr\(chosen, key\)\}": "states what was found",
-    r"navigation=serpentine": "states the controller of the paper",
-    r"design=\{design\.name.*": "of inspect, whose line is typed in its test",
-}
-"""Words with ``=`` that nobody types as they stand."""
 NEEDS: Mapping[str, tuple[str, ...]] = {
     "controller.isolate": ("controller=program",),
     "agents.oncoming.design.number": ("agents=oncoming", "+design@agents.oncoming.design=around"),
@@ -253,14 +238,6 @@ def test_every_package_to_install_is_one_that_evoros_declares() -> None:
                 assert match[1] in extras if match else name in declared, message.place
 
 
-def key_of(message: Message) -> str:
-    """The module of a message and the first override that it proposes; empty if it has none."""
-    found = (match[0] for match in OVERRIDE.finditer(message.text))
-    first = next((f for f in found if not any(re.fullmatch(p, f) for p in NOT_TYPED)), "")
-    return f"{message.place.partition(':')[0]} {first.partition('=[')[0]}" if first else ""
-
-
-PROPOSALS = {message.text: key for message in list_messages() if (key := key_of(message))}
 TYPED = {case.key for case in (*ROBOTS, *RUNS)}
 
 
@@ -269,21 +246,6 @@ def test_every_proposal_is_typed_or_named_with_the_reason() -> None:
     assert set(PROPOSALS.values()) == TYPED | set(UNTYPED)
     assert not TYPED & set(UNTYPED)
     assert len(UNTYPED) <= 85
-
-
-def list_alternatives(message: str, filled: Mapping[str, str]) -> list[list[str]]:
-    """What a message proposes to type: the words of each alternative, with the user's names."""
-    for name, value in filled.items():
-        message = message.replace(name, value)
-    parts = re.split(r",? or ", message.partition("; ")[2])
-    return [found for part in parts if (found := [m[0] for m in OVERRIDE.finditer(part)])]
-
-
-def is_of(message: str, key: str) -> bool:
-    """Return True if a message is one of those that the source has under a key."""
-    texts = [text for text, other in PROPOSALS.items() if other == key]
-    patterns = [".*".join(map(re.escape, re.split(r"\{[^{}]*\}", text))) for text in texts]
-    return any(re.search(pattern, message) for pattern in patterns)
 
 
 def examine(words: Iterable[str], of_default: bool) -> str:
