@@ -80,6 +80,13 @@ def die_at_first(tally: str) -> str:
     return "survived"
 
 
+def sleep_at_first(tally: str) -> str:
+    note(tally)
+    if len(noted(tally)) == 1:
+        time.sleep(LONG_S)
+    return "survived"
+
+
 def fail(tally: str, error: type[Exception]) -> None:
     note(tally)
     raise error("as it is", 7)

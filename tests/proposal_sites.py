@@ -26,7 +26,7 @@ _EXTRA = re.compile(r"require_extra\(\s*\"([^\"]*)\"")
 _TEXTS_OF_HELP = ("help", "usage", "epilog", "description", "metavar")
 
 NOT_TYPED: Mapping[str, str] = {
-    r"\w+=[^ ]*:": "the subject of the message: the choice that cannot be used",
+    r"[\w.]+=[^ ]*:": "the subject of the message: the choice that cannot be used",
     r"(hydra/)?\{?\w+\}?=\{(path|run|source|jobs.plugins\[plugin\])\}:?": "the same",
     r"(key|column|known)=.*": "names the form",
     r"(time_step|x)=\{.*|record=\{(recorded|kept)\}": "states a value",
@@ -121,6 +121,13 @@ def key_of(message: Message) -> str:
 PROPOSALS = {message.text: key for message in list_messages() if (key := key_of(message))}
 
 
+def list_named() -> set[str]:
+    """List the keys that tests name, which provoke the message and type what it proposes."""
+    tests = (*(ROOT / "tests").rglob("test_*.py"), *ROOT.glob("evoros/plugins/*/tests/test_*.py"))
+    text = "\n".join(file.read_text(encoding="utf-8") for file in tests)
+    return {key for key in PROPOSALS.values() if f'"{key}"' in text}
+
+
 def list_alternatives(message: str, filled: Mapping[str, str]) -> list[list[str]]:
     """What a message proposes to type: the words of each alternative, with the user's names."""
     for name, value in filled.items():
@@ -130,7 +137,10 @@ def list_alternatives(message: str, filled: Mapping[str, str]) -> list[list[str]
 
 
 def is_of(message: str, key: str) -> bool:
-    """Return True if a message is one of those that the source has under a key."""
+    """Return True if a message is one of those that the source has under a key.
+
+    ``NAME`` may have been replaced by the name of a world, and lines may be broken.
+    """
     texts = [text for text, other in PROPOSALS.items() if other == key]
-    patterns = [".*".join(map(re.escape, re.split(r"\{[^{}]*\}", text))) for text in texts]
-    return any(re.search(pattern, message) for pattern in patterns)
+    patterns = [".*".join(map(re.escape, re.split(r"\{[^{}]*\}|NAME|%\w", text))) for text in texts]
+    return any(re.search(pattern, " ".join(message.split())) for pattern in patterns)

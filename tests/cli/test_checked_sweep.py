@@ -10,6 +10,7 @@ import pytest
 from helpers import TINY, sweep
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from proposal_sites import is_of
 
 from evoros.analysis.figures.factors import list_tests
 from evoros.analysis.statistics.comparison import compare_treatments, conclude
@@ -145,9 +146,11 @@ def test_a_sweep_with_too_few_seeds_says_so_and_what_to_type(
     (line,) = [line for line in capsys.readouterr().err.splitlines() if "treatments" in line]
     assert line.startswith("2 treatments with 2 seeds each: evoros analyze compare ")
     needed = minimum_replicates(1)
+    assert is_of(line, "evoros/cli/checking.py seed=range({ends})")
     typed = f"seed=range(7,{7 + needed})"
     assert line.endswith(f"needs {needed} seeds per treatment; type '{typed}'")
     assert len(Jobs([typed], True, None)) == needed
+    assert list(advise_seeds([set(range(7, 7 + needed))] * 2)) == []
 
 
 def test_evaluations_and_one_treatment_compare_nothing(

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from proposal_sites import is_of
 
 from evoros.base.errors import InputError
 from evoros.config.compose import compose_with_hydra
@@ -91,6 +92,13 @@ def test_a_glob_finds_the_users_own_files(tmp_path: Path) -> None:
     assert expand("failure=glob([z*,none])", tmp_path) == ["none", "zeal"]
 
 
+def test_a_key_can_be_swept_over_in_place_of_a_parameter_of_the_sweeper() -> None:
+    with pytest.raises(InputError) as refused:
+        Jobs(["+hydra.sweeper.params.seed='range(2)'"], True, None)
+    assert is_of(str(refused.value), "evoros/config/jobs.py seed=0")
+    assert len(Jobs([str(refused.value).rpartition("as in ")[2]], True, None)) == 2
+
+
 @pytest.mark.parametrize(
     ("typed", "why"),
     [
@@ -110,7 +118,6 @@ def test_a_glob_finds_the_users_own_files(tmp_path: Path) -> None:
         ("hydra.sweep.dir=a,b", "all jobs share it"),
         ("hydra/launcher=glob(*)", "all jobs share it"),
         ("seed=choise(1,2)", "Hydra's grammar has no function choise"),
-        ("+hydra.sweeper.params.seed='range(2)'", "sweep over the key itself"),
         *(
             (f"seed={value}", "must be key=value in Hydra's grammar; correct or quote it")
             for value in ("1,", ",1", "(1,2)", "choice(1,2", "choice()", "range()", "range(a,b)")

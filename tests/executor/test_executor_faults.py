@@ -24,14 +24,17 @@ from executor_calls import (
     noted,
     process_id,
     segfault,
+    sleep_at_first,
     sleep_long,
     square,
     wait_for,
 )
+from proposal_sites import is_of
 
 from evoros.base.errors import EvorosError, InputError, WorkerLost
 from evoros.executor.processes import Processes
 from evoros.executor.protocol import Executor, Pool
+from evoros.executor.serial import Serial
 from evoros.plugins.clusters.dask import Dask
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds processes in /proc")
@@ -119,6 +122,24 @@ def test_a_worker_that_is_killed_while_idle_costs_no_call() -> None:
         assert pool.submit(process_id).result(60) != first
 
 
+@pytest.mark.parametrize(
+    ("executor", "call"),
+    [
+        (Processes(1, retries=0), die_at_first),
+        (Processes(1, retries=0, time_limit_s=1), sleep_at_first),
+    ],
+)
+def test_what_a_lost_worker_proposes_ends_the_call(
+    executor: Processes, call: Callable[[str], str], tmp_path: Path
+) -> None:
+    """The worker dies or hangs at the first attempt alone."""
+    with executor.open() as pool, pytest.raises(WorkerLost) as lost:
+        pool.submit(call, str(tmp_path / "tally")).result(60)
+    assert is_of(str(lost.value), "evoros/executor/worker_handle.py executor=serial")
+    with Serial().open() as serial:
+        assert serial.submit(call, str(tmp_path / "tally")).result() == "survived"
+
+
 @pytest.mark.parametrize("error", [ValueError, TimeoutError, RuntimeError, WorkerLost, InputError])
 def test_an_exception_is_passed_on_unchanged_and_not_repeated(
     pool: Pool, tally: str, error: type[Exception]
@@ -133,10 +154,17 @@ def test_an_exception_is_passed_on_unchanged_and_not_repeated(
 
 
 def test_what_cannot_be_pickled_is_an_error_of_its_own_call_only(pool: Pool, tally: str) -> None:
-    with pytest.raises(InputError, match="cannot be sent"):
-        pool.submit(lambda: None)
-    with pytest.raises(EvorosError, match="ParticularError: as it is; this cannot be sent back"):
-        pool.submit(fail, tally, ParticularError).result(60)
+    """In place of it, a serial executor returns the value or raises the error."""
+    with Serial().open() as serial:
+        with pytest.raises(InputError) as refused:
+            pool.submit(lambda: None)
+        assert is_of(str(refused.value), "evoros/executor/protocol.py executor=serial")
+        assert serial.submit(lambda: 3).result() == 3
+        with pytest.raises(EvorosError, match="ParticularError: as it is; ") as lost:
+            pool.submit(fail, tally, ParticularError).result(60)
+        assert is_of(str(lost.value), "evoros/executor/worker_main.py executor=serial")
+        with pytest.raises(ParticularError):
+            serial.submit(fail, tally, ParticularError).result()
     with pytest.raises(EvorosError, match=r"function: .*cannot be sent back"):
         pool.submit(make_unpicklable).result(60)
     with pytest.raises(AttributeError, match="NoSuchClass"):

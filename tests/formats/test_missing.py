@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from proposal_sites import is_of, list_alternatives
 from sdf_cases import STATIC, load, unhurried, write
 
 from evoros.base.errors import InputError
@@ -79,6 +80,9 @@ def test_a_line_and_a_count_stand_beside_each_name(tmp_path: Path) -> None:
     assert f"{fuel} (line 5)" in message
     assert "add the folder that holds tower to world.NAME.model_paths" in message
     assert f'gz fuel download -u "{fuel}" && gz fuel download -u "{fuel}2"' in message
+    assert is_of(message, "evoros/formats/sdf/inclusion.py world.NAME.missing=leave_out")
+    for (typed,) in list_alternatives(message, {"world.NAME.": ""}):
+        assert load(tmp_path, text, missing=typed.partition("=")[2]).bodies == ()
 
 
 @pytest.mark.parametrize("missing", ["leave_out", "box"])

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from proposal_sites import is_of
 from walker_cases import crowd_of, open_world
 
 from evoros.base.errors import InputError
@@ -80,11 +81,15 @@ def test_trajectories_follow_one_another() -> None:
 
 
 def test_actors_can_be_left_out(caplog: pytest.LogCaptureFixture) -> None:
+    stated = [f"<script>{waypoints((0.0, 0.0, 0.0), (1.0, 1.0, 0.0))}</script>"] * 2
     with caplog.at_level(logging.WARNING, "evoros.sdf"):
-        assert read("", "", actors="leave_out") == ()
+        assert read(*stated, actors="leave_out") == ()
     (message,) = caplog.messages
     assert "w.sdf:1: <actor>" in message
-    assert "actors=walk" in message
+    assert is_of(message, "evoros/formats/sdf/actors.py world.NAME.actors=walk")
+    with caplog.at_level(logging.WARNING, "evoros.sdf"):
+        assert len(read(*stated, actors="walk")) == 2
+    assert caplog.messages == [message]
 
 
 @pytest.mark.parametrize(

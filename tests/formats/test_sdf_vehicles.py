@@ -4,6 +4,7 @@ import logging
 from pathlib import Path
 
 import pytest
+from proposal_sites import is_of
 from sdf_cases import COLLISION, LINK, load
 
 from evoros.base.errors import InputError
@@ -39,6 +40,7 @@ def test_a_vehicle_is_left_out_or_held_still_and_told(
     told = [message for message in caplog.messages if "left out" in message]
     assert len(told) == 1
     assert told[0].startswith("w.sdf:3: <model> of model 'car'")
+    assert is_of(told[0], "evoros/formats/sdf/actors.py world.NAME.vehicles=hold_still")
     caplog.clear()
     bodies = load(tmp_path, content + state, vehicles="hold_still").bodies
     assert len(bodies) > 1

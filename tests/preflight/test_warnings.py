@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers import alone
+from proposal_sites import is_of
 
 from evoros.base.arrays import COMMAND_SIZE, STATE_SIZE, STEERING, YAW, Array, X, Y
 from evoros.base.errors import InputError, SimulationError, WorkerLost
@@ -25,6 +26,7 @@ from evoros.preflight.routes import check_home, check_routes
 from evoros.preflight.sight import check_gaps, check_housings, check_self_sight, check_sight
 from evoros.robot.model import Robot
 from evoros.simulator.mujoco import Mujoco
+from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import PlacedRobot, Simulator, open_alone
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.floors import GROUND
@@ -60,7 +62,8 @@ def test_cases_of_failure_that_no_trial_meets_are_told(caplog: pytest.LogCapture
     for trials, told in ((1, True), (63, True), (64, False)):  # six sensors have 64 sets
         caplog.clear()
         preflight(build("failure=exhaustive", times, f"trials={trials}"))
-        assert ("set trials=64 to test each once" in caplog.text) == told
+        assert is_of(caplog.text, "evoros/preflight/preflight.py trials={cases}") == told
+        assert not told or "set trials=64 to test each once" in caplog.text
 
 
 def test_an_engine_whose_wheels_do_not_slide_as_stated_is_told() -> None:
@@ -68,6 +71,10 @@ def test_an_engine_whose_wheels_do_not_slide_as_stated_is_told() -> None:
     (line,) = check_drive(replace(experiment, simulator=PyBullet()))
     assert line.startswith("simulator: erle_rover turns about x=-0.15 m and not about robot.drive.")
     assert "turning_x_m=0.12" in line
+    assert is_of(line, "evoros/preflight/drive.py robot.drive.turning_x_m={drive.rear_axle_x_m}")
+    for proposed, simulator in (("robot.drive.turning_x_m=null", PyBullet()), ("", Planar())):
+        typed = build("experiment=as_run", *filter(None, [proposed]))
+        assert check_drive(replace(typed, simulator=simulator)) == []
     sliding = replace(experiment, simulator=Stub(turning_x_m=0.12))
     assert check_drive(sliding) == []
 
@@ -445,6 +452,7 @@ def test_a_turning_resistance_is_proposed_only_if_it_was_driven_right() -> None:
     assumed = ["robot=mule", "design=around", "robot.drive.turning_resistance=3"]
     wrong = replace(build(*assumed), simulator=Mujoco())
     (line,) = check_drive(wrong)
+    assert is_of(line, "evoros/preflight/drive.py robot.drive.turning_resistance={resistance}")
     advice = re.search(r"set robot\.drive\.turning_resistance=(\S+),", line)
     assert advice is not None, line
     right = build(*assumed[:2], f"robot.drive.turning_resistance={advice[1]}")

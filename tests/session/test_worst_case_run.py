@@ -7,6 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from helpers import USER_PARTS, resume, tiny
+from proposal_sites import is_of
 
 from evoros.analysis.command import evoros_analyze
 from evoros.cli.command import evaluate
@@ -92,7 +93,9 @@ def test_the_printed_command_repeats_the_missions_of_a_case(whole: Path, tmp_pat
     case = Case((0, 1), (0.0, 0.0))
     (source,) = {row["source"] for row in read(whole, "missions.csv")}
     typed = [*read_overrides(whole), "+requirements.both={survives: 2}"]
-    words = shlex.split(write_command(typed, source, case, 3))
+    line = write_command(typed, source, case, 3)
+    assert is_of(line, "evoros/worst_cases/summary.py failure.sensors")
+    words = shlex.split(line)
     assert words[:2] == ["evoros", "evaluate"]
     assert not any("worst_cases" in word or "hydra" in word for word in words)
     config = ["--config-dir", str(USER_PARTS), f"hydra.run.dir={tmp_path / 'again'}"]

@@ -211,7 +211,7 @@ def read_actors(container: Element, reading: Reading) -> tuple[Actor, ...]:
     actors: list[Actor] = []
     for element in container.findall("actor"):
         if reading.options.actors == "leave_out":
-            reading.notes.add(element, "is left out; world.NAME.actors=walk lets it walk", "actor")
+            reading.notes.add(element, "is left out; world.NAME.actors=walk keeps it", "actor")
         else:
             actors.append(_read_actor(element, {actor.name for actor in actors}, reading))
     return tuple(actors)
