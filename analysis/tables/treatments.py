@@ -4,14 +4,17 @@ The file given to ``--treatments`` lists treatments as in a configuration. Each 
 runs by ``where`` (levels of factors) or ``folders`` (patterns of run names).
 """
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from evoros.base.errors import InputError
 from evoros.evolution.treatment import describe_problem
+from evoros.files.plugins import conf_folders
 from evoros.terminal.log import LOGGER
 
 from .conditions import (
@@ -32,20 +35,15 @@ LABEL_LENGTH = 60  # characters; longer labels leave out levels that follow from
 LEVEL_LENGTH = 24  # maximum number of characters of a level in a label
 UNITS = {"m": "m", "s": "s", "deg": "deg", "rad": "rad", "mps": "m/s", "kg": "kg"}
 """Units by suffix of a key."""
-OWN_NAMES = {
-    "cat_cma": "CatCMA",
-    "cma_es": "CMA-ES",
-    "cma_mae": "CMA-MAE",
-    "ga": "GA",
-    "map_elites": "MAP-Elites",
-    "mujoco": "MuJoCo",
-    "nsga2": "NSGA-II",
-    "pybullet": "PyBullet",
-    "set_cover": "set cover",
-    "sobol": "Sobol'",
-    "tpe": "TPE",
-}
-"""The customary spelling of choices that are written in lower case."""
+_TITLE = re.compile(r"# @title (.+)")  # first line of a choice's YAML file
+
+
+@cache
+def _read_titles() -> dict[str, str]:
+    """Read the customary spelling of choices from their YAML files."""
+    files = (file for folder in conf_folders() for file in folder.rglob("*.yaml"))
+    titles = ((file.stem, _TITLE.match(file.read_text(encoding="utf-8"))) for file in files)
+    return {choice: title[1] for choice, title in titles if title}
 
 
 def label_treatments(
@@ -120,7 +118,7 @@ def _describe(factor: Factor, level: str, inside: bool) -> str:
 
 def describe_level(level: str) -> str:
     """Describe a level in words, with its customary spelling; shorten a long level."""
-    text = OWN_NAMES.get(level, level.replace("_", " "))
+    text = _read_titles().get(level, level.replace("_", " "))
     return text if len(text) <= LEVEL_LENGTH else text[: LEVEL_LENGTH - 3] + "..."
 
 

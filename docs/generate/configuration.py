@@ -54,7 +54,7 @@ def _describe_file(path: Path, title: str) -> str:
     for line in lines:
         if not line.startswith("#"):
             break
-        header += [] if line.startswith("# @package") else [line.removeprefix("#").strip()]
+        header += [] if line.startswith("# @") else [line.removeprefix("#").strip()]
     parts = [f"### `{title}`", markdown.link(" ".join(header))]
     keys = [*_list_defaults(root, lines), *_list_keys(root, lines, "")]
     if keys:

@@ -110,6 +110,7 @@ class Ackermann:
 class AckermannDescription(DriveDescription):
     """The joints of a robot that form an Ackermann drive, and the drive's limits."""
 
+    steers = True
     steering_joints: Annotated[Sequence[str], PAIR]  # left, right: revolute, axis up
     front_wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis points left
     rear_wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis points left

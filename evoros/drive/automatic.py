@@ -5,6 +5,9 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
 from typing import Annotated
 
 import numpy as np
@@ -13,7 +16,6 @@ from evoros.base import elementary
 from evoros.base.arrays import Array, length, product
 from evoros.base.checks import POSITIVE, checked, one_of
 from evoros.base.errors import InputError
-from evoros.drive.ackermann import AckermannDescription
 from evoros.drive.candidates import (
     NEARLY_ALIGNED,
     TURNING,
@@ -24,10 +26,9 @@ from evoros.drive.candidates import (
     read_wheel,
     select_driven,
 )
-from evoros.drive.differential import DifferentialDescription
 from evoros.drive.protocol import ANGLE, FORWARD, JOINTS, LEFT, LINKS, UP, Drive, DriveDescription
 from evoros.drive.rolling import Candidate, Pair
-from evoros.drive.skid_steer import AT_LEAST_ONE, SkidSteerDescription
+from evoros.drive.skid_steer import AT_LEAST_ONE
 from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Plugin, Urdf
 
@@ -192,18 +193,29 @@ def _name_sideways_plugin(plugins: Sequence[Plugin]) -> str:
     return ""
 
 
-def _choose_kind(pairs: Sequence[object]) -> str:
-    return ("", "differential")[len(pairs)] if len(pairs) < 2 else "skid_steer"
+def _find_drives() -> Mapping[str, type[DriveDescription]]:
+    """Return the drives in this folder that can be detected, by the name of their file."""
+    drives = {}
+    for file in iter_modules([str(Path(__file__).parent)]):
+        module = import_module(f"{__package__}.{file.name}")
+        for kind in DriveDescription.__subclasses__():
+            if kind.__module__ == module.__name__ and "recognise" in vars(kind):
+                drives[file.name] = kind
+    return drives
 
 
 _LOG = logging.getLogger(__name__)
 
-DRIVES: Mapping[str, type[DriveDescription]] = {
-    "ackermann": AckermannDescription,
-    "differential": DifferentialDescription,
-    "skid_steer": SkidSteerDescription,
-}
+DRIVES = _find_drives()
 """The drives that can be detected, by the value of ``kind``."""
+
+
+def _choose_kind(pairs: Sequence[Pair]) -> str:
+    """Name the drive that pairs of wheels form if their steering is locked; empty if none."""
+    given: Mapping[str, Sequence[str]] = {"caster_links": ()}
+    return next((name for name, kind in DRIVES.items() if kind.recognise([], pairs, given)), "")
+
+
 GIVEN = (
     *("max_speed_mps", "steering_limit_rad", "wheelbase_m", "caster_links"),
     *("wheel_separation_multiplier", "turning_resistance"),
@@ -240,25 +252,24 @@ class AutomaticDescription(DriveDescription):
         """
         named = self.left_wheel_joints or self.right_wheel_joints
         pairs = self._read_pairs(urdf) if named else self._find_pairs(urdf)
-        straight = self.kind in ("differential", "skid_steer")
-        steered = [] if straight else [pair for pair in pairs if pair[0].steering is not None]
+        kinds = list(DRIVES.values()) if self.kind == "auto" else [DRIVES[self.kind]]
+        steers = any(kind.steers for kind in kinds)
+        steered = [pair for pair in pairs if pair[0].steering is not None] if steers else []
         others = [pair for pair in pairs if pair not in steered]
         given = {name: getattr(self, name) for name in GIVEN if getattr(self, name) is not None}
-        kinds = DRIVES.values() if self.kind == "auto" else [DRIVES[self.kind]]
         recognised = (kind.recognise(steered, others, given) for kind in kinds)
         chosen = next(filter(None, recognised), None)
         if chosen is None:
-            raise self._error(urdf, len(steered), len(others))
+            raise self._error(urdf, steered, others)
         _tell(urdf, chosen, [wheel for pair in pairs for wheel in pair])
         return chosen
 
     def _find_pairs(self, urdf: Urdf) -> list[Pair]:
         wheels = select_driven(urdf, find_candidates(urdf))
         fixed = pair_up([wheel for wheel in wheels if wheel.steering is None])
-        if self.kind == "differential":
-            return fixed
-        if self.kind == "skid_steer":  # all wheels are driven, and their steering is fixed
-            return pair_up(wheels)
+        kind = DRIVES.get(self.kind)
+        if kind is not None and not kind.steers:
+            return pair_up(wheels) if kind.locks_steering else fixed
         refuse_misaligned(urdf, wheels)
         refuse_articulated(urdf, wheels)
         if self.kind == "auto":
@@ -273,12 +284,12 @@ class AutomaticDescription(DriveDescription):
         left, right = ([read_wheel(urdf, name) for name in names] for names in sides)
         return list(zip(left, right, strict=True))
 
-    def _error(self, urdf: Urdf, steered: int, others: int) -> Exception:
-        if steered > 1 or (steered and others > 1):
-            axles = f"the robot has {steered} steered and {others} other axles"
+    def _error(self, urdf: Urdf, steered: Sequence[Pair], others: Sequence[Pair]) -> Exception:
+        if len(steered) > 1 or (steered and len(others) > 1):
+            axles = f"the robot has {len(steered)} steered and {len(others)} other axles"
             return urdf.error(
                 f"drives with steering have one steered and one fixed axle, but {axles}",
-                HOLD_STRAIGHT.format("skid_steer"),
+                HOLD_STRAIGHT.format(_choose_kind([*steered, *others])),
             )
         candidates = find_candidates(urdf)
         if not candidates:

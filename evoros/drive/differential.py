@@ -31,6 +31,7 @@ class Differential(SkidSteer):
 class DifferentialDescription(DriveDescription):
     """The joints and links of a robot that form a differential drive, and the drive's limits."""
 
+    on_one_axle = True
     steering_joints = ()  # nothing is steered
     wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis points left
     caster_links: Annotated[Sequence[str], LINKS]  # links that slide on the ground without friction

@@ -5,7 +5,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, ClassVar, NamedTuple, Protocol, Self
 
 import numpy as np
 
@@ -77,6 +77,12 @@ class Drive(Protocol):
 class DriveDescription(ABC):
     """The joints that form a drive, and the drive's limits."""
 
+    steers: ClassVar[bool] = False
+    """True if some of the wheels are steered."""
+    locks_steering: ClassVar[bool] = False
+    """True if wheels on steering joints can form the drive, with these joints locked."""
+    on_one_axle: ClassVar[bool] = False
+    """True if casters must keep the robot level."""
     steering_joints: Sequence[str]
     """Steering joints; empty if nothing steers."""
     wheel_joints: Sequence[str]
@@ -91,7 +97,7 @@ class DriveDescription(ABC):
         """Return the drive that pairs of wheels form, or None (the default) if they form none.
 
         The pairs in each list are ordered from front to rear. ``given`` holds the fields that the
-        user set.
+        user set. No two drives in this folder recognise the same pairs.
         """
         return None
 

@@ -120,6 +120,7 @@ class SkidSteer:
 class SkidSteerDescription(DriveDescription):
     """The joints of a robot that form a skid-steer drive, with limits and turning resistance."""
 
+    locks_steering = True
     steering_joints = ()  # nothing is steered
     left_wheel_joints: Annotated[Sequence[str], SIDE]  # front to rear
     right_wheel_joints: Annotated[Sequence[str], SIDE]  # front to rear, opposite the left ones

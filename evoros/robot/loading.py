@@ -18,7 +18,6 @@ from evoros.base.arrays import length
 from evoros.base.errors import InputError
 from evoros.drive.automatic import AutomaticDescription
 from evoros.drive.candidates import CASTER
-from evoros.drive.differential import DifferentialDescription
 from evoros.drive.protocol import DriveDescription
 from evoros.drive.rolling import Wheel, shape_points
 from evoros.formats.missing import MISSING
@@ -180,7 +179,7 @@ def _adapt_casters(
     given = tuple(drive.caster_links)
     casters = find_casters(elements, read_tree(elements, source), rolling, given)
     urdf = read_tree(elements, source)
-    if isinstance(drive, DifferentialDescription):
+    if drive.on_one_axle:
         points = body_adaptation.collision_points(urdf, urdf.shapes)
         axle_x = float(np.mean([wheel.centre[0] for wheel in wheels]))
         added = add_supports(elements, urdf, axle_x, casters.links, points)
