@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.text import Text
 
-from evoros.analysis.drawing.finish import collide, find_marks, list_tick_labels
+from evoros.analysis.drawing.finish import collide, find_marks, list_panels, list_tick_labels
 
 SLACK_PX = 1.0
 
@@ -23,6 +23,7 @@ def find_faults(figure: Figure) -> list[str]:
     figure.draw_without_rendering()
     return [
         *_find_colliding_ticks(figure),
+        *_find_misaligned_panels(figure),
         *_find_text_outside(figure),
         *_find_text_on_text(figure),
         *_find_code_names(figure),
@@ -36,6 +37,15 @@ def _find_colliding_ticks(figure: Figure) -> Iterator[str]:
         for axis in (axes.xaxis, axes.yaxis):
             if axes.axison and collide(list_tick_labels(axis), gap_pt=0.5):
                 yield f"ticks collide: {[label.get_text() for label in list_tick_labels(axis)]}"
+
+
+def _find_misaligned_panels(figure: Figure) -> Iterator[str]:
+    """Panels with one right edge also have one left edge, unless one is much narrower."""
+    boxes = [axes.bbox for axes in list_panels(figure) if axes.get_aspect() == "auto"]
+    for a, b in combinations(boxes, 2):
+        gap = abs(a.x0 - b.x0)
+        if abs(a.x1 - b.x1) < SLACK_PX and SLACK_PX < gap < 0.1 * a.width:
+            yield f"left edges of panels differ by {gap:.1f} px"
 
 
 def _find_text_outside(figure: Figure) -> Iterator[str]:

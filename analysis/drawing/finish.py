@@ -40,7 +40,8 @@ def prepare_figure(figure: Figure, letters: str = "") -> None:
 
 
 def fit_text(figure: Figure) -> None:
-    """Remove ticks and move notes so that no text overlaps, in a figure with a fixed layout."""
+    """Align panels, and fit ticks and notes, so that no text overlaps in a fixed layout."""
+    _align_panels(figure)
     _thin_ticks(figure)
     _part_numbers(figure)
 
@@ -139,6 +140,21 @@ def _within(places: Array, axes: Axes) -> bool:
     known = places[np.isfinite(places).all(axis=1)]
     inside = (known >= limits[:, 0] - slack) & (known <= limits[:, 1] + slack)
     return bool(inside.all())
+
+
+def _align_panels(figure: Figure) -> None:
+    """Give panels above each other one left edge; subfigures are laid out independently."""
+    columns: dict[int, list[Axes]] = {}
+    for axes in list_panels(figure):
+        if axes.get_aspect() == "auto":
+            columns.setdefault(round(axes.bbox.x1), []).append(axes)
+    for column in columns.values():
+        left = max(axes.bbox.x0 for axes in column)
+        for axes in column:
+            x, y, width, height = axes.get_position(original=True).bounds
+            inset = (left - axes.bbox.x0) / axes.bbox.width * width
+            if inset < 0.15 * width:
+                axes.set_position((x + inset, y, width - inset, height))
 
 
 def _thin_ticks(figure: Figure) -> None:

@@ -220,7 +220,7 @@ def draw_factors(
             axes = top.subplots()
             _draw_means(axes, values, names, bounds)
             axes.set_ylabel(
-                style.wrap(title_measure(measure, label), LETTERS_PER_IN * 0.75 * PANEL_IN)
+                style.wrap(title_measure(measure, label), LETTERS_PER_IN * 0.85 * PANEL_IN)
             )
             first = [_wrap_level(level, width, cells) for level in _list_first(cells)]
             axes.set_xticks(range(len(first)), first, fontsize=SMALL)

@@ -241,7 +241,7 @@ def _draw_rates(axes: Axes, summary: pd.DataFrame, treatments: Sequence[str]) ->
         random = rows.random.to_numpy(float)
         axes.hlines(random, places - step / 2, places + step / 2, color=RANDOM, lw=1.4, zorder=1)
     names = [f"{1000 * radius:.0f}" if radius else "redundant" for _, radius in groups]
-    axes.set_xticks(range(len(groups)), names)
+    axes.set_xticks(range(len(groups)), names, fontsize="small")
     axes.set_ylim(0, 1.03)
-    axes.set_xlabel("pair: redundant, or within [mm]")
+    axes.set_xlabel("redundant pair, or pair within [mm]")
     axes.set_ylabel("share of champions\nwith such a pair")

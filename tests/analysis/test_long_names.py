@@ -59,10 +59,10 @@ def test_factors_keep_ticks_and_probabilities_apart(width: float) -> None:
     rng, names = np.random.default_rng(0), ["optimizer_of_the_study", "agents_in_the_way"]
     cells: dict[str, dict[tuple[str, ...], Array]] = {
         measure: {
-            (level, other): 1000.0 * i + rng.random(5)
+            (level, other): 1000.0**k * i + rng.random(5)
             for i, (level, other) in enumerate(product(LEVELS, ("none", "several_people")))
         }
-        for measure in MEASURES
+        for k, measure in enumerate(MEASURES)  # ticks of one digit above ticks of four
     }
     tests = [test for measure in MEASURES for test in list_tests(measure, cells[measure], names)]
     table = pd.DataFrame(tests, columns=list(TESTS))
