@@ -43,11 +43,7 @@ def _analyze(arguments: Sequence[str]) -> int:
 
 
 def draw(options: argparse.Namespace, study: Study | None = None) -> tuple[list[Path], int]:
-    """Write the files of a subcommand and print its messages; return the paths and exit status.
-
-    Raises:
-        InputError: no folder is complete, an option does not fit, or a file cannot be written.
-    """
+    """Write the files of a subcommand and print its messages; return the paths and exit status."""
     subcommand = import_subcommand(options.subcommand)
     if options.output is None:
         first = expand_home(options.folders[0])

@@ -16,11 +16,7 @@ from .subcommands import EXPORTS, SUBCOMMANDS, parse
 
 
 def check_figures(values: Mapping[str, Any]) -> None:
-    """Check the configuration key ``figures`` before a run starts.
-
-    Raises:
-        InputError: a name is not a subcommand with a figure, or occurs twice.
-    """
+    """Check the configuration key ``figures`` before a run starts."""
     names = values.get("figures", ())
     drawable = [name for name in SUBCOMMANDS if name not in EXPORTS]
     listed = isinstance(names, list | tuple) and all(name in drawable for name in names)

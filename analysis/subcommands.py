@@ -101,11 +101,7 @@ class Subcommand(Protocol):
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
-    """Parse a subcommand and its options.
-
-    Raises:
-        InputError: the subcommand or an option does not exist.
-    """
+    """Parse a subcommand and its options."""
     _check_order(arguments)
     chosen = [name for name in SUBCOMMANDS if name in arguments[:1]]
     parser = CommandParser(NAME, description=ABOUT, formatter_class=argparse.RawTextHelpFormatter)

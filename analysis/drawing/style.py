@@ -65,9 +65,6 @@ def choose_style(name: str | None) -> Iterator[None]:
     """Apply a matplotlib style (a file, or a name from matplotlib's library) inside the context.
 
     All sizes follow ``font.size``; the width in ``figure.figsize`` is the width of one column.
-
-    Raises:
-        InputError: no such style was found, or the file cannot be read.
     """
     parameters = {} if name is None else _read_style(name)
     token = _chosen.set(

@@ -62,11 +62,7 @@ class Required:
 
 
 def list_required(study: Study) -> list[Required]:
-    """List the verdicts of all finished evaluations in the order violated, undecided, met.
-
-    Raises:
-        InputError: no evaluation has requirements.
-    """
+    """List the verdicts of all finished evaluations in the order violated, undecided, met."""
     tables = study.read_each(study.evaluations, lambda each: read_verdicts(each.path))
     verdicts = [Required(record, row) for record, rows in tables for row in rows]
     if not verdicts:

@@ -130,11 +130,7 @@ class Choice(NamedTuple):
 
 
 def choose_robot(study: Study, agent: str | None) -> Choice:
-    """Reduce a study to each run's first robot, or to the named agent of the runs that have it.
-
-    Raises:
-        InputError: no run has the named agent.
-    """
+    """Reduce a study to each run's first robot, or to the named agent of the runs that have it."""
     several = (*study.records, *study.evaluations)
     known = list(dict.fromkeys(name for record in several for name in record.context.agents))
     if agent not in (None, *known):

@@ -100,11 +100,7 @@ def select_rows(records: Sequence[Record], conditions: Conditions, source: str) 
 
 
 def require_levels(records: Sequence[Record], name: str, source: str) -> list[str]:
-    """Return each record's level, as ``find_levels`` does.
-
-    Raises:
-        InputError: no record has this factor or key.
-    """
+    """Return each record's level, as ``find_levels`` does."""
     levels = find_levels(records, name)
     if levels is None:
         factors = [factor.name for factor in find_record_factors(records)]

@@ -66,11 +66,7 @@ def list_changes(one: Record, other: Record) -> list[str]:
 
 
 def pair_missions(study: Study, one: Record, other: Record) -> pd.DataFrame:
-    """Pair the missions with the same draws: one row per pair, the worst change first.
-
-    Raises:
-        InputError: no missions match, or their draws differ.
-    """
+    """Pair the missions with the same draws: one row per pair, the worst change first."""
     first, second = (read_complete(record, _read_missions) for record in (one, other))
     first, second = _name_designs(study, (one, first), (other, second))
     key = ["design", "world", "trial"]

@@ -172,20 +172,12 @@ A_CONTEXT = Rule("a context manager", lambda v: hasattr(v, "__enter__") and hasa
 
 
 def ask(key: str, method: Callable[..., Any], rule: Rule, *arguments: Any) -> Any:
-    """Call a method of the part at a key, and check the return value.
-
-    Raises:
-        PartFault: the return value breaks the rule.
-    """
+    """Call a method of the part at a key, and check the return value."""
     return check_answer(key, method, rule, method(*arguments))
 
 
 def check_answer(key: str, method: Callable[..., Any], rule: Rule, answer: Any) -> Any:
-    """Return ``answer``, the return value of a method of the part at a key, if it is valid.
-
-    Raises:
-        PartFault: the return value breaks the rule.
-    """
+    """Return ``answer``, the return value of a method of the part at a key, if it is valid."""
     if rule.holds(answer):
         return answer
     part = getattr(method, "__self__", None)
@@ -203,11 +195,7 @@ def find_source(definition: Any) -> str:
 
 
 def require(part: object, rules: Mapping[str, Rule]) -> None:
-    """Check the attributes of a part against rules.
-
-    Raises:
-        InputError: an attribute breaks its rule.
-    """
+    """Check the attributes of a part against rules."""
     for name, rule in rules.items():
         value = getattr(part, name, None)
         if not rule.holds(value):

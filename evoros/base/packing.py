@@ -23,11 +23,7 @@ _KINDS = "a number", "an array of one dimension", "an array of two dimensions"
 
 @cache
 def list_dimensions(kind: type[NamedTuple]) -> tuple[int, ...]:
-    """Return the number of dimensions of each field: 0 for a number, 1 or 2 for an array.
-
-    Raises:
-        InputError: a field has another type.
-    """
+    """Return the number of dimensions of each field: 0 for a number, 1 or 2 for an array."""
     hints = get_type_hints(kind, include_extras=True)
     for name in kind._fields:
         if hints[name] not in _DIMENSIONS:
@@ -44,11 +40,7 @@ def name_field(kind: type[NamedTuple], field: str) -> str:
 
 
 def pack(values: NamedTuple) -> Array:
-    """Return the numbers and the arrays in one flat array; each array is preceded by its shape.
-
-    Raises:
-        InputError: a value does not match the declaration of its field.
-    """
+    """Return the numbers and the arrays in one flat array; each array is preceded by its shape."""
     kind = type(values)
     parts: list[Any] = []
     for name, count, value in zip(kind._fields, list_dimensions(kind), values, strict=True):

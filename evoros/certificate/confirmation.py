@@ -50,11 +50,7 @@ Confirm = Callable[[list[int]], Mapping[int, float]]
 def confirm_best(
     confirmation: Confirmation, screened: Mapping[int, float], confirm: Confirm
 ) -> Mapping[int, float]:
-    """Return the fitness of the confirmed designs.
-
-    Raises:
-        PartFault: the confirmation does not return the fitness of screened designs.
-    """
+    """Return the fitness of the confirmed designs."""
 
     def is_fitness(value: object) -> bool:
         if not isinstance(value, Mapping) or not screened.keys() >= value.keys():

@@ -29,11 +29,7 @@ class FinalChoice:
 
 
 def find_finalists(final: FinalChoice, fitness: Mapping[int, float]) -> list[int]:
-    """Return the finalists of a final choice, and check them.
-
-    Raises:
-        PartFault: the finalists are not a list of distinct designs.
-    """
+    """Return the finalists of a final choice, and check them."""
 
     if not fitness:
         return []

@@ -86,9 +86,6 @@ def check_precision(validation: Validation, missions: int, bounds: Sequence[floa
     """Check that a design of medium fitness can reach the precision within ``max_trials``.
 
     ``bounds`` are the minimum and maximum of the fitness; each trial has ``missions`` scores.
-
-    Raises:
-        InputError: the precision is out of reach even with equal scores.
     """
     if not _is_known(validation, bounds):
         return

@@ -48,10 +48,6 @@ class NamedRule:
 
         The function is made from source, because numba cannot compile ``**`` in a call (it refuses
         DICT_MERGE). numba stores the machine code under the module and the name of the rule.
-
-        Raises:
-            InputError: the rule has an unknown argument, or an argument that the start does not
-                return.
         """
         kinds = {"parameters": self.parameters, "memory": self.memory}
         for name in signature(self.function).parameters:
@@ -108,20 +104,12 @@ STARTED = Rule("named tuples (parameters, or parameters and memory) or None", _a
 def start_rule(
     rule: Callable[..., Any], names: tuple[str, ...], start: Callable[..., Started], *arguments: Any
 ) -> Bound:
-    """Start a part with ``arguments``, and bind its rule, whose kind has arguments of these names.
-
-    Raises:
-        InputError: the start refuses, or does not return what the rule takes.
-    """
+    """Start a part with ``arguments``, and bind its rule; the rules of its kind take ``names``."""
     return bind(rule, names, start_part(start, *arguments))
 
 
 def start_part(start: Callable[..., Started], *arguments: Any) -> Started:
-    """Call the ``start`` of a part, and check the return value.
-
-    Raises:
-        InputError: the result is not a named tuple, or has missing or extra fields.
-    """
+    """Call the ``start`` of a part, and check the return value."""
     try:
         return cast(Started, ask("", start, STARTED, *arguments))
     except TypeError as error:
@@ -135,11 +123,7 @@ def start_part(start: Callable[..., Started], *arguments: Any) -> Started:
 
 
 def bind(function: Callable[..., Any], arguments: tuple[str, ...], started: Started) -> Bound:
-    """Pack the start values of a rule whose kind has these arguments.
-
-    Raises:
-        InputError: the start is not a named tuple, or a value does not fit its field.
-    """
+    """Pack the start values of a rule whose kind has these arguments."""
     pair: Any = started if type(started) is tuple else (started, None)
     if not STARTED.holds(started):
         raise InputError(

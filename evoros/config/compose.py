@@ -229,11 +229,7 @@ GROUP = "observers"
 
 
 def build_observer(name: str, overrides: Sequence[str], config_dir: str | Path | None) -> Observer:
-    """Build the observer ``name``, with ``overrides`` of its keys.
-
-    Raises:
-        InputError: the name is unknown, or a key or value cannot be used.
-    """
+    """Build the observer ``name``, with ``overrides`` of its keys."""
     typed = [f"{GROUP}.{name}.{text}" for text in overrides]
     config = compose([f"{GROUP}={name}", *typed], config_dir=config_dir)
     built: dict[str, Any] = build(config.values[GROUP], config.choices)
@@ -282,11 +278,7 @@ def choose_primary(
 def store_recorded(
     like: Override, overrides: Sequence[str], config_dir: str | Path | None, read: ReadRun
 ) -> dict[str, str]:
-    """Store a recorded configuration as the primary file ``NAME``; return the remaining choices.
-
-    Raises:
-        InputError: the folder cannot be used, or an experiment is also given.
-    """
+    """Store a recorded configuration as the primary file ``NAME``; return the remaining choices."""
     source = like.value()
     if not isinstance(source, str) or not source:
         raise InputError(f"{text_of(like)}: must be the folder of a run; correct the path")

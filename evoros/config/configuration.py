@@ -73,12 +73,7 @@ class Configuration:
 
 
 def build(values: Mapping[str, Any], choices: Mapping[str, str]) -> Any:
-    """Build the class named by ``values``, and nested classes; ``choices`` serves messages.
-
-    Raises:
-        InputError: a value or a file cannot be used, or a class is neither in evoros nor in a
-            folder given as ``config_dir``.
-    """
+    """Build the class named by ``values``, and nested classes; ``choices`` serves messages."""
     targets = check_classes(values, choices)
     try:
         return instantiate(dict(values), _convert_="all", **allow(targets))
@@ -87,11 +82,7 @@ def build(values: Mapping[str, Any], choices: Mapping[str, str]) -> Any:
 
 
 def check_classes(values: Mapping[str, Any], choices: Mapping[str, str]) -> tuple[str, ...]:
-    """Check the classes in a configuration without building any, and return their names.
-
-    Raises:
-        InputError: a class cannot be imported, may not be built, or gets wrong arguments.
-    """
+    """Check the classes in a configuration without building any, and return their names."""
     targets = check_targets(values, NAMED_FOLDERS)
     _check_arguments(values, "", choices)
     return targets

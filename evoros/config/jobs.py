@@ -214,11 +214,7 @@ def _shorten(path: Path) -> Path:
 
 
 def expand_values(override: Override, config_dir: str | Path | None) -> list[str]:
-    """Return an override for each value of a sweep; an override without a sweep is unchanged.
-
-    Raises:
-        InputError: the sweep has no values, or too many.
-    """
+    """Return an override for each value of a sweep; an override without a sweep is unchanged."""
     typed, key = text_of(override), override.get_key_element()
     if not override.is_sweep_override():
         return [typed]

@@ -191,11 +191,7 @@ def choose_name(file: Path, group: str) -> str:
 
 
 def parse_keys(words: Sequence[str]) -> dict[str, Any]:
-    """Parse ``key=value`` and ``key.inner=value``, with values in YAML, into nested mappings.
-
-    Raises:
-        InputError: a word has no ``=``, or its value is not valid YAML.
-    """
+    """Parse ``key=value`` and ``key.inner=value``, with values in YAML, into nested mappings."""
     values: dict[str, Any] = {}
     for word in words:
         path, equals, text = word.partition("=")

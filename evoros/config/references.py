@@ -37,11 +37,7 @@ _Place = tuple[Any, Any, str, str]
 
 
 def settle(config: DictConfig) -> tuple[str, dict[str, Any]]:
-    """Return the YAML of a configuration to record, and its values.
-
-    Raises:
-        InputError: a reference cannot be resolved to a YAML value.
-    """
+    """Return the YAML of a configuration to record, and its values."""
     try:
         _settle(config)
     except Exception as error:  # a resolver returned a value unknown to YAML
@@ -61,11 +57,7 @@ def is_private(key: str) -> bool:
 
 
 def resolve(config: DictConfig) -> dict[str, Any]:
-    """Return the values of a configuration with resolved references.
-
-    Raises:
-        InputError: a reference cannot be resolved.
-    """
+    """Return the values of a configuration with resolved references."""
     try:
         values = OmegaConf.to_container(config, resolve=True)
     except Exception as error:  # resolvers may raise anything

@@ -38,11 +38,7 @@ DEFAULT_GAIN, GREATEST_GAIN = 1.0, 6.0  # ArduPilot's default and maximum veloci
 
 
 def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str, float]:
-    """Return the parameters derived from the robot and the mission, except for given ones.
-
-    Raises:
-        InputError: the given route speed is not positive.
-    """
+    """Return the parameters derived from the robot and the mission, except for given ones."""
     drive = briefing.robot.drive
     speed = float(given.get("WP_SPEED", drive.max_speed_mps))
     if speed <= 0.0:

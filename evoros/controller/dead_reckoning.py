@@ -50,12 +50,7 @@ class DeadReckoning(Estimator):
     imu: Annotated[str | None, TEXT] = "imu"
 
     def start_estimate(self, robot: Robot, period: float) -> tuple[Parameters, Memory]:
-        """Find the readings of odometry and IMUs.
-
-        Raises:
-            InputError: the robot lacks odometry or an IMU, or a sensor's period is not a multiple
-                of ``period``.
-        """
+        """Find the readings of odometry and IMUs."""
         speeds = self._find(robot, "odometry", self.odometry, Odometry, period)
         imus = self._find(robot, "imu", self.imu, Imu, period) if self.imu else []
         parameters = Parameters(

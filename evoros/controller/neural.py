@@ -100,11 +100,7 @@ class Neural(Controller):
     def open(
         self, robot: Robot, rng: Callable[[str], Generator]
     ) -> Iterator[Sequence[StartedLayer]]:
-        """Start the network for one mission, with one memory for the rules of both modes.
-
-        Raises:
-            InputError: ``speed_mps`` exceeds the robot's maximum speed.
-        """
+        """Start the network for one mission, with one memory for the rules of both modes."""
         parameters, hidden = self._parameters(robot), [np.zeros(self.hidden) for _ in range(4)]
         memory = network.Memory(np.zeros(self.sectors), *hidden)
         yield [StartedLayer(rule, (parameters, memory)) for rule in (avoid, network.command_from)]

@@ -94,9 +94,6 @@ def replace_values(part: Part, values: Mapping[str, float], at: str = "") -> Par
     A path leads through dataclass fields, mapping keys and list positions. Each dataclass on the
     way is rebuilt once, with all changes, so it is validated again. ``at`` is the path of
     ``part``, for messages.
-
-    Raises:
-        InputError: a path does not lead to a number, or a part rejects its new values.
     """
     by_child: dict[str, dict[str, float]] = {}
     for path, value in values.items():
@@ -146,9 +143,6 @@ def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
     """Check combinations of gene bounds, because bounds that are valid alone may conflict.
 
     ``parts`` maps the first word of a key to the part: "controller", "robot" and "design".
-
-    Raises:
-        InputError: a key does not lead to a number, or a part rejects a combination.
     """
     for corner in enumerate_corners(len(genes)):
         values = dict(zip(genes, corner, strict=True))

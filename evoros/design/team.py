@@ -76,11 +76,7 @@ class TeamSpace:
         return self._first.blocks[len(self.slots)].genes[0] if varies else None
 
     def view(self, genome: Array, distance_m: float) -> tuple[list[View], View]:
-        """Return what each slot sees at a distance [m], and what the fixed sensors see.
-
-        Raises:
-            InputError: more than one robot has a design.
-        """
+        """Return what each slot sees at a distance [m], and what the fixed sensors see."""
         if len(self.spaces) > 1:
             raise InputError(
                 f"optimizer: set_cover supports only one robot with a design, not "

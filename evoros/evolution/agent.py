@@ -65,11 +65,7 @@ class Agent:
 
 
 def make_room(members: Sequence[Member], worlds: Mapping[str, World]) -> dict[str, World]:
-    """Return the worlds with samplers that leave room for all robots.
-
-    Raises:
-        InputError: a sampler cannot keep courses free, or finds no room.
-    """
+    """Return the worlds with samplers that leave room for all robots."""
     placed = [member for member in members if member.home is not None]
     return {
         name: _make_room(placed, name, world) if placed else world for name, world in worlds.items()
@@ -96,12 +92,7 @@ def _make_room(placed: Sequence[Member], name: str, world: World) -> World:
 
 
 def check_team(members: Sequence[Member], worlds: Mapping[str, World]) -> None:
-    """Check that the robots of an experiment fit together.
-
-    Raises:
-        InputError: a design belongs to another robot, genes have no effect, or robots touch at
-            their homes.
-    """
+    """Check that the robots of an experiment fit together."""
     designed = {member.name: member for member in members if member.has_own_design}
     for member in members:
         _check_design(member, designed[member.designed])

@@ -98,11 +98,7 @@ class Field:
         return middle - np.array(self.extent_m) / 2, middle + np.array(self.extent_m) / 2
 
     def keep_free(self, courses: Sequence[Course]) -> "Field":
-        """Return a field of the same extent that also keeps the routes of other robots free.
-
-        Raises:
-            InputError: the extent does not reach beyond the other robots' courses.
-        """
+        """Return a field of the same extent that also keeps the routes of other robots free."""
         return replace(self, others=tuple(courses))
 
     def draw_world(self, draws: str) -> World:

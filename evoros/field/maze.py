@@ -195,11 +195,7 @@ def generate_maze(
     seed: int = 0,
     renew: bool = False,
 ) -> World:
-    """Generate a maze; with ``renew``, each mission has a new one (see ``Maze``).
-
-    Raises:
-        InputError: a value is out of range, or a waypoint is not at the centre of a cell.
-    """
+    """Generate a maze; with ``renew``, each mission has a new one (see ``Maze``)."""
     maze = Maze(course, columns, rows, corridor_m, wall_m, wall_height_m, dead_ends, seed)
     return draw_example(maze, renew, "generate_maze")
 

@@ -121,10 +121,6 @@ def generate_objects(
     seed: int = 0,
     renew: bool = False,
 ) -> World:
-    """Generate objects; with ``renew``, each mission has new decoys (see ``Objects``).
-
-    Raises:
-        InputError: a value is out of range, or there is not enough room for all decoys.
-    """
+    """Generate objects; with ``renew``, each mission has new decoys (see ``Objects``)."""
     objects = Objects(course, target_m, decoy_m, decoys, distance_m, apart_deg, height_m, seed)
     return draw_example(objects, renew, "generate_objects")

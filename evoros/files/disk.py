@@ -102,9 +102,6 @@ def require_no_links(folder: Path) -> None:
 
     Links in a folder from somebody else might lead to the user's files. The folder itself may be a
     link.
-
-    Raises:
-        InputError: the folder contains a symbolic link, a pipe or a device, or is unreadable.
     """
     folders = [folder]
     while folders:

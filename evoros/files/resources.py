@@ -30,11 +30,7 @@ _PAGES = b"<!doctype html", b"<html"
 
 
 def read_file(path: Path) -> bytes:
-    """Read a file named by a user or a description.
-
-    Raises:
-        InputError: the file cannot be read, Git LFS has not fetched it, or it is a web page.
-    """
+    """Read a file named by a user or a description."""
     try:
         content = path.read_bytes()
     except FileNotFoundError:
@@ -57,9 +53,6 @@ def find_file(name: str, kind: str) -> Path:
     """Find a file named by a configuration in the current folder, or else in the bundled ``kind``.
 
     Warn if both have the file, because the file found then depends on the current folder.
-
-    Raises:
-        InputError: the file was not found.
     """
     path = expand_home(name)
     files = [file for file in (path, bundled_folder(kind) / path) if file.is_file()]

@@ -29,12 +29,7 @@ _DAMAGES = (BadZipFile, LargeZipFile, EOFError, NotImplementedError, ValueError,
 
 @contextmanager
 def open_zip(path: Path) -> Iterator[tuple[ZipFile, Mapping[str, ZipInfo]]]:
-    """Open a zip file and check that its members can be unpacked safely; return them by name.
-
-    Raises:
-        InputError: the file is damaged or too large, or has a link, a repeated name, or a name that
-            leads out of the folder.
-    """
+    """Open a zip file and check that its members can be unpacked safely; return them by name."""
     with _explain(path), open_regular(path) as file, ZipFile(file) as archive:
         members = _check_members(path, archive.infolist())
         if not archive.comment.startswith(MARK) or archive.comment != _mark(

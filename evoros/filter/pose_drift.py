@@ -33,11 +33,7 @@ class PoseDrift(Filter):
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Draw the direction.
-
-        Raises:
-            InputError: the channels are not a pose.
-        """
+        """Draw the direction."""
         require_pose(channels, "PoseDrift", INSTEAD)
         rate = move(self.rate_mps, self.direction_deg, self.yaw_rate_dps, rng)
         longest = math.inf if self.longest_s is None else self.longest_s

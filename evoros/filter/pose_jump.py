@@ -33,11 +33,7 @@ class PoseJump(Filter):
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Draw the direction.
-
-        Raises:
-            InputError: the channels are not a pose.
-        """
+        """Draw the direction."""
         require_pose(channels, "PoseJump", INSTEAD)
         jump = move(self.distance_m, self.direction_deg, self.yaw_deg, rng)
         return self.Parameters(jump, onset)

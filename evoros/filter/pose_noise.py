@@ -30,11 +30,7 @@ class PoseNoise(Filter):
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Return the standard deviations of x, y, yaw [rad] and speed.
-
-        Raises:
-            InputError: the channels are not a pose.
-        """
+        """Return the standard deviations of x, y, yaw [rad] and speed."""
         require_pose(
             channels,
             "PoseNoise",

@@ -85,9 +85,6 @@ class Scoring:
         """Return the score of each trial over its worlds, in the order of the missions.
 
         A trial with a mission that could not be run has the worst score.
-
-        Raises:
-            InputError: a score is not a finite number.
         """
         return [float(self.score_trial(trial)) for trial in list_trials(missions, outcomes)]
 

@@ -46,9 +46,6 @@ def parse_leniently(content: bytes, source: str) -> Element:
     Repairs are reported in one line. They concern text, comments or a byte order mark before
     the XML declaration, anything after the root element, ``--`` in comments, attributes without
     quotes or without a value, undeclared prefixes, ``::`` in a tag, and unescaped ampersands.
-
-    Raises:
-        InputError: the document is not well-formed after the repairs, or has a DOCTYPE.
     """
     try:
         return parse(content, source)

@@ -66,9 +66,6 @@ def read_mesh(
     ``submesh`` selects a part of the file by name, and ``center`` moves the middle of its bounding
     box to the origin. ``up_axis`` rotates a DAE according to its ``<up_axis>``. ``work`` limits the
     time (see ``divide_mesh``). Results are cached in the user's cache folder.
-
-    Raises:
-        InputError: the file cannot be read, is empty, or has no such submesh.
     """
     content = read_content(path)
     choices = (*map(float, scale),), submesh, bool(center), up_axis, float(work)
@@ -79,11 +76,7 @@ def read_mesh(
 
 @lru_cache(maxsize=256)
 def read_hull(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> Shape:
-    """Read the convex hull of a whole STL, OBJ or DAE file, which is fast.
-
-    Raises:
-        InputError: the file cannot be read, is empty, or is too small for a hull.
-    """
+    """Read the convex hull of a whole STL, OBJ or DAE file, which is fast."""
     from evoros.geometry.hull import make_hull, simplify  # imports scipy, which is slow
 
     read_content(path)

@@ -67,9 +67,6 @@ def read_faces(
     """Read the faces [m] of a mesh file; faces point outwards even if the scale mirrors them.
 
     The faces have colours if ``painted``. See ``read_mesh`` for the other arguments.
-
-    Raises:
-        InputError: the file cannot be read, is empty, or has no such submesh.
     """
     is_dae = path.suffix.lower() == ".dae"
     parts = read_dae(path, up_axis) if is_dae else _read_with_trimesh(path, submesh, painted)

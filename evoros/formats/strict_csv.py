@@ -16,10 +16,6 @@ def read_rows(
     """Yield each line's number, and its cells by column name.
 
     White space inside a cell is reduced to single blanks; empty lines are skipped.
-
-    Raises:
-        InputError: the file cannot be read, a required column is missing, or a column is unknown or
-            repeated.
     """
     try:
         rows = csv.reader(StringIO(read_file(path).decode("utf-8-sig"), newline=""), strict=True)

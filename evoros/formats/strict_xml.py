@@ -34,9 +34,6 @@ def parse(content: bytes, source: str) -> Element:
 
     A default namespace is dropped. Nothing outside the document is read, and no entity is expanded.
     ``source`` is the name of the file in errors.
-
-    Raises:
-        InputError: the document is not well-formed or has a DOCTYPE.
     """
     parser = etree.XMLParser(
         resolve_entities=False,
@@ -269,11 +266,7 @@ def interpret(field: str, value: float) -> float:
 
 
 def read_meaning(element: Element, field: str, text: str | None = None) -> float:
-    """Return the interpreted number in an element's content or in one of its attributes.
-
-    Raises:
-        InputError: the value is not a number.
-    """
+    """Return the interpreted number in an element's content or in one of its attributes."""
     text = read_text(element) if text is None else text
     value = parse_number(text.strip())
     if math.isnan(value):

@@ -52,11 +52,7 @@ class Member:
         return f"{self.key[:-1]}: {message}" if self.key else f"{message}"
 
     def check_parts(self) -> None:
-        """Require that the sensors and the controller follow their protocols.
-
-        Raises:
-            InputError: a part breaks its protocol.
-        """
+        """Require that the sensors and the controller follow their protocols."""
         for name, sensor in self.design.sensors.items():
             self._check(f"design.sensors.{name}", check_sensor, sensor)
         self._check("controller", protocol.check_controller, self.controller)
@@ -98,11 +94,7 @@ class Member:
         return parts[self.designed]
 
     def with_design(self, design: Design) -> "Member":
-        """Return this robot with the sensors of its design and its evolved values.
-
-        Raises:
-            InputError: a part refuses a value, or a sensor cannot be mounted.
-        """
+        """Return this robot with the sensors of its design and its evolved values."""
         member = replace_values(self, design.values)
         robot = member.robot.with_sensors(design.mounts, member.design.sensors)
         return replace(member, robot=robot)
@@ -126,11 +118,7 @@ class Member:
 
 
 def find_declared_genes(controller: object) -> dict[str, Gene]:
-    """Return the genes of a controller and of its parts, such as layers, by name.
-
-    Raises:
-        InputError: two genes have the same name, or a range is invalid.
-    """
+    """Return the genes of a controller and of its parts, such as layers, by name."""
     genes: dict[str, Gene] = {}
     for at, name, value in _list_declared(controller, "controller"):
         if name in genes:

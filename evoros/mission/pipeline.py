@@ -169,9 +169,6 @@ def start_localization(
     """Start the stages between the true ``pose`` and the controller's layers.
 
     ``readings`` (channels,) belong to all sensors of the robot.
-
-    Raises:
-        InputError: an estimator is not the first stage, or needs sensors that the robot lacks.
     """
     filters = {}
     stages: list[FilterStage] = []
@@ -214,11 +211,7 @@ def _start_filters(
 def start_filter(
     item: protocol.Filter, target: Target, onset: Array, rng: Generator
 ) -> FilterStage:
-    """Start a filter that changes the values of a target after ``onset`` (channels,) [s].
-
-    Raises:
-        InputError: ``item`` is not a filter, or refuses to start.
-    """
+    """Start a filter that changes the values of a target after ``onset`` (channels,) [s]."""
     require(item, protocol.FILTER_RULES)
     rule = start_rule(item.rule, protocol.FILTER_ARGUMENTS, item.start, target.channels, onset, rng)
     return FilterStage(target.every, *rule, rng, NO_VALUES, target.values)

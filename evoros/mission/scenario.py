@@ -24,11 +24,7 @@ from evoros.world.model import World
 
 
 def require_world(name: str, world: object) -> None:
-    """Require that an entry of the configuration's worlds is a world.
-
-    Raises:
-        InputError: it is not.
-    """
+    """Require that an entry of the configuration's worlds is a world."""
     if not isinstance(world, World):
         raise InputError(
             f"world.{name}: must be a world, and some of its keys are missing; choose it with "
@@ -111,11 +107,7 @@ class Scenario:
                 )
 
     def draw_world(self, name: str, draws: str, robots: Sequence[PlacedRobot]) -> World:
-        """Return the world of a mission with this key of draws, and with walkers.
-
-        Raises:
-            InputError: there is no room for the walkers.
-        """
+        """Return the world of a mission with this key of draws, and with walkers."""
         world = self.world[name].at(draws)
         if not self.any_walkers:
             return world
@@ -139,11 +131,7 @@ class Scenario:
         return any(world.shortest_m is not None for world in self.world.values())
 
     def place_worlds(self, member: Member) -> dict[str, World]:
-        """Return the worlds by name, each with the course of this robot.
-
-        Raises:
-            InputError: its home or its route is inside an obstacle.
-        """
+        """Return the worlds by name, each with the course of this robot."""
         courses = {name: member.place(world.course) for name, world in self.world.items()}
         return {
             name: world if world.course is courses[name] else replace(world, course=courses[name])
@@ -151,12 +139,7 @@ class Scenario:
         }
 
     def check_parts(self, member: Member) -> None:
-        """Require that the parts of a robot fit the simulator and the worlds.
-
-        Raises:
-            InputError: a period or a time limit does not fit, or the simulator does not offer a
-                measured quantity.
-        """
+        """Require that the parts of a robot fit the simulator and the worlds."""
         self.count_steps("controller.period_s", member.controller.period_s)
         for name, sensor in member.design.sensors.items():
             self.count_steps(f"design.sensors.{name}.period_s", sensor.period_s)
@@ -174,11 +157,7 @@ class Scenario:
             )
 
     def count_steps(self, key: str, period: float) -> int:
-        """Return the number of time steps in a period [s]; ``key`` names it in messages.
-
-        Raises:
-            InputError: the period is not a whole multiple of the time step.
-        """
+        """Return the number of time steps in a period [s]; ``key`` names it in messages."""
         step = self.simulator.time_step
         count = round(period / step)
         if count < 1 or not math.isclose(count * step, period, rel_tol=1e-9):
@@ -195,11 +174,7 @@ class Scenario:
         return any(isinstance(member.controller, LiveController) for member in self.members)
 
     def equip(self, design: Design) -> tuple[Member, ...]:
-        """Return the robots with the sensors and the evolved values of the design.
-
-        Raises:
-            InputError: see ``Member.with_design`` and ``Member.find_design``.
-        """
+        """Return the robots with the sensors and the evolved values of the design."""
         known = [member.name for member in self.members]
         unknown = [name for name in design.parts if name not in known]
         if unknown:

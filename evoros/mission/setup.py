@@ -122,11 +122,7 @@ class Setup:
         return driven
 
     def collect_inputs(self, simulation: Simulation) -> inputs.LoopInputs:
-        """Collect the rules of the mission; the methods of an engine replace motion rules.
-
-        Raises:
-            InputError: the simulation's parameters or memory are not valid arrays.
-        """
+        """Collect the rules of the mission; the methods of an engine replace motion rules."""
         stages: tuple[Any, ...] = (
             _number([robot.stages[READINGS] for robot in self.robots]),
             _number([robot.stages[POSE] for robot in self.robots]),

@@ -108,11 +108,7 @@ class FitnessSearch:
         return self._history.asked
 
     def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
-        """Record scores, and let the sampler propose the next generation.
-
-        Raises:
-            InputError: a score is missing or has NaN.
-        """
+        """Record scores, and let the sampler propose the next generation."""
         before = [champion.id for champion in self.champions()]
         changed = self._history.tell(scores)
         best = [champion.id for champion in self.champions()]
@@ -133,11 +129,7 @@ CELLS = replace(COUNT, limit=MOST_CELLS)
 def create_archive(
     space: Space, goals: Goals, cells: int, rng: Generator, **settings: Any
 ) -> "GridArchive":
-    """Create an archive with ``cells`` cells per descriptor; outliers go to the edge cells.
-
-    Raises:
-        InputError: there are no descriptors, or too many cells.
-    """
+    """Create an archive with ``cells`` cells per descriptor; outliers go to the edge cells."""
     from ribs.archives import GridArchive
 
     count = len(goals.descriptors)
@@ -169,11 +161,7 @@ class ArchiveSearch(FitnessSearch):
         self._archive = archive
 
     def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
-        """Return rows for scored individuals and the best; ``survived`` is 1 for elites.
-
-        Raises:
-            InputError: a score is missing or has NaN.
-        """
+        """Return rows for scored individuals and the best; ``survived`` is 1 for elites."""
         changed = self._history.tell(scores)
         self._fill(changed)
         elites = [individual.id for individual in self.champions()]

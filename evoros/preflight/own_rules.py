@@ -20,11 +20,7 @@ TRUTH = Rule("True or False", lambda v: isinstance(v, bool | int | np.bool_))
 
 
 def try_rules(inputs: LoopInputs, readings: int) -> None:
-    """Call users' rules of sensors, filters and layers with readings and signals of 1.
-
-    Raises:
-        PartFault: a rule raises an error, or a layer returns an invalid value or command.
-    """
+    """Call users' rules of sensors, filters and layers with readings and signals of 1."""
     for stage in (*inputs.filters, *inputs.localization, *inputs.actuation):
         source, values = np.ones_like(stage.source), np.ones_like(stage.values)
         memory = stage.parameters.copy(), stage.memory.copy()

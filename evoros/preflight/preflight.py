@@ -127,12 +127,7 @@ DESIGNS = 32
 
 
 def check_measures(experiment: Experiment) -> Iterator[str]:
-    """Yield a warning for each objective that is equal for all designs that were tried.
-
-    Raises:
-        InputError: a measure is not a finite number, or a descriptor is equal for all these
-            designs.
-    """
+    """Yield a warning for each objective that is equal for all designs that were tried."""
     measures = list_measures(experiment).items()
     named = {key: measure for key, measure in measures if measure.of_design}
     if not named or not experiment.space.size:
@@ -208,11 +203,7 @@ RobotCheck = Callable[[scene.Subject], Iterator[str]]
 
 
 def preflight(experiment: Experiment) -> None:
-    """Try every part of an experiment once, so that bad input does not stop the run later.
-
-    Raises:
-        InputError: a part rejects its input.
-    """
+    """Try every part of an experiment once, so that bad input does not stop the run later."""
     for check in CHECKS:
         for warning in check(experiment):
             _LOG.warning("%s", warning)

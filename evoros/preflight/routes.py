@@ -170,12 +170,7 @@ def check_home(subject: Subject) -> Iterator[str]:
 
 
 def check_place(world: World, robot: Robot) -> Iterator[str]:
-    """Yield a warning for each body in the way of a robot at the home of a world.
-
-    Raises:
-        InputError: the robot stands in an obstacle at home, or touches one and missions end on
-            collision.
-    """
+    """Yield a warning for each body in the way of a robot at the home of a world."""
     course, bodies = world.course, world.obstacles
     place = f"at home ({course.home_x_m:g}, {course.home_y_m:g})"
     touched = _list_touched(robot.outline, course, bodies, robot.height_m)

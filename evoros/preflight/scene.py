@@ -230,11 +230,7 @@ DRAWS = 20
 
 
 def check_onsets(subject: Subject) -> Iterator[str]:
-    """Require that each failure onset can occur in some world; warn about the other worlds.
-
-    Raises:
-        InputError: an onset cannot occur in any world.
-    """
+    """Require that each failure onset can occur in some world; warn about the other worlds."""
     for trigger in _list_triggers(subject):
         worlds = subject.scenario.world.items()
         found = {name: find_problem(trigger, world) for name, world in worlds}

@@ -56,12 +56,7 @@ class Survival:
         return self.claim_for(None).fewest_trials
 
     def list_cases(self, sensors: int) -> Iterator[Case]:
-        """Yield the cases of a robot with this number of sensors, the intact case first.
-
-        Raises:
-            InputError: the robot has fewer sensors than ``survives``, or more cases than
-                ``max_cases``.
-        """
+        """Yield the cases of a robot with this number of sensors, the intact case first."""
         if self.survives > sensors:
             raise InputError(
                 f"survives: must be at most {sensors}, the number of sensors, not "
@@ -100,9 +95,6 @@ def list_levels(
     """List the levels of a requirement for a design with this number of sensors.
 
     Without ``sensors``, levels with failed sensors are left out.
-
-    Raises:
-        InputError: the design has too few sensors, or there are too many cases.
     """
     if isinstance(requirement, Survival):
         return [
@@ -139,11 +131,7 @@ REQUIREMENTS = mapping_of(Requirement, "requirements (evoros.requirement.require
 
 
 def collect(**requirements: Mapping[str, Any]) -> dict[str, Requirement]:
-    """Create named requirements from their fields.
-
-    Raises:
-        InputError: a field is unknown or out of range, or two requirements contradict each other.
-    """
+    """Create named requirements from their fields."""
     made = {name: _make(name, fields) for name, fields in requirements.items()}
     claims = {name: claim for name, claim in made.items() if isinstance(claim, Claim)}
     for (first, one), (second, other) in combinations(claims.items(), 2):

@@ -60,11 +60,7 @@ class AdaptedRobot:
 
 
 def adapt(description: Element, source: str, drive: DriveDescription, missing: str) -> AdaptedRobot:
-    """Rewrite a copy of a ``<robot>`` element for a drive.
-
-    Raises:
-        InputError: a part cannot be interpreted, or the drive does not fit.
-    """
+    """Rewrite a copy of a ``<robot>`` element for a drive."""
     tell_degrees(description, _LOG)
     elements, reader = deepcopy(description), SolidsReader(missing)
     reader.rewrite_collisions(elements)
@@ -235,9 +231,6 @@ def load_robot(
     ``box``) says what to do if a mesh is missing. If ``wheels_touch``, obstacles can touch wheels
     and casters that stick out of the body. ``self_occlusion`` selects the shapes that block the
     robot's own sensors, ``collisions`` or ``visuals``.
-
-    Raises:
-        InputError: the file cannot be used, or ``drive`` or ``mount`` does not fit it.
     """
     mount = MountDefaults() if mount is None else mount
     options = ReadOptions(arguments or {}, packages, ignored_packages, environment or {}, missing)

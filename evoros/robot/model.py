@@ -293,11 +293,7 @@ class RayTable(NamedTuple):
 
 
 def sort_rays(sensor: RangeSensor) -> SortedRays:
-    """Return the rays of a sensor, sorted by channel.
-
-    Raises:
-        InputError: a channel has no ray, or a ray has no channel.
-    """
+    """Return the rays of a sensor, sorted by channel."""
     rays, channels = sensor.rays(), np.asarray(sensor.channel_of())
     counts = np.bincount(channels, minlength=len(sensor.channels)) if len(rays) else np.zeros(1)
     if len(channels) != len(rays) or len(counts) != len(sensor.channels) or not counts.all():

@@ -61,9 +61,6 @@ def plan_course(values: Mapping[str, Any], robot: Robot) -> Planned:
     """Complete the course of the world that ``load_world`` reads with ``values``.
 
     Missing waypoints are chosen to suit the robot and the given home.
-
-    Raises:
-        InputError: the world cannot be read, or there is no room for a course.
     """
     source, given = str(values["sdf"]), _check_course(values.get("course"))
     with withhold_messages():  # building the world logs them again

@@ -83,11 +83,7 @@ def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
 
 
 def fit_designs(drafts: Drafts, experiment: Experiment) -> list[NamedDesign]:
-    """Complete the drafts and sort the sensors into the robot's order.
-
-    Raises:
-        InputError: the robot or another part rejects a design.
-    """
+    """Complete the drafts and sort the sensors into the robot's order."""
     return [_fit(name, parts, experiment) for name, parts in drafts.items()]
 
 

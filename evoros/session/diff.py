@@ -197,11 +197,7 @@ class Diff:
 
 
 def diff_runs(one: Path, other: Path) -> Diff:
-    """Compare two runs or evaluations, or all at the same relative paths below two folders.
-
-    Raises:
-        InputError: a folder contains no runs, or a file is damaged.
-    """
+    """Compare two runs or evaluations, or all at the same relative paths below two folders."""
     diff = Diff()
     names, others = _list_runs(one), _list_runs(other)
     if (names == ["."]) != (others == ["."]):

@@ -33,11 +33,7 @@ MAX_WARNINGS = 3  # maximum number of warnings about given designs
 
 
 def build_evaluation(config: Configuration) -> tuple[Experiment, list[NamedDesign]]:
-    """Build and check the experiment and the given designs of an evaluation.
-
-    Raises:
-        InputError: the experiment or a design cannot be used.
-    """
+    """Build and check the experiment and the given designs of an evaluation."""
     _check_sources(config.designs)
     if any(text.lstrip("+~").startswith("observers") for text in config.overrides):
         raise InputError("observers: must not be given for an evaluation; leave it out")
@@ -51,11 +47,7 @@ def build_evaluation(config: Configuration) -> tuple[Experiment, list[NamedDesig
 
 
 def read_sources(sources: Any, experiment: Experiment) -> list[NamedDesign]:
-    """Read the designs of the key ``designs``.
-
-    Raises:
-        InputError: no source is named, or a source cannot be read.
-    """
+    """Read the designs of the key ``designs``."""
     return read_given(_check_sources(sources), experiment)
 
 

@@ -38,9 +38,6 @@ def read_like(source: str, typed: frozenset[str]) -> RecordedRun:
     """Read the recorded configuration of a finished run, or of a sweep whose runs agree.
 
     The runs may differ in the keys of ``typed``, which overrides replace.
-
-    Raises:
-        InputError: no run is finished, a run is damaged or of a different version, or runs differ.
     """
     first, *others = _list_runs(source)
     ignored = {*UNUSED, *typed, *(() if "evaluation_draws" in typed else OF_VALIDATION)}
@@ -124,9 +121,6 @@ def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesi
 
     A source is a CSV file or a folder; a folder of a run or a sweep provides the champions of its
     finished runs.
-
-    Raises:
-        InputError: a source cannot be read, or a design is rejected.
     """
     designs: list[NamedDesign] = []
     known: set[Path] = set()
@@ -225,11 +219,7 @@ def _compare_robots(path: Path, robot: Robot) -> None:
 
 
 def require_finished(path: Path, key: str) -> None:
-    """Require that the folder given by ``key`` has a finished run with a champion.
-
-    Raises:
-        InputError: the run is missing, unfinished, damaged or without a champion.
-    """
+    """Require that the folder given by ``key`` has a finished run with a champion."""
     if layout.evaluates(path) or not (path / layout.STATUS).is_file():
         file = "a CSV file or " if key == "designs" else ""
         owner = "an evaluation" if (path / layout.DESIGN_FILE).is_file() else "no run"

@@ -72,9 +72,6 @@ def inspect_robot(
     """Describe the robot ``name`` in the user's configuration ``folder``.
 
     The inspection includes a design with the robot's existing sensors. ``draw`` draws its picture.
-
-    Raises:
-        InputError: the configuration cannot be composed, or the robot cannot be used.
     """
     experiment, messages = _build([f"robot={name}", "design=around", simulator], folder)
     robot, places = experiment.robot, _sample_places(experiment)
@@ -103,11 +100,7 @@ def inspect_world(
     reason: str,
     draw: Callable[[Mapping[str, World]], bytes],
 ) -> Inspection:
-    """Describe the world ``name``, and choose a controller that suits it.
-
-    Raises:
-        InputError: the configuration cannot be composed, or the world cannot be used.
-    """
+    """Describe the world ``name``, and choose a controller that suits it."""
     words = [f"world={name}", *robot, simulator]
     experiment, messages = _build(words, folder)
     choices = [simulator, *_choose_controller(experiment, words, folder)]
@@ -163,11 +156,7 @@ def _find_ranges(experiment: Experiment, max_ratio: float) -> dict[str, float]:
 
 
 def find_robot(overrides: Sequence[str], folder: Path) -> Robot:
-    """Build the robot chosen by ``overrides``.
-
-    Raises:
-        InputError: the configuration cannot be composed, or the robot cannot be used.
-    """
+    """Build the robot chosen by ``overrides``."""
     return _build([*overrides, LEVEL], folder if overrides else None)[0].robot
 
 

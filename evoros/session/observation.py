@@ -218,11 +218,7 @@ class _Link:
 def open_observer(
     observer: protocol.Observer, run: protocol.ObservedRun
 ) -> Iterator[protocol.Send]:
-    """Open an observer for a run.
-
-    Raises:
-        PartFault: the observer's ``open`` does not provide a function.
-    """
+    """Open an observer for a run."""
     with ask("", observer.open, A_CONTEXT, run) as send:
         yield check_answer("", observer.open, Rule("a function (send)", callable), send)
 
@@ -256,9 +252,6 @@ def export(folder: Path, observer: protocol.Observer, origin: Path) -> protocol.
     """Send a recorded run, or its missing data, to a tracker, and return the run.
 
     Relative paths in the tracker's keys resolve against ``origin``. Its errors are not caught.
-
-    Raises:
-        InputError: the folder has no run, or it is damaged.
     """
     if layout.evaluates(folder) or not (folder / layout.MANIFEST).is_file():
         raise InputError(f"{folder}: must be the folder of a run; correct the path")

@@ -114,11 +114,7 @@ def _run(mission: Mission, scenario: Scenario) -> tuple[Outcomes, pd.DataFrame]:
 
 
 def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
-    """Write a trajectory in the format of the run folder.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write a trajectory in the format of the run folder."""
     try:
         write_atomically(file, trajectory_table(trajectory.to_numpy(), list(trajectory.columns)))
     except OSError as error:

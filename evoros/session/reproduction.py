@@ -46,12 +46,7 @@ class Reproduction:
 
 
 def list_reproductions(source: Path, output: Path) -> list[Reproduction]:
-    """Pair a run folder, or each run of a sweep, with the same relative path under ``output``.
-
-    Raises:
-        InputError: no run was found, a run is damaged or unfinished, or ``output`` is in
-            ``source``.
-    """
+    """Pair a run folder, or each run of a sweep, with the same relative path under ``output``."""
     if output.resolve().is_relative_to(source.resolve()):
         raise InputError(f"--output {output}: must not be in {source}; choose another folder")
     folders = list_finished(source, "reproduced")

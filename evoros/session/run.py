@@ -126,9 +126,6 @@ def check_run(config: Configuration, similar: Experiment | None) -> Experiment:
 
     ``similar`` has been checked and differs only in the keys of ``SEARCH``. For a search, only the
     parts under these keys are built and checked, because robots and worlds take the longest.
-
-    Raises:
-        InputError: the configuration cannot be used.
     """
     if config.evaluates:
         return build_evaluation(config)[0]
@@ -233,9 +230,6 @@ def _find_size(record: RunFolder, key: str, written: int, wanted: int | None) ->
     """Return the number of generations or trials of a run, which may have been extended.
 
     ``written`` is the number that is configured or recorded, and ``wanted`` the one typed.
-
-    Raises:
-        InputError: the run has more than ``wanted``.
     """
     recorded = record.read_status().get(SIZES[key])
     known = max(recorded, written) if isinstance(recorded, int) else written
@@ -259,9 +253,6 @@ def reopen_run(
     """Open the run in a job's folder to resume it; or return None if it is complete and drawn.
 
     Damaged tables or digests make a run incomplete. ``overrides`` may set executor and observers.
-
-    Raises:
-        InputError: the folder has a different run, or the run cannot be resumed.
     """
     require_same(folder, config)
     if config.evaluates:
@@ -291,11 +282,7 @@ def _require_same_designs(folder: Path, config: Configuration) -> None:
 
 
 def require_same(folder: Path, config: Configuration) -> None:
-    """Require that the run in a folder has a job's configuration, except for the executor.
-
-    Raises:
-        InputError: the run is of a different job, or its configuration is damaged.
-    """
+    """Require that the run in a folder has a job's configuration, except for the executor."""
     require_no_links(folder)
     text = read_original(folder, layout.CONFIG, read_sealed(folder, layout.MANIFEST)).decode()
     if layout.evaluates(folder) != config.evaluates:

@@ -33,11 +33,7 @@ UNUSED = {
 
 
 def build_search(config: Configuration) -> Experiment:
-    """Build and check the experiment of a search.
-
-    Raises:
-        InputError: the experiment cannot be used, or has a key that only evaluations use.
-    """
+    """Build and check the experiment of a search."""
     experiment = config.build()
     for observer in experiment.observers.values():
         observer.check()

@@ -52,11 +52,7 @@ class Mujoco(Simulator):
             raise _not_installed()
 
     def check_world(self, world: World) -> None:
-        """Reject worlds with too many movable bodies; the number of fixed bodies is not limited.
-
-        Raises:
-            InputError: there are more than ``MOST_MOVABLE``.
-        """
+        """Reject worlds with too many movable bodies; the number of fixed bodies is not limited."""
         count = count_movable(world)
         if count > MOST_MOVABLE:
             raise InputError(
@@ -99,11 +95,7 @@ def _warnings() -> list[str]:
 
 @cache
 def import_mujoco() -> Any:
-    """Import the mujoco module, and redirect its warnings from a file to the mission.
-
-    Raises:
-        InputError: MuJoCo is not installed.
-    """
+    """Import the mujoco module, and redirect its warnings from a file to the mission."""
     try:
         import mujoco
     except ImportError as error:

@@ -62,11 +62,7 @@ class Planar(RuleSimulator):
         )
 
     def check_world(self, world: World) -> None:
-        """Reject worlds whose ground is not level.
-
-        Raises:
-            InputError: the ground is a height field or a tilted plane.
-        """
+        """Reject worlds whose ground is not level."""
         if not _is_level(world):
             raise InputError(
                 "the ground is a height field or a tilted plane, but simulator=planar needs level "

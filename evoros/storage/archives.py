@@ -37,9 +37,6 @@ def open_folder(path: str | Path) -> Path:
     """Return a folder, or unpack the runs of an archive and return their folder.
 
     ``study.zip/NAME`` refers to the run, or folder of runs, called NAME in the archive.
-
-    Raises:
-        InputError: the archive is damaged, not written by evoros, or has no such run.
     """
     path = expand_home(path)
     archive = find_archive(path)
@@ -116,11 +113,7 @@ def _descend(top: Path) -> Path:
 
 
 def unpack(path: Path, wanted: Callable[[str], bool], to: Path) -> None:
-    """Unpack the wanted members into a new folder, and verify their checksums.
-
-    Raises:
-        InputError: the archive is damaged or of a different format, or a file cannot be written.
-    """
+    """Unpack the wanted members into a new folder, and verify their checksums."""
     with open_zip(path) as (archive, members):
         for name in (RECORD, CHECKSUMS):
             if name not in members:

@@ -162,9 +162,6 @@ def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
     """Read a CSV file whose columns ``numbers`` have only numbers and empty cells.
 
     An incomplete last row, which is still being written, is left out.
-
-    Raises:
-        InputError: the file is missing or damaged.
     """
     try:
         complete, newline, _ = read_bytes(path).decode().rpartition("\n")
@@ -189,11 +186,7 @@ def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
 
 
 def read_worst_cases(folder: Path) -> pd.DataFrame | None:
-    """Read the failure cases tried by an evaluation; None if it did not search for any.
-
-    Raises:
-        InputError: the file is damaged.
-    """
+    """Read the failure cases tried by an evaluation; None if it did not search for any."""
     path = folder / layout.WORST_CASES
     if not path.is_file():
         return None

@@ -204,9 +204,6 @@ def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterat
 
     ``earlier`` messages are written first. If a write fails later, as on a full disk, this is
     reported once.
-
-    Raises:
-        InputError: the file cannot be opened.
     """
     handler = _open_file(path)
     handler.setFormatter(_PlainFormatter("%(asctime)s %(levelname)s %(message)s"))

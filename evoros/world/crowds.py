@@ -100,11 +100,7 @@ class Standing(NamedTuple):
 
 
 def check_walkers(world: World, name: str, walkers: Mapping[str, Walkers]) -> None:
-    """Check that walkers can walk in a world.
-
-    Raises:
-        InputError: the ground is not level, or a route is blocked.
-    """
+    """Check that walkers can walk in a world."""
     if (walkers or world.actors) and not world.is_level:
         raise InputError(
             f"walkers: world.{name} must have level ground, not a height field or a "

@@ -200,9 +200,6 @@ def load_world(
     (``walk`` or ``leave_out``) sets whether actors walk. Meshes within 30 m of the course are
     divided, in about ``mesh_effort`` minutes; more than one minute extends the 30 m in proportion.
     Messages name the world by its file, tables by its key in the configuration.
-
-    Raises:
-        InputError: a file is missing or unusable, or a waypoint lies in an obstacle.
     """
     paths = tuple(model_paths)
     options = SdfOptions(
@@ -218,11 +215,7 @@ def load_world(
 def read_world(
     sdf: str, options: SdfOptions, arguments: Mapping[str, object], course: Course | None = None
 ) -> SdfWorld:
-    """Read the bodies of an SDF file, placed as in the file; see ``load_world``.
-
-    Raises:
-        InputError: a file is missing or unusable.
-    """
+    """Read the bodies of an SDF file, placed as in the file; see ``load_world``."""
     path = find_file(sdf, "worlds")
     content, source = read_file(path), sdf
     if is_xacro(path, content):

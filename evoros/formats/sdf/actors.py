@@ -203,11 +203,7 @@ class Actor:
 
 
 def read_actors(container: Element, reading: Reading) -> tuple[Actor, ...]:
-    """Read the actors of a world, or leave them out if the options require it.
-
-    Raises:
-        InputError: a waypoint has no time or pose, or is not later than the previous one.
-    """
+    """Read the actors of a world, or leave them out if the options require it."""
     actors: list[Actor] = []
     for element in container.findall("actor"):
         if reading.options.actors == "leave_out":

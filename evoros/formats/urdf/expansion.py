@@ -118,9 +118,6 @@ def resolve_files(root: Element, file: Path, packages: PackageIndex) -> None:
 
     Visual and collision elements that name a file of an ignored package are removed. A missing
     mesh keeps its name, because some parts do not need their mesh.
-
-    Raises:
-        InputError: a file is not local, or lies outside the folders that may be read.
     """
     left_out: list[str] = []
     notes = Notes(_LOG)

@@ -133,11 +133,7 @@ class Urdf:
 
 
 def read_tree(robot: Element, source: str) -> Urdf:
-    """Read the links and joints of a ``<robot>``; ``source`` is the file's name in errors.
-
-    Raises:
-        InputError: an element is missing or invalid, or the links do not form a tree.
-    """
+    """Read the links and joints of a ``<robot>``; ``source`` is the file's name in errors."""
     if robot.tag != "robot":
         problem = f"must be <robot>, not <{local_tag(robot)}>"
         raise element_error(robot, problem, "name the file of a robot")

@@ -45,9 +45,6 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
     """Return the XML of an expanded xacro file, and the packages and files that it lacks.
 
     Packages and files that only accessories need are left out and reported.
-
-    Raises:
-        InputError: the file cannot be expanded within the limits, or does not declare an argument.
     """
     texts, variables = (
         {name: format_argument(file, name, value) for name, value in values.items()}

@@ -58,11 +58,7 @@ class Layout:
         return cls(places)
 
     def place(self, path: Path) -> str:
-        """Return the archive path of a file or folder inside one of the folders.
-
-        Raises:
-            InputError: the path is not valid UTF-8.
-        """
+        """Return the archive path of a file or folder inside one of the folders."""
         above = next(folder for folder in (path, *path.parents) if folder in self.places)
         place = _join(self.places[above], path.relative_to(above))
         if escape(place) != place:

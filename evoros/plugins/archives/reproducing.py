@@ -76,9 +76,6 @@ def prepare(source: Path, output: Path, config_dir: Path | None) -> Iterator[Pre
 
     The inputs of an archive are unpacked into ``output``, which becomes the current folder inside
     the context, so that relative paths in the configurations are valid.
-
-    Raises:
-        InputError: the archive is damaged, or ``output`` has different inputs.
     """
     archive = archives.find_archive(source)
     if archive is None:

@@ -216,11 +216,7 @@ def generate_barn(
     seed: int = 0,
     renew: bool = True,
 ) -> World:
-    """Draw a world like BARN's; with ``renew``, each mission gets a different world.
-
-    Raises:
-        InputError: a value is out of range.
-    """
+    """Draw a world like BARN's; with ``renew``, each mission gets a different world."""
     field = BarnField(course, fill, smoothings, seed)
     return draw_example(field, renew, "generate_barn")
 
@@ -285,9 +281,6 @@ def load_barn(folder: str, course: Course) -> World:
 
     The shortest path is read from ``path_files/path_N.npy`` and measured as in the challenge; if
     this file is missing, the path is computed as for drawn worlds.
-
-    Raises:
-        InputError: the folder has no such file, or a file cannot be used.
     """
     place = expand_home(folder)
     found = {

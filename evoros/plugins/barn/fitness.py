@@ -54,11 +54,7 @@ class Barn(AdditiveFitness):
         return 0.0
 
     def check_worlds(self, worlds: Mapping[str, World]) -> None:
-        """Require that all worlds have the length of a shortest path.
-
-        Raises:
-            InputError: a world has none.
-        """
+        """Require that all worlds have the length of a shortest path."""
         for name, world in worlds.items():
             if world.shortest_m is None:
                 raise InputError(

@@ -50,11 +50,7 @@ class UserModules:
         self._archive: Shared | None = None
 
     def pack(self) -> Shared | None:
-        """Return the archive of all modules imported so far, or None if there are none.
-
-        Raises:
-            InputError: the modules are too large, or a file cannot be read.
-        """
+        """Return the archive of all modules imported so far, or None if there are none."""
         with self._lock:
             if len(sys.modules) != self._known:
                 self._known = len(sys.modules)

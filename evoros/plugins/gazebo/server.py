@@ -83,11 +83,7 @@ class Library(NamedTuple):
 
 @cache
 def find_library() -> Library:
-    """Find the newest release of which all libraries are installed.
-
-    Raises:
-        InputError: no release, or no compiler, is installed.
-    """
+    """Find the newest release of which all libraries are installed."""
     for program in ("pkg-config", "g++"):
         if shutil.which(program) is None:
             raise InputError(f"simulator=gazebo: program {program} not found; {INSTALL}")
@@ -115,9 +111,6 @@ def compile_server() -> Path:
     """Return the path of the compiled server; one process compiles it while others wait.
 
     The file name includes a hash of the source and libraries.
-
-    Raises:
-        InputError: the server cannot be compiled, or there is no private folder.
     """
     library = find_library()
     recipe = (SOURCE.read_text(encoding="utf-8"), *library.versions.values(), *library.arguments)

@@ -274,11 +274,7 @@ class Gazebo(Simulator):
                 )
 
     def check_world(self, world: World) -> None:
-        """Require that a world does not have too many movable bodies.
-
-        Raises:
-            InputError: the world has more than ``MOST_MOVABLE`` movable bodies.
-        """
+        """Require that a world does not have too many movable bodies."""
         count = count_movable(hold_standing(world, robots=1))
         if count > MOST_MOVABLE:
             raise InputError(

@@ -23,11 +23,7 @@ FIXES = {
 
 
 def import_driver() -> Any:
-    """Return the module that calls the driver.
-
-    Raises:
-        InputError: cuda-bindings is not installed.
-    """
+    """Return the module that calls the driver."""
     with require_extra("gpu", "executor=gpu"):
         from cuda.bindings import driver
     return driver

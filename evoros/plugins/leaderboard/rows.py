@@ -195,11 +195,7 @@ def write_rows(rows: Iterable[Row]) -> str:
 
 
 def read_rows(path: Path) -> list[Row]:
-    """Read a file from ``write_rows``.
-
-    Raises:
-        InputError: the file is missing or has other columns.
-    """
+    """Read a file from ``write_rows``."""
     try:
         table = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
     except (OSError, ValueError, csv.Error) as error:

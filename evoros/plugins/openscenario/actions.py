@@ -233,11 +233,7 @@ class CheckMetric(Action):
 
 
 def select_sensors(robot: Robot, text: str) -> list[int]:
-    """Return the indices of the sensors that a string selects by all, numbers or type names.
-
-    Raises:
-        InputError: the robot has no such sensor.
-    """
+    """Return the indices of the sensors that a string selects by all, numbers or type names."""
     types = [mount.sensor for mount in robot.mounts]
     chosen: set[int] = set()
     for word in text.replace(",", " ").split():

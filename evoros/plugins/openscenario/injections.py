@@ -70,11 +70,7 @@ class InjectPartFault(InjectFailure):
         super().__init__(part, effect, "time", settings)
 
     def list_overrides(self) -> list[str]:
-        """Return the overrides that specify the fault.
-
-        Raises:
-            InputError: the part is unknown.
-        """
+        """Return the overrides that specify the fault."""
         if self.failure_model not in PARTS:
             raise InputError(
                 f"part: must be one of {', '.join(PARTS)}, not {self.failure_model}; use "

@@ -43,11 +43,7 @@ class Setting:
 
 @cache
 def build_setting(overrides: tuple[str, ...], config_dir: str | None, trial: int) -> Setting:
-    """Build the mission that ``evoros evaluate`` would run as this trial with these overrides.
-
-    Raises:
-        InputError: a value cannot be used, or the overrides select several designs or worlds.
-    """
+    """Build the mission that ``evoros evaluate`` would run as this trial with these overrides."""
     experiment, designs = _build(overrides, config_dir)
     if designs is None and not experiment.space.size:
         design = experiment.space.decode(np.empty(0))
@@ -72,11 +68,7 @@ def build_setting(overrides: tuple[str, ...], config_dir: str | None, trial: int
 
 @cache
 def build_failure(overrides: tuple[str, ...], config_dir: str | None) -> Failure:
-    """Build the failure model that the overrides choose.
-
-    Raises:
-        InputError: there is no such failure model, or a value cannot be used.
-    """
+    """Build the failure model that the overrides choose."""
     return _build(overrides, config_dir)[0].failure
 
 
@@ -91,11 +83,7 @@ def _build(overrides: tuple[str, ...], config_dir: str | None) -> tuple[Experime
 
 
 def split_words(key: str, text: str) -> tuple[str, ...]:
-    """Split a parameter into words as a shell does.
-
-    Raises:
-        InputError: a quote is not closed.
-    """
+    """Split a parameter into words as a shell does."""
     try:
         return tuple(shlex.split(text))
     except ValueError as error:

@@ -45,11 +45,7 @@ class Folders:
     _logs: dict[Path, tuple[Stamp | None, list[str]]] = field(default_factory=dict)
 
     def check(self) -> None:
-        """Require that each folder contains runs, or no files at all.
-
-        Raises:
-            InputError: a path is a file, or a folder with files but no run.
-        """
+        """Require that each folder contains runs, or no files at all."""
         for path in self.paths:
             if path.exists() and not path.is_dir():
                 raise InputError(f"{path}: is a file, not a folder; give the folder of a run")

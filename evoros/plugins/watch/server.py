@@ -196,11 +196,7 @@ class Server(ThreadingHTTPServer):
 
 
 def open_server(port: int, token: str, give: Callable[[], Contents]) -> Server:
-    """Open the server on a port; 0 means any free port.
-
-    Raises:
-        InputError: the port cannot be opened.
-    """
+    """Open the server on a port; 0 means any free port."""
     try:
         return Server(port, token, give)
     except OSError as error:

@@ -27,11 +27,7 @@ from evoros.world.model import World
 
 @cache
 def import_pybullet() -> Any:
-    """Import the pybullet module, and suppress its start-up message.
-
-    Raises:
-        InputError: PyBullet is not installed.
-    """
+    """Import the pybullet module, and suppress its start-up message."""
     try:
         with quiet():
             import pybullet

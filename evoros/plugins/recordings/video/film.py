@@ -48,11 +48,7 @@ _CODEC = {"crf": "21", "preset": "fast"}  # 18 looks like the original; 28 has v
 
 
 def film(mission: FilmedMission, options: RenderOptions | None = None) -> Iterator[Pixels]:
-    """Yield the pictures (h, w, 3) of a mission.
-
-    Raises:
-        InputError: the trajectory or a URDF cannot be used.
-    """
+    """Yield the pictures (h, w, 3) of a mission."""
     check_poses(mission.trajectory)
     options = options or RenderOptions()
     urdfs = [mission.urdf, *(other.urdf for other in mission.others)]
@@ -90,11 +86,7 @@ def film(mission: FilmedMission, options: RenderOptions | None = None) -> Iterat
 
 
 def encode_mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
-    """Encode at least one picture (h, w, 3) of even width and height as H.264.
-
-    Raises:
-        InputError: the package av is not installed.
-    """
+    """Encode at least one picture (h, w, 3) of even width and height as H.264."""
     with require_extra("video", "evoros analyze video"):
         import av
     source = iter(pictures)
@@ -121,9 +113,6 @@ def film_champion(
 
     ``trajectory`` has the columns of ``champion/trajectory_WORLD.csv``. A world that is redrawn
     for each mission is shown as in the champion's first mission.
-
-    Raises:
-        InputError: the run is not finished, av is not installed, or the trajectory cannot be used.
     """
     shown = options or RenderOptions()
     mission = place_trajectory(read_record(run.path, run.path.name), world, trajectory)
