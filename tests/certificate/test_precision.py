@@ -2,6 +2,7 @@
 
 import math
 import re
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -36,6 +37,8 @@ def test_looks_ascend_to_the_maximum_and_leave_out_those_that_cannot_succeed(
     assert looks == sorted(set(looks))
     assert looks[0] >= trials
     assert looks[-1] == max(trials, most)
+    for earlier, later in pairwise(looks):  # of each look, two thirds, rounded down
+        assert 1.5 * earlier <= later < 1.5 * (earlier + 1)
     confidence = share_level(validation.confidence, len(looks))
     assert len(looks) * (1 - confidence) == pytest.approx(1 - validation.confidence)
     for count in looks[:-1]:
@@ -68,6 +71,12 @@ def test_the_estimated_trials_reach_the_precision_if_further_scores_are_alike(
     assert wanted is not None
     low, high = bound_mean(scores, 0, 20, 0.95, -(-wanted // len(scores)))
     assert high - low <= 2 * precision + 1e-6
+    step = 10 ** max(0, len(str(wanted)) - 2)
+    assert wanted % step == 0  # two significant digits
+    fewer = (wanted - step) // len(scores)
+    if fewer > 1:  # one repeat is what there is, and does not suffice
+        low, high = bound_mean(scores, 0, 20, 0.95, fewer)
+        assert high - low > 2 * precision - 1e-6
 
 
 def test_no_number_of_trials_is_stated_for_a_precision_far_beyond_them() -> None:

@@ -3,6 +3,7 @@
 import pytest
 
 from evoros.base.errors import InputError
+from evoros.certificate.final_choice import FinalChoice
 from evoros.certificate.validation import Validation
 
 
@@ -19,3 +20,8 @@ from evoros.certificate.validation import Validation
 def test_values_out_of_range_are_refused(bad: dict[str, float], name: str) -> None:
     with pytest.raises(InputError, match=name):
         Validation(**bad)  # type: ignore[arg-type]
+
+
+def test_a_final_choice_names_the_value_that_it_cannot_use() -> None:
+    with pytest.raises(InputError, match="final_choice|method"):
+        FinalChoice(method="halving")  # type: ignore[arg-type]

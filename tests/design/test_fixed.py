@@ -11,6 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
+from evoros.design.design import Design
 from evoros.design.space import FixedSensor, SensorDesign
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
@@ -53,3 +54,9 @@ def test_a_link_that_does_not_exist_is_an_error() -> None:
 def test_sensors_cannot_be_placed_if_all_types_are_fixed() -> None:
     with pytest.raises(InputError, match="must not be empty if sensors are placed"):
         SensorDesign({"own": Sonar()}, {"front": FRONT}, 1, False, fixed={"back": MAST})
+
+
+def test_a_design_of_several_robots_is_joined_from_its_parts() -> None:
+    parts = {name: SPACE.decode(np.full(SPACE.size, x)) for name, x in (("", 0.2), ("other", 0.7))}
+    joined = Design.join(parts).parts
+    assert {name: replace(part, agents={}) for name, part in joined.items()} == parts
