@@ -17,7 +17,7 @@ from helpers import ROOT
 _FILLED = r"\{[^{}]*\}"
 _LIST = rf"\[(?:[^\[\]]|\[[^\]]*\]|{_FILLED})*\]"
 _VALUE = rf"(?:\"[^\"]*\"|{_LIST}|[a-z]+\([^)]*\)|(?:{_FILLED}|[^\s;,)'\"`])+)"
-_KEY = rf"[+~]?(?:[a-z_]\w*|{_FILLED})(?:[.@/](?:\w|{_FILLED})+)*"
+_KEY = rf"(?:\+\+?|~)?(?:[a-z_]\w*|{_FILLED})(?:[.@/](?:\w|{_FILLED})+)*"
 OVERRIDE = re.compile(rf"(?<![\w./<\"{{}}%@-])({_KEY})=({_VALUE})")
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 COMMAND = re.compile(r"\bevoros ([a-z]+)(?: ([a-z]+))?")

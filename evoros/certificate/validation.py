@@ -73,7 +73,7 @@ def foresee_trials(validation: Validation, missions: int, bounds: Sequence[float
     level = (bounds[1] - bounds[0]) / 2
     fewest = list_looks(validation, 1, missions, (level, level))[0]
     return (
-        f"validation.precision={validation.precision:g} needs at least {fewest} trials of the "
+        f"validation.precision: {validation.precision:g} needs at least {fewest} trials of the "
         f"champion ({fewest * missions} missions) if its fitness is {bounds[0] + level:g}"
     )
 

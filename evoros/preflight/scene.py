@@ -156,8 +156,8 @@ def check_meshes(subject: Subject) -> Iterator[str]:
         for area in measure_meshes(world, subject.member.robot.height_m):
             if area.is_large:
                 yield (
-                    f"{world.source}: mesh {area}; type world.{name}.mesh_effort=10, or export the "
-                    f"mesh with fewer or flatter faces"
+                    f"{world.source}: mesh {area}; type ++world.{name}.mesh_effort=10, or export "
+                    f"the mesh with fewer or flatter faces"
                 )
 
 

@@ -55,7 +55,3 @@ class Odometry(SignalSensor):
             values[i] = (signal[i] - memory.signal[i]) / elapsed if elapsed > 0.0 else 0.0
             memory.signal[i] = signal[i]
         memory.time[0] = time
-
-    def gazebo(self, name: str) -> str:
-        """Return an empty string; in Gazebo, the drive plugin publishes the odometry."""
-        return ""

@@ -27,7 +27,6 @@ from evoros.base.checks import (
     is_number,
     require,
 )
-from evoros.base.errors import InputError
 from evoros.compilation.elementary_arrays import atan2_all
 from evoros.compilation.named_rules import Started, start_part
 from evoros.filter.protocol import FILTERS, Filter
@@ -128,15 +127,11 @@ class Sensor(ABC):
         """The channels of one reading, at least one."""
 
     def gazebo(self, name: str) -> str:
-        """Return the ``<sensor>`` element (SDF) that makes Gazebo simulate this sensor.
+        """Return the ``<sensor>`` element (SDF) of the champion's URDF.
 
-        Raises:
-            InputError: Gazebo cannot simulate the sensor (the default).
+        The default is an empty string: Gazebo itself does not simulate the sensor.
         """
-        raise InputError(
-            f"{type(self).__name__}: must have a method gazebo for simulator=gazebo; add it, or "
-            f"use another simulator"
-        )
+        return ""
 
 
 class RangeSensor(Sensor):

@@ -103,8 +103,8 @@ def check_walkers(world: World, name: str, walkers: Mapping[str, Walkers]) -> No
     """Check that walkers can walk in a world."""
     if (walkers or world.actors) and not world.is_level:
         raise InputError(
-            f"walkers: world.{name} must have level ground, not a height field or a "
-            f"tilted plane; set walkers=none, and world.{name}.actors=leave_out"
+            f"walkers: world.{name} must have level ground, not a height field or a tilted plane; "
+            + ("set walkers=none" if walkers else f"set ++world.{name}.actors=leave_out")
         )
     for group, part in walkers.items():
         if part.route is None:

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fault_cases import NOW, Steady, configured, fly, measure_circle
+from proposal_sites import is_of
 from rigid_cases import ENGINES, Rigid
 
 from evoros.base.errors import InputError
@@ -15,7 +16,6 @@ from evoros.failure.onset.time import TimeOnset
 from evoros.failure.part import PartFailure
 from evoros.filter.constant import Constant
 from evoros.simulator.mujoco import Mujoco
-from evoros.simulator.planar import Planar
 
 SPEED = 0.2
 STRENGTHS = [(0.5, 1.0), (1.0, 0.5), (0.0, 1.0), (1.0, 0.9), (0.7, 0.2)]
@@ -141,9 +141,12 @@ def test_a_wheel_without_current_is_a_dead_one() -> None:
 
 
 def test_a_simulator_without_weak_wheels_refuses_them_in_one_line() -> None:
-    class Strong(Planar):
+    class Strong(Mujoco):
         weakens_wheels = False
 
     with pytest.raises(InputError, match="has no weak wheels") as refusal:
         fly("robot=two_wheeler", "failure=wheel", simulator=Strong(), time_limit_s=1.0)
     assert "\n" not in str(refusal.value)
+    assert is_of(str(refusal.value), "evoros/mission/setup.py failure=drive")
+    fly("robot=two_wheeler", "failure=drive", simulator=Strong(), time_limit_s=1.0)
+    fly("robot=two_wheeler", "failure=wheel", time_limit_s=1.0)

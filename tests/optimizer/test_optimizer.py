@@ -9,6 +9,7 @@ import pytest
 from bundled_parts import configured, every, kinds
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from proposal_sites import is_of
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
@@ -186,6 +187,16 @@ def test_an_archive_has_the_best_design_of_each_cell() -> None:
             search.tell(scores)
         ranked = sorted(best.values(), reverse=True)
         assert [one.id for one in search.champions()] == [-number for _, number in ranked]
+
+
+def test_random_search_takes_more_genes_than_a_sobol_sequence(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("evoros.optimizer.sobol.MOST_GENES", THREE_SENSORS.size - 1)
+    with pytest.raises(InputError) as refused:
+        CONFIGURED["sobol"].start(THREE_SENSORS, Goals(), np.random.default_rng(0))
+    assert is_of(str(refused.value), "evoros/optimizer/sobol.py optimizer=sobol")
+    CONFIGURED["random_search"].start(THREE_SENSORS, Goals(), np.random.default_rng(0))
 
 
 def test_no_champion_of_nsga2_is_dominated() -> None:

@@ -4,9 +4,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from proposal_sites import is_of
 
 from evoros.analysis.command import evoros_analyze
 from evoros.cli.main import evoros
+from evoros.config.compose import compose
 from evoros.session.replay import replay
 from evoros.simulator.engines.pybullet_model import import_pybullet
 from evoros.storage.reading import load_run
@@ -50,5 +52,7 @@ def test_its_own_simulator_is_refused_in_one_line(
 ) -> None:
     assert evoros(["simulator=pybullet", f"hydra.run.dir={tmp_path / 'run'}"]) == INPUT
     (line,) = capsys.readouterr().err.splitlines()
-    assert "PyBullet is not installed" in line
+    other = "evoros/simulator/engines/pybullet_model.py simulator=physics"
+    assert is_of(line, other)
+    compose(["simulator=physics"]).build()
     assert not (tmp_path / "run").exists()

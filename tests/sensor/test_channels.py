@@ -61,9 +61,6 @@ class Compass(Sensor):
     price: float = 1.0
     filters: Mapping[str, Filter] = field(default_factory=dict)
 
-    def gazebo(self, name: str) -> str:
-        return ""
-
 
 @cache
 def bare() -> Robot:

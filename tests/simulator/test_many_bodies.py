@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from proposal_sites import is_of
 from pybullet_cases import mission, short_experiment
 
 from evoros.base.errors import InputError
@@ -65,5 +66,7 @@ def test_mujoco_simulates_thousands_of_movable_bodies() -> None:
 
 @pytest.mark.slow
 def test_mujoco_refuses_more_before_a_mission() -> None:
-    with pytest.raises(InputError, match=f"at most {MOST_MOVABLE} movable bodies"):
+    with pytest.raises(InputError, match=f"at most {MOST_MOVABLE} movable bodies") as refused:
         crowd(Mujoco(), MOST_MOVABLE + 1, 1.0)
+    assert is_of(str(refused.value), "evoros/simulator/mujoco.py simulator=mujoco")
+    crowd(PyBullet(), MOST_MOVABLE + 1, 1.0)

@@ -1,6 +1,7 @@
 """MuJoCo gives the same bits in every process, and after any other mission."""
 
 import hashlib
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -8,13 +9,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers import ROOT
+from proposal_sites import is_of
 from pybullet_cases import level, mission, short_experiment
 
 from evoros.base.arrays import SPEED, STATE_SIZE
+from evoros.base.errors import SimulationError
 from evoros.evolution.experiment import Experiment
+from evoros.formats.urdf.tree import UrdfDocument
 from evoros.mission.rollout import run_mission
 from evoros.simulator.mujoco import Mujoco, forget_models
-from evoros.simulator.protocol import open_alone
+from evoros.simulator.planar import Planar
+from evoros.simulator.protocol import Simulator, open_alone
+from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
 DIGEST = """
@@ -95,3 +101,20 @@ def test_another_drive_or_home_on_the_same_model_is_obeyed(experiment: Experimen
 def at(world: World, x: float) -> World:
     """The same world, with home at x [m], turned by x [rad]."""
     return replace(world, course=replace(world.course, home_x_m=x, home_yaw_rad=x))
+
+
+def test_other_simulators_open_a_robot_that_mujoco_cannot_compile() -> None:
+    experiment = short_experiment()
+    text = re.sub('ixx="[^"]*"', 'ixx="100"', experiment.robot.engine_text, count=1)
+    uneven = replace(experiment.robot, engine_urdf=UrdfDocument(text))  # more than iyy + izz
+
+    def open_in(simulator: Simulator) -> None:
+        with open_alone(simulator.open, uneven, experiment.world["boxes"]):
+            pass
+
+    with pytest.raises(SimulationError) as refused:
+        open_in(Mujoco())
+    key = "evoros/simulator/engines/mujoco_model.py simulator=pybullet"
+    assert is_of(str(refused.value), key)
+    open_in(PyBullet())
+    open_in(Planar())

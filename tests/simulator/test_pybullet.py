@@ -10,16 +10,19 @@ import numpy as np
 import pytest
 from helpers import ROOT
 from lxml import etree
+from proposal_sites import is_of
 from pybullet_cases import beam, box, digest_of_missions, level, mission, mount_sensors
 
 from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, Array, X, Y
 from evoros.base.errors import SimulationError
 from evoros.evolution.experiment import Experiment
+from evoros.geometry.shapes import Body
 from evoros.mission.rollout import run_mission
 from evoros.sensor.sonar import Sonar
 from evoros.simulator.engines.pybullet_bodies import load_urdf
 from evoros.simulator.engines.pybullet_model import Client, import_pybullet
-from evoros.simulator.protocol import open_alone
+from evoros.simulator.mujoco import Mujoco
+from evoros.simulator.protocol import Simulator, open_alone
 from evoros.simulator.pybullet import IDLE, PyBullet
 
 DIGEST = """
@@ -177,9 +180,25 @@ def test_a_robot_that_the_engine_cannot_load_is_told_with_another_engine(
         return int(bullet.loadURDF("/no/such/file.urdf", *frame))
 
     monkeypatch.setattr("evoros.simulator.engines.pybullet_robot.load_urdf", load_nothing)
-    told = r"cannot load the robot erle_rover \(Cannot load URDF file.\); use simulator=muj"
-    with (
-        pytest.raises(SimulationError, match=told),
-        open_alone(PyBullet().open, experiment.robot, experiment.world["boxes"]),
-    ):
-        pass
+    assert_mujoco_opens_what_is_refused(experiment, r"robot erle_rover \(Cannot load URDF file.\)")
+
+
+def test_a_world_that_the_engine_cannot_build_is_told_with_another_engine(
+    experiment: Experiment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def add_nothing(bullet: Any, body: Body) -> list[int]:
+        return [bullet.loadURDF("/no/such/file.urdf")]
+
+    monkeypatch.setattr("evoros.simulator.engines.pybullet_model.add_body", add_nothing)
+    assert_mujoco_opens_what_is_refused(experiment, r"the world 'boxes' \(")
+
+
+def assert_mujoco_opens_what_is_refused(experiment: Experiment, said: str) -> None:
+    def open_in(simulator: Simulator) -> None:
+        with open_alone(simulator.open, experiment.robot, experiment.world["boxes"]):
+            pass
+
+    with pytest.raises(SimulationError, match=said) as refused:
+        open_in(PyBullet())
+    assert is_of(str(refused.value), "evoros/simulator/engines/pybullet_model.py simulator=mujoco")
+    open_in(Mujoco())

@@ -34,6 +34,3 @@ class Comb(RangeSensor):
 
     def channel_of(self) -> NDArray[np.int64]:
         return np.arange(len(self.bearings_deg))[::-1]
-
-    def gazebo(self, name: str) -> str:
-        return ""

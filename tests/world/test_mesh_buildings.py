@@ -9,6 +9,7 @@ import pytest
 import trimesh
 from fault_cases import configured, first_mission
 from mesh_cases import grid_mesh
+from proposal_sites import is_of, list_alternatives
 from world_cases import square
 
 from evoros.base.arrays import Array
@@ -111,6 +112,23 @@ def test_a_robot_drives_through_the_door_of_a_building(tmp_path: Path) -> None:
     mission = replace(first_mission(experiment), world="house")
     (outcome, *_), _ = run_mission(scenario, mission)
     assert outcome.ended == COMPLETED
+
+
+@pytest.mark.parametrize(("effort", "home_x"), [(1e-3, 20.0), (1e-2, 120.0), (1.0, 120.0)])
+def test_the_effort_that_is_proposed_divides_a_mesh(
+    effort: float, home_x: float, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The work was cut short, or the mesh is too far from the course."""
+    triangles, _ = draw(PLANS["a U"], roof=False, sheets=False)
+    course = {"home_x_m": home_x, "waypoints": [[home_x + 1.0, 0.0]]}
+    load(tmp_path, triangles, effort, **course)
+    (note,) = caplog.messages
+    assert is_of(note, "evoros/formats/sdf/geometry.py world.NAME.mesh_effort={wanted}")
+    caplog.clear()
+    ((typed,),) = list_alternatives(note, {})
+    world = load(tmp_path, triangles, float(typed.partition("=")[2]), **course)
+    assert caplog.messages == []
+    assert measure_meshes(world, HEIGHT_M) == ()
 
 
 def test_a_building_without_effort_is_its_hull_which_is_told_as_area(

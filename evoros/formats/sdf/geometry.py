@@ -304,7 +304,9 @@ def divide_meshes(
                 places[use] = min(place, places.get(use, place))
     left = effort * _MINUTE
     for use in sorted(places, key=places.__getitem__):
-        if places[use][0] > reach:
+        wanted, distance = 10 * effort, places[use][0]
+        if distance > reach:
+            wanted = max(wanted, math.ceil(distance / REACH_M))
             shapes = reading.meshes[use]
             reading.meshes[use] = tuple(replace(shape, mesh=None) for shape in shapes)
             remark = f"the mesh has coarse parts, because it is over {reach:g} m from the course"
@@ -314,7 +316,7 @@ def divide_meshes(
             reading.meshes[use] = parts.shapes
             remark = "the mesh has coarse parts to save time" if parts.is_cut_short else ""
         if remark:
-            more = f"world.NAME.mesh_effort={10 * effort:g} takes longer and gives finer parts"
+            more = f"world.NAME.mesh_effort={wanted:g} takes longer and gives finer parts"
             reading.notes.add_file(use.path, f"{remark}; {more}")
 
 

@@ -279,7 +279,8 @@ class Engine:
             return self._server.ask(Operation.OPEN, number, scene)
         except SimulationError as error:
             raise SimulationError(
-                f"{name_robots(robots)} in the world {world.name!r}: {error}; use simulator=mujoco"
+                f"{name_robots(robots)} in the world {world.name!r}: {error}; try "
+                "simulator=pybullet or simulator=planar"
             ) from error
 
     def _drop_oldest(self) -> None:

@@ -3,6 +3,7 @@
 import json
 import os
 import pickle
+import re
 import signal
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -16,6 +17,7 @@ from executor_calls import wait_until
 from helpers import content, start, wait_for_missions
 from planar_cases import experiment as plane_experiment
 from planar_cases import world_of
+from proposal_sites import is_of
 from pybullet_cases import LIMITS, beam, box, going_on, level, mission, mount_sensors
 from team_cases import drive, equip, facing
 
@@ -47,7 +49,10 @@ from evoros.plugins.gazebo.tests.gazebo_cases import (
 from evoros.robot.model import Robot
 from evoros.sensor.bumper import Bumper
 from evoros.sensor.imu import Imu
+from evoros.simulator.mujoco import Mujoco
+from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import open_alone
+from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
 pytestmark = [pytest.mark.gz_physics, pytest.mark.usefixtures("own_engines")]
@@ -249,14 +254,16 @@ def test_many_obstacles_are_possible_and_many_movable_ones_refused() -> None:
         simulation.observe(state)
     assert state[0] == pytest.approx(0.3, abs=0.01)
     loose = going_on(level(plane_experiment(), *(replace(b, mass=1.0) for b in bodies)))
-    with pytest.raises(InputError, match=f"must have at most {MOST_MOVABLE} bodies .* not 2000"):
+    with pytest.raises(InputError, match=f"at most {MOST_MOVABLE} bodies .* not 2000") as refused:
         Gazebo().check_world(loose)
+    assert is_of(str(refused.value), "evoros/plugins/gazebo/simulator.py simulator=gazebo")
+    Mujoco().check_world(loose)
     Gazebo().check_world(replace(loose, course=replace(loose.course, end_on_collision=True)))
 
 
 def test_what_gazebo_refuses_is_one_line_and_the_server_goes_on(flown: Experiment) -> None:
     robot = plane_experiment().robot
-    text = robot.engine_text.replace('<mass value="', '<mass value="-')
+    text = re.sub('ixx="[^"]*"', 'ixx="100"', robot.engine_text, count=1)  # more than iyy + izz
     heavy = replace(robot, engine_urdf=UrdfDocument(text))
     world = level(plane_experiment())
     with (
@@ -265,7 +272,10 @@ def test_what_gazebo_refuses_is_one_line_and_the_server_goes_on(flown: Experimen
     ):
         pass
     assert "\n" not in str(told.value)
-    assert str(told.value).endswith("; use simulator=mujoco")
+    assert is_of(str(told.value), "evoros/plugins/gazebo/server.py simulator=pybullet")
+    for simulator in (PyBullet(), Planar()):
+        with open_alone(simulator.open, heavy, world):
+            pass
     run_mission(flown.scenario, mission(flown, "maze"))
 
 
@@ -375,4 +385,6 @@ def test_a_source_that_does_not_compile_is_one_line(
     with pytest.raises(InputError, match=expected) as told:
         compile_server()
     assert "\n" not in str(told.value)
+    assert is_of(str(told.value), "evoros/plugins/gazebo/server.py simulator=mujoco")
+    assert isinstance(compose(["simulator=mujoco"]).build().simulator, Mujoco)
     assert [path.name for path in (tmp_path / "evoros" / "gazebo").iterdir()] == ["lock"]

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from gpu_cases import Result, StandInDriver
 from mission_cases import COMBINATIONS, SHORT, experiment_of, missions, same
+from proposal_sites import is_of
 
 from evoros.base.errors import InputError, RunStopped
 from evoros.cli.main import evoros
@@ -130,8 +131,14 @@ def test_a_gpu_that_falls_off_is_replaced_by_the_cpu(failing: Failing) -> None:
 
 def test_or_ends_the_run_which_can_be_resumed(failing: Failing) -> None:
     for _ in range(2):
-        with pytest.raises(RunStopped, match=r"cuCtxSynchronize of the driver reports .*; resume"):
+        with pytest.raises(RunStopped, match=r"cuCtxSynchronize of the driver reports ") as told:
             call("stop")
+        assert is_of(str(told.value), "evoros/plugins/gpu/executor.py executor.fallback=cpu")
+    note = call("cpu").note
+    assert is_of(note, "evoros/plugins/gpu/executor.py executor=processes")
+    experiment = experiment_of(*COMBINATIONS[1], "executor=processes", "executor.workers=1")
+    with experiment.executor.open() as pool:
+        assert pool.submit(abs, -1).result(60) == 1
 
 
 def test_a_call_runs_missions_together(monkeypatch: pytest.MonkeyPatch) -> None:
