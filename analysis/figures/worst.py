@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 from evoros.base.errors import InputError
 from evoros.failure.protocol import Case
 from evoros.storage.figure_context import FigureContext
+from evoros.storage.layout import name_parts
 from evoros.storage.reading import read_overrides, read_worst_cases
 from evoros.worst_cases.summary import describe_worst_cases
 
@@ -74,7 +75,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     figure = draw_worst(designs[key], placed, record.context, figure_width(options.columns, 2))
     messages = [line for design in designs.values() for line in design.describe()]
     for path, table in tables.items():
-        messages += describe_worst_cases(table, read_overrides(path))
+        messages += describe_worst_cases(table, read_overrides(path), name_parts(path))
     return Product(cases, figure, messages, {"worst_sets.csv": sets, "worst_risks.csv": risks})
 
 

@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from evoros.base.errors import InputError, single_line
 from evoros.requirement.verdict import MET
-from evoros.storage.layout import replay_command
+from evoros.storage.layout import name_parts, replay_command
 from evoros.storage.trajectory_files import trajectory_file
 from evoros.storage.verdicts import Row, name_worst, read_verdicts
 
@@ -179,7 +179,9 @@ def _render_sections(
     worst = [each for each in verdicts if not each.met]
     if worst:
         commands = [
-            replay_command(Path(each.record.path.name), name_worst(each.verdict)) for each in worst
+            replay_command(Path(run.name), name_worst(each.verdict), name_parts(run))
+            for each in worst
+            for run in [each.record.path]
         ]
         values = {"played": len(playbacks), "missing": list(missing)}
         yield "Worst missions", render("worst.html", commands=dict.fromkeys(commands), **values)

@@ -8,7 +8,7 @@ import pandas as pd
 
 from evoros.base.errors import InputError
 from evoros.mission.plan import MOST_REPEATS, VALIDATION
-from evoros.storage.layout import replay_command
+from evoros.storage.layout import name_parts, replay_command
 
 from .records import EvaluationRecord, Record, format_value
 from .study import Study, read_complete
@@ -122,7 +122,7 @@ def _read_missions(record: Record) -> pd.DataFrame:
             f"{record.path}: no missions on fresh draws were found; evaluate the champion "
             f"with evoros evaluate"
         )
-    done = chosen["completed"].astype(bool)
+    done, parts = chosen["completed"].astype(bool), name_parts(record.path)
     return pd.DataFrame(
         {
             "source": chosen["source"].astype(str) if "source" in chosen else CHAMPION,
@@ -135,7 +135,8 @@ def _read_missions(record: Record) -> pd.DataFrame:
             COLLISIONS: chosen["collisions"].astype(float),
             TIME: chosen["time_s"].astype(float).where(done),
             "replay": [
-                replay_command(record.path, row) for row in chosen[columns].to_dict("records")
+                replay_command(record.path, row, parts)
+                for row in chosen[columns].to_dict("records")
             ],
         }
     )

@@ -72,6 +72,11 @@ def escape(path: str) -> str:
     return path.encode(errors="backslashreplace").decode()
 
 
+def unescape(path: str) -> str:
+    """Return the path from which ``escape`` made a text."""
+    return _ESCAPED.sub(lambda byte: chr(int(byte[1], 16)), path)
+
+
 @contextmanager
 def require_extra(extra: str, need: str, failure: type[InputError] = InputError) -> Iterator[None]:
     """Raise a ``failure`` if a package imported in the context is not installed.
@@ -100,6 +105,7 @@ def explain_path(error: BaseException) -> str:
 _PLAIN = re.compile(
     r"(?!(null|true|false|inf|nan)$)([a-z_/]|\.\.?/)[\w./-]*", re.ASCII | re.IGNORECASE
 )
+_ESCAPED = re.compile(r"\\u(dc[89a-f][0-9a-f])")
 _BEFORE_QUOTE = re.compile(r'(\\*)("|$)')
 _LOST = re.compile(r"[^\S ]|  |[\x00-\x1f\x7f-\x9f\ud800-\udfff]")
 """Matches characters that a one-line message or a terminal would not show unchanged."""

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
-from evoros.base.errors import shell_line
 from evoros.files.plugins import Subcommand, explain_missing, find_plugins
 
 FIGURES = "analyze"
@@ -95,7 +94,7 @@ def list_help() -> list[str]:
 def find_misuse(arguments: Sequence[str]) -> str:
     """Explain a wrong subcommand, or another subcommand's option, with the fix; empty if none."""
     for folder in (text[7:] for text in arguments if text.startswith("resume=")):
-        return f"resume: is a subcommand, not a key; type: {shell_line('evoros', 'resume', folder)}"
+        return f"resume: is a subcommand, not a key; type: {_write_resume(folder)}"
     word, *others = arguments or [""]
     if word == FIGURES:
         from evoros.analysis import subcommands as analysis
@@ -116,8 +115,7 @@ def _explain_word(word: str) -> str:
     if missing:
         return missing
     if Path(word).is_dir():
-        typed = shell_line("evoros", "resume", word)
-        return f"{word}: must come after a subcommand; type: {typed}"
+        return f"{word}: must come after a subcommand; type: {_write_resume(word)}"
     name = word.removeprefix("evoros-")
     close = get_close_matches(name, [*SUBCOMMANDS, *analysis.SUBCOMMANDS], 1)
     if not close:
@@ -126,6 +124,12 @@ def _explain_word(word: str) -> str:
     (meant,) = close
     meant = f"{FIGURES} {meant}" if meant in analysis.SUBCOMMANDS else meant
     return f"{word}: must be key=value or a subcommand; type: evoros {meant}"
+
+
+def _write_resume(folder: str) -> str:
+    from evoros.storage.layout import resume_command
+
+    return resume_command(Path(folder))
 
 
 def _find_foreign_option(subcommand: str, arguments: Sequence[str]) -> str:

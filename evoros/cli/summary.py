@@ -50,7 +50,7 @@ def _summarize_search(folder: Path) -> list[str]:
         f"missions          {_describe_missions(status, 'generation')}",
         f"run folder        {folder}, with champion/{figures}",
     ]
-    words = ("evoros", "evaluate", override("like", str(folder)))
+    words = ("evoros", "evaluate", override("like", str(folder)), *layout.name_parts(folder))
     trials = certificate["validated_trials"]
     if trials < FEW_TRIALS:
         lines.append(f"more trials       {shell_line(*words, f'trials={max(4 * trials, 20)}')}")
@@ -108,7 +108,7 @@ def _bound_share(share: float, trials: int) -> Rate:
 
 
 def _describe_verdicts(folder: Path) -> list[str]:
-    lines = []
+    lines, parts = [], layout.name_parts(folder)
     for row in read_verdicts(folder):
         if row["level"]:
             lines.append(f"  {row['result']:9} {row['level']}: {describe(row)}")
@@ -116,7 +116,7 @@ def _describe_verdicts(folder: Path) -> list[str]:
         name = f"{row['requirement']} (design {row['design']})"
         lines.append(f"{row['result']:9} {name}, {row['claim']}: {describe(row)}")
         if row["result"] != MET:
-            lines.append(f"  replay: {layout.replay_command(folder, name_worst(row))}")
+            lines.append(f"  replay: {layout.replay_command(folder, name_worst(row), parts)}")
     return lines
 
 
@@ -145,8 +145,9 @@ def _describe_worst_cases(folder: Path) -> list[str]:
     from evoros.storage.reading import read_overrides, read_worst_cases
     from evoros.worst_cases.summary import describe_worst_cases
 
-    table = read_worst_cases(folder)
-    return [] if table is None else list(describe_worst_cases(table, read_overrides(folder)))
+    if (table := read_worst_cases(folder)) is None:
+        return []
+    return list(describe_worst_cases(table, read_overrides(folder), layout.name_parts(folder)))
 
 
 def _describe_missions(status: Mapping[str, Any], unit: str = "") -> str:

@@ -243,9 +243,7 @@ def _export_command(folder: Path, name: str) -> str:
         for key, value in recorded
         if key.startswith(prefix) and not key.endswith("._target_") and value is not None
     ]
-    config_dir = layout.read_json(folder / layout.MANIFEST).get(layout.CONFIG_DIR)
-    option = ["--config-dir", str(config_dir)] if config_dir else []
-    return shell_line("evoros", "export", name, str(folder), *keys, *option)
+    return shell_line("evoros", "export", name, str(folder), *keys, *layout.name_parts(folder))
 
 
 def export(folder: Path, observer: protocol.Observer, origin: Path) -> protocol.ObservedRun:

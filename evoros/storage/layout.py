@@ -5,7 +5,7 @@ A run searches for designs or evaluates given designs.
 
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -55,15 +55,22 @@ def resume_command(path: Path, config_dir: str | None = None) -> str:
 
     By default, ``config_dir`` is the configuration folder with which the run was started.
     """
+    return shell_line("evoros", "resume", str(path), *name_parts(path, config_dir))
+
+
+def name_parts(path: Path, config_dir: str | None = None) -> tuple[str, ...]:
+    """Return the option with the configuration folder of a run; empty for a run without one."""
     folder = config_dir or read_json(path / MANIFEST).get(CONFIG_DIR)
-    option = ("--config-dir", str(folder)) if folder else ()
-    return shell_line("evoros", "resume", str(path), *option)
+    return ("--config-dir", str(folder)) if folder else ()
 
 
-def replay_command(path: Path, columns: Mapping[Any, object]) -> str:
-    """Return the command line that replays the mission whose row has these values."""
+def replay_command(path: Path, columns: Mapping[Any, object], option: Sequence[str]) -> str:
+    """Return the command line that replays the mission whose row has these values.
+
+    ``option`` names the configuration folder of the run, if any.
+    """
     values = [f"{name}={value}" for name, value in columns.items()]
-    return shell_line("evoros", "replay", str(path), *values)
+    return shell_line("evoros", "replay", str(path), *values, *option)
 
 
 def advise_finish(path: Path) -> str:

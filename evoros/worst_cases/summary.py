@@ -4,16 +4,19 @@ from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
-from evoros.base.errors import override, shell_line, write_count
+from evoros.base.errors import override, shell_line, unescape, write_count
 from evoros.failure.protocol import CONFIRMED, MODEL, NOMINAL, SCREENED, Case
 
 REPLACED = ("worst_cases", "requirements", "failure", "filter@failure", "trials", "hydra")
 
 
-def describe_worst_cases(table: pd.DataFrame, typed: Sequence[str]) -> Iterator[str]:
+def describe_worst_cases(
+    table: pd.DataFrame, typed: Sequence[str], option: Sequence[str]
+) -> Iterator[str]:
     """Yield lines for each design, with a command that repeats its worst case.
 
-    ``table`` comes from an evaluation that was started with the overrides ``typed``.
+    ``table`` comes from an evaluation that was started with the overrides ``typed`` and the
+    ``option`` that names a configuration folder, if any.
     """
     for (source, design), rows in table.groupby(["source", "design"], sort=False):
         yield f"design {design} of {source}: {_describe_design(rows)}"
@@ -23,7 +26,8 @@ def describe_worst_cases(table: pd.DataFrame, typed: Sequence[str]) -> Iterator[
             case = Case.parse(str(smallest["case"].iloc[0]))
             trials = int(rows.loc[rows["stage"] == CONFIRMED, "trials"].max())
             screened = int(rows.loc[rows["stage"] == SCREENED, "trials"].max())
-            yield f"  again: {write_command(typed, str(source), case, screened + trials)}"
+            again = write_command(typed, option, str(source), case, screened + trials)
+            yield f"  again: {again}"
 
 
 def _describe_design(table: pd.DataFrame) -> str:
@@ -68,7 +72,9 @@ def _write_rate(row: dict[str, object] | dict[object, object]) -> str:
     return f"{rate:.0f} % ({low:.0f} to {high:.0f})"
 
 
-def write_command(typed: Sequence[str], source: str, case: Case, trials: int) -> str:
+def write_command(
+    typed: Sequence[str], option: Sequence[str], source: str, case: Case, trials: int
+) -> str:
     """Return the command line that repeats the missions of a case."""
     kept = [override for override in typed if not _is_replaced(override)]
     times = ",".join(map(repr, case.times_s))
@@ -78,7 +84,9 @@ def write_command(typed: Sequence[str], source: str, case: Case, trials: int) ->
         f"failure.time_s=[{times}]",
         f"trials={trials}",
     ]
-    return shell_line("evoros", "evaluate", override("designs", source), *kept, *stated)
+    return shell_line(
+        "evoros", "evaluate", override("designs", unescape(source)), *kept, *stated, *option
+    )
 
 
 def _is_replaced(override: str) -> bool:

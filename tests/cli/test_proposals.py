@@ -4,9 +4,7 @@
 be one that evoros takes, or have a line in one of the tables below.
 """
 
-import os
 import re
-import subprocess
 import tomllib
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import fields
@@ -16,7 +14,7 @@ from typing import Any, NoReturn
 
 import pytest
 import yaml
-from helpers import ROOT, TINY, USER_PARTS, cut, finished_run
+from helpers import ROOT, TINY
 from proposal_sites import (
     COMMAND,
     INSTALL,
@@ -33,9 +31,8 @@ from proposal_sites import (
 from typed_cases import ROBOTS, RUNS, UNTYPED, Robot, Words
 
 from evoros.analysis import subcommands as analysis
-from evoros.base.errors import InputError, override
+from evoros.base.errors import InputError
 from evoros.cli.command import parse_options
-from evoros.cli.main import evoros
 from evoros.cli.subcommands import FIGURES, SUBCOMMANDS
 from evoros.config.compose import add_config_dir, compose_with_hydra
 from evoros.config.jobs import Job, Jobs
@@ -44,7 +41,6 @@ from evoros.files.resources import bundled_folder
 from evoros.formats.sdf.reading import SdfOptions
 from evoros.robot.loading import load_robot
 from evoros.session.run import check_run
-from evoros.terminal.console import DONE
 from evoros.world.course import Course
 
 FILLED: Mapping[str, str] = {
@@ -318,36 +314,3 @@ def test_a_refusal_of_a_robot_is_lifted_by_each_of_its_proposals(
     assert alternatives
     for proposed in alternatives:
         assert load(file, proposed) == "", proposed
-
-
-AWKWARD = """x=1,2 ä#%  it's "so" [1] $(no) \\"""
-
-
-def typed(line: str) -> int:
-    """Type the command at the end of a line, as bash reads it; return its exit status."""
-    command = line.rpartition(": evoros ")[2]
-    split = ["bash", "-c", rf"printf '%s\0' {command}"]
-    words = subprocess.run(split, capture_output=True, check=True).stdout.split(b"\0")
-    return evoros(list(map(os.fsdecode, words[:-1])))
-
-
-@pytest.mark.slow
-def test_commands_with_an_awkward_folder_can_be_typed_as_they_are_printed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    finished_run(tmp_path / AWKWARD)
-    own = ("--config-dir", str(USER_PARTS), "executor=serial")
-
-    def printed(*words: str) -> str:
-        capsys.readouterr()
-        evoros(words)
-        output = capsys.readouterr()
-        return next(line for line in (output.err + output.out).splitlines() if ": evoros " in line)
-
-    assert typed(printed(f"resume={AWKWARD}")) == DONE
-    assert typed(printed(*TINY, *own, override("hydra.run.dir", AWKWARD))) == DONE
-    required = ("requirements=delivery", "trials=2", "hydra.run.dir=tested")
-    assert typed(printed("evaluate", *own, override("like", AWKWARD), *required)) == DONE
-    cut(tmp_path / AWKWARD, 2000)
-    assert typed(printed("evaluate", *own, override("designs", AWKWARD))) == DONE  # shows a state

@@ -12,6 +12,7 @@ from proposal_sites import is_of
 from evoros.analysis.command import evoros_analyze
 from evoros.cli.command import evaluate
 from evoros.failure.protocol import Case
+from evoros.storage.layout import name_parts
 from evoros.storage.reading import read_overrides
 from evoros.terminal.console import DONE, INPUT
 from evoros.worst_cases.summary import write_command
@@ -93,13 +94,14 @@ def test_the_printed_command_repeats_the_missions_of_a_case(whole: Path, tmp_pat
     case = Case((0, 1), (0.0, 0.0))
     (source,) = {row["source"] for row in read(whole, "missions.csv")}
     typed = [*read_overrides(whole), "+requirements.both={survives: 2}"]
-    line = write_command(typed, source, case, 3)
+    option = name_parts(whole)
+    line = write_command(typed, option, source, case, 3)
     assert is_of(line, "evoros/worst_cases/summary.py failure.sensors")
     words = shlex.split(line)
     assert words[:2] == ["evoros", "evaluate"]
     assert not any("worst_cases" in word or "hydra" in word for word in words)
-    config = ["--config-dir", str(USER_PARTS), f"hydra.run.dir={tmp_path / 'again'}"]
-    assert evaluate([*config, *words[2:]]) == DONE
+    assert tuple(words[-2:]) == option == ("--config-dir", str(USER_PARTS))
+    assert evaluate([f"hydra.run.dir={tmp_path / 'again'}", *words[2:]]) == DONE
     known = {
         (row["world"], row["draws"]): row
         for row in read(whole, "missions.csv")
