@@ -1,5 +1,6 @@
 """Evolved values: where they are put, and what is refused."""
 
+import itertools
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
@@ -9,7 +10,13 @@ from design_cases import AVOID, ONE, ROBOT, VOTES
 
 from evoros.base.checks import POSITIVE, checked, invalid
 from evoros.base.errors import InputError
-from evoros.design.genes import Gene, check_genes, replace_values
+from evoros.design.genes import (
+    MAX_EXHAUSTIVE,
+    Gene,
+    check_genes,
+    enumerate_corners,
+    replace_values,
+)
 from evoros.sensor.sonar import Sonar
 
 
@@ -99,3 +106,15 @@ def test_a_whole_gene_takes_each_value_equally_often() -> None:
     values = [VOTES.value(gene) for gene in np.linspace(0, 1, 4001)]
     assert set(values) == {2, 3, 4, 5}
     assert all(abs(values.count(value) - 1000) <= 1 for value in range(2, 6))
+
+
+@pytest.mark.parametrize("count", [1, MAX_EXHAUSTIVE, MAX_EXHAUSTIVE + 1, 40])
+def test_corners_are_all_or_those_in_which_at_most_one_gene_differs(count: int) -> None:
+    corners = list(enumerate_corners(count))
+    assert len(set(corners)) == len(corners)
+    assert set(itertools.chain(*corners)) == {0.0, 1.0}
+    if count <= MAX_EXHAUSTIVE:
+        assert len(corners) == 2**count
+    else:
+        assert len(corners) == 2 * (count + 1)
+        assert all(min(sum(corner), count - sum(corner)) <= 1 for corner in corners)
