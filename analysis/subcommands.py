@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Protocol, cast
 from evoros.base.errors import InputError
 from evoros.files.origin import read_origin
 from evoros.files.plugins import find_plugins
-from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import DONE
+from evoros.terminal.console import DONE, CommandParser
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -38,9 +38,8 @@ from evoros.mission.mission import Mission, MissionKey, Outcomes
 from evoros.preflight.preflight import preflight
 from evoros.session.progress import Progress
 from evoros.session.run import create_run, open_run
-from evoros.session.scored import ScoredDesigns
 from evoros.session.status import Display
-from evoros.storage.reading import Run, load_run
+from evoros.storage.reading import Run, ScoredDesigns, load_run
 from evoros.storage.tables import (
     MISSION_COLUMNS,
     list_further_in,

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from evoros.executor.threads import ONE_THREAD
+from evoros.executor.protocol import ONE_THREAD
 
 LONG_S = 300.0
 

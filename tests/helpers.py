@@ -33,9 +33,8 @@ from evoros.storage.digests import (
     read_entries,
     write_entries,
 )
-from evoros.storage.layout import ORIGINALS
+from evoros.storage.layout import ORIGINALS, seal_json, seal_rows
 from evoros.storage.run_key import read_key
-from evoros.storage.seals import seal_json, seal_rows
 from evoros.terminal.console import DONE, INPUT
 
 ROOT = Path(__file__).resolve().parent.parent

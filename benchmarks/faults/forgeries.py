@@ -13,7 +13,7 @@ import yaml
 from helpers import everything, reseal
 
 from evoros.storage.digests import Entry, read_entries, write_entries
-from evoros.storage.seals import seal_json
+from evoros.storage.layout import seal_json
 
 Forgery = Callable[[Path, Path, Random], str]
 """Forges a folder and says how; the second folder is outside of it."""

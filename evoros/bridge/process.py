@@ -16,7 +16,7 @@ from tempfile import TemporaryFile
 from typing import IO, Any
 
 from evoros.base.errors import LaunchError, PilotLost, single_line
-from evoros.executor.threads import ONE_THREAD
+from evoros.executor.protocol import ONE_THREAD
 
 KEEPER = Path(__file__).with_name("keeper.py")
 LOG_BYTES, WORDS = 65_536, 400

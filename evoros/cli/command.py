@@ -16,8 +16,7 @@ from evoros.cli.reporting import Interrupts, JobResult, explain_end, report_resu
 from evoros.cli.subcommands import SUBCOMMANDS, list_help
 from evoros.files.origin import read_origin
 from evoros.files.resources import expand_home
-from evoros.terminal.arguments import CommandParser, require_keys
-from evoros.terminal.console import DONE, print_result, report_errors
+from evoros.terminal.console import DONE, CommandParser, print_result, report_errors, require_keys
 
 if TYPE_CHECKING:
     from evoros.config.compose import RecordedRun

@@ -4,8 +4,7 @@ from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
 
 from evoros.files.origin import read_origin
-from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import DIFFERENT, DONE, print_result, reports_errors
+from evoros.terminal.console import DIFFERENT, DONE, CommandParser, print_result, reports_errors
 
 NAME = "evoros diff"
 ABOUT = f"""{NAME} reports whether two runs are equal, or their first difference.

@@ -5,8 +5,14 @@ from pathlib import Path
 
 from evoros.base.errors import InputError
 from evoros.files.resources import expand_home
-from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import DONE, STOPPED, print_result, report_error, reports_errors
+from evoros.terminal.console import (
+    DONE,
+    STOPPED,
+    CommandParser,
+    print_result,
+    report_error,
+    reports_errors,
+)
 from evoros.terminal.log import warn_left_out
 
 NAME = "evoros export"

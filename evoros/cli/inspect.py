@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 from evoros.base.errors import InputError, shell_line
 from evoros.files.resources import expand_home
 from evoros.terminal.activity import tell_slow
-from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import DONE, print_result, reports_errors
+from evoros.terminal.console import DONE, CommandParser, print_result, reports_errors
 
 if TYPE_CHECKING:
     from evoros.config.own_files import OwnFile

@@ -7,7 +7,7 @@ from pathlib import Path
 from shutil import get_terminal_size
 
 from evoros.cli.reporting import JobResult
-from evoros.session.overview import COLUMNS, UNKNOWN, Overview, list_cells, survey
+from evoros.session.status import COLUMNS, UNKNOWN, Overview, list_cells, survey
 from evoros.storage.layout import natural_key
 from evoros.terminal.console import INPUT
 

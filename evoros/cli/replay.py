@@ -4,8 +4,14 @@ from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
 
 from evoros.files.resources import expand_home
-from evoros.terminal.arguments import CommandParser, require_keys
-from evoros.terminal.console import DIFFERENT, DONE, print_result, reports_errors
+from evoros.terminal.console import (
+    DIFFERENT,
+    DONE,
+    CommandParser,
+    print_result,
+    reports_errors,
+    require_keys,
+)
 
 NAME = "evoros replay"
 ABOUT = f"""{NAME} reruns one recorded mission of a run or an evaluation, and prints the outcome.

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from evoros.base.errors import InputError
-from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import DONE, print_result, reports_errors
+from evoros.terminal.console import DONE, CommandParser, print_result, reports_errors
 from evoros.terminal.log import warn_left_out
 
 NAME = "evoros status"
@@ -43,7 +42,7 @@ def status(arguments: Sequence[str]) -> int:
 
 def _look(folder: Path) -> tuple[str, bool]:
     from evoros.cli.job_table import format_folders
-    from evoros.session.overview import survey
+    from evoros.session.status import survey
     from evoros.storage.layout import RUNNING, folders_below
 
     overviews = [survey(path) for path in folders_below(folder, warn_left_out)]

@@ -15,7 +15,7 @@ from evoros.requirement.verdict import MET, UNDECIDED
 from evoros.session.work import FIGURES, PAGE
 from evoros.storage import layout
 from evoros.storage.doubts import list_doubts
-from evoros.storage.file_reading import read_bytes, read_rows
+from evoros.storage.layout import read_bytes, read_rows
 from evoros.storage.verdicts import describe, name_worst, read_verdicts
 
 IN_THE_PLANE = "evoros.simulator.planar.Planar"

@@ -28,10 +28,9 @@ from evoros.cli.reporting import (
 from evoros.config.jobs import SWEEPER, Job, Jobs
 from evoros.executor.protocol import KEPT, BatchPool, Executor, Pool
 from evoros.observers.protocol import FREE
-from evoros.session.overview import survey
 from evoros.session.progress import RecordedProgress, SweepProgress
 from evoros.session.run import Session, create_run, reopen_run
-from evoros.session.status import NoDisplay
+from evoros.session.status import NoDisplay, survey
 from evoros.session.work import open_pool
 from evoros.storage.layout import MISSIONS, folders_below
 from evoros.terminal import console

@@ -6,8 +6,7 @@ from pathlib import Path
 
 from evoros.base.errors import InputError, escape
 from evoros.files.resources import expand_home
-from evoros.terminal.arguments import CommandParser, require_keys
-from evoros.terminal.console import DONE, print_result, reports_errors
+from evoros.terminal.console import DONE, CommandParser, print_result, reports_errors, require_keys
 
 NAME = "evoros world"
 ABOUT = """Write a generated world as an SDF file, for Gazebo or for your own choice of world.

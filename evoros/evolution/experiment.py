@@ -28,7 +28,6 @@ from evoros.controller.protocol import Controller, LiveController
 from evoros.design.space import SensorDesign
 from evoros.design.team import TeamSpace
 from evoros.evolution.agent import Agent, check_team, make_room
-from evoros.evolution.asked_search import AskedSearch
 from evoros.evolution.treatment import TREATMENT
 from evoros.executor.protocol import Executor
 from evoros.failure.given import GivenFailure
@@ -52,7 +51,7 @@ from evoros.mission.plan import (
 )
 from evoros.mission.scenario import Scenario
 from evoros.observers.protocol import OBSERVERS, Observer
-from evoros.optimizer.protocol import Goals, Optimizer, Search
+from evoros.optimizer.protocol import AskedSearch, Goals, Optimizer, Search
 from evoros.requirement.condition import Condition
 from evoros.requirement.requirements import (
     REQUIREMENTS,

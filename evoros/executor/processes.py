@@ -16,8 +16,7 @@ from threading import Lock, Thread
 from typing import Annotated, Any
 
 from evoros.base.checks import checked
-from evoros.executor.protocol import Call, Executor, Pool, pack_call
-from evoros.executor.threads import ONE_THREAD
+from evoros.executor.protocol import ONE_THREAD, Call, Executor, Pool, pack_call
 from evoros.executor.worker_handle import Limits, Worker, null_or_whole, settle
 
 

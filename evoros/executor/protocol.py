@@ -205,3 +205,16 @@ def unpack_call(payload: bytes, kept: Kept) -> tuple[Callable[..., Any], tuple[A
     function, sent = pickle.loads(payload)
     args = (kept.get(arg.digest) if isinstance(arg, _Reference) else arg for arg in sent)
     return function, tuple(args)
+
+
+# The libraries read these on import. NUMBA_NUM_THREADS is left out, because numba refuses to change
+# it in a main process that has already started numba's threads.
+ONE_THREAD = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+)
+"""Variables set to 1 in each process that computes missions, because there is one per core."""

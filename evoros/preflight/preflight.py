@@ -27,7 +27,7 @@ from evoros.mission.plan import Plan
 from evoros.mission.scenario import Scenario
 from evoros.mission.setup import MIN_RECORD_S, Setup
 from evoros.preflight import scene
-from evoros.preflight.own_rules import try_rules
+from evoros.preflight.own_code import try_rules
 from evoros.preflight.routes import check_home, check_routes
 from evoros.preflight.sight import check_gaps, check_housings, check_self_sight, check_sight
 from evoros.simulator.protocol import RuleSimulation, RuleSimulator, SimulationRules

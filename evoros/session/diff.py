@@ -12,8 +12,16 @@ from evoros.base.errors import InputError
 from evoros.config.recorded import flatten_recorded
 from evoros.files.nested import parse_json
 from evoros.observers import protocol
-from evoros.storage.file_reading import hash_file, read_bytes
-from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, STATUS, folders_below, read_json
+from evoros.storage.layout import (
+    CONFIG,
+    MANIFEST,
+    MISSIONS,
+    STATUS,
+    folders_below,
+    hash_file,
+    read_bytes,
+    read_json,
+)
 from evoros.storage.verification import verify_folder
 from evoros.terminal.log import warn_left_out
 

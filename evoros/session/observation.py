@@ -25,11 +25,11 @@ from evoros.files.nested import parse_json
 from evoros.files.private import SECRET
 from evoros.measure.protocol import DESCRIPTORS, OBJECTIVES
 from evoros.observers import protocol
-from evoros.session.overview import BEGUN, survey
+from evoros.session.status import BEGUN, survey
 from evoros.session.work import FIGURES
 from evoros.storage import layout
 from evoros.storage.champion_files import CHAMPION, CHAMPIONS
-from evoros.storage.file_reading import read_bytes
+from evoros.storage.layout import read_bytes
 from evoros.storage.run_key import read_status_key
 from evoros.storage.tables import LOSS, SCREENED, VALIDATED
 from evoros.storage.verification import list_tables, verify_folder

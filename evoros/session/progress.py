@@ -8,8 +8,8 @@ from typing import Self
 
 from evoros.evolution.journal import Generation
 from evoros.mission.mission import Mission, Outcomes, judge
-from evoros.session.overview import survey, write_clock
 from evoros.session.screen import Pipe, Screen, fit, open_screen
+from evoros.session.status import survey, write_clock
 from evoros.storage.layout import FINISHED, RUNNING, folders_below
 from evoros.terminal.activity import listen
 from evoros.terminal.log import warn_left_out

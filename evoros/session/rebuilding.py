@@ -22,7 +22,7 @@ from evoros.storage import layout
 from evoros.storage.archives import NOWHERE, Relocation
 from evoros.storage.creation import require_whole
 from evoros.storage.digests import read_original
-from evoros.storage.file_reading import read_sealed
+from evoros.storage.layout import read_sealed
 from evoros.storage.manifest import (
     check_unchanged,
     find_changes,

@@ -20,7 +20,7 @@ from evoros.session.design_trials import GENERATION
 from evoros.session.rebuilding import plan_row, rebuild
 from evoros.simulator.planar import Planar
 from evoros.storage import layout
-from evoros.storage.file_reading import read_rows
+from evoros.storage.layout import read_rows
 from evoros.storage.reading import Run, load_run
 from evoros.storage.tables import read_key, read_outcomes, trajectory_table
 from evoros.storage.verdicts import Row

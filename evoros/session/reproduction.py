@@ -11,9 +11,9 @@ from evoros.config.recorded import find_difference, read_recorded
 from evoros.mission.plan import GENERATIONS, find_growing
 from evoros.preflight.preflight import preflight
 from evoros.session.design_tables import read_recorded_designs
-from evoros.session.overview import survey
 from evoros.session.rebuilding import change_to_origin, rebuild
 from evoros.session.run import SIZES, Session, open_run, record_run
+from evoros.session.status import survey
 from evoros.storage.archives import NOWHERE, Relocation
 from evoros.storage.layout import (
     CONFIG,

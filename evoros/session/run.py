@@ -15,21 +15,20 @@ from evoros.executor.protocol import Executor
 from evoros.files.disk import require_no_links
 from evoros.mission import plan
 from evoros.preflight.drive import report_drive
+from evoros.preflight.own_code import report_repeatability
 from evoros.preflight.preflight import preflight
-from evoros.preflight.repeatability import report_repeatability
 from evoros.session import work
 from evoros.session.design_tables import NamedDesign, read_recorded_designs, write_designs
 from evoros.session.evaluation import Evaluation, build_evaluation, list_faults, read_sources
 from evoros.session.observation import observe
-from evoros.session.overview import survey
 from evoros.session.rebuilding import rebuild
 from evoros.session.search import Search, build_search
-from evoros.session.status import Display, Status, log_repair
+from evoros.session.status import Display, Status, log_repair, survey
 from evoros.storage import layout
 from evoros.storage.creation import require_unused
 from evoros.storage.digests import read_original
 from evoros.storage.figure_context import describe_experiment
-from evoros.storage.file_reading import read_bytes, read_sealed
+from evoros.storage.layout import read_bytes, read_sealed
 from evoros.storage.manifest import list_unrecorded, manifest, record_modules
 from evoros.storage.run_folder import RunFolder
 from evoros.storage.verification import find_strays, is_complete, verify_folder

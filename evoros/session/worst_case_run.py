@@ -17,8 +17,7 @@ from evoros.requirement.verdict import MET
 from evoros.session.design_tables import NamedDesign
 from evoros.session.rebuilding import plan_row
 from evoros.session.status import Status
-from evoros.storage.file_reading import read_rows
-from evoros.storage.layout import MISSIONS, WORST_CASES
+from evoros.storage.layout import MISSIONS, WORST_CASES, read_rows
 from evoros.storage.run_folder import RunFolder
 from evoros.storage.tables import are_recorded, to_csv
 from evoros.storage.verdicts import Row, name_worst, read_verdicts

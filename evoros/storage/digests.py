@@ -14,9 +14,21 @@ from typing import Any, NamedTuple
 
 from evoros.base.errors import InputError
 from evoros.files.disk import sync, write_atomically
-from evoros.storage.file_reading import damaged, hash_file, read_bytes
-from evoros.storage.layout import CONFIG, DIGESTS, MANIFEST, ORIGINALS, resume_command
-from evoros.storage.seals import DIGEST, is_damaged, is_sealed, seal_rows, split_lines
+from evoros.storage.layout import (
+    CONFIG,
+    DIGEST,
+    DIGESTS,
+    MANIFEST,
+    ORIGINALS,
+    damaged,
+    hash_file,
+    is_damaged,
+    is_sealed,
+    read_bytes,
+    resume_command,
+    seal_rows,
+    split_lines,
+)
 from evoros.storage.tables import to_csv
 
 

@@ -26,8 +26,7 @@ from evoros.measure.fitness import FitnessMeasure
 from evoros.measure.protocol import DESCRIPTORS, OBJECTIVES
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount, RangeSensor, Sensor, find_field, sees, sensor_bearings
-from evoros.storage.file_reading import read_bytes
-from evoros.storage.layout import SETTING
+from evoros.storage.layout import SETTING, read_bytes
 from evoros.world.course import Course
 
 if TYPE_CHECKING:

@@ -1,18 +1,92 @@
-"""Run folders: file names, and the types of sealed fields.
+"""Run folders: file names, digests inside files, types of sealed fields, and reading.
 
-A run searches for designs or evaluates given designs.
+A run searches for designs or evaluates given designs. Digests at the end of a table row or inside a
+JSON file detect damage. A row with a wrong digest is damaged; a last row without a line break was
+truncated by a kill or a power failure. Digests of a run's rows include its key, so that rows of
+other runs do not match.
 """
 
+import csv
+import io
+import json
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from base64 import b32encode
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
 from evoros.base.checks import Rule
-from evoros.base.errors import explain_path, shell_line
-from evoros.files.disk import SMALL, read_regular
-from evoros.storage.seals import unseal_json
+from evoros.base.errors import InputError, explain_path, shell_line
+from evoros.files.disk import LARGE, SMALL, hash_regular, read_regular
+from evoros.files.nested import parse_json
+
+DIGEST = "digest"
+"""Last column of a sealed table, and last field of a sealed JSON file."""
+SIZE = 16  # number of characters of a digest
+_BLANK = b"-" * SIZE
+
+
+def compute_digest(content: bytes, key: bytes = b"") -> str:
+    """Return 80 bits of BLAKE2b as 16 letters and digits, which no program reads as a number."""
+    return b32encode(blake2b(content, digest_size=10, key=key).digest()).decode()
+
+
+def split_lines(content: bytes) -> list[bytes]:
+    """Return the lines with their line breaks, split only at newlines."""
+    return io.BytesIO(content).readlines()
+
+
+def seal_rows(text: str, key: bytes = b"") -> bytes:
+    """Return CSV rows with their digests as last cells."""
+    lines = (line.encode() for line in text.split("\n")[:-1])
+    return b"".join(b"%b,%b\n" % (line, compute_digest(line, key).encode()) for line in lines)
+
+
+def is_sealed(line: bytes, key: bytes = b"") -> bool:
+    """Return True if a line, including its line break, has the digest of its other cells."""
+    if not line.endswith(b"\n"):
+        return False
+    row, _, digest = line[:-1].rpartition(b",")
+    return digest == compute_digest(row, key).encode()
+
+
+def is_damaged(line: bytes, key: bytes = b"") -> bool:
+    """Return True if an unsealed line is damaged, and not the truncated end of a table."""
+    return line.endswith(b"\n") or is_sealed(line[:-1] + b"\n", key)
+
+
+def seal_json(name: str, content: Mapping[str, Any]) -> str:
+    """Return a JSON object with the digest of all fields as its last field.
+
+    The digest includes the ``name`` of the file, so that no other file can replace it.
+    """
+    text = json.dumps({**content, DIGEST: _BLANK.decode()}, indent=2) + "\n"
+    head, _, tail = text.rpartition(_BLANK.decode())
+    return f"{head}{compute_digest(text.encode(), name.encode())}{tail}"
+
+
+def unseal_json(name: str, content: bytes, others: Iterable[str] = ()) -> dict[str, Any]:
+    """Return the object in the sealed JSON file ``name``, without its digest.
+
+    ``others`` are names of files that may have been copied over it.
+
+    Raises:
+        ValueError: the file is damaged.
+    """
+    fields = parse_json(content)
+    begin = content.rfind(b'"digest": "') + len(b'"digest": "')
+    blank = content[:begin] + _BLANK + content[begin + SIZE :]
+    digest = content[begin : begin + SIZE].decode(errors="replace")
+    if digest != compute_digest(blank, name.encode()):
+        copied = (other for other in others if digest == compute_digest(blank, other.encode()))
+        problem = next((f"it is a {other}" for other in copied), "its digest does not match")
+        raise ValueError(problem)
+    if not isinstance(fields, dict):
+        raise ValueError("it is not a JSON object")
+    return {name: value for name, value in fields.items() if name != DIGEST}
+
 
 FORMAT_VERSION = 1
 RUN, EVALUATE = "evoros", "evoros evaluate"
@@ -175,3 +249,54 @@ def natural_key(name: str) -> list[tuple[int, str]]:
     return [
         (int(part or -1), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)
     ]
+
+
+def read_bytes(path: Path, limit: int = LARGE) -> bytes:
+    """Read a file in a folder without verifying it."""
+    try:
+        return read_regular(path, limit)
+    except OSError as error:
+        raise explain_unreadable(path, error) from error
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Read the rows of a table in a folder as mappings from column to cell."""
+    return list(csv.DictReader(read_bytes(path).decode().splitlines()))
+
+
+def hash_file(path: Path) -> str:
+    """Return the SHA-256 of a file in a folder."""
+    try:
+        return hash_regular(path)
+    except OSError as error:
+        raise explain_unreadable(path, error) from error
+
+
+def explain_unreadable(path: Path, error: OSError) -> InputError:
+    """Return the error for a file in a folder that cannot be read."""
+    if not isinstance(error, FileNotFoundError):
+        return InputError(f"{path}: cannot be read ({error.strerror}); restore the file")
+    folders = (folder for folder in path.parents if (folder / MANIFEST).is_file())
+    return InputError(
+        f"{path}: not found; the run is not finished, or the file was deleted; "
+        f"{advise_finish(next(folders, path.parent))}"
+    )
+
+
+def read_sealed(folder: Path, name: str) -> dict[str, Any]:
+    """Read a sealed JSON file of a folder."""
+    try:
+        return unseal(name, read_bytes(folder / name, SMALL))
+    except ValueError as error:
+        raise damaged(folder, name, f" ({error})") from error
+
+
+def damaged(folder: Path, name: str, where: str = "") -> InputError:
+    """Return the error for a damaged file of a folder."""
+    fix = f"restore it or type: {resume_command(folder)}"
+    if name in (MANIFEST, *ORIGINALS):
+        fix = "restore it from a copy; the rest of the folder is kept"
+    return InputError(
+        f"{folder / name}{where}: has changed since evoros wrote it (for example, a disk fault or "
+        f"an edit); {fix}"
+    )

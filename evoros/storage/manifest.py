@@ -28,10 +28,9 @@ from evoros.observers.protocol import FREE
 from evoros.requirement.condition import OWN as OWN_CONDITION
 from evoros.storage import circumstances, layout, tables
 from evoros.storage.archives import NOWHERE, Relocation
-from evoros.storage.file_reading import read_sealed
+from evoros.storage.layout import read_sealed, seal_json
 from evoros.storage.run_folder import GENERATIONS
 from evoros.storage.run_key import KEY, conceal, derive_key, hash_secrets, list_other_secrets
-from evoros.storage.seals import seal_json
 
 _map_distributions = cache(packages_distributions)
 

@@ -17,10 +17,9 @@ from evoros.files.disk import make_folder, require_no_links, separate, write_ato
 from evoros.mission.mission import Mission
 from evoros.mission.scenario import Scenario
 from evoros.storage import digests, layout
-from evoros.storage.file_reading import read_bytes
+from evoros.storage.layout import read_bytes, seal_json
 from evoros.storage.mission_table import MissionTable
 from evoros.storage.run_key import STATUS_KEY, is_foreign, read_key, read_status_key
-from evoros.storage.seals import seal_json
 from evoros.storage.trajectory_files import TrajectoryFiles
 from evoros.storage.verification import has_all_digests
 

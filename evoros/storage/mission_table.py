@@ -16,8 +16,15 @@ from evoros.files.disk import LONGEST_LINE, create_draft, lock, sync, write_atom
 from evoros.mission.mission import MissionKey, Outcomes
 from evoros.mission.plan import MOST_REPEATS
 from evoros.storage.digests import Repair, Report
-from evoros.storage.layout import LOG, MISSIONS
-from evoros.storage.seals import DIGEST, is_damaged, is_sealed, seal_rows, split_lines
+from evoros.storage.layout import (
+    DIGEST,
+    LOG,
+    MISSIONS,
+    is_damaged,
+    is_sealed,
+    seal_rows,
+    split_lines,
+)
 from evoros.storage.tables import to_csv
 from evoros.terminal.log import LOGGER
 

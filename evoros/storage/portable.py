@@ -13,10 +13,9 @@ from evoros.evolution.experiment import Experiment
 from evoros.storage import layout
 from evoros.storage.archives import Relocation
 from evoros.storage.digests import Entry, describe_file, read_entries, write_entries
-from evoros.storage.file_reading import read_bytes, read_sealed
+from evoros.storage.layout import read_bytes, read_sealed, seal_json, seal_rows
 from evoros.storage.manifest import hash_sources
 from evoros.storage.run_key import STATUS_KEY, read_key
-from evoros.storage.seals import seal_json, seal_rows
 
 LEFT_OUT = (layout.LOG, layout.LOST, layout.DAMAGED)
 """Files that concern one machine and are not needed to use the run."""

@@ -12,7 +12,7 @@ import pandas as pd
 from evoros.base.errors import InputError
 from evoros.storage import layout
 from evoros.storage.archives import open_run
-from evoros.storage.file_reading import read_bytes, read_sealed
+from evoros.storage.layout import read_bytes, read_sealed
 from evoros.storage.trajectory_files import trajectory_file
 from evoros.storage.verification import list_tables, verify_file, verify_folder
 
@@ -198,3 +198,13 @@ def read_overrides(folder: Path) -> Sequence[str]:
     """Return the overrides with which the evaluation in a folder was started."""
     overrides: Sequence[str] = layout.read_json(folder / layout.MANIFEST).get(layout.OVERRIDES, ())
     return overrides
+
+
+class ScoredDesigns(pd.DataFrame):
+    """A row per design; ``missions`` is the table of the scored missions.
+
+    Tables that pandas derives from this table are plain, without ``missions``.
+    """
+
+    _metadata = ["missions"]  # noqa: RUF012 - pandas requires this list
+    missions: pd.DataFrame

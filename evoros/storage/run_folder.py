@@ -24,10 +24,9 @@ from evoros.storage.champion_files import (
 from evoros.storage.creation import create_folder, require_unused
 from evoros.storage.digests import Report, describe_file, ignore
 from evoros.storage.figure_context import FigureContext
-from evoros.storage.file_reading import read_bytes, read_rows
+from evoros.storage.layout import read_bytes, read_rows, seal_json
 from evoros.storage.mission_log import MissionLog
 from evoros.storage.mission_table import DESIGN, GENERATION, MissionRows, Recorded, begin_table
-from evoros.storage.seals import seal_json
 
 GENERATIONS = "generations"
 RESULTS = (layout.SCORES, layout.WORST_CASES, layout.REQUIREMENTS, layout.JUNIT, layout.SUMMARY)

@@ -19,8 +19,7 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.mission.mission import Mission, MissionKey
 from evoros.storage.digests import DigestLog
-from evoros.storage.file_reading import read_bytes
-from evoros.storage.layout import TRAJECTORIES
+from evoros.storage.layout import TRAJECTORIES, read_bytes
 from evoros.storage.tables import trajectory_table
 
 if TYPE_CHECKING:  # reading must not import the code of missions

@@ -7,8 +7,7 @@ from xml.etree import ElementTree
 
 from evoros.requirement.requirements import Judged, Requirement
 from evoros.requirement.verdict import MET, Verdict
-from evoros.storage.file_reading import read_rows
-from evoros.storage.layout import JUNIT, REQUIREMENTS, SUMMARY
+from evoros.storage.layout import JUNIT, REQUIREMENTS, SUMMARY, read_rows
 from evoros.storage.tables import to_csv
 
 Row = Mapping[str, str]

@@ -11,9 +11,16 @@ from evoros.base.errors import InputError
 from evoros.files.disk import require_no_links
 from evoros.formats.sdf.writer import require_closed
 from evoros.storage import digests, layout
-from evoros.storage.file_reading import damaged, hash_file, read_bytes, read_sealed
+from evoros.storage.layout import (
+    damaged,
+    hash_file,
+    is_damaged,
+    is_sealed,
+    read_bytes,
+    read_sealed,
+    split_lines,
+)
 from evoros.storage.run_key import is_foreign, read_key
-from evoros.storage.seals import is_damaged, is_sealed, split_lines
 
 NEEDED = "generations/"
 """Folder of the generations' tables, all of which are required."""

@@ -15,7 +15,7 @@ from evoros.requirement.requirements import (
     need_conditions,
 )
 from evoros.requirement.verdict import MET, Trial, Verdict, conclude
-from evoros.session.scored import ScoredDesigns
+from evoros.storage.reading import ScoredDesigns
 from evoros.storage.tables import OUTCOME_COLUMNS, cell, read_outcomes
 
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from evoros.base.errors import InputError
 from evoros.cli.main import evoros
 from evoros.config.compose import parse
-from evoros.terminal.arguments import require_keys
-from evoros.terminal.console import DONE, INPUT
+from evoros.terminal.console import DONE, INPUT, require_keys
 
 SPLIT = [
     ("hydra.run.dir=out put/x", "'put/x': must be key=value", "'hydra.run.dir=\"out put/x\"'"),

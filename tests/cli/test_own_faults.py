@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 from evoros.base.checks import SCORE, ask
 from evoros.base.errors import InputError
 from evoros.cli.main import evoros
-from evoros.evolution.asked_search import AskedSearch
-from evoros.optimizer.protocol import Individual
+from evoros.optimizer.protocol import AskedSearch, Individual
 from evoros.terminal.console import INPUT, STOPPED
 
 HEAD = """

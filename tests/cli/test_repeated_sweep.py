@@ -10,9 +10,9 @@ from helpers import TINY, content, cut, everything, resume, scored, sweep, tiny
 
 from evoros.cli.command import evaluate
 from evoros.cli.status import status
-from evoros.session.overview import survey
+from evoros.session.status import survey
+from evoros.storage.layout import seal_json
 from evoros.storage.run_folder import RunFolder
-from evoros.storage.seals import seal_json
 from evoros.storage.verification import is_complete
 from evoros.terminal.console import DONE, INPUT
 

@@ -13,7 +13,7 @@ from evoros.analysis.tables.loading import load_study
 from evoros.cli.job_table import SHORTEST, format_folders, shorten_names
 from evoros.cli.reporting import Interrupts, explain_end
 from evoros.cli.summary import summarize
-from evoros.session.overview import survey
+from evoros.session.status import survey
 from evoros.storage.doubts import list_doubts, warn_not_run
 from evoros.storage.tables import to_csv
 from evoros.terminal.console import DONE, INTERRUPTED

@@ -35,7 +35,7 @@ from evoros.compilation.rules import FILTER, CompiledRule
 from evoros.filter.protocol import FILTER_ARGUMENTS
 from evoros.filter.silence import Silence
 from evoros.storage.creation import create_folder
-from evoros.storage.seals import seal_json
+from evoros.storage.layout import seal_json
 from evoros.terminal.console import DONE, INPUT, STOPPED
 
 LIMIT_S = 120.0

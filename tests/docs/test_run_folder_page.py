@@ -11,7 +11,7 @@ import evoros
 from evoros.config.compose import compose
 from evoros.mission.mission import TRAJECTORY
 from evoros.storage.champion_files import DESIGN_COLUMNS, GENE_COLUMNS
-from evoros.storage.seals import DIGEST
+from evoros.storage.layout import DIGEST
 from evoros.storage.tables import (
     CANDIDATE_COLUMNS,
     MEASURED_COLUMNS,

@@ -12,8 +12,7 @@ from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
 from evoros.executor.processes import Processes, available_cores, read_quota
-from evoros.executor.protocol import Pool
-from evoros.executor.threads import ONE_THREAD
+from evoros.executor.protocol import ONE_THREAD, Pool
 from evoros.files.plugins import conf_folders
 from evoros.testing import ExecutorSuite
 

@@ -9,8 +9,8 @@ from evoros.base.errors import InputError
 from evoros.drive.automatic import AutomaticDescription
 from evoros.formats.mesh_files import read_content
 from evoros.formats.sdf.reading import SdfOptions
-from evoros.formats.strict_csv import read_rows
 from evoros.robot.loading import load_robot
+from evoros.session.design_tables import read_rows
 from evoros.world.loading import read_world
 
 POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n"

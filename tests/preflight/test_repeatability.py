@@ -14,7 +14,7 @@ from evoros.base.arrays import Array
 from evoros.controller.line_controller import Program
 from evoros.executor.serial import Serial
 from evoros.mission.mission import TRAJECTORY
-from evoros.preflight.repeatability import find_difference, report_repeatability
+from evoros.preflight.own_code import find_difference, report_repeatability
 
 PROGRAM = """
 import json, os, sys

@@ -13,7 +13,7 @@ from pybullet_cases import box, level
 from evoros.base.arrays import CONTACT, STATE_SIZE, YAW, Array, X, Y
 from evoros.base.packing import unpack
 from evoros.compilation.rules import ADVANCE, SENSE, compile_rule
-from evoros.geometry.contact import polygon_contact
+from evoros.geometry.polygon import polygon_contact
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
 from evoros.simulator.engines.planar_bodies import ARM_SQUARED, LOAD, Movables, Placed

@@ -9,7 +9,7 @@ from damages import flip, kinds, read_all
 from helpers import copied, cut, everything, resume, scored, tiny
 
 from evoros.base.errors import InputError
-from evoros.storage.seals import SIZE, compute_digest, unseal_json
+from evoros.storage.layout import SIZE, compute_digest, unseal_json
 from evoros.terminal.console import DONE, INPUT
 
 FREE = ("evoros.log", "status.json", "damaged", "figures")

@@ -17,8 +17,8 @@ from evoros.cli.command import evaluate
 from evoros.cli.diff import diff
 from evoros.cli.main import evoros as evolve
 from evoros.session import rebuilding as resuming
+from evoros.storage.layout import seal_json
 from evoros.storage.reading import load_run
-from evoros.storage.seals import seal_json
 from evoros.terminal.console import DONE, INPUT
 
 

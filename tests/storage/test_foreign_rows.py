@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from evoros.base.errors import InputError
 from evoros.storage.digests import describe_growing
+from evoros.storage.layout import seal_rows
 from evoros.storage.reading import load_run
 from evoros.storage.run_key import conceal, derive_key, read_key
-from evoros.storage.seals import seal_rows
 from evoros.terminal.console import DONE
 
 SHORT = ("optimizer.generations=2", "figures=[]")

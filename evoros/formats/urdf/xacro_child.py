@@ -3,6 +3,10 @@
 The program reads a request (JSON) from standard input and answers in JSON on standard output. A
 xacro file is code, because its expressions reach Python. The limits set here and the empty
 environment from the parent keep a faulty file, but not a hostile one, from harming the run.
+
+xacro from before 2014 is converted to its current form. Up to ROS Indigo, the tags of xacro needed
+no prefix, a macro could be called without one, and properties and macros could be used before their
+definitions. Documents are parsed by minidom.
 """
 
 import contextlib
@@ -11,8 +15,67 @@ import os
 import re
 import resource
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+LEGACY_TAGS = {
+    "arg": ("name", "default"),
+    "if": ("value",),
+    "include": ("filename",),
+    "insert_block": ("name",),
+    "macro": ("name",),
+    "property": ("name",),
+    "unless": ("value",),
+}
+"""Tags of xacro, with attributes that distinguish them from equally named tags of, say, SDF."""
+
+_DEFINITIONS = ("xacro:property", "xacro:macro", "xacro:include")
+_URDF = (
+    *("robot", "link", "joint", "material", "origin", "parent", "child", "axis", "limit", "mimic"),
+    *("calibration", "dynamics", "safety_controller", "inertial", "mass", "inertia", "visual"),
+    *("collision", "geometry", "box", "cylinder", "sphere", "capsule", "mesh", "color", "texture"),
+    *("contact", "verbose"),
+)
+_FOREIGN = ("gazebo", "transmission", "ros2_control", "sensor")
+"""Elements with children that are neither URDF nor xacro."""
+
+
+def add_prefixes(root: Any) -> Iterator[str]:
+    """Add ``xacro:`` to the tags of a document that lack it; yield each of them."""
+    for tag, attributes in LEGACY_TAGS.items():
+        for element in root.getElementsByTagName(tag):
+            if all(map(element.hasAttribute, attributes)):
+                rename(element, tag)
+                yield tag
+
+
+def rename(element: Any, tag: str) -> None:
+    """Give an element a tag of xacro."""
+    element.tagName = element.nodeName = f"xacro:{tag}"
+
+
+def move_definitions(root: Any) -> None:
+    """Move properties, macros and includes, in this order, before all other elements."""
+    elements = [child for child in root.childNodes if child.nodeType == child.ELEMENT_NODE]
+    moved = [e for tag in _DEFINITIONS for e in elements if e.tagName == tag]
+    for element in reversed(moved):
+        root.removeChild(element)
+        root.insertBefore(element, root.firstChild)
+
+
+def calls_macro(element: Any, macros: Any) -> bool:
+    """Return True if an element without a prefix can only be a macro call."""
+    if element.tagName in _URDF or element.tagName not in macros:
+        return False
+    above = element.parentNode
+    while above is not None and above.nodeType == above.ELEMENT_NODE:
+        if above.tagName in _FOREIGN:
+            return False
+        above = above.parentNode
+    document = element.ownerDocument.documentElement
+    return bool(document is not None and document.tagName == "robot")
+
 
 MEMORY_BYTES = 1 << 30
 OUTPUT_CHARACTERS = 1 << 24
@@ -54,7 +117,7 @@ def _patch_xacro(packages: Any, request: dict[str, Any]) -> Any:
     import xacro  # type: ignore[import-untyped, unused-ignore]
     from xacro import substitution_args
 
-    from evoros.formats.urdf.xacro_legacy import add_prefixes, move_definitions
+    from evoros.formats.urdf.xacro_child import add_prefixes, move_definitions
 
     os.environ.update(request["environment"])
     original_parse, original_extension = xacro.parse, xacro.eval_extension
@@ -96,7 +159,7 @@ def _patch_xacro(packages: Any, request: dict[str, Any]) -> Any:
 
 def _skip_absent(xacro: Any, packages: Any) -> None:
     """Make xacro leave out files of ignored or missing packages, and calls of their macros."""
-    from evoros.formats.urdf.xacro_legacy import calls_macro, rename
+    from evoros.formats.urdf.xacro_child import calls_macro, rename
 
     process_include, handle_macro_call = xacro.process_include, xacro.handle_macro_call
 
@@ -130,7 +193,7 @@ def _skip_absent(xacro: Any, packages: Any) -> None:
 
 def _rename_prefix(root: Any) -> None:
     """Rename a different prefix bound to xacro to ``xacro:``, the only one that xacro knows."""
-    from evoros.formats.urdf.xacro_legacy import rename
+    from evoros.formats.urdf.xacro_child import rename
 
     prefixes = [
         name.partition(":")[2]

@@ -6,8 +6,7 @@ from pathlib import Path
 
 from evoros.files.origin import read_origin
 from evoros.files.resources import expand_home
-from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import DONE, print_result, reports_errors
+from evoros.terminal.console import DONE, CommandParser, print_result, reports_errors
 
 NAME = "evoros archive"
 ABOUT = f"""{NAME} writes finished runs, evaluations and sweeps into one zip file: an RO-Crate.

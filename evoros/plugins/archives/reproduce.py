@@ -10,8 +10,15 @@ from typing import TYPE_CHECKING
 from evoros.cli.reporting import WORST_FIRST, Interrupts, JobResult, explain_end
 from evoros.files.origin import read_origin
 from evoros.files.resources import expand_home
-from evoros.terminal.arguments import CommandParser, require_keys
-from evoros.terminal.console import DIFFERENT, DONE, print_result, report_error, report_errors
+from evoros.terminal.console import (
+    DIFFERENT,
+    DONE,
+    CommandParser,
+    print_result,
+    report_error,
+    report_errors,
+    require_keys,
+)
 from evoros.terminal.log import log_everything
 
 if TYPE_CHECKING:

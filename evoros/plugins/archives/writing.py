@@ -36,8 +36,15 @@ from evoros.plugins.archives.layout import (
 from evoros.plugins.archives.software import list_software, read_code
 from evoros.session.rebuilding import rebuild
 from evoros.storage import archives
-from evoros.storage.file_reading import read_bytes, read_sealed
-from evoros.storage.layout import CONFIG, CONFIG_DIR, MANIFEST, STATUS, TRAJECTORIES
+from evoros.storage.layout import (
+    CONFIG,
+    CONFIG_DIR,
+    MANIFEST,
+    STATUS,
+    TRAJECTORIES,
+    read_bytes,
+    read_sealed,
+)
 from evoros.storage.portable import PortableRun
 
 _SHORTEST = 8

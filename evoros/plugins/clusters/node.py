@@ -26,8 +26,7 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.errors import WorkerLost
 from evoros.base.rng import generator
-from evoros.executor.protocol import RAISED, Answer
-from evoros.executor.threads import ONE_THREAD
+from evoros.executor.protocol import ONE_THREAD, RAISED, Answer
 from evoros.files.resources import PACKAGE
 from evoros.plugins.clusters.companion import Stop
 

@@ -19,8 +19,7 @@ from evoros.files.nested import parse_json
 from evoros.mission.plan import VALIDATION
 from evoros.observers import protocol
 from evoros.session.reproduction import list_finished
-from evoros.storage.file_reading import read_bytes
-from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, evaluates, read_json
+from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, evaluates, read_bytes, read_json
 from evoros.storage.reading import Run
 
 PREFIX = "benchmark_"

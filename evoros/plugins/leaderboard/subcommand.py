@@ -9,8 +9,14 @@ from typing import TYPE_CHECKING
 
 from evoros.base.errors import InputError
 from evoros.files.resources import expand_home
-from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import DIFFERENT, DONE, print_result, report_error, reports_errors
+from evoros.terminal.console import (
+    DIFFERENT,
+    DONE,
+    CommandParser,
+    print_result,
+    report_error,
+    reports_errors,
+)
 
 if TYPE_CHECKING:
     from evoros.plugins.leaderboard.rows import Row

@@ -10,8 +10,7 @@ from typing import NoReturn
 
 from evoros.base.errors import EvorosError, InputError
 from evoros.files.resources import expand_home
-from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import print_result, reports_errors
+from evoros.terminal.console import CommandParser, print_result, reports_errors
 
 NAME = "evoros watch"
 ABOUT = """Shows runs, evaluations and sweeps on a live browser page, without writing files. The

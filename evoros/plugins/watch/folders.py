@@ -8,7 +8,7 @@ from pathlib import Path
 from evoros.analysis.tables.loading import shorten_names
 from evoros.base.errors import InputError
 from evoros.files.disk import open_regular
-from evoros.session.overview import Overview, survey
+from evoros.session.status import Overview, survey
 from evoros.storage.layout import LOG, RUNNING, STATUS, folders_below
 
 FIGURES_OF = (

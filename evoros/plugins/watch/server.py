@@ -22,7 +22,7 @@ from evoros.analysis.report import frame
 from evoros.analysis.report.page import SCRIPTS
 from evoros.base.errors import InputError
 from evoros.plugins.watch.folders import Look
-from evoros.session.overview import COLUMNS, Overview, list_cells, write_clock
+from evoros.session.status import COLUMNS, Overview, list_cells, write_clock
 from evoros.storage.layout import FINISHED, RUNNING
 
 WORDS = ("run", "state")

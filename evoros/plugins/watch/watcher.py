@@ -28,7 +28,7 @@ from evoros.base.errors import InputError, single_line
 from evoros.executor.processes import available_cores
 from evoros.plugins.watch import server
 from evoros.plugins.watch.folders import Folders, Look
-from evoros.session.overview import is_locked
+from evoros.session.status import is_locked
 from evoros.terminal.log import withhold_messages
 
 PLANE = ["evoros.simulator.planar.Planar"]

@@ -9,7 +9,6 @@ import numpy as np
 
 from evoros.base.arrays import NO_VALUES, Array, Matrix
 from evoros.base.compilable import compilable
-from evoros.geometry.contact import polygon_contact
 from evoros.geometry.footprint import (
     FOOTPRINT_SIZE,
     Footprint,
@@ -20,7 +19,7 @@ from evoros.geometry.footprint import (
     top_height,
 )
 from evoros.geometry.grid import GRID_SIZE, Grid
-from evoros.geometry.polygon import transform_polygon
+from evoros.geometry.polygon import polygon_contact, transform_polygon
 from evoros.geometry.ray import FACE_SIZE, OBSTACLE_SIZE, place_obstacle
 from evoros.geometry.shapes import Body, Pose
 from evoros.world.model import KEPT_WORLDS, World

@@ -5,10 +5,9 @@ from typing import NamedTuple
 from evoros.base.arrays import CONTACT, Array, Matrix
 from evoros.base.compilable import compilable
 from evoros.base.packing import unpack
-from evoros.geometry.contact import polygon_contact
 from evoros.geometry.footprint import CENTRE_X, CENTRE_Y, CIRCLE, END, RADIUS, START
 from evoros.geometry.grid import cell_at
-from evoros.geometry.polygon import polygon_distance, transform_polygon
+from evoros.geometry.polygon import polygon_contact, polygon_distance, transform_polygon
 from evoros.simulator.engines import planar_bodies as bodies
 from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_bodies import Movables, Placed, PlanarPose

@@ -17,9 +17,9 @@ from typing import NamedTuple, TypeAlias
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
-from evoros.geometry.contact import polygon_contact
 from evoros.geometry.footprint import CENTRE_X, CENTRE_Y, CIRCLE, END, RADIUS, START
 from evoros.geometry.grid import cell_at
+from evoros.geometry.polygon import polygon_contact
 from evoros.simulator.engines import planar_bodies as bodies
 from evoros.simulator.engines.planar_bodies import Movables, Placed, PlanarPose, place_body, pose_of
 

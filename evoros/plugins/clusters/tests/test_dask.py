@@ -29,8 +29,7 @@ from helpers import ROOT, TINY, content, resume, start, tiny, wait_for_missions
 
 from evoros.base.errors import InputError, RunStopped, WorkerLost
 from evoros.cli.main import evoros
-from evoros.executor.protocol import pack_call
-from evoros.executor.threads import ONE_THREAD
+from evoros.executor.protocol import ONE_THREAD, pack_call
 from evoros.executor.worker_handle import Limits
 from evoros.plugins.clusters import dask_cluster
 from evoros.plugins.clusters.companion import Request

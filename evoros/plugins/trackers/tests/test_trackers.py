@@ -16,7 +16,7 @@ from evoros.observers.protocol import ObservedRun
 from evoros.plugins.trackers.mlflow import Mlflow
 from evoros.plugins.trackers.tensorboard import Tensorboard
 from evoros.plugins.trackers.wandb import FOREIGN, Wandb, read_log
-from evoros.storage.file_reading import hash_file
+from evoros.storage.layout import hash_file
 from evoros.terminal.console import DONE, STOPPED
 from evoros.testing import ObserverSuite
 from evoros.testing.observer import end, example_run

@@ -14,7 +14,7 @@ from helpers import ROOT, copied, cut, finished_run, resume, start
 from selenium.webdriver import Chrome
 from selenium.webdriver.support.ui import WebDriverWait
 
-from evoros.storage.seals import seal_json
+from evoros.storage.layout import seal_json
 from evoros.terminal.console import DONE
 
 pytestmark = pytest.mark.slow
