@@ -141,6 +141,6 @@ def is_of(message: str, key: str) -> bool:
 
     ``NAME`` may have been replaced by the name of a world, and lines may be broken.
     """
-    texts = [text for text, other in PROPOSALS.items() if other == key]
+    texts = [" ".join(text.split()) for text, other in PROPOSALS.items() if other == key]
     patterns = [".*".join(map(re.escape, re.split(r"\{[^{}]*\}|NAME|%\w", text))) for text in texts]
     return any(re.search(pattern, " ".join(message.split())) for pattern in patterns)

@@ -146,16 +146,8 @@ RUNS = (
     Words("evoros/optimizer/protocol.py optimizer=random_search", "design.number=0"),
 )
 
-NOTES = "it reports what was done or what a result means, and refuses nothing"
 FINISHED = "its figure needs finished runs"
-ENGINE = "an engine, the system or a device must fail"
-WORKERS = "a worker must be lost, or a part must not pickle"
 EVALUATIONS = "it needs a finished run, or a file of an option"
-INSPECTED = "it needs a world with the fault"
-DRIVEN = "it needs a trial drive in an engine"
-OWN_PART = "a part of the user's own must lack what another part needs"
-MOVED = "what was typed must be moved to another key"
-SLOW = "its input takes minutes to build"
 UNTYPED: Mapping[str, str] = {
     "analysis/figures/regions.py design=around": FINISHED,
     "analysis/run_figures.py figures": FINISHED,
@@ -163,12 +155,7 @@ UNTYPED: Mapping[str, str] = {
     "evoros/api.py designs=FOLDER": EVALUATIONS,
     "evoros/config/recorded.py {key}={number}": EVALUATIONS,
     "evoros/session/replay.py simulator=planar": EVALUATIONS,
-    "evoros/cli/summary.py validation.max_trials={wanted}": NOTES,
-    "evoros/cli/summary.py final_choice=halving": NOTES,
-    "evoros/cli/summary.py trials=5": NOTES,
-    "evoros/cli/summary.py {growing}={max(numbers)}": NOTES,
     "evoros/design/team.py agents.{name}.design.number=0": EVALUATIONS,
-    "evoros/evolution/loop.py record=champion": NOTES,
     "evoros/mission/member.py +design@{self.key}design=...": EVALUATIONS,
     "evoros/plugins/evo_ros_2018/claims.py optimizer.generations={EARLY + 10}": FINISHED,
     "evoros/plugins/evo_ros_2018/claims.py failure={kind}": FINISHED,
@@ -182,8 +169,6 @@ UNTYPED: Mapping[str, str] = {
     "evoros/plugins/evo_ros_2018/numbered_figures.py failure={failure}": FINISHED,
     "evoros/plugins/openscenario/injections.py failure.sensors": EVALUATIONS,
     "evoros/plugins/openscenario/simulation.py world=maze": EVALUATIONS,
-    "evoros/plugins/watch/watcher.py record=all": NOTES,
-    "evoros/preflight/drive.py robot.drive.turning_resistance={resistance}{RIGHT}": DRIVEN,
     "evoros/session/design_tables.py agents=...": EVALUATIONS,
     "evoros/session/evaluation.py evaluation_draws=validation": EVALUATIONS,
     "evoros/session/evaluation.py designs=FILE.csv": EVALUATIONS,

@@ -93,7 +93,7 @@ def check_precision(validation: Validation, missions: int, bounds: Sequence[floa
     room, count = (level, level), validation.max_trials * missions
     if _can_be_narrow(validation, room, count, validation.confidence):
         return
-    reached = find_least_width(room, count, validation.confidence) / 2
+    reached = 1.05 * find_least_width(room, count, validation.confidence) / 2  # rounded up below
     wanted = validation.max_trials
     while not _can_be_narrow(validation, room, wanted * missions, validation.confidence):
         wanted *= 2

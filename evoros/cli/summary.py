@@ -218,7 +218,8 @@ def _describe_precision(certificate: Mapping[str, Any]) -> str:
     if wanted is None:
         return f"; precision {precision:g} cannot be reached"
     return (
-        f"; precision {precision:g} was not reached; validation.max_trials={wanted} should suffice"
+        f"; precision {precision:g} was not reached; a new run with validation.max_trials={wanted} "
+        f"should reach it"
     )
 
 

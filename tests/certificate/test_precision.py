@@ -90,6 +90,8 @@ def test_a_precision_that_no_trials_reach_is_refused_with_what_to_set() -> None:
     check_precision(Validation(), 3, (3.0, 24.0))
     with pytest.raises(InputError, match=r"validation\.precision") as refusal:
         check_precision(Validation(precision=0.001), 3, (3.0, 24.0))
+    (reached,) = re.findall(r"at least ([\d.]+)", str(refusal.value))
+    check_precision(Validation(precision=float(reached)), 3, (3.0, 24.0))
     most = int(str(refusal.value).rpartition("=")[2].rstrip(")"))
     check_precision(Validation(precision=0.001, max_trials=most), 3, (3.0, 24.0))
 

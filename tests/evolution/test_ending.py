@@ -1,12 +1,14 @@
 """How a run ends: its final choice, and the certificate of its champion."""
 
 import json
+import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from helpers import USER_PARTS, content, copied, cut, finished_run, resume, tiny
+from proposal_sites import is_of
 
 from evoros import load_run, replay
 from evoros.base.combining import mean
@@ -155,7 +157,7 @@ def make_rival(design: int, low: float, high: float) -> dict[str, object]:
         (
             [(4, 9), (8.5, 10)],
             3.21,
-            "design 1 is better by at least 0.50; set final_choice=halving",
+            "design 1 is better by at least 0.50; ",
         ),
         ([(4, 9)], None, "but without an interval to compare them by"),
         ([], None, "none tested on the same draws"),
@@ -169,6 +171,11 @@ def test_the_summary_says_whether_a_rival_is_better(
     text = summarize(run, tmp_path / "run", **changes, rival_advantage=advantage)
     (line,) = (line for line in text.splitlines() if line.startswith("rivals "))
     assert said in line
+    halving = "evoros/cli/summary.py final_choice=halving"
+    assert is_of(line, halving) == said.startswith("design 1 is better")
+    changes["finalists"] = certificate(run)["finalists"]  # the run has typed what is proposed
+    text = summarize(run, tmp_path / "again", **changes, rival_advantage=advantage)
+    assert not is_of(text, halving)
 
 
 @pytest.mark.parametrize(
@@ -176,10 +183,7 @@ def test_the_summary_says_whether_a_rival_is_better(
     [
         ({"precision": None}, "in 5 fresh trials (95 % interval 7.0 to 9.4)"),
         ({"precision": 1.5, "precision_trials": None}, "on the draws that selected it"),
-        (
-            {"precision": 0.1, "precision_trials": 420},
-            "not reached; validation.max_trials=420 should suffice",
-        ),
+        ({"precision": 0.1, "precision_trials": 420}, "not reached; a new run with validation."),
         (
             {"precision": 0.1, "precision_trials": None},
             "precision 0.1 cannot be reached",
@@ -194,6 +198,14 @@ def test_the_summary_says_how_the_interval_becomes_narrower(
     (line,) = (line for line in text.splitlines() if line.startswith("fitness "))
     assert said in line
     assert changes["precision"] != 1.5 or line.endswith(said)
+
+
+def test_a_run_with_the_trials_that_are_proposed_reaches_the_precision(tmp_path: Path) -> None:
+    text = summary.summarize(finished_run(tmp_path / "few", *PRECISE))
+    assert is_of(text, "evoros/cli/summary.py validation.max_trials={wanted}")
+    (typed,) = re.findall(r"validation\.max_trials=\d+", text)
+    more = summary.summarize(finished_run(tmp_path / "more", *PRECISE, typed))
+    assert "precision" not in more
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """On Pythons without PyBullet, everything works but its own simulator."""
 
+import shlex
 import sys
 from pathlib import Path
 
@@ -29,12 +30,14 @@ def _without_pybullet(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_run_of_the_default_is_checked_in_physics_filmed_replayed_and_reproduced(
-    tmp_path: Path,
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run, checked = tmp_path / "run", tmp_path / "checked"
     assert evoros([*SMALL, f"hydra.run.dir={run}"]) == DONE
-    physics = [f"designs={run}", "world=boxes", "course.time_limit_s=20", "simulator=physics"]
-    assert evoros(["evaluate", *physics, "executor=serial", f"hydra.run.dir={checked}"]) == DONE
+    (line,) = [text for text in capsys.readouterr().out.splitlines() if "check in physics" in text]
+    assert is_of(line, "evoros/cli/summary.py trials=5")
+    words = shlex.split(line.partition(" evoros ")[2])
+    assert evoros([*words, "executor=serial", f"hydra.run.dir={checked}"]) == DONE
     (row,) = load_run(run).missions.head(1).to_dict("records")
     _, trajectory = replay(run, (row["generation"], row["design"], row["world"], row["trial"]))
     assert len(trajectory) > 10

@@ -450,8 +450,13 @@ def test_skid_steer_in_pybullet_is_told_once_with_the_engine_in_which_it_holds()
 def test_a_turning_resistance_is_proposed_only_if_it_was_driven_right() -> None:
     """The drive assumes twice the resistance that wheels on this track have."""
     assumed = ["robot=mule", "design=around", "robot.drive.turning_resistance=3"]
-    wrong = replace(build(*assumed), simulator=Mujoco())
-    (line,) = check_drive(wrong)
+    proposed = "evoros/preflight/drive.py robot.drive.turning_resistance={resistance}{RIGHT}"
+    (line,) = check_drive(replace(build(*assumed), simulator=PyBullet()))
+    assert is_of(line, proposed)
+    (typed,) = re.findall(r"robot\.drive\.turning_resistance=[\d.]+", line)
+    assert "use simulator=mujoco" in line
+    assert check_drive(replace(build(*assumed[:2], typed), simulator=Mujoco())) == []
+    (line,) = check_drive(replace(build(*assumed), simulator=Mujoco()))
     assert is_of(line, "evoros/preflight/drive.py robot.drive.turning_resistance={resistance}")
     advice = re.search(r"set robot\.drive\.turning_resistance=(\S+),", line)
     assert advice is not None, line

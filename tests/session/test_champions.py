@@ -5,6 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from helpers import TINY, everything, resume, tiny
+from proposal_sites import is_of
 
 from evoros.cli.command import evaluate
 from evoros.storage.reading import load_run
@@ -70,6 +71,9 @@ def test_the_first_missions_of_all_of_them_are_kept_and_no_others(
     alone = ("record=champion", "optimizer.generations=2")
     assert tiny(tmp_path / "alone", *SEARCH, *alone) == DONE
     assert not kept_files(tmp_path / "alone")
+    again = "evoros/evolution/loop.py record=champion"
+    assert is_of((run / "evoros.log").read_text(), again)
+    assert not is_of((tmp_path / "alone" / "evoros.log").read_text(), again)
 
 
 def key_of(row: "pd.Series[str]") -> tuple[int, int, str, int]:

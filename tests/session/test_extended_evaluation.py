@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from helpers import TINY, everything, refused, resume
+from proposal_sites import is_of
 
 from evoros.cli.command import evaluate
 from evoros.cli.main import evoros
@@ -16,7 +17,7 @@ from evoros.session.diff import diff_runs
 from evoros.storage.digests import DigestLog
 from evoros.storage.mission_table import open_locked
 from evoros.storage.run_folder import RunFolder
-from evoros.terminal.console import INPUT, INTERRUPTED, NOT_DECIDED
+from evoros.terminal.console import DONE, INPUT, INTERRUPTED, NOT_DECIDED
 
 TWO = "design,sensor,x_m,y_m,yaw_deg\na,0,0.2,0,0\nb,0,0.1,0,-60\n"
 CLOSE = "+requirements.close={of: progress, at_least: 0.5, confidence: 0.999}"
@@ -235,13 +236,13 @@ def test_the_executor_of_the_extension_is_not_recorded(few: Path) -> None:
 
 
 def test_what_is_undecided_says_what_to_type(few: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The printed command, as a shell reads it, has more trials and is one that resumes."""
+    """The printed command, as a shell reads it, has more trials, which decide."""
     assert resume(few) == NOT_DECIDED
     (line,) = [
         line for line in capsys.readouterr().out.splitlines() if line.startswith("to decide ")
     ]
+    assert is_of(line, "evoros/cli/summary.py {growing}={max(numbers)}")
     command, verb, folder, *options = shlex.split(line.removeprefix("to decide "))
     assert (command, verb, Path(folder)) == ("evoros", "resume", few)
-    (trials,) = (text for text in options if text.startswith("trials="))
-    assert int(trials.removeprefix("trials=")) > 4
-    assert evoros([verb, folder, *options[:-1], "trials=5"]) == NOT_DECIDED
+    assert evoros([verb, folder, *options]) == DONE
+    assert "to decide" not in capsys.readouterr().out

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from helpers import copied, cut, finished_run
 from markupsafe import Markup
+from proposal_sites import is_of
 
 from evoros.analysis.report.frame import Page
 from evoros.analysis.report.playback import Flown, encode_playback, encode_shown
@@ -199,6 +200,14 @@ def test_missions_flown_again_are_those_that_were_recorded(tmp_path: Path) -> No
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(Flights, "_fly", None)  # the same design is not flown twice
             assert flights.update(load_study([run])).playbacks == {"run": recorded}
+
+
+@pytest.mark.parametrize("recorded", ["none", "all"])
+def test_missions_that_are_not_flown_again_can_be_recorded(recorded: str, tmp_path: Path) -> None:
+    run = finished_run(tmp_path / "whole", f"record={recorded}")
+    flown = Flights().update(load_study([interrupted(run, tmp_path / "run")]))
+    told = is_of("".join(flown.notes), "evoros/plugins/watch/watcher.py record=all")
+    assert told == (recorded == "none")
 
 
 def test_a_run_that_does_not_run_is_not_flown(tmp_path: Path) -> None:
