@@ -14,7 +14,7 @@ from hydra.utils import get_object, instantiate
 from omegaconf import DictConfig, OmegaConf
 
 from evoros.base.errors import InputError
-from evoros.config.messages import describe_build_error
+from evoros.config.messages import describe_build_error, name_owners
 from evoros.config.own_files import NAMED_FOLDERS, find_key
 from evoros.config.references import IS_LATER, settle
 from evoros.evolution.experiment import Experiment
@@ -102,9 +102,11 @@ def _check_arguments(node: Any, key: str, choices: Mapping[str, str]) -> None:
         if name not in parameters and not name.startswith("_"):
             files = find_key(key, name, choices)
             place = f" in {' or '.join(map(str, files))}" if files else ""
-            raise InputError(
-                f"{where}unknown key {name!r}; remove it or correct its spelling{place}"
-            )
+            owners = name_owners(key, name)
+            fix = f"remove it or correct its spelling{place}"
+            if owners:
+                fix = f"{owners}; remove it{place}, or type ~{key}.{name}"
+            raise InputError(f"{where}unknown key {name!r}; {fix}")
     for name, parameter in parameters.items() if not node.get("_partial_") else ():
         is_named = parameter.kind in (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
         if is_named and parameter.default is Parameter.empty and not {name, "_args_"} & node.keys():

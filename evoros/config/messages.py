@@ -21,7 +21,9 @@ from omegaconf.errors import OmegaConfBaseException
 
 from evoros.base.errors import EvorosError, override, shell_line, single_line
 from evoros.config.own_files import locate_fault
+from evoros.files.nested import read_yaml
 from evoros.files.plugins import explain_missing
+from evoros.files.resources import bundled_folder
 
 HELP = "see evoros --help for groups and keys"
 LONGEST = 1000
@@ -157,6 +159,17 @@ def describe_unknown(config: DictConfig, key: str) -> str:
     return ""
 
 
+def name_owners(group: str, name: str) -> str:
+    """Name the bundled choices of a group whose class has a parameter ``name``; may be empty."""
+    found = []
+    folder = bundled_folder("conf") / group.replace(".", "/")
+    for path in sorted(folder.glob("*.yaml")) if group else ():
+        target = read_yaml(path)[0].get("_target_")
+        if target and name in inspect.signature(get_object(target)).parameters:
+            found.append(path.stem)
+    return f"it belongs to {' or '.join(found)} in the group {group}" if found else ""
+
+
 def _no_such_key(key: str, parent: Any, above: str, rest: Sequence[str]) -> str:
     """Describe a key of which ``above`` exists, as ``parent``, but ``rest`` does not."""
     siblings, last = _list_keys(parent), rest[-1]
@@ -167,7 +180,11 @@ def _no_such_key(key: str, parent: Any, above: str, rest: Sequence[str]) -> str:
     is_own = target.startswith("evoros.")
     if parent is None or (is_own and last in inspect.signature(get_object(target)).parameters):
         return f"{key}: is not in the configuration; to add it, type +{key}=..."
-    if below or corrected:
+    group = above.rstrip(".")
+    owners = name_owners(group, rest[0])
+    if owners:
+        fix = f"{owners}; leave it out, or change the choice"
+    elif below or corrected:
         fix = f"did you mean {above}{below[0] if below else '.'.join(corrected)}"
     return f"{key}: must be an existing key; {fix}"
 

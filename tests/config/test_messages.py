@@ -93,6 +93,24 @@ def test_an_unknown_key_is_told_with_the_file_that_has_it(tmp_path: Path) -> Non
         compose(["+fitness.price=3"], config_dir=tmp_path).build()
 
 
+def test_a_key_of_another_choice_is_told_with_its_choice_and_dropped_as_the_message_says(
+    tmp_path: Path,
+) -> None:
+    """The choice changes, and the keys that were meant for the earlier one remain."""
+    (tmp_path / "experiment").mkdir()
+    file = tmp_path / "experiment" / "mine.yaml"
+    head = "# @package _global_\ndefaults: [override /failure: given]\n"
+    file.write_text(f"{head}failure: {{sensors: [0]}}\n")
+    words = ["experiment=mine", "failure=none"]
+    belongs = "it belongs to given in the group failure; "
+    with pytest.raises(InputError, match=rf"{belongs}remove it in {file}, or type (\S+)$") as told:
+        compose(words, config_dir=tmp_path).build()
+    compose([*words, str(told.value).split()[-1]], config_dir=tmp_path).build()
+    with pytest.raises(InputError, match=f"{belongs}leave it out, or change the choice"):
+        compose(["failure=none", "failure.sensors=[0]"])
+    assert compose(["failure=given", "failure.sensors=[0]"]).values["failure"]["sensors"] == [0]
+
+
 def test_callbacks_of_hydra_are_refused_and_not_ignored() -> None:
     with pytest.raises(InputError, match=r"hydra\.callbacks: .* leave them out"):
         Jobs(["+hydra.callbacks.mine._target_=mine.Callback"], False, None)
