@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Patch, Polygon
 from matplotlib.patheffects import withStroke
 
 from evoros.base.arrays import Array
-from evoros.geometry.footprint import Footprint, bottom_height, project_shape, top_height
+from evoros.geometry.footprint import Footprint, find_heights, project_shape
 from evoros.world.course import Course
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
@@ -68,15 +68,14 @@ def draw_obstacles(
     overhead: list[Patch] = []
     tops: list[float] = []
     for body in standing_obstacles(world):
-        for shape in body.shapes:
-            pose = body.pose @ shape.pose
-            area = project_shape(shape, pose)
-            patch = _to_patch(area)
-            if bottom_height(shape, pose) > OVERHEAD_M:
+        for shape, pose in body.placed:
+            patch = _to_patch(project_shape(shape, pose))
+            bottom, top = find_heights(shape, pose)
+            if bottom > OVERHEAD_M:
                 overhead.append(patch)
                 continue
             patches.append(patch)
-            tops.append(top_height(shape, pose))
+            tops.append(top)
     solids = PatchCollection(patches, cmap=cmap, norm=heights, ec="black", lw=0.3)
     solids.set_array(np.array(tops))
     axes.add_collection(solids)

@@ -62,11 +62,7 @@ def encode_sensors(table: pd.DataFrame) -> Iterator[Json]:
 
 def encode_obstacles(world: World) -> Iterator[Json]:
     """Yield the shapes of the obstacles in drawing order, in order of rising top."""
-    placed = [
-        (shape, body.pose @ shape.pose)
-        for body in standing_obstacles(world)
-        for shape in body.shapes
-    ]
+    placed = [solid for body in standing_obstacles(world) for solid in body.placed]
     for shape, pose in sorted(placed, key=lambda pair: top_height(*pair)):
         area = project_shape(shape, pose)
         yield _encode_shape(area.vertices, area.radius)

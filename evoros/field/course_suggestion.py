@@ -28,7 +28,7 @@ class Attempt(NamedTuple):
 
     around_m: float  # margin outside the area of all obstacles
     margin_m: float  # free space on each side of the robot
-    reach_m: float = 20.0  # maximum distance from the middle of a large world
+    reach_m: float = 20.0  # half the side of the area searched, which is near the origin
     inside: bool = False  # True: only the largest enclosed region
 
 
@@ -57,6 +57,10 @@ HOMES, CORNERS, TRIES = 12, 60, 4000
 LARGE_ENOUGH_M = 24.0  # size of a loop below which other homes are tried
 ROOM_M = 12.0  # size of a loop below which other attempts are made
 SHARES = np.linspace(0.0, 1.0, 9)  # fractions of a leg at which obstacles are looked up
+THIN = 0.02
+"""Ratio of a loop's area to its squared length below which the loop is nearly a line; a square has
+0.06."""
+STRAIGHT = 0.7  # maximum absolute cosine of the angle of a turn
 MEETING_M, MISSING = 2.0, 0.2
 """Distance within which loops should have an obstacle, and weight of loops that have none, because
 they do not exercise avoidance."""
@@ -169,9 +173,12 @@ def _find_free(
     low, high = find_bounds(*(footprints or ground or ()))
     if home is not None:
         low, high = np.minimum(low, home), np.maximum(high, home)
-    middle = (low + high) / 2
-    if np.abs(middle).max() < attempt.reach_m / 2:
-        middle = np.zeros(2)  # worlds are usually built around their origin
+    middle, wanted = (low + high) / 2, np.array(home or (0.0, 0.0))
+    if home is None and np.abs(middle).max() < attempt.reach_m / 2:
+        middle = wanted  # worlds are usually built around their origin
+    else:  # as near to home or the origin as the world's area permits
+        ends = np.minimum(low + attempt.reach_m, middle), np.maximum(high - attempt.reach_m, middle)
+        middle = np.clip(wanted, *ends)
     low = np.maximum(low - attempt.around_m, middle - attempt.reach_m)
     high = np.minimum(high + attempt.around_m, middle + attempt.reach_m)
     return FreeSpace.within(low, high, footprints, radius_m + attempt.margin_m, ground)
@@ -218,7 +225,8 @@ def _find_loop(
 
     The corners are at least the first of ``spacings`` [m] apart, or else the second. The value is
     the loop's length [m] plus its area [m2], so loops around something rank above routes that go
-    back and forth. Loops without obstacles nearby rank last.
+    back and forth. Loops without obstacles nearby rank last. A way around a corner and back may
+    replace a loop that is nearly a line.
     """
     lengths = np.linalg.norm(points[:, None] - points[None], axis=2)
     near = (lengths >= min(spacings)) & (lengths <= LONGEST_LEG_M)
@@ -233,13 +241,35 @@ def _find_loop(
         valid = legs[starts, ends].all(axis=1) & (spread >= spacing)
         if valid.any():
             starts, ends = points[loops[valid]], points[np.roll(loops, -1, axis=1)[valid]]
-            size = _enclosed_area(starts) + np.linalg.norm(ends - starts, axis=2).sum(axis=1)
+            area, around = _enclosed_area(starts), np.linalg.norm(ends - starts, axis=2).sum(axis=1)
+            size = area + around
             along = starts + SHARES[:, None, None, None] * (ends - starts)
             meets = (space.measure_clearance(along) <= MEETING_M).any(axis=(0, 2))
             size = np.where(meets, size, MISSING * size)
             largest = int(size.argmax())
-            return _Route(float(size[largest]), starts[largest])
+            loop = _Route(float(size[largest]), starts[largest])
+            if area[largest] >= THIN * around[largest] ** 2:
+                return loop
+            turn = _find_turn(points, lengths, legs, spacing)
+            return turn if turn is not None and turn.value > loop.value else loop
     return None
+
+
+def _find_turn(
+    points: Array, lengths: Array, legs: NDArray[np.bool_], spacing: float
+) -> _Route | None:
+    """Find the longest way of two legs that turns around a corner, and back; None if there is none.
+
+    Its value is its length [m].
+    """
+    out, on = points - points[0], points[None] - points[:, None]
+    along = np.abs((out[:, None] * on).sum(axis=2))
+    turns = along <= STRAIGHT * lengths[0][:, None] * lengths
+    valid = legs[0][:, None] & legs & turns & (lengths[0] >= spacing)
+    total = np.where(valid, 2.0 * (lengths[0][:, None] + lengths), 0.0)
+    corner, end = divmod(int(total.argmax()), len(points))
+    route = _Route(float(total[corner, end]), points[[0, corner, end, corner]])
+    return route if valid.any() else None
 
 
 def _order_around(points: Array, loops: NDArray[np.int64]) -> NDArray[np.int64]:

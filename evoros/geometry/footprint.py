@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -94,8 +95,24 @@ def _circumscribe(along: float, across: float) -> Array:
 
 def bottom_height(shape: Shape, pose: Pose) -> float:
     """Return the height [m] of the lowest point of a shape other than a plane, at ``pose``."""
+    return find_heights(shape, pose)[0]
+
+
+def top_height(shape: Shape, pose: Pose) -> float:
+    """Return the height [m] of the highest point of a shape other than a plane, at ``pose``."""
+    return find_heights(shape, pose)[1]
+
+
+def lowest_point(body: Body) -> float:
+    """Return the height [m] of the lowest point of a body."""
+    return min(bottom_height(*solid) for solid in body.placed)
+
+
+def find_heights(shape: Shape, pose: Pose) -> tuple[float, float]:
+    """Return the heights [m] of a shape's lowest and highest point; not for planes."""
     if shape.kind in ("convex", "heightfield"):
-        return float(_extreme_points(shape, pose, -math.inf, math.inf)[:, 2].min())
+        heights = _extreme_points(shape, pose, -math.inf, math.inf)[:, 2]
+        return float(heights.min()), float(heights.max())
     up = pose.rotation[2]  # the world's z axis in the frame of the shape
     if shape.kind == "sphere":
         depth = shape.size[0]
@@ -104,27 +121,19 @@ def bottom_height(shape: Shape, pose: Pose) -> float:
     else:
         radius, length = shape.size
         depth = radius * math.hypot(up[0], up[1]) + length / 2 * abs(float(up[2]))
-    return pose.position[2] - depth
-
-
-def top_height(shape: Shape, pose: Pose) -> float:
-    """Return the height [m] of the highest point of a shape other than a plane, at ``pose``."""
-    if shape.kind in ("convex", "heightfield"):
-        return float(_extreme_points(shape, pose, -math.inf, math.inf)[:, 2].max())
-    # The other shapes are symmetric about their centres.
-    return 2.0 * pose.position[2] - bottom_height(shape, pose)
+    bottom = pose.position[2] - depth
+    return bottom, 2.0 * pose.position[2] - bottom  # symmetric about its centre
 
 
 def project_bodies(bodies: Iterable[Body], below_m: float = math.inf) -> tuple[Footprint, ...]:
     """Project all solid shapes between the ground and a height [m]; polyhedra are cut at both."""
-    placed = [(shape, body.pose @ shape.pose) for body in bodies for shape in body.shapes]
-    return tuple(
-        project_shape(shape, pose, 0.0, below_m)
-        for shape, pose in placed
-        if shape.kind != "plane"
-        and bottom_height(shape, pose) < below_m
-        and top_height(shape, pose) > 0.0
-    )
+    areas = []
+    for shape, pose in chain.from_iterable(body.placed for body in bodies):
+        if shape.kind != "plane":
+            bottom, top = find_heights(shape, pose)
+            if bottom < below_m and top > 0.0:
+                areas.append(project_shape(shape, pose, 0.0, below_m))
+    return tuple(areas)
 
 
 def bounding_circle(footprint: Footprint) -> tuple[float, float, float]:
@@ -180,6 +189,9 @@ def _turns_left(a: tuple[int, int], b: tuple[int, int], c: tuple[int, int]) -> b
 
 def contains(footprint: Footprint, point: Sequence[float]) -> bool:
     """Return True if a point [x, y] lies in a footprint or on its border."""
+    low, high = find_bounds(footprint)
+    if (low > point).any() or (high < point).any():
+        return False
     points = np.array([[point[0], point[1]]], dtype=np.float64)
     return bool(_polygon_distances(footprint.vertices, points)[0] <= footprint.radius)
 

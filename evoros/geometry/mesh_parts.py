@@ -96,11 +96,18 @@ def _cut(triangles: Array, height: float) -> Array:
 @dataclass(frozen=True)
 class _Limits:
     surfaces: int  # connected parts; beyond this number, small neighbours are joined
-    plates: int  # plates of all open surfaces together
+    plates: int  # further plates, which surfaces share by area
     parts: int  # parts of one solid
 
 
-_SMALL, _LARGE = _Limits(256, 128, 64), _Limits(2048, 4096, 256)
+def _limit_pieces(most: int, extent: float) -> int:
+    """Return the number of pieces, up to ``most``, that a surface of an extent [m] may have."""
+    return min(most, max(_FEWEST, math.ceil(2 * extent / TOLERANCE_M)))
+
+
+_FEWEST = 12  # minimum of a limit on the number of pieces of a surface
+_PLATES = 128  # maximum number of plates of a surface, unless its share is larger
+_SMALL, _LARGE = _Limits(256, 0, 64), _Limits(2048, 4096, 256)
 _LARGE_M = 5.0  # extent from which a mesh counts as a building or a landscape
 _MOST_FACES = 2000  # maximum number of faces of a solid that is cut; a finer one is coarsened
 _FULL = 0.9  # fraction of its hull that a solid must fill to be replaced by the hull
@@ -180,7 +187,8 @@ class _Divider:
             error = cell
             solid, cell = solid.simplify(cell), 1.5 * cell
         allowed = (self._limit - self.work) / 2  # the rest is left for other surfaces
-        pieces, work, is_cut_short = divide(solid, tolerance, self._limits.parts, allowed)
+        most = _limit_pieces(self._limits.parts, extent)
+        pieces, work, is_cut_short = divide(solid, tolerance, most, allowed)
         self.work += work
         self.is_cut_short |= is_cut_short
         hulls = [hull for piece in pieces if (hull := make_hull(piece.points)) is not None]
@@ -188,7 +196,8 @@ class _Divider:
 
     def _make_plates(self, surface: Surface, extent: float) -> tuple[list[Hull], float]:
         """Return the hulls of a surface's flat polygons, and their deviation [m]."""
-        most = max(_SMALL.plates, int(self._limits.plates * surface.area / self._area))
+        share = int(self._limits.plates * surface.area / self._area)
+        most = max(_limit_pieces(_PLATES, extent), share)
         most_faces = min(8 * most, (self._limit - self.work) / _FACE_WORK)
         coarse, error, cell = surface, 0.0, min(max(extent / 200, 0.002), 0.1)
         polygons: list[Array] = []

@@ -33,7 +33,7 @@ class Polyhedron(NamedTuple):
     faces: Array  # (f, 4): a point p is inside if faces[:, :3] @ p <= faces[:, 3] [m]
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=2**15)  # the parts of a furnished building
 def convex_polyhedron(corners: tuple[Vector, ...]) -> Polyhedron:
     """Return the convex hull of points [m] that do not lie in a common plane."""
     points = np.array(corners, dtype=np.float64)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -224,6 +225,11 @@ class Body:
             raise checks.invalid(self, "mass", self.mass, rule)
         if self.inertia is not None and min(self.inertia) <= 0:
             raise checks.invalid(self, "inertia", self.inertia, "must be above 0")
+
+    @cached_property
+    def placed(self) -> tuple[tuple[Shape, Pose], ...]:
+        """The shapes with their poses in the world frame."""
+        return tuple((shape, self.pose @ shape.pose) for shape in self.shapes)
 
     @property
     def is_ground(self) -> bool:

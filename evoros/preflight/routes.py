@@ -10,7 +10,7 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.geometry.clearance import compute_clearances
-from evoros.geometry.footprint import Footprint, bottom_height, distances, project_bodies
+from evoros.geometry.footprint import Footprint, distances, lowest_point, project_bodies
 from evoros.geometry.free_space import FreeSpace, find_connected
 from evoros.geometry.shapes import Body
 from evoros.preflight.scene import Subject, find_avoidance_range
@@ -211,6 +211,8 @@ def _list_falling(robot: Robot, world: World) -> list[Body]:
     falling: dict[str, Body] = {}
     landed = []
     for body, standing in zip(world.obstacles, standing_obstacles(world), strict=True):
+        if body.mass is None:
+            continue
         height = ground_height(ground, body.pose.position[:2]) or 0.0
         if body.pose.position[2] - height - standing.pose.position[2] > GAP_M:
             falling[body.name] = body
@@ -220,7 +222,7 @@ def _list_falling(robot: Robot, world: World) -> list[Body]:
 
 
 def _describe(body: Body) -> str:
-    bottom = min(bottom_height(shape, body.pose @ shape.pose) for shape in body.shapes)
+    bottom = lowest_point(body)
     weight = "" if body.mass is None else f", {body.mass:g} kg"
     height = f", its underside at {bottom:.3g} m" if bottom > GAP_M else ""
     return f"{body.name!r}{weight}{height}"

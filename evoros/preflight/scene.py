@@ -170,10 +170,10 @@ def check_view(subject: Subject) -> Iterator[str]:
     if any(world.sampler is not None or not world.is_level for world in worlds):
         return
     tops = [
-        top_height(shape, body.pose @ shape.pose)
+        top_height(shape, pose)
         for world in worlds
         for body in world.obstacles
-        for shape in body.shapes
+        for shape, pose in body.placed
         if shape.kind != "plane"
     ]
     if not tops:

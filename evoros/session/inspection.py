@@ -16,11 +16,10 @@ from evoros.config.own_files import OwnFile, plan_design
 from evoros.evolution.experiment import Experiment
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.footprint import (
-    bottom_height,
     find_bounds,
+    find_heights,
     project_bodies,
     project_shape,
-    top_height,
 )
 from evoros.preflight.routes import MAX_RATIO, check_routes, find_range_fault
 from evoros.preflight.scene import list_subjects
@@ -251,17 +250,16 @@ def _describe_world(world: World) -> list[Row]:
 
 def _describe_extent(world: World) -> str:
     placed = [
-        (shape, body.pose @ shape.pose)
+        solid
         for body in world.obstacles
-        for shape in body.shapes
-        if shape.kind not in ("plane", "heightfield")
+        for solid in body.placed
+        if solid[0].kind not in ("plane", "heightfield")
     ]
     if not placed:
         return "no obstacles"
     (x0, y0), (x1, y1) = find_bounds(*(project_shape(*solid) for solid in placed))
-    lowest = min(bottom_height(*solid) for solid in placed)
-    highest = max(top_height(*solid) for solid in placed)
-    return f"x {x0:.1f}..{x1:.1f}, y {y0:.1f}..{y1:.1f}, z {lowest:.2f}..{highest:.2f} m"
+    bottoms, tops = zip(*(find_heights(*solid) for solid in placed), strict=True)
+    return f"x {x0:.1f}..{x1:.1f}, y {y0:.1f}..{y1:.1f}, z {min(bottoms):.2f}..{max(tops):.2f} m"
 
 
 def _count(kinds: Iterable[str]) -> str:

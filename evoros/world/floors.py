@@ -8,6 +8,7 @@ import logging
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -53,8 +54,8 @@ def _find_height(solids: Sequence[tuple[Shape, Pose]], point: Sequence[float]) -
 def ground_shapes(bodies: Sequence[Body]) -> Iterator[tuple[Shape, Pose]]:
     """Yield the shapes of the ground with their poses in the world."""
     for body in bodies:
-        for shape in body.shapes if body.is_ground else ():
-            yield shape, body.pose @ shape.pose
+        if body.is_ground:
+            yield from body.placed
 
 
 def project_ground(bodies: Sequence[Body]) -> list[footprint.Footprint] | None:
@@ -111,6 +112,7 @@ def interpolate_heights(heights: Array, size: Sequence[float], x: float, y: floa
     return float((1 - v) * ((1 - u) * a + u * b) + v * ((1 - u) * c + u * d))
 
 
+@lru_cache(maxsize=2**15)  # the parts of a furnished building
 def _level_top(shape: Shape, pose: Pose) -> tuple[float, footprint.Footprint] | None:
     """Return the height [m] and area of a solid shape's level top; None if there is none."""
     up = np.abs(pose.rotation[2])
@@ -151,8 +153,8 @@ def settle(bodies: Sequence[Body], course: Course, source: str) -> tuple[Body, .
 
 def _find_tops(bodies: Sequence[Body]) -> Iterator[_Top]:
     for i, body in enumerate(bodies):
-        for j, shape in enumerate(body.shapes if body.mass is None else ()):
-            top = _level_top(shape, body.pose @ shape.pose)
+        for j, solid in enumerate(body.placed if body.mass is None else ()):
+            top = _level_top(*solid)
             if top is not None:
                 yield _Top(i, j, *top)
 

@@ -39,9 +39,9 @@ class Solids:
     def of(cls, bodies: Sequence[Body]) -> "Solids":
         """Collect the shapes of bodies, except planes and height fields, which are not solid."""
         placed = [
-            (i, Solid.at(shape, body.pose @ shape.pose))
+            (i, Solid.at(shape, pose))
             for i, body in enumerate(bodies)
-            for shape in body.shapes
+            for shape, pose in body.placed
             if shape.kind not in ("plane", "heightfield")
         ]
         boxes = np.array([solid.box() for _, solid in placed]).reshape(-1, 2, 3)

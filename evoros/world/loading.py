@@ -20,7 +20,7 @@ from evoros.formats.sdf.reader import SdfWorld, combine_inertias, read_sdf
 from evoros.formats.sdf.reading import SdfOptions
 from evoros.formats.urdf.packages import index_packages
 from evoros.formats.urdf.xacro_expansion import ReadOptions, choose_instead, expand
-from evoros.geometry.footprint import bottom_height
+from evoros.geometry.footprint import lowest_point
 from evoros.geometry.overlap import overlap_depth
 from evoros.geometry.polyhedron import joint_moments
 from evoros.geometry.shapes import Body
@@ -162,7 +162,7 @@ def _join_bodies(bodies: Sequence[Body]) -> Body:
         for body in bodies
         for shape in body.shapes
     )
-    bottoms = [min(bottom_height(s, body.pose @ s.pose) for s in body.shapes) for body in bodies]
+    bottoms = [lowest_point(body) for body in bodies]
     lowest = bodies[bottoms.index(min(bottoms))]
     return Body(bodies[0].name, pose, shapes, mass, lowest.friction, moments)
 

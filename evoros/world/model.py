@@ -119,9 +119,9 @@ def _check_names(world: World) -> None:
 
 def _check_ground(world: World) -> None:
     for body in world.bodies:
-        for shape in body.shapes:
+        for shape, pose in body.placed:
             if shape.kind == "plane":
-                normal = plane_normal(shape, body.pose @ shape.pose)
+                normal = plane_normal(shape, pose)
                 if normal[2] <= 1e-6:
                     raise InputError(
                         f"{world.source}: the ground plane {body.name!r} must face up, not along "

@@ -16,11 +16,11 @@ from evoros.base.arrays import Array
 from evoros.geometry.footprint import (
     Footprint,
     Outlines,
-    bottom_height,
     bounding_circle,
+    find_heights,
+    lowest_point,
     project_bodies,
     project_shape,
-    top_height,
 )
 from evoros.geometry.grid import Grid
 from evoros.geometry.polygon import polygon_distance
@@ -66,7 +66,7 @@ def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
     grounds = [
         0.0 if is_level else ground_height(floor, body.pose.position[:2]) or 0.0 for body in bodies
     ]
-    lowest = [min(bottom_height(s, body.pose @ s.pose) for s in body.shapes) for body in bodies]
+    lowest = [lowest_point(body) for body in bodies]
     falls = [
         body.mass is not None and bottom - ground > GAP_M
         for body, bottom, ground in zip(bodies, lowest, grounds, strict=True)
@@ -86,9 +86,8 @@ def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
 def place_parts(body: Body, height_m: float = -math.inf) -> tuple[Part, ...]:
     """Place the shapes of a body, with the footprints of their portions below a height [m]."""
     parts = []
-    for shape in body.shapes:
-        pose = body.pose @ shape.pose
-        bottom, top = bottom_height(shape, pose), top_height(shape, pose)
+    for shape, pose in body.placed:
+        bottom, top = find_heights(shape, pose)
         low = bottom < height_m and top > 0.0
         area = project_shape(shape, pose, 0.0, height_m) if low else project_shape(shape, pose)
         parts.append(Part(shape, pose, area, bottom, top))
@@ -148,10 +147,7 @@ def obstacle_arrays(
         and the faces of their polyhedra.
     """
     solids = [
-        (shape, body.pose @ shape.pose)
-        for body in bodies
-        for shape in body.shapes
-        if shape.kind != "plane"
+        (shape, pose) for body in bodies for shape, pose in body.placed if shape.kind != "plane"
     ]
     rows, faces, visible = sight_rows(solids)
     touchable = project_bodies(bodies, height)

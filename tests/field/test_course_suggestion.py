@@ -209,6 +209,27 @@ def test_a_course_lies_inside_the_walls(
     assert legs.min() > suggestion.course.acceptance_m
 
 
+def test_a_course_turns_around_the_corner_of_a_corridor() -> None:
+    """A corridor of 1.4 m leads 9 m along x from the origin, and from there 9 m along y."""
+    walls = [rectangle(4, -0.75, 10, 0.1), rectangle(3.3, 0.75, 8.6, 0.1)]
+    walls += [rectangle(9.05, 4, 0.1, 9.6), rectangle(7.55, 4.7, 0.1, 8.0)]
+    walls += [rectangle(-1, 0, 0.1, 1.6), rectangle(8.3, 8.75, 1.6, 0.1)]
+    course = suggest(walls)
+    corner, end, back = np.array(course.waypoints)
+    assert corner.tolist() == back.tolist()
+    assert end[1] - corner[1] > 4.0
+
+
+@pytest.mark.parametrize("home", [None, (200.0, 0.5)])
+def test_a_course_in_a_large_world_lies_around_home_or_near_the_origin(
+    home: tuple[float, float] | None,
+) -> None:
+    rooms = [wall for x in (0, 200) for wall in polygon_walls(x, 0, 4.0, 6)]
+    middle = (0.0, 0.0) if home is None else home
+    offsets = points_along(suggest(rooms, home=home)) - middle
+    assert np.linalg.norm(offsets, axis=1).max() < 5.0
+
+
 def test_the_place_of_a_course_is_told() -> None:
     nothing = suggest_course([], RADIUS_M)
     boxes = [rectangle(x, y, 1, 1) for x in (-4, 4) for y in (-4, 4)]

@@ -58,6 +58,14 @@ def hinge(number: int, size: str, axis: str, pose: str = "") -> str:
     )
 
 
+HANDLE = (
+    "<collision name='h'><geometry><cylinder><radius>.02</radius><length>.2</length></cylinder>"
+    "</geometry></collision></link>"
+)
+LYING = "<pose>4 0 1 0 1.5708 0</pose>"
+OF_MODEL, OF_LINK = "<xyz expressed_in='__model__'>", "<xyz expressed_in='l'>"
+
+
 @pytest.mark.parametrize(
     "parts",
     [
@@ -65,6 +73,13 @@ def hinge(number: int, size: str, axis: str, pose: str = "") -> str:
         [hinge(i, ".05 .9 2", "0 0 -1", f"<pose>4 {i} 1 0 0 1.57</pose>") for i in (1, 2, 3)],
         [hinge(i, "1 1 2", "0.05 0 1") for i in (1, 2)],  # turnstiles
         [hinge(i, "1 .05 .6", "1 0 0") for i in (1, 2)],  # flaps
+        [hinge(i, "1 .05 .6", "1 0 0").replace("</link>", HANDLE) for i in (1, 2)],
+        [
+            hinge(i, "2 1 1", "1 0 0", LYING).replace("'p", "'gate_p").replace(">p", ">gate_p")
+            for i in (1, 2)
+        ],
+        [hinge(i, "2 1 1", "0 0 1", LYING).replace("<xyz>", OF_MODEL) for i in (1, 2)],
+        [hinge(i, "2 1 1", "0 0 1", LYING).replace("<xyz>", OF_LINK) for i in (1, 2)],
     ],
 )
 def test_a_building_with_doors_stays(
@@ -72,7 +87,7 @@ def test_a_building_with_doors_stays(
 ) -> None:
     with caplog.at_level(logging.WARNING):
         (body,) = load(tmp_path, f"<model name='house'>{LINK}{''.join(parts)}</model>").bodies
-    assert len(body.shapes) == 1 + len(parts)
+    assert len(body.shapes) == 1 + "".join(parts).count("<collision")
     assert sum("fixed at its joints 'j1', 'j2'" in m for m in caplog.messages) == 1
 
 

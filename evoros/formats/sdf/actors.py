@@ -42,6 +42,7 @@ _KINDS = ("revolute", "continuous", "prismatic", "screw", "universal", "ball", "
           "revolute2", "hinge", "hinge2", "slider", "piston")  # fmt: skip
 _FREE_RAD = 100.0  # minimum range of a joint that counts as endless, such as a wheel's
 _WHEEL = re.compile(r"wheel|tire|tyre|roue|rad_|caster", re.IGNORECASE)
+_DOOR = re.compile(r"door|gate|hatch|window|drawer|elevator", re.IGNORECASE)
 _UPRIGHT = 0.8  # minimum cosine between the vertical and the axis of a door or of steering
 _THIN = 0.25  # maximum ratio of a panel's thickness to its second-smallest length
 
@@ -112,7 +113,8 @@ def _why_it_drives(model: Element, joints: list[Element]) -> str:
     for plugin in model.iter("plugin"):
         parent = plugin.getparent()
         name = f"{plugin.get('filename', '')} {plugin.get('name', '')}"
-        if parent is not None and parent.tag == "model" and _DRIVES.search(name):
+        drives = _DRIVES.search(name) and not _DOOR.search(name)
+        if parent is not None and parent.tag == "model" and drives:
             return f"plugin {plugin.get('filename') or plugin.get('name')}"
     wheels = [joint for joint in joints if _turns_freely(joint) and _rolls(joint)]
     if len(wheels) >= 2:
@@ -151,26 +153,37 @@ def _rolls(joint: Element) -> bool:
     """
     owner, child = joint.getparent(), (joint.findtext("child") or "").strip()
     links = [] if owner is None else owner.findall("link")
-    link = next((link for link in links if link.get("name", "").strip() == child), None)
-    words = f"{child} {joint.get('name', '')}"
-    if link is not None and not _WHEEL.search(words) and _is_panel(link):
+    named = {link.get("name", "").strip(): link for link in links}
+    link, words = named.get(child), f"{child} {joint.get('name', '')}"
+    if not _WHEEL.search(words) and (_DOOR.search(words) or _is_panel(link)):
         return False
     xyz = joint.find("axis/xyz")
     axis = (0.0, 0.0, 1.0) if xyz is None or not (xyz.text or "").strip() else read_numbers(xyz, 3)
-    pose = Pose()
-    for element in (link, joint):
-        placed = None if element is None else element.find("pose")
-        pose = pose if placed is None else pose @ parse_pose(placed)
-    # Up to SDF 1.4, the axis is in the frame of the model, later in the joint frame.
-    heights = axis[2], float(product(pose.rotation, np.array(axis))[2])
+    frame = "" if xyz is None else xyz.get("expressed_in", "")
+    of_model = joint.find("axis/use_parent_model_frame")
+    if frame == "__model__" or (of_model is not None and read_flag(of_model)):
+        heights = [axis[2]]
+    elif frame:
+        heights = [_height_of(axis, named.get(frame))]
+    else:  # up to SDF 1.4, the axis is in the frame of the model, later in the joint frame
+        heights = [axis[2], _height_of(axis, link, joint)]
     return min(map(abs, heights)) <= _UPRIGHT * math.hypot(*axis)
 
 
-def _is_panel(link: Element) -> bool:
-    kinds = [shape for geometry in link.iterfind("collision/geometry") for shape in geometry]
-    sizes = [sorted(read_positive(size, 3)) for shape in kinds for size in shape.iterfind("size")]
-    boxes = len(sizes) == len(kinds) > 0 and all(shape.tag == "box" for shape in kinds)
-    return boxes and all(thin < _THIN * middle for thin, middle, _ in sizes)
+def _height_of(axis: tuple[float, ...], *frames: Element | None) -> float:
+    """Return the vertical component of an axis in the innermost of nested frames."""
+    pose = Pose()
+    for element in frames:
+        placed = None if element is None else element.find("pose")
+        pose = pose if placed is None else pose @ parse_pose(placed)
+    return float(product(pose.rotation, np.array(axis))[2])
+
+
+def _is_panel(link: Element | None) -> bool:
+    """Return True if a collision of a link is a thin box; others may be its handle."""
+    sizes = [] if link is None else link.iterfind("collision/geometry/box/size")
+    lengths = (sorted(read_positive(size, 3)) for size in sizes)
+    return any(thin < _THIN * middle for thin, middle, _ in lengths)
 
 
 def _range(limit: Element) -> float:

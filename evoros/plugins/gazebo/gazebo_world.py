@@ -17,7 +17,7 @@ from evoros.formats.strict_xml import require_child
 from evoros.formats.urdf.elements import merge_fixed_links
 from evoros.formats.urdf.parts import Joint, read_origin, read_tensor, read_value
 from evoros.formats.urdf.tree import read_tree
-from evoros.geometry.footprint import bottom_height, height_points
+from evoros.geometry.footprint import height_points, lowest_point
 from evoros.geometry.polyhedron import convex_polyhedron, joint_moments
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
@@ -237,8 +237,7 @@ def hold_standing(world: World, robots: int) -> World:
 
 
 def _hold(body: Body) -> Body:
-    bottoms = (bottom_height(shape, body.pose @ shape.pose) for shape in body.shapes)
-    if body.mass is None or min(bottoms) > GAP_M:
+    if body.mass is None or lowest_point(body) > GAP_M:
         return body
     return replace(body, mass=None, inertia=None)
 
@@ -286,11 +285,11 @@ def _format_fixed(bodies: Sequence[Body]) -> tuple[str, list[str]]:
         Solid(
             GROUND if body.is_ground else OBSTACLE,
             shape,
-            body.pose @ shape.pose,
+            pose,
             min(body.friction, MAX_FRICTION),
         )
         for body in bodies
-        for shape in body.shapes
+        for shape, pose in body.placed
     ]
     link, meshes = format_link("fixed", "link0", Pose(), None, solids)
     return f'<model name="fixed"><static>true</static>{link}</model>', meshes

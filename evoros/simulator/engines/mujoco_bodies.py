@@ -65,7 +65,7 @@ def add_bodies(spec: Any, library: Any, world: World) -> list[Sole]:
         friction = min(body.friction, MAX_FRICTION)
         if body.mass is None:
             group = GROUND if body.is_ground else FIXED
-            posed = ((body.pose @ shape.pose, shape) for shape in body.shapes)
+            posed = ((pose, shape) for shape, pose in body.placed)
             names = add_shapes(spec, library, spec.worldbody, f"world {index}", group, posed)
         else:
             placed = _add_movable(spec, body)

@@ -13,10 +13,9 @@ from evoros.geometry.footprint import (
     FOOTPRINT_SIZE,
     Footprint,
     Outlines,
-    bottom_height,
     bounding_circle,
+    find_heights,
     project_shape,
-    top_height,
 )
 from evoros.geometry.grid import GRID_SIZE, Grid
 from evoros.geometry.polygon import polygon_contact, transform_polygon
@@ -183,9 +182,9 @@ def _lay_out_bodies(pushable: Sequence[Pushable]) -> tuple[Array, ...]:
 
 def _lay_out_fixed(fixed: Sequence[Body], reach: float) -> tuple[Array, ...]:
     """Return the fields of Movables from ``grid`` to ``fixed_corners``."""
-    solids = [(s, body.pose @ s.pose) for body in fixed for s in body.shapes if s.kind != "plane"]
+    solids = [solid for body in fixed for solid in body.placed if solid[0].kind != "plane"]
     areas = [project_shape(shape, pose) for shape, pose in solids]
-    heights = [(bottom_height(shape, pose), top_height(shape, pose)) for shape, pose in solids]
+    heights = [find_heights(shape, pose) for shape, pose in solids]
     grid, outlines = Grid.around(areas, reach), Outlines.of(areas)
     rows = np.concatenate([outlines.rows, np.array(heights).reshape(-1, 2)], axis=1)
     return grid.to_array(), *grid.list_near(areas, reach), rows, outlines.corners

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
-from evoros.geometry.footprint import bottom_height
+from evoros.geometry.footprint import lowest_point
 from evoros.geometry.polyhedron import convex_polyhedron, joint_moments
 from evoros.geometry.shapes import Body, Pose, Shape, Vector
 from evoros.simulator.engines.teams import Frame
@@ -33,8 +33,7 @@ def split_body(body: Body) -> Iterator[tuple[Pose, tuple[Shape, ...]]]:
     if body.mass is not None or not kinds & {"convex", "heightfield"}:
         yield body.pose, body.shapes
         return
-    for shape in body.shapes:
-        pose = body.pose @ shape.pose
+    for shape, pose in body.placed:
         if shape.kind == "heightfield":
             heights = np.array(shape.heights)
             pose = pose @ Pose((0.0, 0.0, float(heights.min() + heights.max()) / 2))
@@ -233,12 +232,8 @@ def find_falling(bullet: Any, world: World, movable: dict[int, Body]) -> tuple[i
     return tuple(
         body_id
         for body_id, body in movable.items()
-        if not (world.is_level and _bottom(body) <= GAP_M) and not _is_carried(bullet, body_id)
+        if not (world.is_level and lowest_point(body) <= GAP_M) and not _is_carried(bullet, body_id)
     )
-
-
-def _bottom(body: Body) -> float:
-    return min(bottom_height(shape, body.pose @ shape.pose) for shape in body.shapes)
 
 
 def _is_carried(bullet: Any, body_id: int) -> bool:

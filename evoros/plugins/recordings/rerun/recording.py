@@ -257,10 +257,10 @@ def _show_world(top: Entities, mission: RecordedMission) -> None:
     bodies = standing_obstacles(mission.world)
     for name, colour, movable in (("fixed", FIXED, False), ("movable", MOVABLE, True)):
         shapes = [
-            replace(shape, pose=body.pose @ shape.pose)
+            replace(shape, pose=pose)
             for body in bodies
             if (body.mass is not None) == movable
-            for shape in body.shapes
+            for shape, pose in body.placed
         ]
         surface = Surface.from_shapes(shapes, [colour] * len(shapes))
         if len(surface.normals):

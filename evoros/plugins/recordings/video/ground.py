@@ -152,8 +152,7 @@ def _shadow(covered: Array, top_m: float) -> Array:
 
 
 def _body_shadows(body: Body) -> Iterator[Array]:
-    for shape in body.shapes:
-        pose = body.pose @ shape.pose
+    for shape, pose in body.placed:
         top = top_height(shape, pose)
         if top > 0.0:
             area = project_shape(shape, pose)
