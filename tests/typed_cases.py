@@ -8,6 +8,7 @@ BODY = (
     '<link name="base"><collision><origin xyz="0 0 0.1"/><geometry><box size="0.4 0.2 0.1"/>'
     "</geometry></collision></link>"
 )
+ROLLING = '<inertial><mass value="1"/><inertia ixx="7e-4" iyy="7e-4" izz="1.25e-3"/></inertial>'
 MESH = '<collision><geometry><mesh filename="{0}"/></geometry></collision>'
 
 
@@ -68,6 +69,10 @@ ROBOTS = (
         "evoros/formats/urdf/xacro_expansion.py robot.ignored_packages",
         BODY + PAIR + ARM,
         XACRO,
+    ),
+    Robot(
+        "evoros/formats/urdf/xacro_expansion.py robot.missing=box",
+        BODY + PAIR.replace(DISC, ROLLING + MESH.format("gone.stl")),
     ),
     Robot(
         "evoros/formats/urdf/xacro_expansion.py robot.missing=leave_out",

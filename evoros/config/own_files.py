@@ -232,7 +232,7 @@ def plan_design(
         settings, changed = _choose_settings(kind, sensor.described.settings)
         unfit = _find_fault(kind, settings)
         if unfit:
-            notes.append(f"left out: sensor {described}: {unfit}")
+            notes.append(f"left out: {sensor.described.place}: sensor {described}: {unfit}")
             continue
         if kind == BUMPER:
             width = _read_bundled(SENSOR, kind)["width_m"]

@@ -189,11 +189,11 @@ class AckermannDescription(DriveDescription):
                 rule = f"wheel joint {name!r} must be below the steering joint {joint.name!r}"
                 raise urdf.error(rule, "swap the steering joints or correct the wheel's <parent>")
         places = [np.array(urdf.poses[joint.child].position) for joint in joints]
-        stop = min(min(joint.upper, -joint.lower) for joint in joints)
+        stop, name, joint = min((min(j.upper, -j.lower), j.name, j) for j in joints)
         if stop <= 0:
-            raise urdf.error(
-                "steering joints must be able to turn both left and right", "widen their <limit>"
-            )
+            bounds = f"{name!r} turns from {joint.lower:g} to {joint.upper:g} rad"
+            rule = f"steering joints must be able to turn both left and right, but {bounds}"
+            raise urdf.error(rule, "widen the <limit> of both joints")
         x, track = place_axle(urdf, self.steering_joints, places, axle.radius)
         if abs(x - axle.x) > tolerated(axle.radius):
             axes = f"the wheels are at x = {axle.x:g} m, the axes at {x:g} m"

@@ -17,11 +17,14 @@ from evoros.base.arrays import Array, length, product
 from evoros.base.checks import POSITIVE, checked, one_of
 from evoros.base.errors import InputError
 from evoros.drive.candidates import (
+    MAX_LACK,
+    MIN_RADIUS_M,
     NEARLY_ALIGNED,
     TURNING,
     find_candidates,
     find_misaligned,
     is_called_wheel,
+    measure_link,
     pair_up,
     read_wheel,
     select_driven,
@@ -296,9 +299,7 @@ class AutomaticDescription(DriveDescription):
             refuse_facing_sideways(urdf)
         names = ", ".join(wheel.joint.name for wheel in candidates) or "none"
         turning = [
-            f"{joint.name} (vertical axis)"
-            if abs(float(urdf.axis_of(joint)[UP])) > NEARLY_ALIGNED
-            else joint.name
+            f"{joint.name}{_find_flaw(urdf, joint)}"
             for joint in urdf.joints.values()
             if joint.type in TURNING
         ]
@@ -314,6 +315,18 @@ class AutomaticDescription(DriveDescription):
             "name the joints of all wheels, front to rear, with "
             "'robot.drive.left_wheel_joints=[LEFT]' 'robot.drive.right_wheel_joints=[RIGHT]'",
         )
+
+
+def _find_flaw(urdf: Urdf, joint: Joint) -> str:
+    """Return why a turning joint carries no wheel, in brackets; empty if its part may be one."""
+    if abs(float(urdf.axis_of(joint)[UP])) > NEARLY_ALIGNED:
+        return " (vertical axis)"
+    part = measure_link(urdf, joint.child, 0.0)
+    if part is None:
+        return " (no shape)"
+    if part.radius <= MIN_RADIUS_M:
+        return f" (radius {part.radius:g} m, too small unless named)"
+    return " (not round about y)" if part.roundness >= MAX_LACK else ""
 
 
 def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> None:
@@ -334,6 +347,14 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
             urdf.source,
             ", ".join(diagonal),
         )
+    slippery = [
+        wheel.joint.name
+        for wheel in wheels
+        if not urdf.slippery.isdisjoint(urdf.rigid_group(wheel.joint.child))
+    ]
+    if slippery:
+        names = ", ".join(slippery)
+        _LOG.warning("%s: wheels that slide in Gazebo (<mu> of 0) grip: %s", urdf.source, names)
     driven = urdf.actuated - {*chosen.wheel_joints, *chosen.steering_joints}
     called = (joint for joint in urdf.joints.values() if is_called_wheel(joint))
     left_out = ", ".join(joint.name for joint in called if joint.name in driven)

@@ -28,7 +28,8 @@ _SEPARATOR = re.compile(r"[,\s]+")  # separator of a plugin's joint names
 _WHEEL = re.compile(r"wheel|whl|tire|tyre|hub(?!cap)", re.IGNORECASE)
 _STEERING = re.compile(r"steer|hinge|knuckle|kingpin|ackermann", re.IGNORECASE)
 MAX_LACK = 0.15  # maximum roundness (deviation from round) of a part that may be a wheel
-_MIN_RADIUS_M = 0.01
+MIN_RADIUS_M = 0.01
+"""Radius up to which a part is not taken for a wheel unless the user names it."""
 DEFAULT_SPEED_MPS = 0.5  # if the wheels state no velocity limit
 MAX_DEFAULT_SPEED_MPS = 1.0  # even if the wheels state a higher velocity limit
 DEFAULT_BICYCLE_STEERING_RAD = 0.9  # if nothing steers; gives a turning radius of 0.79 tracks
@@ -37,7 +38,7 @@ DEFAULT_BICYCLE_STEERING_RAD = 0.9  # if nothing steers; gives a turning radius 
 def read_wheel(urdf: Urdf, name: str) -> Candidate:
     """Return the wheel on a joint that the user named."""
     joint = urdf.find_joint(name, *TURNING, "fixed")
-    wheel = measure_link(urdf, joint.child)
+    wheel = measure_link(urdf, joint.child, 0.0)
     if wheel is None:
         problem = f"wheel {joint.child!r} must have a <collision> or a <visual>"
         raise urdf.error(problem, "add a <collision> with a cylinder")
@@ -112,14 +113,14 @@ def _trails(urdf: Urdf, swivel: Joint, wheel: Wheel) -> bool:
     return tolerated(wheel.radius) < x < 2.0 * wheel.radius and y < wheel.radius
 
 
-def measure_link(urdf: Urdf, link: str) -> Wheel | None:
-    """Measure a link about the robot's lateral axis; None if it has no shape of relevant size."""
+def measure_link(urdf: Urdf, link: str, smallest_m: float = MIN_RADIUS_M) -> Wheel | None:
+    """Measure a link about the lateral axis; None if its radius is at most ``smallest_m``."""
     pose = urdf.poses[link]
     shapes = [(shape, pose @ local) for shape, local in group_shapes(urdf, link)]
     if not shapes:
         return None
     wheel = measure_wheel(shapes, np.array([0.0, 1.0, 0.0]))
-    return wheel if wheel.radius > _MIN_RADIUS_M else None
+    return wheel if wheel.radius > smallest_m else None
 
 
 def _find_steering(urdf: Urdf, above: Sequence[Joint]) -> Joint | None:

@@ -31,7 +31,7 @@ class Remedy:
 class Absence:
     """A missing item: its name in the description, its place and the reason."""
 
-    kind: str  # package, file, model or mesh
+    kind: str  # package, file, model, mesh, or wheel for a mesh of a wheel
     name: str
     place: str  # file and line
     sentence: str  # complete message, used if nothing else is missing

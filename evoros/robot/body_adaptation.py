@@ -65,10 +65,9 @@ def place_on_ground(elements: Element, urdf: Urdf, wheels: Sequence[Wheel]) -> l
     SubElement(elements, "link", name=GROUND_LINK)
     pose = Pose((0.0, -side, -down))
     add_fixed_joint(elements, f"{GROUND_LINK}_joint", GROUND_LINK, urdf.root, pose)
-    where = f"{abs(down):.4g} m {'below' if down < 0.0 else 'above'}"
-    hand = "left" if side > 0.0 else "right"
-    sideways = f" and {abs(side):.4g} m to the {hand} of" if side else ""
-    place = f"{where}{sideways} the root link {urdf.root}"
+    where = [f"{abs(down):.4g} m {'below' if down < 0.0 else 'above'}"] * bool(down)
+    where += [f"{abs(side):.4g} m to the {'left' if side > 0.0 else 'right'} of"] * bool(side)
+    place = f"{' and '.join(where)} the root link {urdf.root}"
     return [f"the wheels touch the ground {place}; the robot's frame is put there"]
 
 

@@ -17,7 +17,7 @@ from lxml.etree import _Element as Element
 from evoros.base.arrays import length
 from evoros.base.errors import InputError
 from evoros.drive.automatic import AutomaticDescription
-from evoros.drive.candidates import CASTER
+from evoros.drive.candidates import CASTER, TURNING
 from evoros.drive.protocol import DriveDescription
 from evoros.drive.rolling import Wheel, shape_points
 from evoros.formats.missing import MISSING
@@ -66,7 +66,12 @@ def adapt(description: Element, source: str, drive: DriveDescription, missing: s
     reader.rewrite_collisions(elements)
     notes = body_adaptation.show_as_collisions(elements, read_tree(elements, source), reader)
     urdf = read_tree(elements, source)
-    chosen, wheels, drive_notes = _adapt_drive(elements, urdf, drive)
+    try:
+        chosen, wheels, drive_notes = _adapt_drive(elements, urdf, drive)
+    except InputError as error:
+        turning = (joint.child for joint in urdf.joints.values() if joint.type in TURNING)
+        flat = (reader.empty[link] for link in turning if link in reader.empty)
+        raise next(flat, error) from None
     driven = (*chosen.wheel_joints, *chosen.steering_joints)
     urdf = read_tree(elements, source)
     notes += drive_notes + body_adaptation.hold_joints(elements, urdf, driven)
@@ -110,6 +115,7 @@ def _adapt_drive(
         "skewed axes of wheels and steering joints are straightened": notes.straightened,
         "wheels are replaced by one cylinder each": notes.reshaped,
         "wheels that mimic another joint get their own motor": notes.mimics,
+        "wheels whose joints have stops turn without them": notes.unstopped,
         f"steering joints without limits stop at {stop:g} rad": notes.stops,
         "swapped lower and upper limits of steering joints are exchanged": notes.switched,
         "steering limits exceed half a turn and may be in degrees": notes.spins,

@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from evoros.base import elementary
+from evoros.base.errors import InputError
 from evoros.formats.urdf.sensors import LIDAR, DescribedSensor, read_sensors
 from evoros.formats.urdf.tree import Urdf, read_tree
 from evoros.geometry.shapes import Pose
@@ -48,7 +50,8 @@ def find_own_sensors(robot: Robot) -> OwnSensors:
             continue
         sensor, roll = _mount(described, urdf, robot)
         if described.kind == LIDAR:
-            sensor = replace(sensor, masked=_find_masked(sensor, robot))
+            with suppress(InputError):  # a lidar that does not fit is left out of the design
+                sensor = replace(sensor, masked=_find_masked(sensor, robot))
         sensors.append(sensor)
         notes += [f"sensor {described.name}: {note}" for note in _describe(sensor, roll)]
     return OwnSensors(sensors, notes)

@@ -32,6 +32,7 @@ class Notes(NamedTuple):
     spins: list[str]
     switched: list[str]
     mimics: list[str]
+    unstopped: list[str]
 
 
 def adapt_wheel(
@@ -57,6 +58,8 @@ def adapt_wheel(
     for mimic in element.findall("mimic"):
         element.remove(mimic)
         notes.mimics.append(name)
+    if math.isfinite(joint.upper - joint.lower):
+        notes.unstopped.append(f"{name} (from {joint.lower:g} to {joint.upper:g} rad)")
     if not _is_plain(urdf, joint, axis):
         _reshape(elements, urdf, joint, wheel, axis)
         notes.reshaped.append(joint.child)
@@ -136,9 +139,9 @@ def adapt_steering(
     if along < 0.0:
         lower, upper = -upper, -lower
         notes.turned_round.append(name)
-    limited = joint.type == "revolute" and math.isfinite(lower) and math.isfinite(upper)
+    limited = math.isfinite(upper - lower)
     if not limited:
-        lower, upper = -stop, stop
+        lower, upper = max(lower, -stop), min(upper, stop)
         notes.stops.append(name)
     if limited and max(upper, -lower) > math.pi + 0.01:
         notes.spins.append(f"{name} (from {lower:g} to {upper:g})")

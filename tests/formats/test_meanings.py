@@ -12,10 +12,11 @@ from sdf_cases import MASS, read, world
 
 from evoros.base.errors import InputError
 from evoros.drive.ackermann import DEFAULT_STEERING_RAD
+from evoros.drive.automatic import AutomaticDescription
 from evoros.drive.candidates import DEFAULT_SPEED_MPS
 from evoros.formats.strict_xml import HUGE, MEANINGS, interpret
 from evoros.formats.urdf.parts import Joint
-from evoros.formats.urdf.sensors import read_sensors
+from evoros.formats.urdf.sensors import DescribedSensor, read_sensors
 
 INFINITE = ("inf", "1e16", "1.79769e+308")
 NO_LIMIT = ("-1", "-1.0", "-0.001", "-1e16", "0", "0.0", *INFINITE)
@@ -56,6 +57,19 @@ def test_huge_bounds_are_none(value: str) -> None:
     assert (read.lower, read.upper) == (-math.inf, math.inf)
     steering = steered("revolute", f'<limit lower="-{value}" upper="{value}"/>')
     assert choose(steering, REAR).steering_limit_rad == DEFAULT_STEERING_RAD
+
+
+@pytest.mark.parametrize("bounds", ["", 'lower="0.1" upper="0.6"', 'lower="-1" upper="-1"'])
+def test_steering_that_cannot_turn_both_ways_is_named_with_its_bounds(bounds: str) -> None:
+    motor = 'effort="1" velocity="1"'
+    read = limited(f"{bounds} {motor}", "revolute")
+    stated = f"left_steering_hinge_joint' turns from {read.lower:g} to {read.upper:g} rad; widen"
+    parts = (steered("revolute", f"<limit {bounds} {motor}/>") + REAR).replace(
+        Y, f"{Y}<limit {motor}/>"
+    )
+    urdf = read_urdf(parts)
+    with pytest.raises(InputError, match=stated):
+        AutomaticDescription().fit(urdf)
 
 
 @pytest.mark.parametrize("value", NO_LIMIT)
@@ -117,13 +131,17 @@ def test_a_collision_that_may_have_no_contact_is_left_out() -> None:
 
 
 def ray(rate: str, furthest: str) -> dict[str, float]:
+    return dict(sensor(rate, furthest).settings)
+
+
+def sensor(rate: str, furthest: str) -> DescribedSensor:
     scan = "<scan><horizontal><samples>9</samples></horizontal></scan>"
     span = f"<range><min>0.1</min><max>{furthest}</max></range>"
-    sensor = f"<sensor type='ray'><update_rate>{rate}</update_rate><ray>{scan}{span}</ray></sensor>"
-    robot = etree.fromstring(f"<robot><gazebo reference='l'>{sensor}</gazebo></robot>")
+    text = f"<sensor type='ray'><update_rate>{rate}</update_rate><ray>{scan}{span}</ray></sensor>"
+    robot = etree.fromstring(f"<robot><gazebo reference='l'>{text}</gazebo></robot>")
     read = read_sensors(robot)
     assert not read.left_out
-    return dict(read.sensors[0].settings)
+    return read.sensors[0]
 
 
 @pytest.mark.parametrize("rate", ["0", "-1", "inf"])
@@ -136,4 +154,5 @@ def test_a_rate_that_is_none_is_a_reading_at_every_step(rate: str) -> None:
 @pytest.mark.parametrize("furthest", ["inf", "1e16"])
 def test_a_range_without_an_end_is_not_stated(furthest: str) -> None:
     assert "range_max_m" not in ray("20", furthest)
+    assert "no end of its range" in " ".join(sensor("20", furthest).notes)
     assert ray("20", "4")["range_max_m"] == 4.0

@@ -664,6 +664,68 @@ def test_shapes_without_a_size_are_left_out(
     assert "base_link" in told(caplog, "without a size")
 
 
+@pytest.mark.parametrize(("axial", "radial"), [(0.02, 0.0101), (0.005, 0.0252)])
+def test_absent_meshes_of_wheels_become_wheels_with_their_inertia(
+    axial: float, radial: float, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    inertial = INERTIAL.format(1.0, radial).replace(f'iyy="{radial}"', f'iyy="{axial}"')
+    mesh = '<collision><geometry><mesh filename="wheel.stl"/></geometry></collision>'
+    radius = math.sqrt(2.0 * axial)
+    wheels = wheel("left", mesh, mass=inertial, z=radius) + wheel(
+        "right", mesh, mass=inertial, z=radius
+    )
+    with pytest.raises(InputError, match=r"; or set robot\.missing=box for meshes"):
+        load(tmp_path, BASE, wheels, CASTER)
+    robot = load(tmp_path, BASE, wheels, CASTER, missing="box")
+    assert two_wheeled(robot).max_speed_mps == pytest.approx(min(8.0 * radius, 1.0))
+    assert "wheel.stl" in told(caplog, "replaced by cylinders")
+
+
+@pytest.mark.parametrize("size", ['radius="0" length="0.03"', 'radius="0.05" length="0"'])
+def test_a_wheel_without_a_size_is_refused_by_its_line(size: str, tmp_path: Path) -> None:
+    flat = WHEELS.replace('radius="0.05" length="0.03"', size)
+    stated = size.replace('="', " ").replace('"', "")
+    problem = f"bot.urdf:2: <cylinder> of link 'left_wheel' .* not '{stated}'; write the lengths"
+    with pytest.raises(InputError, match=problem):
+        load(tmp_path, BASE, flat, CASTER)
+
+
+def test_tiny_wheels_are_told_and_drive_when_they_are_named(tmp_path: Path) -> None:
+    tiny = WHEELS.replace('radius="0.05"', 'radius="0.005"').replace(" 0.05", " 0.005")
+    with pytest.raises(InputError, match=r"left_wheel_joint \(radius 0.005 m, too small unless"):
+        load(tmp_path, BASE, tiny, CASTER)
+    sides = {f"{side}_wheel_joints": [f"{side}_wheel_joint"] for side in ("left", "right")}
+    robot = load(tmp_path, BASE, tiny, CASTER, drive=AutomaticDescription(**sides))
+    assert two_wheeled(robot).max_speed_mps == pytest.approx(8 * 0.005)
+
+
+def test_stops_and_missing_friction_of_wheels_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    stops = f'{AXIS}<limit lower="-1" upper="2" effort="1" velocity="8"/>'
+    wheels = wheel("left", kind="revolute", more=stops) + wheel("right")
+    slippery = '<gazebo reference="right_wheel"><mu1>0</mu1><mu2 value="0.0"/></gazebo>'
+    halved = '<gazebo reference="left_wheel"><mu1>0</mu1><mu2>1</mu2></gazebo>'
+    load(tmp_path, BASE, wheels, CASTER, slippery, halved)
+    assert told(caplog, "joints have stops").endswith("them: left_wheel_joint (from -1 to 2 rad)")
+    assert told(caplog, "slide in Gazebo").endswith("grip: right_wheel_joint")
+
+
+def test_a_mesh_scaled_to_nothing_is_refused_by_its_line(tmp_path: Path) -> None:
+    (tmp_path / "body.stl").write_text("solid nothing")
+    flat = BOX.replace('<box size="0.3 0.2 0.1"/>', '<mesh filename="body.stl" scale="1 1 0"/>')
+    with pytest.raises(InputError, match=r"bot.urdf:2: <mesh> .* scale without 0, not '1 1 0'"):
+        load(tmp_path, link("base_link", flat, INERTIAL.format(2, 0.02)), WHEELS, CASTER)
+
+
+def test_a_robot_that_is_only_moved_sideways_is_not_told_to_be_raised(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    aside = wheel("left", z=0.05, y=0.02) + wheel("right", z=0.05, y=0.02)
+    load(tmp_path, BASE, aside, CASTER)
+    assert "the ground 0.02 m to the left of the root link" in told(caplog, "touch the ground")
+
+
 def test_slips_that_other_readers_take_are_taken(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

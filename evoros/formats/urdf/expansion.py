@@ -18,6 +18,7 @@ from evoros.formats.urdf import xacro_child
 from evoros.formats.urdf.accessories import leave_out_loose
 from evoros.formats.urdf.packages import PackageIndex, find_in_any_case, index_packages
 from evoros.formats.urdf.packages import locate as locate_installed
+from evoros.formats.urdf.solids import find_turning
 from evoros.formats.urdf.xacro_expansion import ReadOptions, choose_instead, expand, format_argument
 from evoros.formats.urdf.xacro_packages import IGNORED
 
@@ -148,7 +149,7 @@ def collect_absent_meshes(root: Element, absences: Absences, packages: PackageIn
     If any mesh or package is missing, visual meshes of links without collisions are included: they
     are needed if the link is a wheel or the body.
     """
-    links = root.findall("link")
+    links, turning = root.findall("link"), find_turning(root)
     bare = [link for link in links if link.find("collision") is None]
     meshes = [mesh for link in links for mesh in link.iterfind("collision/geometry/mesh")]
     if absences.names() or any(map(_is_absent, meshes)):
@@ -164,7 +165,9 @@ def collect_absent_meshes(root: Element, absences: Absences, packages: PackageIn
         else:
             remedy = Remedy("correct the path {}", name)
         sentence = f"{locate(mesh)} names the absent mesh {name}"
-        absences.add(Absence("mesh", name, _place(mesh), sentence, remedy))
+        wheel = next(mesh.iterancestors("link")).get("name") in turning
+        kind = "wheel" if wheel else "mesh"
+        absences.add(Absence(kind, name, _place(mesh), sentence, remedy))
 
 
 def _is_absent(mesh: Element) -> bool:

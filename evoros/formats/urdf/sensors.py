@@ -14,6 +14,7 @@ from evoros.formats.strict_xml import (
     element_error,
     find_child,
     parse_pose,
+    place_of,
     quote,
     read_meaning,
     read_number,
@@ -146,6 +147,7 @@ class DescribedSensor:
     """Values stated in the description: ``period_s``, ``range_min_m``, ``range_max_m``,
     ``fov_deg``, the number of rays, and fields of filters such as ``noise.sigma_m``."""
     notes: tuple[str, ...] = ()  # differences from the description
+    place: str = ""  # file and line
 
 
 class SensorsRead(NamedTuple):
@@ -175,8 +177,9 @@ def _read_sensor(element: Element, link: str) -> DescribedSensor:
         raise element_error(element, "must be on a link", "name it in <gazebo reference=...>")
     placed, settings = find_child(element, "pose"), _read_period(element)
     pose = Pose() if placed is None else parse_pose(placed)
+    sensor = DescribedSensor(name, LIDAR, link, pose, settings, place=place_of(element))
     if given in _RAYS:
-        return _read_rays(element, DescribedSensor(name, LIDAR, link, pose, settings))
+        return _read_rays(element, sensor)
     if given not in _KINDS:
         problem = f"must be of a supported type, not {quote(given)}"
         raise element_error(element, problem, f"use {', '.join((*_RAYS, *_KINDS))}")
@@ -186,7 +189,7 @@ def _read_sensor(element: Element, link: str) -> DescribedSensor:
     if given == "imu":
         noise = read_imu_noise(element)
         settings, notes = {**settings, **noise.settings}, noise.notes
-    return DescribedSensor(name, _KINDS[given], link, pose, settings, notes)
+    return replace(sensor, kind=_KINDS[given], settings=settings, notes=notes)
 
 
 def _read_period(element: Element) -> dict[str, float]:
@@ -216,6 +219,9 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
     settings = {**sensor.settings, **_read_limits(require_child(rays, "range"))}
     noise = read_ray_noise(element, rays)
     settings |= noise.settings
+    told = noise.notes
+    if "range_max_m" not in settings:
+        told += ("states no end of its range, so the default of its type applies",)
     single = beams == 1 or high - low < _LEAST_FIELD
     # Gazebo Classic ignores the scan angles of a single-beam ``ray`` sensor.
     ahead = beams == 1 and element.get("type") == "ray"
@@ -224,17 +230,17 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
     plugins = (plugin.get("filename", "") for plugin in element.iterfind("plugin"))
     if single:
         settings |= {"zones": 1, "rays_per_zone": 1}
-        return replace(sensor, kind=RANGE_FINDER, pose=pose, settings=settings, notes=noise.notes)
+        return replace(sensor, kind=RANGE_FINDER, pose=pose, settings=settings, notes=told)
     settings["fov_deg"] = math.degrees(min(high - low, _FULL_TURN))
     if any(_RANGE_PLUGIN in filename for filename in plugins):
-        return replace(sensor, kind=SONAR, pose=pose, settings=settings, notes=noise.notes)
+        return replace(sensor, kind=SONAR, pose=pose, settings=settings, notes=told)
     vertical = find_child(scan, "vertical")
     if vertical is not None and _read_fan(vertical)[0] > 1:
         notes += ("has several layers, of which only the layer level with the sensor is used",)
     if max(high, -low) > LARGEST_RAD:
         notes += (f"has angles from {low:g} to {high:g} rad, which may be in degrees",)
     settings["beams"] = beams
-    return replace(sensor, pose=pose, settings=settings, notes=(*notes, *noise.notes))
+    return replace(sensor, pose=pose, settings=settings, notes=(*notes, *told))
 
 
 def _read_fan(fan: Element) -> tuple[int, float, float, tuple[str, ...]]:

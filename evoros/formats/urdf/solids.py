@@ -10,9 +10,10 @@ from lxml.etree import _Element as Element
 
 from evoros.base import elementary
 from evoros.base.arrays import principal_axes, product
+from evoros.base.errors import InputError
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.formats.notes import Notes
-from evoros.formats.strict_xml import element_error, parse_number, require_child
+from evoros.formats.strict_xml import element_error, parse_number, quote, require_child
 from evoros.formats.urdf.elements import build_collision
 from evoros.formats.urdf.parts import (
     read_lengths,
@@ -32,10 +33,11 @@ _MAX_PARTS = 64  # maximum number of convex parts of a mesh, beyond which its hu
 _MAX_CORNERS = 256  # maximum number of corners of a convex part, beyond which extreme ones are used
 _ELLIPSOID_RINGS = 9
 _LARGEST_M = 20.0  # maximum plausible size of a robot's mesh
-_KINDS = _EMPTY, _STRANGE, _BOXES, _ABSENT = (
+_KINDS = _EMPTY, _STRANGE, _BOXES, _ROUND, _ABSENT = (
     "shapes without a size are left out in the links",
     "invalid elements of <geometry> are left out:",
     "absent meshes are replaced by boxes:",
+    "absent meshes of turning links are replaced by cylinders:",
     "absent meshes are left out:",
 )
 """Notes on solids, followed by names."""
@@ -46,8 +48,11 @@ class SolidsReader:
 
     def __init__(self, missing: str) -> None:
         self.missing = missing
+        self.empty: dict[str, InputError] = {}
+        """The errors of shapes of size 0, by link, in case the link needs them."""
         self.mesh_notes = Notes(_LOG)
         self.notes: list[str] = []
+        self._turning: set[str] = set()
         self._divided = 0
         self._hulls = 0
         self._names: dict[str, list[str]] = {kind: [] for kind in _KINDS}
@@ -55,26 +60,21 @@ class SolidsReader:
     @property
     def lacks_meshes(self) -> bool:
         """True if a mesh is missing."""
-        return bool(self._names[_BOXES] or self._names[_ABSENT])
+        return any(self._names[kind] for kind in (_BOXES, _ROUND, _ABSENT))
 
     def rewrite_collisions(self, robot: Element) -> None:
         """Replace collisions that engines do not support.
 
         Meshes of links that turn endlessly become hulls, which suffice for wheels.
         """
-        turning = {
-            child.get("link")
-            for joint in robot.findall("joint")
-            if joint.get("type") == "continuous"
-            for child in joint.findall("child")
-        }
+        self._turning = find_turning(robot)
         for link in robot.findall("link"):
             for collision in link.findall("collision"):
                 self._keep_solid(link, collision)
                 solids = collision.findall("geometry/*")
                 known = len(solids) == 1 and solids[0].tag in _PRIMITIVES
                 if not known or _is_empty(solids[0]):
-                    shapes = self.read(link, collision, link.get("name") in turning)
+                    shapes = self.read(link, collision, link.get("name") in self._turning)
                     link.remove(collision)
                     link.extend([build_collision(shape) for shape in shapes])
 
@@ -105,6 +105,10 @@ class SolidsReader:
             radii = read_lengths(solid, "radii" if solid.get("radii") else "radius", 3)
             return (Shape("convex", (), pose, corners=_ellipsoid(radii)),)
         if _is_empty(solid):
+            stated = " ".join(f"{name} {value}" for name, value in solid.items())
+            problem = f"must have lengths above 0 m, not {quote(stated)}"
+            error = element_error(solid, problem, "write the lengths in metres")
+            self.empty[str(link.get("name"))] = error
             self._names[_EMPTY].append(str(link.get("name")))
             return ()
         return (read_shape(part),)
@@ -129,6 +133,9 @@ class SolidsReader:
         if not Path(name).is_file():
             return self._replace_absent(link, solid, name)
         x, y, z = read_values(solid, "scale", 3, "1 1 1")
+        if not x * y * z:
+            problem = f"must have a scale without 0, not {quote(solid.get('scale', ''))}"
+            raise element_error(solid, problem, "write the scale of each axis, 1 1 1 for metres")
         parts = self._read_file(Path(name), (x, y, z), hull)
         return tuple(Shape("convex", (), pose @ part.pose, corners=part.corners) for part in parts)
 
@@ -136,9 +143,11 @@ class SolidsReader:
         if self.missing == "error":
             fix = "add the folder of its package to robot.packages, or set robot.missing=leave_out"
             raise element_error(solid, f"names the absent mesh {name}, which is needed", fix)
-        box = _box_of_inertia(link) if self.missing == "box" else None
-        self._names[_ABSENT if box is None else _BOXES].append(name)
-        return () if box is None else (box,)
+        turns = link.get("name") in self._turning
+        shape = _match_inertia(link, turns) if self.missing == "box" else None
+        kind = _ABSENT if shape is None else _ROUND if turns else _BOXES
+        self._names[kind].append(name)
+        return () if shape is None else (shape,)
 
     def _read_file(self, path: Path, scale: Vector, hull: bool) -> tuple[Shape, ...]:
         """Read a mesh as its hull or as convex parts, few enough for an engine."""
@@ -212,7 +221,17 @@ def _ellipsoid(radii: list[float]) -> tuple[Vector, ...]:
     return tuple(corners)
 
 
-def _box_of_inertia(link: Element) -> Shape | None:
+def find_turning(robot: Element) -> set[str]:
+    """Return the links that turn endlessly about their joint, as wheels do."""
+    ends = robot.iterfind("joint[@type='continuous']/child")
+    return {str(child.get("link")) for child in ends}
+
+
+def _match_inertia(link: Element, turns: bool) -> Shape | None:
+    """Return the box, or the wheel if the link ``turns``, with the inertia that a link states.
+
+    A wheel's axis is the one whose other two moments are the most alike.
+    """
     inertial = link.find("inertial")
     if inertial is None:
         return None
@@ -222,7 +241,13 @@ def _box_of_inertia(link: Element) -> Shape | None:
         return None
     squares = 6.0 / mass * (moments.sum() - 2.0 * moments)
     size = tuple(np.sqrt(np.clip(squares, 1e-6, 1.0)).tolist())
-    return Shape("box", size, read_origin(inertial) @ Pose.from_matrix((0.0, 0.0, 0.0), axes))
+    centre = read_origin(inertial)
+    if not turns:
+        return Shape("box", size, centre @ Pose.from_matrix((0.0, 0.0, 0.0), axes))
+    spin = int(np.argmin([abs(moments[i - 2] - moments[i - 1]) for i in range(3)]))
+    radius = math.sqrt(min(2.0 * float(moments[spin]) / mass, 1.0))
+    turned = Pose.from_matrix((0.0, 0.0, 0.0), axes[:, [spin - 2, spin - 1, spin]])
+    return Shape("cylinder", (radius, size[spin]), centre @ turned)
 
 
 def read_visual_solids(robot: Element, missing: str) -> dict[str, tuple[Shape, ...]]:

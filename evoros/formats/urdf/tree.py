@@ -47,9 +47,10 @@ def read_plugins(robot: Element) -> tuple[Plugin, ...]:
     return tuple(plugins)
 
 
-def read_friction_axes(robot: Element) -> dict[str, FrictionAxis]:
-    """Read ``<fdir1>`` of the links that have one, and check the coefficients of all."""
+def read_friction(robot: Element) -> tuple[dict[str, FrictionAxis], frozenset[str]]:
+    """Return the ``<fdir1>`` of the links that have one, and the links without friction."""
     axes = {}
+    coefficients: dict[str, list[float]] = {}
     for gazebo in robot.iterfind("gazebo[@reference]"):
         surface = [
             element
@@ -59,13 +60,14 @@ def read_friction_axes(robot: Element) -> dict[str, FrictionAxis]:
         ]
         for element in surface:
             if element.tag != "fdir1":
-                read_meaning(element, "friction/mu", _read_text(element))
+                value = read_meaning(element, "friction/mu", _read_text(element))
+                coefficients.setdefault(str(gazebo.get("reference")), []).append(value)
                 continue
             frames = [v for name, v in element.attrib.items() if str(name).endswith("expressed_in")]
             numbers = parse_numbers(element, _read_text(element), 3)
             frame = str((*frames, "")[0])
             axes[str(gazebo.get("reference"))] = FrictionAxis(tuple(numbers), frame)
-    return axes
+    return axes, frozenset(link for link, values in coefficients.items() if not any(values))
 
 
 def _read_text(element: Element) -> str:
@@ -88,6 +90,7 @@ class Urdf:
     actuated: frozenset[str] = frozenset()  # joints of transmissions and of ros2_control
     meshes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # file names by link
     friction_axes: Mapping[str, FrictionAxis] = field(default_factory=dict)  # one per link
+    slippery: frozenset[str] = frozenset()  # links without friction
 
     def error(self, problem: str, fix: str) -> InputError:
         """Create the error for a part of this description, which the caller raises."""
@@ -142,6 +145,7 @@ def read_tree(robot: Element, source: str) -> Urdf:
         name: read_joint(element, links) for name, element in _find_by_name(robot, "joint").items()
     }
     root = _find_root(robot, links, joints)
+    friction_axes, slippery = read_friction(robot)
     return Urdf(
         source=source,
         name=read_name(robot),
@@ -163,7 +167,8 @@ def read_tree(robot: Element, source: str) -> Urdf:
             )
             for name, link in links.items()
         },
-        friction_axes=read_friction_axes(robot),
+        friction_axes=friction_axes,
+        slippery=slippery,
     )
 
 

@@ -99,7 +99,9 @@ def choose_instead(absences: Absences, options: ReadOptions) -> str:
     if packages:
         ignored = ",".join([*options.ignored_packages, *packages])
         choices.append(f"type 'robot.ignored_packages=[{ignored}]' if only accessories need it")
-    if absences.names("mesh"):
+    if absences.names("wheel"):  # a robot needs its wheels
+        choices.append("set robot.missing=box for meshes")
+    elif absences.names("mesh"):
         choices.append("set robot.missing=leave_out or robot.missing=box for meshes")
     return ", or ".join(choices)
 
