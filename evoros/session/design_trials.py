@@ -60,6 +60,13 @@ class DesignTrials:
         """Number of missions with known outcomes."""
         return self.wanted if self.finished else len(self.outcomes)
 
+    @property
+    def most(self) -> int:
+        """Maximum number of missions that the design can still need, with those already known."""
+        counts = [len(self.assessment.list_worlds(one)) for one in self.conditions]
+        trials = self.experiment.plan.evaluation_trials
+        return self.wanted if self.finished else trials * sum(counts)
+
     @cached_property
     def _own(self) -> Sequence[Mission]:
         """All possible missions of the design under the evaluation's unchanged condition."""

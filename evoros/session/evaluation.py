@@ -141,6 +141,11 @@ class Evaluation:
         return sum(trials.wanted for trials in self._trials)
 
     @property
+    def _most(self) -> int:
+        """Maximum number of missions, which early decisions reduce."""
+        return sum(trials.most for trials in self._trials)
+
+    @property
     def _known(self) -> int:
         return sum(trials.known for trials in self._trials)
 
@@ -171,14 +176,13 @@ class Evaluation:
         experiment, folder = self.experiment, self.folder
         for trials in self._trials:
             self._read(trials)
-        status.display.begin(0, self._wanted, self._known)
+        status.display.begin(0, self._most, self._known)
         keep = folder.keep_trajectory if experiment.record == ALL else None
         dispatcher = Dispatcher(pool, experiment.lost_missions, folder.keep_log, keep)
         while self._known < self._wanted:  # undecided requirements need more missions
-            wanted = self._wanted
             for scenario, missions in self._list_missions():
                 dispatcher.run_missing(scenario, missions, self, status.mission)
-            status.display.begin(0, self._wanted - wanted, 0)
+            status.display.begin(0, self._most, self._known)
         self._search_worst_cases(dispatcher, status)
         self._write_results()
         keep_worst(folder, experiment, self.designs, dispatcher)

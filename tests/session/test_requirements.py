@@ -16,6 +16,7 @@ from evoros.cli.command import evaluate
 from evoros.cli.main import evoros
 from evoros.requirement.requirements import ROUND
 from evoros.session.diff import diff_runs
+from evoros.session.progress import Progress
 from evoros.storage.verdicts import name_worst
 from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
 
@@ -73,8 +74,23 @@ def test_it_ends_as_soon_as_all_is_decided(whole: Path) -> None:
     assert set(pd.read_csv(whole / "designs.csv")["trials"]) == {trials}
 
 
-def test_the_status_tells_a_pipeline(file: Path, tmp_path: Path) -> None:
+def test_the_status_tells_a_pipeline(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, begin = list[tuple[int, int]](), Progress.begin
+
+    def note(self: Progress, generation: int, missions: int, known: int) -> None:
+        begun.append((missions, known))
+        begin(self, generation, missions, known)
+
+    monkeypatch.setattr(Progress, "begin", note)
     assert required(tmp_path / "met", file, f"easy={EASY}") == DONE
+    totals, known = zip(*begun, strict=True)
+    assert len(known) > 2  # of rounds of missions, which are shown as one count that never falls
+    assert sorted(set(known)) == list(known)
+    assert totals[0] == 2 * WORLDS * 60
+    assert sorted(totals, reverse=True) == list(totals)
+    assert totals[-1] == known[-1]
     assert required(tmp_path / "open", file, f"close={CLOSE}", "trials=2") == NOT_DECIDED
     assert set(results(tmp_path / "open").values()) == {"undecided"}
     assert resume(tmp_path / "open") == NOT_DECIDED  # as a job of a pipeline that is repeated
