@@ -55,7 +55,7 @@ SKEWED = ("change of a time, bootstrap", "paired values change, sign flips")
 SHOWN = 5
 """Maximum number of missions whose replay commands are printed."""
 LOOKS: Mapping[str, tuple[str, str, str, float]] = {
-    SAME: ("unchanged", "o", "0.75", 2.5),
+    SAME: ("unchanged, time within 1 %", "o", "0.75", 2.5),
     BETTER: ("better", "^", SKY, 3.0),
     WORSE: ("worse", "v", "#e0a080", 3.0),
     GAINED: ("completed only in B", "^", BLUE, 5.0),

@@ -25,6 +25,9 @@ CHAMPION = "champion"
 LOST, GAINED, WORSE, BETTER, SAME = "lost", "gained", "worse", "better", "same"
 """Changes from the first mission to the second: in completion, otherwise in a lesser quantity."""
 
+SLIGHT = 0.01
+"""Maximum difference of completion times, as a share of the first, that counts as unchanged."""
+
 
 def find_pair(study: Study) -> tuple[Record, Record]:
     """Return the two finished folders of a study, whose missions must have the same draws.
@@ -90,6 +93,8 @@ def pair_missions(study: Study, one: Record, other: Record) -> pd.DataFrame:
             for name, sign in QUANTITIES.items()
         }
     )
+    slight = changes[TIME].abs() <= SLIGHT * table[f"{TIME}_a"]
+    changes[TIME] = changes[TIME].mask(slight, 0.0)
     order = changes.fillna(0.0).sort_values(list(QUANTITIES), kind="stable").index
     columns = [f"{name}_{side}" for name in QUANTITIES for side in "ab"]
     table["change"] = [_name_change(row) for row in changes.to_dict("records")]

@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 from documents import columns, text
 from figure_checks import find_faults
-from helpers import TINY, refused, scored, tiny, vary
+from helpers import TINY, refused, reseal, scored, tiny, vary
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
@@ -250,6 +250,22 @@ def test_equal_folders_show_no_change(top: Path, tmp_path: Path) -> None:
     missions = read(tmp_path, "regression_missions")
     assert set(missions["change"]) == {"same"}
     assert len(missions) == 2 * 2 * TRIALS
+
+
+def test_a_time_within_one_percent_is_no_change(top: Path, tmp_path: Path) -> None:
+    """Of two designs, one becomes slower by 0.9 %, the other by 1.1 %."""
+    slower = tmp_path / "slower"
+    shutil.copytree(top / "before", slower)
+    missions = pd.read_csv(slower / "missions.csv")
+    missions["time_s"] *= np.where(missions["design"] == "a", 1.009, 1.011)
+    missions.to_csv(slower / "missions.csv", index=False)
+    reseal(slower)
+    compare(top / "before", slower, tmp_path / "out")
+    completed = read(tmp_path / "out", "regression_missions").query("completed_a == 1")
+    assert set(zip(completed["design"], completed["change"], strict=True)) == {
+        ("a", "same"),
+        ("b", "worse"),
+    }
 
 
 def test_an_injected_regression_is_found(
