@@ -22,9 +22,7 @@ def analyze(study: Study, figure: str, **options: Any) -> Product:
         InputError: no such figure or option exists, or the study lacks the required data.
     """
     if figure not in SUBCOMMANDS:
-        raise InputError(
-            f"figure: must be one of {', '.join(SUBCOMMANDS)}, not {figure!r}; choose one of these"
-        )
+        raise InputError(f"figure: must be one of {', '.join(SUBCOMMANDS)}, not {figure!r}")
     parsed = parse([figure, "."])
     known = sorted(set(vars(parsed)) - OF_COMMAND)
     for name, value in options.items():

@@ -60,7 +60,8 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> tuple[list[
             paths = _write_product(product, options)
         except OSError as error:
             raise InputError(
-                f"--output {options.output}: cannot be written ({error.strerror}); choose another"
+                f"--output {options.output}: cannot be written ({error.strerror}); choose another "
+                f"folder"
             ) from error
     for message in product.messages:
         print_result(message)

@@ -1,4 +1,4 @@
-"""A subcommand's product for one of several robots, with factors added to its tables."""
+"""Makes a subcommand's product for one of several robots, and adds factor columns to the tables."""
 
 import argparse
 from dataclasses import replace

@@ -117,7 +117,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     for folder in options.folders:
         if str(folder) in SUBCOMMANDS and not folder.exists():
             raise InputError(
-                f"{folder}: is the name of a figure, not a folder; draw one figure at a time"
+                f"{folder}: the name of a figure, not a folder; draw one figure at a time"
             )
     return options
 
@@ -131,15 +131,15 @@ def _check_order(arguments: Sequence[str]) -> None:
         raise InputError(f"{word}: must come after a figure's name; type: {NAME} {figure} {word}")
     close = get_close_matches(word, SUBCOMMANDS, 1)
     fix = f"type: {NAME} {close[0]}" if close else f"choose from {', '.join(SUBCOMMANDS)}"
-    raise InputError(f"{word}: is not the name of a figure; {fix}")
+    raise InputError(f"{word}: not the name of a figure; {fix}")
 
 
 def _explain_unknown(figure: str, word: str) -> str:
     option = word.partition("=")[0]
     owners = [name for name in SUBCOMMANDS if option in _list_options(name)]
     if owners:
-        return f"{option}: is an option of {NAME} {', '.join(owners)}; leave it out for {figure}"
-    return f"{word}: is not an option of {figure}; see {NAME} {figure} --help"
+        return f"{option}: an option of {NAME} {', '.join(owners)}; leave it out for {figure}"
+    return f"{word}: not an option of {figure}; see {NAME} {figure} --help"
 
 
 def _list_options(name: str) -> frozenset[str]:
@@ -165,7 +165,9 @@ def _add_common_arguments(parser: argparse.ArgumentParser, output: str) -> None:
     parser.add_argument("--where", action="append", default=[], metavar="FACTOR=LEVEL", help=about)
     about = "YAML file with names of treatments and additional factors"
     parser.add_argument("--treatments", type=Path, metavar="FILE", help=about)
-    about = f"folder for the files, replacing earlier ones; default: {output}/ in the first folder"
+    about = (
+        f"folder for the files, which replace earlier files; default: {output}/ in the first folder"
+    )
     parser.add_argument("--output", type=Path, metavar="FOLDER", help=about)
 
 
@@ -181,8 +183,8 @@ def _add_formats(parser: argparse.ArgumentParser, formats: Mapping[str, str]) ->
         about = "the figure's width in page columns: 3.5 in or 7 in"
         parser.add_argument("--columns", type=int, choices=(1, 2), help=about)
         about = (
-            "a matplotlib style file, such as a journal's, or the name of a matplotlib style, for "
-            "fonts, font.size, and the width of one column (figure.figsize)"
+            "a matplotlib style file (from a journal, for example) or the name of a matplotlib "
+            "style; sets fonts, font size (font.size) and the width of one column (figure.figsize)"
         )
         parser.add_argument("--style", metavar="FILE", help=about)
         about = "letter the panels, starting with this letter"

@@ -229,8 +229,8 @@ def _compose(config: Configuration | Sequence[str], config_dir: str | Path | Non
         composed = config
     else:
         raise InputError(
-            f"config_dir: must not be {config_dir} with a composed configuration; pass it to "
-            f"evoros.compose"
+            f"config_dir={config_dir}: cannot be combined with a composed configuration; pass the "
+            f"folder to evoros.compose"
         )
     check_figures(composed.values)
     return composed

@@ -92,7 +92,7 @@ def _read_style(name: str) -> Mapping[Any, Any]:
     except (OSError, ValueError, KeyError) as error:
         raise InputError(
             f"--style: {name} is neither a matplotlib style file nor the name of a style "
-            f"({single_line(error)}); fix the file or the name"
+            f"({single_line(error)}); correct the file or the name"
         ) from error
 
 

@@ -111,7 +111,8 @@ def choose_factors(study: Study, wanted: str | None) -> list[str]:
         typed = "" if wanted is None else f", not {wanted}"
         raise InputError(
             f"--factors: must be one or two factors that differ between the runs "
-            f"({', '.join(columns)}){typed}; name one or two, and fix the others with --where"
+            f"({', '.join(columns)}){typed}; name one or two, and choose levels of the others with "
+            f"--where"
         )
     others = [
         name
@@ -120,7 +121,8 @@ def choose_factors(study: Study, wanted: str | None) -> list[str]:
     ]
     if others:
         raise InputError(
-            f"--factors: the runs also differ in {', '.join(others)}; fix these with --where"
+            f"--factors: the runs also differ in {', '.join(others)}; choose levels of these with "
+            f"--where"
         )
     return chosen
 

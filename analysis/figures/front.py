@@ -27,7 +27,7 @@ FILES = {
 DESIGNS, COLUMNS = 6, 3  # designs drawn next to the front
 HEIGHT_IN, PLOT_IN, LINE_IN = 3.25, 2.65, 0.14
 LEFT_IN, BOTTOM_IN = 0.8, 0.56  # room for two-line labels
-LETTERS = 42  # characters in a label's line
+LETTERS = 42  # maximum number of characters per line of a label
 MARKERS = "os^Dvp"
 
 

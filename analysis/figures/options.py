@@ -28,9 +28,7 @@ def check_thresholds(options: argparse.Namespace) -> None:
     """Check the redundancy thresholds."""
     for key, value in (("--near-m", options.near_m), ("--near-deg", options.near_deg)):
         if not 0 <= value < inf:
-            raise InputError(
-                f"{key}: must be a number of at least 0, not {value}; set it to 0 or more"
-            )
+            raise InputError(f"{key}: must be a number of at least 0, not {value}")
 
 
 def add_conditions(parser: argparse.ArgumentParser) -> None:

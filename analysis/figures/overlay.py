@@ -92,7 +92,7 @@ def choose_cuts(
     """
     if near_m is not None and not 0 < near_m < math.inf:
         raise InputError(
-            f"--cut: must be a length greater than 0, not {near_m}; set it to 0.5, for example"
+            f"--cut: must be a length greater than 0, not {near_m}; type --cut 0.5, for example"
         )
     if sensors.x_m.isna().all():
         return ()

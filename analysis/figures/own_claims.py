@@ -138,7 +138,7 @@ def measure_runs(measure: str, study: Study, near: Near, place: str) -> pd.DataF
         recorded = [name for name in columns if name.startswith(("objectives.", "descriptors."))]
         raise InputError(
             f"{place}: measure must be one of {', '.join((*NAMED, *recorded))}, or another "
-            f"numeric column of the generations' tables, not {measure!r}; choose one of these"
+            f"numeric column of the generations' tables, not {measure!r}"
         )
     return _collect(study, lambda record: _read_column(record, measure))
 

@@ -99,8 +99,7 @@ def _check(options: argparse.Namespace) -> None:
         for value in values:
             if not low <= value <= high:
                 raise InputError(
-                    f"{name}: must be a number from {low:g} to {high:g}, not {value:g}; "
-                    f"type a number in this range"
+                    f"{name}: must be a number from {low:g} to {high:g}, not {value:g}"
                 )
 
 
@@ -130,10 +129,10 @@ def _conclude(row: Mapping[Hashable, Any], title: str) -> str:
     needed, low, high = (_format(row[f"replicates{end}"]) for end in ("", "_low", "_high"))
     return (
         f"{title}: {needed} replicates per treatment [95 % interval, "
-        f"assuming normal values: {low} to {high}] detect a difference of {row['difference']:.3g} "
-        f"({row['in_sd']:.2g} standard deviations) at the {100 * LEVEL:.0f} % level with a "
-        f"probability of {100 * row['power']:.0f} % ({TEST}, {adjusted}), if they scatter like the "
-        f"{row['runs']} given runs"
+        f"assuming normally distributed values: {low} to {high}] detect a difference of "
+        f"{row['difference']:.3g} ({row['in_sd']:.2g} standard deviations) at the "
+        f"{100 * LEVEL:.0f} % level with a probability of {100 * row['power']:.0f} % ({TEST}, "
+        f"{adjusted}), if they scatter like the {row['runs']} given runs"
     )
 
 

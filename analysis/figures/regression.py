@@ -51,7 +51,7 @@ FILES = {
     "regression_missions.csv": "a row for each mission, the worst change first",
     "regression_margins.csv": "the results of `--margin`",
 }
-SKEWED = ("change of a time, bootstrap", "paired values change, sign flips")
+SKEWED = ("change in completion time, bootstrap", "paired values change, sign flips")
 SHOWN = 5
 """Maximum number of missions whose replay commands are printed."""
 LOOKS: Mapping[str, tuple[str, str, str, float]] = {
@@ -85,8 +85,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     about = "test only this quantity; may be repeated; default: all"
     parser.add_argument("--of", action="append", choices=QUANTITIES, help=about)
     about = (
-        f"require that the mean of {' or '.join(BOUNDED)} falls by less than X in each world, such "
-        f"as {COMPLETED}=0.05; may be repeated; the exit status then depends only on the margins"
+        f"require that the mean of {' or '.join(BOUNDED)} falls by less than X in each world, for "
+        f"example {COMPLETED}=0.05; may be repeated; the exit status then depends on margins only"
     )
     parser.add_argument("--margin", action="append", default=[], metavar="QUANTITY=X", help=about)
     about = "confidence level of the --margin results; default: 0.95"
@@ -125,7 +125,7 @@ def _read_margins(options: argparse.Namespace) -> dict[str, float]:
     if not 0 < options.confidence < 1:
         raise InputError(
             f"--confidence: must be greater than 0 and less than 1, not {options.confidence}; "
-            f"set it to 0.95, for example"
+            f"type --confidence 0.95, for example"
         )
     margins = dict[str, float]()
     for text in options.margin:

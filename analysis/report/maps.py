@@ -157,7 +157,7 @@ class _Ground(NamedTuple):
 
     @property
     def labels(self) -> tuple[str, str]:
-        """The labels of the axes; for points, with the better direction."""
+        """The axis labels. On a map of points, each label also says which direction is better."""
         x, y = (a.label if self.width else f"{a.label} ({BETTER[a.sign]})" for a in self.axes)
         return x, y
 

@@ -70,7 +70,7 @@ def collect_missions(maps: Mapping[str, DesignMap], study: Study, max_bytes: flo
 
 
 def _take_turns(maps: Mapping[str, DesignMap]) -> Iterator[tuple[str, int]]:
-    """Yield the maps' keys in turn, each with the index of a playable mark of the map."""
+    """Take turns among the maps: yield a map's key and the index of its next playable mark."""
     orders = {}
     for name, chosen in maps.items():
         playable = [i for i, mark in enumerate(chosen.marks) if mark.playable]
@@ -97,8 +97,8 @@ SCRIPTS = (*PLAYER, "maps", "tables")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add ``--playbacks``, ``--designs`` and ``--claims``."""
     about = (
-        "size limit for the missions in the page; always includes the best run of each "
-        "treatment, then other runs that fit; about 0.3 MB per run; default: 3"
+        "size limit for the missions on the page, about 0.3 MB per run; the best run of each "
+        "treatment is always included, other runs if they fit; default: 3"
     )
     parser.add_argument("--playbacks", type=float, default=3.0, metavar="MB", help=about)
     about = (

@@ -93,7 +93,7 @@ def read_worst(required: Required) -> ShownDesign:
     mission = (GENERATION, number, columns["world"], int(columns["trial"]))
     if not (record.path / trajectory_file(mission)).is_file():
         raise InputError(
-            f"{record.path}: has not kept the trajectory of {required.place}; repeat the "
+            f"{record.path}: no trajectory was kept of {required.place}; repeat the "
             f"evaluation without record=none"
         )
     trajectory = record.run.mission_trajectory(*mission)
@@ -117,7 +117,7 @@ def read_worst(required: Required) -> ShownDesign:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add ``--playbacks``."""
-    about = "size limit for the missions in the page, violated requirements first; default: 10"
+    about = "size limit for the missions on the page, violated requirements first; default: 10"
     parser.add_argument("--playbacks", type=float, default=10.0, metavar="MB", help=about)
 
 

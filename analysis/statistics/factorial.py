@@ -1,9 +1,9 @@
 """Tests of one or two factors and their interaction, and intervals of contrasts.
 
-Welch's statistic lets cells differ in size and spread. It is permuted (Pauly, Brunner and
-Konietschke 2015, J. R. Stat. Soc. B 77, 461-473), which controls the level for non-normal values,
-too. Ranks are not used, because they make a main effect on skewed values look like an interaction.
-"""
+Welch's statistic lets cells differ in size and variance. Its p-value comes from permutations of the
+data (Pauly, Brunner and Konietschke 2015, J. R. Stat. Soc. B 77, 461-473), so the test also keeps
+its nominal level for data that are not normal. Ranks are not used, because they make a main effect
+on skewed values look like an interaction."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

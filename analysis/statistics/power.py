@@ -34,7 +34,7 @@ class Scatter:
 
     @cached_property
     def deviation(self) -> Interval:
-        """The standard deviation and its chi-squared interval, assuming normal values."""
+        """The standard deviation and its chi-squared interval, for normally distributed values."""
         sum_of_squares = float((self.residuals**2).sum())
         bounds = scipy.stats.chi2.ppf([1 - LEVEL / 2, LEVEL / 2], self.freedom)
         low, high = (float((sum_of_squares / bound) ** 0.5) for bound in bounds)

@@ -214,7 +214,7 @@ INTERVALS: Mapping[str, Shortfall] = {
     "mean, Student": Shortfall(82, 28),
     "difference of means, Welch": Shortfall(82, 47),
     "standard deviation": Shortfall(41, 0),
-    "change of a time, bootstrap": Shortfall(89),
+    "change in completion time, bootstrap": Shortfall(89),
 }
 """Actual coverage of 95 % intervals, by their names in ``docs/coverage.md``."""
 TESTS: Mapping[str, Shortfall] = {

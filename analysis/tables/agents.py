@@ -79,7 +79,7 @@ def select_agent(record: AnyRecord, name: str) -> AnyRecord:
     """Return a run's record as seen by one of its agents."""
     if name not in record.context.agents:
         raise InputError(
-            f"{record.path}: has no agent {name!r}, only "
+            f"{record.path}: no agent {name!r}, only "
             f"{', '.join(record.context.agents) or 'one robot'}; choose one of these for --agent"
         )
     whole = record.run
@@ -160,7 +160,7 @@ def _show_robot(
     for record in records:
         agents, label = record.context.agents, agent or FIRST
         if agent is not None and agent not in agents:
-            study.report(f"{record.path}: has no robot {agent}")
+            study.report(f"{record.path}: no robot {agent}")
             continue
         chosen = record if agent is None else select_agent(record, agent)
         treatment = label if record.treatment == SINGLE else f"{record.treatment}, {label}"

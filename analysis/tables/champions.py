@@ -56,8 +56,8 @@ def require_trajectories(record: Record) -> None:
     kept = record.run.manifest.get("record")
     if not record.finished and kept not in ("all", "none"):
         raise InputError(
-            f"{record.path}: is not finished, and has no trajectories and worlds of a champion yet "
-            f"(record={kept}); {advise_finish(record.path)}"
+            f"{record.path}: not finished, so there are no trajectories and worlds of a champion "
+            f"yet (record={kept}); {advise_finish(record.path)}"
         )
     record.run.require_trajectories()
 

@@ -67,7 +67,7 @@ def read_claims(path: Path) -> list[OwnClaim]:
 def _read(entry: object, place: str) -> OwnClaim:
     if not isinstance(entry, dict):
         raise InputError(
-            f"{place}: is not a mapping; start it with - claim: and add keys from {', '.join(KEYS)}"
+            f"{place}: not a mapping; start it with - claim: and add keys from {', '.join(KEYS)}"
         )
     for key in entry:
         if key not in KEYS:
@@ -76,12 +76,11 @@ def _read(entry: object, place: str) -> OwnClaim:
             )
     for key in REQUIRED:
         if not isinstance(entry.get(key), str) or not entry[key].strip():
-            raise InputError(f"{place}: {key} must be a string, not {entry.get(key)!r}; set it")
+            raise InputError(f"{place}: {key} must be a string, not {entry.get(key)!r}")
     comparison = entry["comparison"]
     if comparison not in (ABOVE, BELOW, WITHIN):
         raise InputError(
-            f"{place}: comparison must be one of {ABOVE}, {BELOW}, {WITHIN}, not {comparison!r}; "
-            f"set it to one of these"
+            f"{place}: comparison must be one of {ABOVE}, {BELOW}, {WITHIN}, not {comparison!r}"
         )
     against = _read_group(entry["against"], f"{place}: against") if "against" in entry else None
     bounds = _read_bounds(entry.get("threshold"), comparison, against is not None, place)
@@ -100,7 +99,7 @@ def _read_bounds(
     numbers = bounds if isinstance(bounds, list) and all(map(is_number, bounds)) else []
     if len(numbers) != 2 or numbers[0] > numbers[1]:
         rule = "two numbers, [low, high]" if comparison == WITHIN else "a number"
-        raise InputError(f"{place}: threshold must be {rule}, not {given!r}; change it")
+        raise InputError(f"{place}: threshold must be {rule}, not {given!r}")
     return float(numbers[0]), float(numbers[1])
 
 
@@ -112,5 +111,5 @@ def _read_group(given: object, place: str) -> Group:
         return Group({}, tuple(labels))
     raise InputError(
         f"{place} must map factors to levels, as in {{failure: none}}, or list treatment labels, "
-        f"not {given!r}; change it"
+        f"not {given!r}"
     )

@@ -74,7 +74,7 @@ def find_levels(records: Sequence[Record], name: str) -> list[str] | None:
 
 
 def is_level(level: str, wanted: str) -> bool:
-    """Return True if a level equals the wanted one as a string, in words or as a number."""
+    """Return True if a level equals the wanted one as a string (``_`` is a space) or a number."""
     if level.replace("_", " ") == wanted.replace("_", " "):
         return True
     try:
@@ -91,9 +91,7 @@ def select_rows(records: Sequence[Record], conditions: Conditions, source: str) 
         for wanted in allowed:
             if not any(is_level(level, wanted) for level in levels):
                 there = ", ".join(dict.fromkeys(filter(None, levels)))
-                raise InputError(
-                    f"{source}: {name} must be one of {there}, not {wanted!r}; choose one of these"
-                )
+                raise InputError(f"{source}: {name} must be one of {there}, not {wanted!r}")
         rows = match_levels(levels, allowed)
         chosen = [was and fits for was, fits in zip(chosen, rows, strict=True)]
     return chosen
@@ -133,7 +131,7 @@ def read_entries(path: Path, content: str, keys: str, begin: str) -> Sequence[ob
         ) from error
     except (UnicodeDecodeError, yaml.YAMLError) as error:
         raise InputError(
-            f"{path}: is not valid YAML ({_describe(error)}); fix the syntax"
+            f"{path}: not valid YAML ({_describe(error)}); correct the syntax"
         ) from error
     if not isinstance(entries, list) or not entries:
         raise InputError(

@@ -118,7 +118,7 @@ def read_generations(record: Record) -> pd.DataFrame:
     """Read one row per candidate and generation."""
     table = record.run.generations
     if table.empty:
-        raise InputError(f"{record.path}: has no finished generation; {advise_finish(record.path)}")
+        raise InputError(f"{record.path}: no finished generation; {advise_finish(record.path)}")
     return table
 
 

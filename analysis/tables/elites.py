@@ -70,7 +70,7 @@ def choose_axes(study: Study, group: str, options: argparse.Namespace) -> tuple[
         if name not in known or names[0] == names[1]:
             raise InputError(
                 f"--{option}: must be one of {', '.join(known)} and differ from the other axis, "
-                f"not {name}; change it"
+                f"not {name}"
             )
     return known[names[0]], known[names[1]]
 
@@ -81,8 +81,8 @@ def read_measured(record: Record, axes: Sequence[Axis]) -> pd.DataFrame:
     for axis in axes:
         if axis.column not in table:
             raise InputError(
-                f"{record.path}: has not recorded {axis.column}, unlike the first run; give runs "
-                f"with the same measures"
+                f"{record.path}: {axis.column} was not recorded, unlike in the first run; give "
+                "runs with the same measures"
             )
     return table
 
@@ -133,9 +133,7 @@ def read_archive(study: Study, options: argparse.Namespace) -> Archive:
     x, y = choose_axes(study, DESCRIPTORS, options)
     cells = options.cells or int(study.records[0].values.get("optimizer.cells", 10))
     if not 1 <= cells <= MOST_CELLS:
-        raise InputError(
-            f"--cells: must be a number from 1 to {MOST_CELLS}, not {cells}; set it to 10"
-        )
+        raise InputError(f"--cells: must be a number from 1 to {MOST_CELLS}, not {cells}")
     grid = (x, y, cells)
     tables = [read_measured(record, (x, y)) for record in study.records]
     growth = [

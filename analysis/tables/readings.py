@@ -35,7 +35,7 @@ def group_ranges(trajectory: pd.DataFrame) -> dict[int, Array]:
 
 @dataclass(frozen=True, eq=False)
 class RecordedSensor:
-    """A mounted sensor and its readings; the index in the list is the sensor's number."""
+    """A mounted sensor and its readings."""
 
     link: str  # link name: sensor type and number
     type: str
@@ -78,7 +78,7 @@ def _find_types(links: Collection[str], types: Sequence[str], prefix: str) -> li
 def _read_signal(trajectory: pd.DataFrame, name: str, columns: list[str], source: str) -> Array:
     if not {*columns} <= {*trajectory}:
         raise InputError(
-            f"{source}: has the sensor {name}, but the trajectory lacks its columns "
+            f"{source}: the trajectory lacks the columns of the sensor {name}: "
             f"{', '.join(columns)}; give the description of the robot that ran the mission"
         )
     return trajectory[columns].to_numpy(float)

@@ -88,7 +88,7 @@ class Record:
         if not self.finished:
             state = self.run.status.get("state")
             raise InputError(
-                f"{self.path}: has no champion yet, because the run is not finished (its state is "
+                f"{self.path}: no champion yet, because the run is not finished (state: "
                 f"{state}); {advise_finish(self.path)}"
             )
 
@@ -145,7 +145,7 @@ def read_values(path: Path) -> dict[str, Any]:
         tree, _ = read_yaml(path)
     except (OSError, ValueError) as error:
         raise InputError(
-            f"{path}: is not valid YAML ({single_line(error)}); restore the file"
+            f"{path}: not valid YAML ({single_line(error)}); restore the file"
         ) from error
     if not isinstance(tree, dict):
         raise InputError(f"{path}: must be a mapping of keys to values; restore the file")

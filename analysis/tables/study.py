@@ -128,9 +128,7 @@ class Study:
         known = dict.fromkeys(name for record in self.records for name in record.context.courses)
         for name in names:
             if name not in known:
-                raise InputError(
-                    f"--world: must be one of {', '.join(known)}, not {name!r}; choose one of these"
-                )
+                raise InputError(f"--world: must be one of {', '.join(known)}, not {name!r}")
 
     def select_finished(self, *reads: Callable[[Record], object]) -> "Study":
         """Keep the finished runs that all ``reads`` can read; report each other run once."""

@@ -158,7 +158,7 @@ def _read_entry(entry: object, place: str) -> NamedTreatment:
     if not isinstance(entry, dict) or not any(key in entry for key in _SELECTING):
         raise InputError(
             f"{place}: needs the keys name, and where (levels of factors) or folders (patterns of "
-            f"run names); add them"
+            f"run names)"
         )
     given = {str(key): value for key, value in entry.items() if key not in _SELECTING}
     problem = describe_problem(given) or ("" if given.get("name") else "name must be a string")
@@ -169,7 +169,7 @@ def _read_entry(entry: object, place: str) -> NamedTreatment:
     if not isinstance(patterns, list) or not all(isinstance(name, str) for name in patterns):
         problem = problem or f"folders must be a list of patterns, not {folders!r}"
     if problem:
-        raise InputError(f"{place}: {problem}; change it in the file")
+        raise InputError(f"{place}: {problem}")
     return NamedTreatment(given, read_levels(where), patterns)
 
 

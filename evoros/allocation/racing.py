@@ -12,7 +12,7 @@ from evoros.base.errors import InputError
 
 LEVEL = Rule("a number greater than 0 and less than 0.5", lambda v: is_number(v) and 0 < v < 0.5)
 DIGITS = 6
-"""Decimal places of a quantile, rounded so that a race ends equally on every processor."""
+"""Decimal places to which quantiles are rounded; a race then ends the same on all processors."""
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from typing import Protocol
 class Combine(Protocol):
     """Computes a design's fitness from the scores of one or more trials.
 
-    With ``trials``, the result is the expected fitness over that many of the scores, or over all
-    scores if there are fewer, so that designs with different numbers of trials are comparable.
-    """
+    If ``trials`` is given, the result is the fitness expected from that number of scores drawn at
+    random without replacement (all scores if there are fewer), so that designs with different
+    numbers of trials are comparable."""
 
     def __call__(self, scores: Sequence[float], trials: int | None = None) -> float:
         """Return the fitness."""

@@ -140,8 +140,8 @@ class LineConversation:
             received += self._pipes.receive(_READ_BYTES)
             if len(received) > _LONGEST_LINE:
                 raise SimulationError(
-                    f"{self.process.name} answered {_LONGEST_LINE} bytes without an end of line"
-                    f"{_at(time)}; it must answer each line with one line"
+                    f"{self.process.name} sent {_LONGEST_LINE} bytes without a newline"
+                    f"{_at(time)}; it must reply to each line with one line"
                 )
         answer, _, rest = received.partition(b"\n")
         if rest:
@@ -150,8 +150,8 @@ class LineConversation:
 
     def _too_much(self, time: float | None) -> SimulationError:
         return SimulationError(
-            f"{self.process.name} answered more than one line{_at(time)}; it must answer each "
-            f"line with one line"
+            f"{self.process.name} replied with more than one line{_at(time)}; it must reply to "
+            f"each line with one line"
         )
 
 

@@ -15,8 +15,8 @@ class Confirmation:
     """Repeats the missions of each generation's best new designs in ``simulator``.
 
     The confirmed fitness replaces the screened one, so that a search cannot exploit effects that
-    its simple simulator leaves out. ``controller`` is used in confirmations instead of the run's
-    controller, for example the software of the real robot.
+    its simple simulator leaves out. Confirmations use ``controller``, for example the real
+    robot's software, instead of the run's controller.
     """
 
     simulator: Annotated[Simulator, A_SIMULATOR]

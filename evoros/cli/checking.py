@@ -43,7 +43,7 @@ def check_jobs(command: str, jobs: Jobs, explain: Explain) -> list[Job]:
     ready, refused = _sort_jobs(jobs, explain)
     faults = list(describe_faults([job.overrides for job in ready], refused))
     if len(faults) > MAX_FAULTS:
-        faults[MAX_FAULTS:] = [f"{len(faults) - MAX_FAULTS} more faults; fix those above first"]
+        faults[MAX_FAULTS:] = [f"{len(faults) - MAX_FAULTS} more faults; correct those above first"]
     for fault in faults:
         report_error(command, fault, INPUT)
     return [] if faults else ready

@@ -48,7 +48,7 @@ class _Refuse(Action):
 
     def __call__(self, parser: ArgumentParser, *_: Any) -> None:
         raise InputError(
-            f"{self.option_strings[0]}: is not an option of evoros; use experiment= for a study"
+            f"{self.option_strings[0]}: not an option of evoros; use experiment= for a study"
         )
 
 
@@ -100,7 +100,7 @@ def _execute(command: Command, arguments: list[str], interrupts: Interrupts) -> 
 
         add_config_dir(options.config_dir)
     for word in set(options.overrides) & set(SUBCOMMANDS):
-        raise InputError(f"{word}: is a subcommand and must come first; type: evoros {word} ...")
+        raise InputError(f"{word}: a subcommand must come first; type: evoros {word} ...")
     require_keys(options.overrides, f"{command.folder_key}=")
     if options.shows:
         from evoros.config.compose import choose_primary

@@ -38,7 +38,7 @@ def export(arguments: Sequence[str]) -> int:
     typed = [word for word in options.words if word not in folders]
     runs = [run for folder in folders for run in _list_runs(expand_home(folder))]
     if not runs:
-        raise InputError("FOLDER: is missing; add the folder of a run or a sweep")
+        raise InputError("FOLDER is missing; add the folder of a run or a sweep")
     observer = build_observer(options.tracker, typed, options.config_dir)
     observer.check()
     for folder in runs:

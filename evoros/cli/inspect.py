@@ -68,7 +68,7 @@ def inspect(arguments: Sequence[str]) -> int:
     folder = expand_home(options.config_dir)
     if options.name and len(requests) > 1:
         raise InputError(
-            "--name: can name only one part, not a robot and a world; inspect one at a time"
+            "--name: applies to a single part; inspect the robot and the world one at a time"
         )
     chosen: list[str] = []  # overrides that choose the parts
     further: list[str] = []  # other overrides needed to run the parts
@@ -171,7 +171,7 @@ def _describe(request: Request, chosen: Sequence[str], folder: Path) -> "tuple[O
     own_name = request.name
     if is_bundled(request.group, own_name):  # Hydra would use the bundled part, not the user's
         raise InputError(
-            f"--name {own_name}: is the name of a bundled {request.group}; choose another name"
+            f"--name {own_name}: already the name of a bundled {request.group}; choose another name"
         )
     title = f"{own_name}, read from {request.file.name} by evoros inspect."
     if request.group == ROBOT:

@@ -51,7 +51,7 @@ class Interrupts:
         raise KeyboardInterrupt
 
     def explain(self) -> tuple[str, int]:
-        """Return a message about the last signal, and its exit status."""
+        """Return a message about the last signal, and the exit status for that signal."""
         if self.last == signal.SIGTERM:
             return "terminated by a signal", console.STOPPED
         return console.explain_interrupt()
@@ -89,7 +89,7 @@ def explain_end(
     if not isinstance(cause, EvorosError | OSError | MemoryError | KeyboardInterrupt):
         place = locate_fault(error)
         again = _start_again(folder, resume, place)
-        hint = f"; correct it{again}" if place else hint
+        hint = f"; correct the code{again}" if place else hint
     if isinstance(error, KeyboardInterrupt):
         message, status = interrupts.explain()
         if read_json(folder / STATUS).get("state") == FINISHED:

@@ -94,14 +94,14 @@ def list_help() -> list[str]:
 def find_misuse(arguments: Sequence[str]) -> str:
     """Explain a wrong subcommand, or another subcommand's option, with the fix; empty if none."""
     for folder in (text[7:] for text in arguments if text.startswith("resume=")):
-        return f"resume: is a subcommand, not a key; type: {_write_resume(folder)}"
+        return f"resume: a subcommand, not a key; type: {_write_resume(folder)}"
     word, *others = arguments or [""]
     if word == FIGURES:
         from evoros.analysis import subcommands as analysis
 
         named = next(iter(others), "")  # a subcommand or a figure; some names are both
         if named in SUBCOMMANDS and named not in analysis.SUBCOMMANDS:
-            return f"{named}: is a subcommand, not a figure; type: evoros {named}"
+            return f"{named}: a subcommand, not a figure; type: evoros {named}"
         return explain_missing(f"{FIGURES} {named}")
     if word in SUBCOMMANDS:
         return _find_foreign_option(word, others)
@@ -139,7 +139,7 @@ def _find_foreign_option(subcommand: str, arguments: Sequence[str]) -> str:
         if owners and option not in known:
             options = ", ".join([*known, "--help"])
             return (
-                f"{option}: is an option of evoros {', '.join(owners)}; evoros {subcommand} has "
+                f"{option}: an option of evoros {', '.join(owners)}; evoros {subcommand} has "
                 f"{options}; leave out {option}"
             )
     return ""

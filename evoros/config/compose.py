@@ -179,7 +179,7 @@ def search_path(config_dir: str | Path) -> str:
     folder = add_config_dir(config_dir)
     for bundled, hidden in list_hidden(folder):
         _LOG.warning(
-            "%s: is not used, because %s has the same name; rename your file", hidden, bundled
+            "%s: not used, because %s has the same name; rename your file", hidden, bundled
         )
     return f"hydra.searchpath=[{quote_value(f'file://{folder}')}]"
 

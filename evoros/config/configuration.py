@@ -54,7 +54,7 @@ class Configuration:
         if not isinstance(experiment, Experiment):
             raise InputError(
                 f"_target_: must be evoros.evolution.experiment.Experiment, not "
-                f"{self.values.get('_target_')!r}; keep the value in conf/config.yaml"
+                f"{self.values.get('_target_')!r}; restore the value in conf/config.yaml"
             )
         return experiment
 
@@ -116,7 +116,7 @@ def _check_arguments(node: Any, key: str, choices: Mapping[str, str]) -> None:
 def _describe_missing(key: str, name: str) -> str:
     choices = sorted(path.stem for path in bundled_folder("conf").glob(f"{name}/*.yaml"))
     if choices and not key:
-        return f"{name}: has no choice; type {name}=NAME, one of: {', '.join(choices)}"
+        return f"{name}: no choice was made; type {name}=NAME, one of: {', '.join(choices)}"
     return f"{key}: missing key {name!r}; add it" if key else f"missing key {name!r}; add it"
 
 
@@ -231,16 +231,16 @@ def _list_targets(node: Any, key: str) -> Iterator[tuple[str, Any]]:
 
 
 def _find_problem(target: Any, folders: Sequence[Path]) -> str:
-    """Return the reason why a class may not be built; empty if it may."""
+    """Return why ``target`` must not be instantiated; empty if it may be."""
     if not isinstance(target, str):
         return f"must be the name of a class, not {target!r}; type MODULE.CLASS"
     first = target.partition(".")[0]
     is_bundled = target in _list_bundled()
     if first != OWN and not is_bundled and not _is_in(first, folders):
         return (
-            f"must be a class in evoros or in a folder that you name, not {target}, because "
-            f"building a class runs its code; if you trust it, add --config-dir with the folder "
-            f"that contains the module {first}"
+            f"must be a class in evoros or in a folder given with --config-dir, not {target}: "
+            "instantiating a class runs its code. If you trust the code, add --config-dir with "
+            f"the folder that contains the module {first}"
         )
     try:
         named = get_object(target)

@@ -114,7 +114,7 @@ class Jobs:
             for text in common:
                 if text.lstrip("+~").startswith("hydra.sweeper.params"):
                     raise InputError(
-                        f"{text}: is allowed only in an experiment's file; sweep over the key "
+                        f"{text}: allowed only in an experiment's file; sweep over the key "
                         f"itself, as in seed=0,1"
                     ) from None
             raise
@@ -229,14 +229,14 @@ def expand_values(override: Override, config_dir: str | Path | None) -> list[str
         values = _match(swept, override, config_dir)
     elif not override.is_discrete_sweep():
         raise InputError(
-            f"{typed}: must be a list of values or a range(), because only a sweeper can choose "
-            f"from an interval(); write the values, or choose a sweeper (hydra/sweeper=optuna)"
+            f"{typed}: only a sweeper can choose values from an interval(); write a list of values "
+            f"or a range(), or choose a sweeper (hydra/sweeper=optuna)"
         )
     else:
         _check_values(typed, swept)
         values = [_write(value) for value in override.sweep_iterator()]
     if not values:
-        raise InputError(f"{typed}: has no values to sweep over; give some")
+        raise InputError(f"{typed}: no values to sweep over; list at least one")
     return [f"{key}={value}" for value in values]
 
 
@@ -259,7 +259,7 @@ def _match(glob: Glob, override: Override, config_dir: str | Path | None) -> lis
     matches = glob.filter(choices)
     if not matches:
         raise InputError(
-            f"{typed}: matches no choice of {group} ({', '.join(choices)}); change the pattern"
+            f"{typed}: matches no choice of {group} ({', '.join(choices)}); correct the pattern"
         )
     return matches
 
@@ -267,13 +267,13 @@ def _match(glob: Glob, override: Override, config_dir: str | Path | None) -> lis
 def _check_values(typed: str, swept: object) -> None:
     if isinstance(swept, ChoiceSweep):
         if any(isinstance(value, Sweep | Glob) for value in swept.list):
-            raise InputError(f"{typed}: has nested sweeps; write all values in one sweep")
+            raise InputError(
+                f"{typed}: nested sweeps are not supported; write all values in one sweep"
+            )
     elif isinstance(swept, RangeSweep):
         start, stop, step = (float(value or 0) for value in (swept.start, swept.stop, swept.step))
         if not all(map(math.isfinite, (start, stop, step))) or step == 0:
-            raise InputError(
-                f"{typed}: range() must have finite ends and a nonzero step; change them"
-            )
+            raise InputError(f"{typed}: range() must have finite ends and a nonzero step")
         if (stop - start) / step > _MAX_JOBS:
             raise InputError(f"{typed}: must have at most {_MAX_JOBS} values; choose a larger step")
 

@@ -36,7 +36,7 @@ def describe_error(error: BaseException) -> str:
     if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark:
         mark = error.problem_mark
         return (
-            f"{mark.name}: line {mark.line + 1}, column {mark.column + 1}: is not valid YAML: "
+            f"{mark.name}: line {mark.line + 1}, column {mark.column + 1}: not valid YAML: "
             f"{error.problem}; correct the file"
         )
     if isinstance(error, MissingConfigException):
@@ -46,7 +46,7 @@ def describe_error(error: BaseException) -> str:
         if function:
             return (
                 f"{error.override!r}: Hydra's grammar has no function {function[1]}, but choice, "
-                f"range, glob and others; correct or quote it"
+                f"range, glob and others; correct the word or quote the value"
             )
         return _describe_word(error.override or "")
     if isinstance(error, OSError) and error.filename:
@@ -58,7 +58,7 @@ def describe_error(error: BaseException) -> str:
     if twice:
         key = twice[1] or twice[2]
         return (
-            f"{key}: is chosen twice, because a default already chooses it; to replace that "
+            f"{key}: a default already makes this choice; to replace that "
             f"choice, type {key}=... without +, or put 'override /{key}: ...' in the defaults list "
             "of your file"
         )
@@ -141,7 +141,7 @@ def _describe_word(word: str) -> str:
                 f"{word!r}: the value needs inner quotes, because Hydra also parses it; "
                 f"type {shell_line(quoted)}"
             )
-    return f"{word!r}: must be key=value in Hydra's grammar; correct or quote it"
+    return f"{word!r}: must be key=value in Hydra's grammar; correct the word or quote the value"
 
 
 def describe_unknown(config: DictConfig, key: str) -> str:
@@ -179,14 +179,14 @@ def _no_such_key(key: str, parent: Any, above: str, rest: Sequence[str]) -> str:
     target = str(_select(parent, "_target_") or "")
     is_own = target.startswith("evoros.")
     if parent is None or (is_own and last in inspect.signature(get_object(target)).parameters):
-        return f"{key}: is not in the configuration; to add it, type +{key}=..."
+        return f"{key}: not in the configuration; to add it, type +{key}=..."
     group = above.rstrip(".")
     owners = name_owners(group, rest[0])
     if owners:
         fix = f"{owners}; leave it out, or change the choice"
     elif below or corrected:
         fix = f"did you mean {above}{below[0] if below else '.'.join(corrected)}"
-    return f"{key}: must be an existing key; {fix}"
+    return f"{key}: no such key; {fix}"
 
 
 def _correct(config: Any, parts: Sequence[str]) -> list[str]:

@@ -47,10 +47,10 @@ defaults:
 }
 _COMMENTS = {
     "description": "a .urdf or .xacro file",
-    "max_speed_mps": "null: from the robot's joint limits [m/s]",
+    "max_speed_mps": "maximum speed [m/s]; null: from the robot's joint limits",
     "link": "link that carries the sensors; null: chosen automatically",
-    "z_m": "height of the sensors in the link's frame; null: chosen automatically [m]",
-    "pitch_deg": "pitch of the sensors, nose up positive; null: the lowest rays are level [deg]",
+    "z_m": "height of the sensors in the link's frame [m]; null: chosen automatically",
+    "pitch_deg": "pitch of the sensors [deg], nose up positive; null: the lowest rays are level",
     "arguments": "arguments of the xacro file, by name",
     "packages": "further folders to search for packages",
     "sdf": "a .sdf, .world or .xacro file",
@@ -196,11 +196,11 @@ def parse_keys(words: Sequence[str]) -> dict[str, Any]:
     for word in words:
         path, equals, text = word.partition("=")
         if not equals or not path:
-            raise InputError(f"{word}: must be key=value; correct it")
+            raise InputError(f"{word}: must be key=value")
         try:
             value = yaml.safe_load(text)
         except yaml.YAMLError as error:
-            raise InputError(f"{word}: must have a value in YAML; correct or quote it") from error
+            raise InputError(f"{word}: the value must be valid YAML; quote it") from error
         *outer, last = path.split(".")
         place = values
         for key in outer:

@@ -193,7 +193,7 @@ def steer(
     step = error * parameters.ki_step * scale
     limit = parameters.output_limit
     last = float(memory.output[0])
-    if last < -limit:  # anti-windup: the integral may only reduce the output
+    if last < -limit:  # anti-windup: beyond a limit, the integral only moves back
         step = max(step, 0.0)
     elif last > limit:
         step = min(step, 0.0)

@@ -107,7 +107,7 @@ def _require_ready(name: str, answer: bytes) -> None:
         raise LaunchError(f"{name} refuses the mission: {why}")
     raise LaunchError(
         f'{name}: the first line must be {{"ready": true}} or {{"refused": "why"}}, not '
-        f"{_quote(answer)}; fix the program"
+        f"{_quote(answer)}; correct the program"
     )
 
 
@@ -141,9 +141,9 @@ class LinePilot:
             usable = False
         if not usable:
             raise SimulationError(
-                f"{self._conversation.process.name} answered {_quote(answer)} at {time:g} s; it "
-                f"must answer [mode, speed, steering] with a mode from 0 to {self._modes} and "
-                f"finite numbers"
+                f"{self._conversation.process.name} sent {_quote(answer)} at {time:g} s; it must "
+                f"send [mode, speed, steering] with a mode from 0 to {self._modes} and finite "
+                f"numbers"
             )
         if mode > 0:
             command[DRIVE_SPEED], command[STEERING] = speed, steering

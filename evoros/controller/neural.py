@@ -37,11 +37,11 @@ NUMBERS = checks.Rule(
 class Neural(Controller):
     """A network with one hidden layer that maps readings, bearing and speed to steering and speed.
 
-    The inputs are the nearest reading in each of ``sectors``, relative to ``range_m``, the bearing
-    to the waypoint, and the speed. The outputs modify the command of a robot that heads for the
-    waypoint at ``speed_mps``, or straight ahead without ``waypoint``. In a ``symmetric`` network,
-    mirrored inputs give the mirrored command. In a ``recurrent`` network, the hidden neurons also
-    receive their last values.
+    The inputs are the nearest reading in each of ``sectors`` as a fraction of ``range_m``, the
+    bearing to the waypoint, and the speed. The outputs modify the command of a robot that heads for
+    the waypoint at ``speed_mps``, or straight ahead without ``waypoint``. In a ``symmetric``
+    network, mirrored inputs give the mirrored command. In a ``recurrent`` network, the hidden
+    neurons also receive their previous values.
 
     The default weights are 0; ``list_weights`` gives their order. If the weights evolve, each is a
     gene from ``-weight_limit`` to ``weight_limit``.

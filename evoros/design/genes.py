@@ -26,8 +26,8 @@ MAX_EXHAUSTIVE = 10
 """Maximum number of genes for which all 2^n combinations of bounds are tried, in about 0.5 s."""
 _PERIOD = r"controller\.period_s|design\.sensors\.[^.]+\.period_s"
 _UNFIT = {
-    _PERIOD: "must not be a period, which has to be a multiple of the time step",
-    r"design\.sensors\.[^.]+\.(\w+_)?price": "must not be a price, which could only fall",
+    _PERIOD: "must not be a period, because periods must be multiples of the time step",
+    r"design\.sensors\.[^.]+\.(\w+_)?price": "must not be a price: evolution would only lower it",
 }
 
 

@@ -141,15 +141,15 @@ class OutlineRegion(RegionDescription):
             known = dict.fromkeys(solid.link for solid in robot.solids)
             choices = [name for name in known if name in robot.sensor_links]
             raise InputError(
-                f"{key}.link: must be a link with a collision shape, whose outline carries the "
-                f"sensors, not {link!r}; choose {' or '.join(choices) or 'null'}, or set it to null"
+                f"{key}.link: must be a link with a collision shape, not {link!r}, because "
+                f"sensors lie on its outline; choose {' or '.join([*choices, 'null'])}"
             )
 
     def _default_height(self, robot: Robot, key: str) -> float:
         if self.link is not None and self.link != robot.mount_link:
             raise InputError(
-                f"{key}.height_m: must be a height on the link {self.link}, not null; set a "
-                f"height, because the robot's default height applies only to {robot.mount_link}"
+                f"{key}.height_m: must be set for the link {self.link}, because the robot's "
+                f"default height applies only to {robot.mount_link}"
             )
         return robot.sensor_links[robot.mount_link][2] + robot.mount_z_m
 

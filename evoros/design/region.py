@@ -183,8 +183,8 @@ class Region(RegionDescription):
         check_link(link, robot, mirrored, key)
         if self.z_m is None and link != robot.mount_link:
             raise InputError(
-                f"{key}.z_m: must be a number on the link {link}, not null; set a number, because "
-                f"the robot's default height applies only to {robot.mount_link}"
+                f"{key}.z_m: must be set for the link {link}, because the robot's default height "
+                f"applies only to {robot.mount_link}"
             )
 
     def _check_outline(self, link: str, robot: Robot, mirrored: bool, key: str) -> None:
@@ -200,8 +200,9 @@ class Region(RegionDescription):
             low, high = (end([corner[axis] for corner in in_frame]) for end in (min, max))
             if low < minimum - self.overhang_m or high > maximum + self.overhang_m:
                 raise InputError(
-                    f"{key}: {'xy'[axis]} must be at most {self.overhang_m} m outside the outline "
-                    f"of {robot.name} ({minimum:g} to {maximum:g} m), not {low:g} to {high:g} m; "
+                    f"{key}: {'xy'[axis]} extends from {low:g} to {high:g} m, more than "
+                    f"overhang_m={self.overhang_m} outside the outline of {robot.name} "
+                    f"({minimum:g} to {maximum:g} m); "
                     f"choose design=around, which fits any robot, move the region, or raise "
                     f"overhang_m"
                 )

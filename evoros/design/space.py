@@ -252,7 +252,7 @@ class DesignSpace:
         return [f"sensor{i}" for i in range(self.design.max_number)]
 
     def decode(self, genome: Array) -> Design:
-        """Return the design of ``genome`` (size,), values from 0 to 1.
+        """Decode ``genome`` (size,), whose values lie from 0 to 1, into a design.
 
         If the number of sensors evolves, the first slots are mounted. Sensors in exclusive regions
         are in the order of the regions. In a mirrored design, each sensor is followed by its twin.

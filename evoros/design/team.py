@@ -124,7 +124,7 @@ class TeamSpace:
             if configured is None:
                 raise InputError(
                     f"agents.{name}.design: must leave nothing to evolve (number 0, no genes), "
-                    "because the given designs have none for this robot; set "
+                    "because the given designs have no part for this robot; set "
                     f"agents.{name}.design.number=0, or give a file with rows for the agent {name}"
                 )
             parts[name] = configured

@@ -147,7 +147,7 @@ _notes: dict[str | bytes, str] = {}
 
 
 _batchers: "dict[str, Batcher]" = {}
-"""The open devices of this process, by name."""
+"""The batcher of each device that this process has opened, by the device's name."""
 
 
 def _open_batcher(batches: Batches) -> "Batcher":

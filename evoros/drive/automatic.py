@@ -41,7 +41,7 @@ _KINDS = {
 }
 _PUSHING_PLUGIN = re.compile(r"planar_?move", re.IGNORECASE)
 _SIDEWAYS_PLUGIN = re.compile(r"planar_?move|mecanum|omni|holonomic", re.IGNORECASE)
-HOLD_STRAIGHT = "set robot.drive.kind={} to lock the steering and turn by wheel speed differences"
+HOLD_STRAIGHT = "set robot.drive.kind={} to lock the steering and turn by different wheel speeds"
 _MIN_ROLLERS = 3  # minimum number of turning joints on a wheel with rollers
 _DIAGONAL = (elementary.cos(math.radians(60.0)), elementary.cos(math.radians(30.0)))
 """Range of the cosine between a mecanum wheel's axle and <fdir1>."""
@@ -144,7 +144,7 @@ def misaligned_error(urdf: Urdf, joints: Sequence[Joint], fix: str) -> InputErro
     cosines = [min(abs(float(urdf.axis_of(joint)[LEFT])), 1.0) for joint in joints]
     angles = ", ".join(f"{math.degrees(elementary.acos(cosine)):.0f}" for cosine in cosines)
     rule = f"wheel axes must point left (y), but deviate by {angles} deg: {names}"
-    hint = "steered wheels need the drive ackermann; no drive supports omni wheels"
+    hint = "steered wheels need the ackermann drive; no drive supports omni wheels"
     return urdf.error(rule, f"{fix} ({hint})")
 
 

@@ -112,8 +112,8 @@ def _check_design(member: Member, owner: Member) -> None:
     evolves = design.max_number > 0 or design.genes or find_declared_genes(member.controller)
     if member is owner and evolves and not member.scored:
         raise InputError(
-            f"{member.key}scored: must be true if the robot's own design evolves, because "
-            "otherwise nothing would select the design; set it to true, or use a design with "
+            f"{member.key}scored: must be true if the robot's separate design evolves, because "
+            "otherwise nothing would select the design; set scored to true, or use a design with "
             "number 0 and fixed sensors"
         )
 

@@ -48,9 +48,8 @@ class Contest:
             done = len(self.scores.get(design_id, ()))
             if design_id not in self.earlier or trials < 1 or done + trials > most:
                 raise self._refuse(
-                    f"must give at least 1 further trial, and at most {most} in a generation, to "
-                    f"designs of this generation, not {trials} to design {design_id}, which "
-                    f"already has {done}"
+                    f"must give a design of this generation at least 1 further trial and at "
+                    f"most {most} in all, not {trials} to design {design_id}, which has {done}"
                 )
             wanted[design_id] = range(done, done + trials)
         self.rounds.append(further)
@@ -89,4 +88,4 @@ class Contest:
                 )
 
     def _refuse(self, rule: str) -> InputError:
-        return InputError(f"allocation: {rule}; fix {type(self.allocation).__name__}")
+        return InputError(f"allocation: {rule}; correct {type(self.allocation).__name__}")

@@ -162,7 +162,7 @@ class Experiment:
             for name in getattr(self, group):
                 if not NAME.holds(name):
                     rule = f"the key of each {kind} must be {NAME.text}"
-                    raise InputError(f"{group}: {rule}, not {name!r}; rename it")
+                    raise InputError(f"{group}: {rule}, not {name!r}")
             check_case(group, getattr(self, group))
         if self.validation.precision is not None and self.scoring.combine is not mean:
             raise InputError(

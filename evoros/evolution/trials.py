@@ -77,7 +77,7 @@ class Measuring:
             key,
             f"must be {SCORE.text}, but is {value:g} for the design "
             f"{', '.join(str(mount) for mount in evaluated.design.mounts)[:200]}; such designs "
-            f"count as {worst:g}; fix {type(measure).__name__}",
+            f"count as {worst:g}; correct {type(measure).__name__}",
         )
         return worst
 

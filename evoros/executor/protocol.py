@@ -34,8 +34,8 @@ class Pool(Protocol):
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
         """Call ``function(*args)`` in a worker; function and arguments must pickle.
 
-        The future raises the exception of the function, or WorkerLost if the call crashed its
-        process or hung in all attempts. A function that raises PilotLost is retried, too.
+        The future raises the function's exception, or WorkerLost if the call crashed its process
+        or hung on every attempt. A call that raises PilotLost is also retried.
         RunStopped means that no workers are left. A ``Shared`` argument is sent once to each
         worker.
 
@@ -112,10 +112,10 @@ class Executor(ABC):
 
 
 KEPT = 16
-"""Maximum number of shared contents cached in a process; the longest unused is dropped first."""
+"""Maximum number of shared arguments cached in a process; the longest unused is dropped first."""
 
 MISSING, RETURNED, RAISED, PILOT_LOST = range(4)
-"""Kinds of ``Answer``; after ``MISSING``, the call is repeated with its shared contents."""
+"""Kinds of ``Answer``; after ``MISSING``, the call is repeated with its shared arguments."""
 
 
 @dataclass(frozen=True)
@@ -151,11 +151,11 @@ class Answer(NamedTuple):
 
 
 class MissingError(Exception):
-    """The process lacks a shared content of the call."""
+    """The process has not cached one of the call's shared arguments."""
 
 
 class Kept:
-    """The shared contents cached in a process."""
+    """The shared arguments cached in a process."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[bytes, Shared] = OrderedDict()
@@ -171,7 +171,7 @@ class Kept:
                 self._kept.popitem(last=False)
 
     def get(self, digest: bytes) -> Shared:
-        """Return a content; raise a MissingError if it is not kept."""
+        """Return a shared argument; raise a MissingError if it is not cached."""
         with self._lock:
             if digest not in self._kept:
                 raise MissingError
@@ -201,7 +201,7 @@ def pack_call(function: Callable[..., Any], args: Sequence[Any]) -> Call:
 
 
 def unpack_call(payload: bytes, kept: Kept) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-    """Unpickle a call; raise a MissingError if ``kept`` lacks a shared content."""
+    """Unpickle a call; raise a MissingError if ``kept`` lacks one of its shared arguments."""
     function, sent = pickle.loads(payload)
     args = (kept.get(arg.digest) if isinstance(arg, _Reference) else arg for arg in sent)
     return function, tuple(args)

@@ -22,13 +22,13 @@ A_FAILURE = instance_of(Failure, "a failure model (a subclass of evoros.parts.Fa
 class AdversarialFailure(AdaptiveFailure):
     """Sensor failure cases that evolve from generation to generation.
 
-    In the selection, each trial of a generation has one case, the same for all designs. The fitness
+    During selection, each trial of a generation has one case, the same for all designs. The fitness
     of a case is the score that designs lose in that trial, compared with their other trials. The
     better half of the cases survives, and their mutants replace the rest. ``fame`` trials repeat
     the hardest cases of earlier generations, so that designs do not forget them (Rosin and Belew,
     New methods for competitive coevolution, Evolutionary Computation 5, 1997; parasites against
-    sorting networks: Hillis, Physica D 42, 1990). All other missions, such as the validation, use
-    the failures that ``validation`` draws.
+    sorting networks: Hillis, Physica D 42, 1990). All other missions, such as those for validation,
+    use the failures that ``validation`` draws.
     """
 
     validation: Annotated[Failure, A_FAILURE] = field(default_factory=RandomFailure)

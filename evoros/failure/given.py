@@ -54,6 +54,6 @@ class GivenFailure(Failure):
         if beyond:
             raise InputError(
                 f"failure.sensors: must be indices of the robot's sensors, 0 to "
-                f"{channels.size - 1}, not {beyond[0]}; remove it"
+                f"{channels.size - 1}, not {beyond[0]}"
             )
         return make_faults(self, self.case, channels.size)

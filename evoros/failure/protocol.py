@@ -84,27 +84,27 @@ class Trigger:
 
     @classmethod
     def at_place(cls, x_m: float, y_m: float, radius_m: float) -> Self:
-        """Return the event: the robot's origin comes within ``radius_m`` of a place."""
+        """Return the event that the robot's origin comes within ``radius_m`` of a place."""
         return cls(PLACE, (x_m, y_m, radius_m))
 
     @classmethod
     def on_course(cls, share: float) -> Self:
-        """Return the event: the robot has covered this share of its route's length, 0 to 1."""
+        """Return the event that the robot has covered this fraction (0 to 1) of its route."""
         return cls(COURSE, (share,))
 
     @classmethod
     def after_distance(cls, distance_m: float) -> Self:
-        """Return the event: the robot has covered this length of its route."""
+        """Return the event that the robot has covered this length of its route."""
         return cls(DISTANCE, (distance_m,))
 
     @classmethod
     def at_waypoint(cls, number: int) -> Self:
-        """Return the event: the robot reaches a waypoint, numbered from 1; home is the last."""
+        """Return the event that the robot reaches a waypoint, numbered from 1; home is the last."""
         return cls(WAYPOINT, (float(number),))
 
     @classmethod
     def by_use(cls, amount: float, per_s: float, per_m: float) -> Self:
-        """Return the event: ``amount`` is used, at these rates per second and per metre driven."""
+        """Return the event that ``amount`` is used up, at these rates per second and per metre."""
         return cls(USE, (amount, per_s, per_m))
 
 
@@ -201,7 +201,9 @@ def make_faults(failure: Failure, case: Case, sensors: int) -> tuple[Fault, ...]
         InputError: the failure model has no effect.
     """
     if failure.effect is None:
-        raise InputError(f"failure: must have an effect for cases; add it to {failure!r}")
+        raise InputError(
+            f"failure: a failure model with cases must set effect; add effect to {failure!r}"
+        )
     return (Fault(failure.effect, case.onsets(sensors)),) if case.sensors else ()
 
 
@@ -221,20 +223,20 @@ def _check_fault(fault: Fault, failure: Failure, sensors: int) -> None:
     if fault.signal not in SIGNALS:
         signals = ", ".join(SIGNALS)
         raise InputError(
-            f"failure: {name} must spoil one of the signals {signals}, not {fault.signal!r}; "
-            f"correct its draw"
+            f"failure: {name} drew a fault of the unknown signal {fault.signal!r}; draw faults "
+            f"of {signals} only"
         )
     onset, count = np.asarray(fault.onset), sensors if fault.signal == READINGS else 1
     if onset.shape != (count,) or onset.dtype.kind != "f" or np.isnan(onset).any():
         each = f"each of the {count} sensors" if fault.signal == READINGS else f"the {fault.part}"
         raise InputError(
-            f"failure: {name} must give each fault one onset for {each} [s], infinity for never, "
-            f"not {fault.onset!r}; correct its draw"
+            f"failure: {name} must draw one onset time [s] for {each} (infinity: never), not "
+            f"{fault.onset!r}"
         )
     if fault.signal != READINGS and fault.part not in failure.parts:
         raise InputError(
-            f"failure: the parts of {name} must include {fault.part}, which one of its faults "
-            f"affects, not {list(failure.parts)}; add it to the class"
+            f"failure: the parts of {name}, {list(failure.parts)}, must include {fault.part}, "
+            f"which one of the faults affects; add that part to the class"
         )
 
 
@@ -272,7 +274,7 @@ class Adversary(Protocol):
 
 
 class AdaptiveFailure(Failure):
-    """A failure model whose cases in the selection depend on the scores of designs.
+    """A failure model whose cases during selection depend on the scores of designs.
 
     All other missions use ``draw``.
     """

@@ -39,7 +39,7 @@ class SpatialFailure(Failure):
         checks.check_order(self, "earliest_s", "latest_s")
         radii, probabilities = self.radii_m, self.probabilities
         if any(radii[k] >= radii[k + 1] for k in range(len(radii) - 1)):
-            raise checks.invalid(self, "radii_m", radii, "must increase from each to the next")
+            raise checks.invalid(self, "radii_m", radii, "must be in increasing order")
         if len(probabilities) != len(radii):
             rule = f"must have as many entries as radii_m ({len(radii)})"
             raise checks.invalid(self, "probabilities", probabilities, rule)

@@ -156,8 +156,8 @@ def _find_widest_route(
 
 def _describe(attempt: Attempt, cells: float) -> str:
     if attempt.inside:
-        area = f"{cells * CELL_M * CELL_M:.3g} m2 for the robot's centre"
-        return f"in the largest enclosed free region ({area})"
+        area = f"{cells * CELL_M * CELL_M:.3g} m2"
+        return f"in the largest enclosed free region, where the robot's centre can move over {area}"
     if not attempt.around_m:
         return "among the obstacles: no enclosed free region is large enough"
     return f"among the obstacles and up to {attempt.around_m:g} m around them, for lack of room"

@@ -69,7 +69,7 @@ def draw_example(sampler: WorldSampler, renew: bool, function: str) -> World:
         InputError: ``renew`` is not a flag; the message names the ``function``.
     """
     if not FLAG.holds(renew):
-        raise InputError(f"{function}.renew: must be {FLAG.text}, not {renew!r}; write one of them")
+        raise InputError(f"{function}.renew: must be {FLAG.text}, not {renew!r}")
     world = sampler.draw_world(FIXED)
     return replace(world, sampler=sampler) if renew else world
 

@@ -29,13 +29,13 @@ def parse_json(content: bytes | str) -> Any:
     try:
         value = json.loads(content)
     except RecursionError:
-        raise ValueError("it is nested too deep") from None
+        raise ValueError("it is nested too deeply") from None
     level = [value]
     for _ in range(DEPTH):
         level = [inner for node in level for inner in _list_inner(node)]
         if not level:
             return value
-    raise ValueError("it is nested too deep")
+    raise ValueError("it is nested too deeply")
 
 
 def _list_inner(node: Any) -> list[Any]:
@@ -79,7 +79,7 @@ def _check_events(text: str, loader: Any) -> None:
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
         if depth > DEPTH:
-            raise ValueError("it is nested too deep")
+            raise ValueError("it is nested too deeply")
 
 
 def _check_references(tree: Any) -> None:
@@ -110,7 +110,7 @@ def _check_references(tree: Any) -> None:
     try:
         measure((), tree)
     except RecursionError:
-        raise ValueError("its references lead too far") from None
+        raise ValueError("its references form too long a chain") from None
 
 
 def _find(node: Any, path: tuple[str, ...]) -> Any:

@@ -57,7 +57,7 @@ def private_folder(name: str) -> Path | None:
 def keep_fonts() -> None:
     """Let matplotlib keep its list of fonts here if the user has no home to write in.
 
-    Otherwise, each process would make the list, which takes seconds, and warn.
+    Otherwise, every process would log a warning and spend seconds rebuilding the list.
     """
     home = find_home()
     if home is None or not os.access(home, os.W_OK):

@@ -37,15 +37,13 @@ def read_file(path: Path) -> bytes:
         raise InputError(f"{path}: no such file; correct the path") from None
     except OSError as error:
         if isinstance(error, IsADirectoryError):
-            raise InputError(f"{path}: is a folder; give a file in it") from None
+            raise InputError(f"{path}: a folder, not a file; give a file in it") from None
         fix = "change its permissions" if isinstance(error, PermissionError) else "restore it"
         raise InputError(f"{path}: cannot be read ({error.strerror}); {fix}") from error
     if content.startswith(_POINTER):
-        raise InputError(f"{path}: is only a Git LFS pointer to the file; type git lfs pull")
+        raise InputError(f"{path}: only a Git LFS pointer to the file; type git lfs pull")
     if content[:200].lstrip().lower().startswith(_PAGES):
-        raise InputError(
-            f"{path}: is a web page in place of the file; download the raw file instead"
-        )
+        raise InputError(f"{path}: a web page in place of the file; download the raw file instead")
     return content
 
 

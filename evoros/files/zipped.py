@@ -60,8 +60,8 @@ def require_fitting(path: Path, name: str, size: int, total: int) -> None:
     """Require that an added file, and the total so far, do not exceed the limits for reading."""
     if size > LARGE or total > LARGEST:
         raise InputError(
-            f"{path}: must have files of at most {LARGE >> 20} MiB and {LARGEST >> 30} GiB in all, "
-            f"but {name!r} exceeds this; move that file elsewhere, or archive fewer folders"
+            f"{path}: files may have at most {LARGE >> 20} MiB each and {LARGEST >> 30} GiB in "
+            f"all, but {name!r} exceeds a limit; move that file elsewhere, or archive fewer folders"
         )
 
 

@@ -41,7 +41,7 @@ class Constant(Filter):
                 name = channels.names[place] if channels.names else "the channel"
                 raise InputError(
                     f"Constant.value: must be from {low[place]:.4g} to {high[place]:.4g}, the "
-                    f"limits of {name}, not {self.value:g}; set it within these limits"
+                    f"limits of {name}, not {self.value:g}"
                 )
         return self.Parameters(self.value, onset)
 

@@ -34,7 +34,7 @@ class PoseNoise(Filter):
         require_pose(
             channels,
             "PoseNoise",
-            "put it into the controller's localization, or use GaussianNoise here",
+            "put it into the controller's localization, or use GaussianNoise instead",
         )
         position, yaw = self.sigma_position_m, math.radians(self.sigma_yaw_deg)
         return self.Parameters(np.array([position, position, yaw, self.sigma_speed_mps]), onset)

@@ -54,7 +54,7 @@ def select_channels(channels: Channels, onset: Array, of: str | None, part: str)
         return onset
     chosen = [name.startswith(of) for name in channels.names]
     if not any(chosen):
-        known = ", ".join(dict.fromkeys(channels.names)) or "none here"
+        known = ", ".join(dict.fromkeys(channels.names)) or "none"
         raise InputError(
             f"{part}.of: must be a prefix of a channel name ({known}), not {of!r}; choose one, "
             f"or set it to null for all"
@@ -82,8 +82,8 @@ def refuse_pose(channels: Channels, part: str) -> None:
     """
     if channels.signal == POSE:
         raise InputError(
-            f"{part}: must filter readings or a command, not a pose (x, y, yaw, speed); use "
-            f"stuck, silence, pose_jump or pose_drift here"
+            f"{part}: must filter readings or a command, not a pose (x, y, yaw, speed); for a "
+            f"pose, use stuck, silence, pose_jump or pose_drift"
         )
 
 
@@ -108,7 +108,8 @@ def hold_nothing(channels: Channels) -> Held:
 
 
 FILTER_ARGUMENTS = "parameters", "memory", "rng", UNUSED, "values", "time"
-"""Parameters that a filter's rule can have; it changes ``values`` in place; NaN is silence."""
+"""Arguments that a filter's rule may take. The rule changes ``values`` in place; NaN means no
+value."""
 
 ENDS, ALTERS, GROWS = EFFECTS = "ends", "alters", "grows"
 """Readings stop depending on the surroundings, depend on them differently, or less and less."""

@@ -26,7 +26,7 @@ class Scoring:
     def name(self) -> FitnessName:
         """The name of the fitness in figures."""
         name = name_fitness(self.fitness)
-        several = ", mean of the robots" if len(self.scored) > 1 else ""
+        several = ", mean over the robots" if len(self.scored) > 1 else ""
         return FitnessName(name.title + several, name.unit)
 
     @property

@@ -28,11 +28,11 @@ def read_content(path: Path) -> bytes:
     """Return the content of a complete mesh file in a known format."""
     if path.suffix.lower() not in FORMATS:
         known = ", ".join(FORMATS)
-        raise InputError(f"{path}: must be a mesh in a known format ({known}); convert it")
+        raise InputError(f"{path}: must be a mesh in a known format ({known}); convert the mesh")
     content = read_file(path)
     problem = _find_cut(path.suffix.lower(), content)
     if problem:
-        raise InputError(f"{path}: is truncated, because {problem}; copy it again")
+        raise InputError(f"{path}: truncated ({problem}); copy the file again")
     return content
 
 

@@ -69,7 +69,7 @@ class Absences:
             problem = f"{first.sentence}{again}"
         else:
             listed = ", ".join(self._list())
-            problem = f"{self._source}: names {len(names)} missing items: {listed}"
+            problem = f"{self._source}: refers to {len(names)} missing items: {listed}"
         subjects: dict[str, dict[str, None]] = {}
         for absence in self._absences:
             subjects.setdefault(absence.remedy.text, {})[absence.remedy.subject] = None

@@ -21,7 +21,8 @@ from evoros.geometry.polyhedron import box_corners, convex_polyhedron, hull_plan
 from evoros.geometry.shapes import Pose, Shape
 
 _EXACT_M = 1e-4
-"""Maximum distance [m] of the shapes' points beyond a face that counts as exact."""
+"""Tolerance [m]: a depth is exact if no point of the shapes lies farther than this beyond the
+face."""
 
 _EXACT = 0.02  # the same for deep overlaps, as a fraction of the depth
 

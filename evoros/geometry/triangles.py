@@ -39,7 +39,7 @@ class Surface:
 
 
 def weld(triangles: Array) -> Surface:
-    """Return the surface of triangles (n, 3, 3) [m]; corners equal to a micrometre are joined."""
+    """Return the surface of triangles (n, 3, 3) [m]; corners within a micrometre are merged."""
     corners = triangles.reshape(-1, 3)
     # Whole micrometres would split coordinates that end in half ones, as 1/16 inch does.
     first, indices = unique_rows(np.round(corners * 1.03e6))
@@ -207,7 +207,8 @@ def _separate(surface: Surface) -> tuple[Surface, Indices] | None:
     order = np.lexsort((rises, turns, edges))
     first = order[np.cumsum(sizes) - sizes]
     turns[first[rises[first]]] = np.inf
-    # The solid lies between a face whose edge goes down and the next one around it, going up.
+    # Around an edge, the solid lies between a face that runs along the edge down to the lower
+    # index and the next face, which runs up.
     down, up = np.lexsort((rises, turns, edges)).reshape(-1, 2).T
     if rises[down].any() or not rises[up].all():
         return None

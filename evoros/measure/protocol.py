@@ -40,8 +40,7 @@ class Evaluated:
         if name not in self.robots:
             known = ", ".join(map(repr, self.robots))
             raise InputError(
-                f"robot: must be the name of a robot with its own design ({known}), not {name!r}; "
-                "choose one of these"
+                f"robot: must be the name of a robot with a separate design ({known}), not {name!r}"
             )
         return self.robots[name]
 

@@ -155,7 +155,8 @@ Run = Callable[[LoopCall], LoopResult]
 OBSERVE, SENSE, ADVANCE = range(3)
 """Indices of the engine's call addresses in the simulation parameters."""
 TIME, ANSWER = range(2)
-"""Indices in the memory of a layer that calls Python. Its only parameter is the address to call."""
+"""Indices into the memory of a layer that calls Python; that layer's only parameter is an
+address."""
 
 CALLBACK = CFUNCTYPE(None)
 Expose: TypeAlias = Callable[[Callable[[], object]], float]

@@ -84,12 +84,12 @@ class Member:
         if not self.has_own_design and self.name in parts:
             raise InputError(
                 f"{self.key}design: must not be null, because the design has a part for this "
-                f"robot; choose one with +design@{self.key}design=..., as in the run"
+                f"robot; choose a design with +design@{self.key}design=..., as in the run"
             )
         if self.designed not in parts:
             raise InputError(
                 f"{self.key}design: must be null for a design without a part for this robot; "
-                f"add one to the design, or remove that key"
+                f"add that part to the design, or remove this key"
             )
         return parts[self.designed]
 
@@ -124,7 +124,7 @@ def find_declared_genes(controller: object) -> dict[str, Gene]:
         if name in genes:
             raise InputError(
                 f"{at}: must not declare the gene {name}, which another part of the controller "
-                f"declares too; rename it in its class"
+                f"declares too; rename the gene in one of the classes"
             )
         low, high = float(value.low), float(value.high)
         genes[name] = Gene(f"{at}.{value.path}", low, high, group=value.group or None)

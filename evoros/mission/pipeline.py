@@ -178,9 +178,9 @@ def start_localization(
             continue
         if index:
             raise InputError(
-                f"controller.localization.{name}: must be the first of its localization, because "
-                f"it ignores earlier ones; remove "
-                f"{', '.join(list(controller.localization)[:index])}, or put it after"
+                f"controller.localization.{name}: must come first, because an estimator ignores "
+                f"earlier filters; remove {', '.join(list(controller.localization)[:index])}, or "
+                "put the estimator before them"
             )
         rule = start_rule(
             item.rule, ESTIMATOR_ARGUMENTS, item.start_estimate, robot, controller.period_s

@@ -196,7 +196,7 @@ class OpenMission:
         """
         if self._setup.arrays.driven is not self._setup.arrays.commands:
             raise InputError(
-                "failure: must leave commands, steering and drive alone if a scenario drives the "
+                "failure: must not affect commands, steering or drive if a scenario drives the "
                 "robot; choose another failure, or let the controller drive"
             )
         if self._setup.arrays.counts[ENDED, 0] != RUNNING:

@@ -27,7 +27,7 @@ def require_world(name: str, world: object) -> None:
     """Require that an entry of the configuration's worlds is a world."""
     if not isinstance(world, World):
         raise InputError(
-            f"world.{name}: must be a world, and some of its keys are missing; choose it with "
+            f"world.{name}: some keys of the world are missing; choose a world with "
             f"world=[...], or remove world.{name}"
         )
 
@@ -71,9 +71,9 @@ class Scenario:
         most = self.simulator.max_robots
         if len(self.members) > most:
             raise InputError(
-                f"agents: must be at most {most - 1} with {type(self.simulator).__name__}, in "
-                f"which {most} robots can share a world (max_robots), not "
-                f"{len(self.members) - 1}; leave some out, or use another simulator, for example "
+                f"agents: must be at most {most - 1}, not {len(self.members) - 1}, because "
+                f"{type(self.simulator).__name__} supports worlds with up to {most} robots "
+                "(max_robots); leave out agents, or use another simulator, for example "
                 f"simulator=planar or simulator=physics"
             )
         self._check_walkers()
@@ -101,9 +101,9 @@ class Scenario:
             if longest > group.radius_m:
                 raise InputError(
                     f"walkers.{name}.pace_mps: must be at most "
-                    f"{group.radius_m / (FASTEST * self.simulator.time_step):.2g} m/s, so that a "
-                    f"step of simulator.time_step is shorter than radius_m, not "
-                    f"{group.paces[1]:g}; lower it or the step"
+                    f"{group.radius_m / (FASTEST * self.simulator.time_step):.2g} m/s, not "
+                    f"{group.paces[1]:g}, so that a walker moves less than radius_m in a time "
+                    "step; lower it, or lower simulator.time_step"
                 )
 
     def draw_world(self, name: str, draws: str, robots: Sequence[PlacedRobot]) -> World:
@@ -179,8 +179,8 @@ class Scenario:
         unknown = [name for name in design.parts if name not in known]
         if unknown:
             raise InputError(
-                f"agents: must have {unknown[0]}, for which there is a design, not "
-                f"{', '.join(filter(None, known)) or 'none'}; add it, or leave its design out"
+                f"agents: the design has a part for {unknown[0]!r}, which is not an agent (agents: "
+                f"{', '.join(filter(None, known)) or 'none'}); add the agent, or leave the part out"
             )
         parts = [member.find_design(design) for member in self.members]
         equipped = []

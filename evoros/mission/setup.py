@@ -111,7 +111,7 @@ class Setup:
         if STRENGTH in failing:
             if not self._weakens_wheels:
                 raise InputError(
-                    "failure: must leave the wheels alone with this simulator, which has no weak "
+                    "failure: must not affect the wheels, because this simulator has no weak "
                     "wheels (weakens_wheels); choose another failure, for example failure=drive, "
                     "or use another simulator, for example simulator=planar"
                 )
@@ -226,7 +226,7 @@ def _create_arrays(
 ) -> inputs.Arrays:
     robots = len(participants)
     commands = np.zeros(robots * COMMAND_SIZE)
-    # One row per recorded time, and one for the end of each robot.
+    # One row per recorded time, and one for the end of each robot's mission.
     rows = timing.limit // timing.record_every + 1 + robots
     columns = 1 + robots * len(ROBOT_COLUMNS) + agents.readings[-1] + agents.estimates[-1]
     columns += reports

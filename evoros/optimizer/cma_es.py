@@ -18,7 +18,7 @@ from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_g
 FEW = 4
 POPULATION = replace(
     COUNT,
-    text=f"a whole number of at least {FEW}, because the better half guides the search",
+    text=f"a whole number of at least {FEW}, so that two or more designs guide the search",
     holds=lambda v: is_whole(v) and v >= FEW,
 )
 

@@ -319,8 +319,8 @@ def _check_turning_point(
     turning_x = find_turning_point(simulator, robot, world, speed)
     if not abs(turning_x - drive.rear_axle_x_m) <= TOLERANCE * drive.wheelbase_m:
         yield (
-            f"{key}: {robot.name} turns about x={turning_x:.2f} m and not about "
-            f"robot.drive.turning_x_m={drive.rear_axle_x_m:g}, because the wheels roll there; use "
+            f"{key}: {robot.name} turns about x={turning_x:.2f} m, where its wheels roll without "
+            f"slipping, not about robot.drive.turning_x_m={drive.rear_axle_x_m:g}; use "
             f"simulator=planar, or set robot.drive.turning_x_m=null"
         )
 

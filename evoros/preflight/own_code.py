@@ -58,7 +58,7 @@ def _call(rule: Any, *arguments: Any) -> Any:
         raise
     except Exception as error:  # a user's rule may raise anything
         raise PartFault(
-            f"{name_rule(rule)}: {type(error).__name__}: {single_line(error)}; fix "
+            f"{name_rule(rule)}: {type(error).__name__}: {single_line(error)}; correct "
             f"{find_source(rule.function)}"
         ) from error
 

@@ -210,7 +210,7 @@ def preflight(experiment: Experiment) -> None:
 
 
 def check_search(experiment: Experiment) -> Iterator[str]:
-    """Start the search once."""
+    """Check that the search starts."""
     experiment.start_search()
     yield from ()
 
@@ -243,9 +243,9 @@ def check_length(experiment: Experiment) -> Iterator[str]:
         limit = MAX_TRAJECTORY_BYTES / (8 * columns) * period
         if world.course.time_limit_s > limit:
             raise InputError(
-                f"world.{name}.course.time_limit_s: must be at most {limit:.0f} s, so that the "
-                f"trajectory of a mission fits into {MAX_TRAJECTORY_BYTES // 2**20} MiB, not "
-                f"{world.course.time_limit_s:g}; lower it (course.time_limit_s)"
+                f"world.{name}.course.time_limit_s: must be at most {limit:.0f} s, not "
+                f"{world.course.time_limit_s:g} s, so that a mission's trajectory fits into "
+                f"{MAX_TRAJECTORY_BYTES // 2**20} MiB"
             )
     yield from ()
 

@@ -236,9 +236,9 @@ def check_onsets(subject: Subject) -> Iterator[str]:
         found = {name: find_problem(trigger, world) for name, world in worlds}
         problems = {name: problem for name, problem in found.items() if problem}
         if len(problems) == len(found):
-            raise InputError(f"failure.onset: must be {next(iter(problems.values()))}; change it")
+            raise InputError(f"failure.onset: must be {next(iter(problems.values()))}")
         for name, problem in problems.items():
-            yield f"failure.onset: never occurs in {name}, because it must be {problem}"
+            yield f"failure.onset: never occurs in {name}: it must be {problem}"
 
 
 def _list_triggers(subject: Subject) -> list[Trigger]:

@@ -103,9 +103,9 @@ def check_gaps(subject: Subject) -> Iterator[str]:
         if nearer < SEEN_SHARE * near:
             lower = f", or lower {key} to {nearer:.2g}" if key else ""
             yield (
-                f"design.sensors.{name}: its rays are {near * gap:.2g} m apart at {near:g} m and "
-                f"can miss {body!r}, {width:.2g} m wide, until it is {nearer:.2g} m away; "
-                f"{_propose_rays(name, sensor, width / near)}{lower}"
+                f"design.sensors.{name}: at {near:g} m, the rays are {near * gap:.2g} m apart and "
+                f"can miss {body!r}, which is {width:.2g} m wide and sure to be seen only within "
+                f"{nearer:.2g} m; {_propose_rays(name, sensor, width / near)}{lower}"
             )
 
 

@@ -62,9 +62,7 @@ def require_column(key: str, column: str, agents: Sequence[str]) -> None:
     name, _, of_robot = column.rpartition(".")
     if (name and name not in agents) or of_robot not in COLUMNS:
         known = ", ".join(COLUMNS) + (f"; of agents {', '.join(agents)}.COLUMN" if agents else "")
-        raise InputError(
-            f"{key}: must be a measure or one of {known}, not {column!r}; choose one of these"
-        )
+        raise InputError(f"{key}: must be a measure or one of {known}, not {column!r}")
 
 
 QUANTITY = Rule(
@@ -136,8 +134,8 @@ class Claim:
         low, high = self.bounds
         if not low < self.limit < high:
             raise InputError(
-                f"must have a limit greater than {low:g} and less than {high:g}, the bounds of the "
-                f"quantity, not {self.limit:g}; change it"
+                f"the limit must be between {low:g} and {high:g}, the bounds of the quantity, "
+                f"not {self.limit:g}"
             )
 
     @property

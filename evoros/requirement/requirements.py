@@ -59,8 +59,7 @@ class Survival:
         """Yield the cases of a robot with this number of sensors, the intact case first."""
         if self.survives > sensors:
             raise InputError(
-                f"survives: must be at most {sensors}, the number of sensors, not "
-                f"{self.survives}; lower it"
+                f"survives: must be at most {sensors}, the number of sensors, not {self.survives}"
             )
         sizes = range(1, self.survives + 1)
         count = 1 + len(self.times_s) * sum(math.comb(sensors, size) for size in sizes)
@@ -146,7 +145,7 @@ def collect(**requirements: Mapping[str, Any]) -> dict[str, Requirement]:
 def _make(name: str, fields: Any) -> Requirement:
     key = f"requirements.{name}"
     if not NAME.holds(name):
-        raise InputError(f"{key}: must be {NAME.text}; rename it")
+        raise InputError(f"{key}: must be {NAME.text}; rename the requirement")
     if not isinstance(fields, Mapping):
         raise InputError(
             f"{key}: must be a mapping, as in {{of: completed, at_least: 0.9}}, not {fields!r}; "
@@ -158,7 +157,7 @@ def _make(name: str, fields: Any) -> Requirement:
     if unknown or first not in fields:
         raise InputError(
             f"{key}: must have the key {first} and may have only {', '.join(known)}, but has "
-            f"{', '.join(map(str, unknown or fields))}; correct it"
+            f"{', '.join(map(str, unknown or fields))}"
         )
     try:
         return kind(**fields)
@@ -184,8 +183,7 @@ def check_requirements(
         for key, world in (("world", claim.world), *(("each.world", one) for one in stated)):
             if world is not None and world not in worlds:
                 raise InputError(
-                    f"requirements.{name}.{key}: must be one of {', '.join(worlds)}, not "
-                    f"{world!r}; choose one of these"
+                    f"requirements.{name}.{key}: must be one of {', '.join(worlds)}, not {world!r}"
                 )
     list_conditions(requirements)
 
@@ -203,8 +201,8 @@ def list_conditions(requirements: Mapping[str, Requirement]) -> dict[str, Condit
             known = conditions.setdefault(text, level.condition) if text else level.condition
             if repr(known.part) != repr(part):
                 raise InputError(
-                    f"requirements.{name}.each: {text} must be the part that another requirement "
-                    f"gives this name, not {type(part).__name__}; rename one of the two"
+                    f"requirements.{name}.each: {text} is also the name of a different part in "
+                    "another requirement; rename one of the parts"
                 )
     return conditions
 

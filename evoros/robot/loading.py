@@ -243,11 +243,10 @@ def load_robot(
     _check_types(description, drive, mount, options)
     if missing not in MISSING:
         choices = ", ".join(MISSING)
-        raise InputError(f"robot.missing: must be one of {choices}, not {missing!r}; set it")
+        raise InputError(f"robot.missing: must be one of {choices}, not {missing!r}")
     if self_occlusion not in (COLLISIONS, VISUALS):
         raise InputError(
-            f"robot.self_occlusion: must be {COLLISIONS} or {VISUALS}, not {self_occlusion!r}; "
-            f"set it"
+            f"robot.self_occlusion: must be {COLLISIONS} or {VISUALS}, not {self_occlusion!r}"
         )
     file, root = expansion.read(description, options)
     adapted = adapt(root, str(file), drive, missing)
@@ -318,7 +317,7 @@ def _check_types(description: object, drive: object, mount: object, options: Rea
         ("environment", options.environment, Mapping, "a mapping from names to values"),
     ):
         if not isinstance(value, expected):
-            raise InputError(f"robot.{name}: must be {what}, not {value!r}; give one")
+            raise InputError(f"robot.{name}: must be {what}, not {value!r}")
 
 
 def _find_body(

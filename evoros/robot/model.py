@@ -243,11 +243,12 @@ class Robot:
         if mount.sensor not in known:
             raise InputError(
                 f"mount on {mount.link}: sensor must be one of {', '.join(known) or 'none'}, "
-                f"not {mount.sensor!r}; define that sensor type or rename it"
+                f"not {mount.sensor!r}; define that sensor type, or name another in the mount"
             )
         if not _NAME.fullmatch(mount.sensor):
             raise InputError(
-                f"sensor {mount.sensor!r}: names must consist of letters, digits and _; rename it"
+                f"sensor {mount.sensor!r}: names must consist of letters, digits and _; rename the "
+                f"sensor"
             )
         if mount.link not in self.sensor_links:
             raise self.link_error(mount.link)
@@ -255,7 +256,7 @@ class Robot:
             value = getattr(mount, entry.name)
             if entry.name not in ("sensor", "link") and not is_number(value):
                 raise InputError(
-                    f"mount of {mount.sensor}: {entry.name} must be a number, not {value!r}; set it"
+                    f"mount of {mount.sensor}: {entry.name} must be a number, not {value!r}"
                 )
 
     def link_error(self, link: str) -> InputError:

@@ -20,8 +20,8 @@ class Odometry(SignalSensor):
     """Mean speed and yaw rate since the last reading, according to the wheel encoders.
 
     The speed is measured at the midpoint of the wheels that are not steered. Encoders measure
-    rolling, so slipping wheels make the readings wrong. The first reading is 0. Errors of wheel
-    size and track width are filters (``Scale``).
+    rolling, so slipping wheels make the readings wrong. The first reading is 0. Use ``Scale``
+    filters to model errors in wheel size or track width.
     """
 
     measures = WHEELS

@@ -93,11 +93,11 @@ SIGNAL_SIZES = {MOTION: 14, WHEELS: 2, CONTACT: 1}
 
 
 SENSOR_ARGUMENTS = "parameters", "memory", "rng", "signal", "values", "time"
-"""Parameters that a signal sensor's ``rule`` can have; it fills ``values`` at ``time`` [s]."""
+"""Arguments that a signal sensor's ``rule`` may take; the rule fills ``values`` at ``time`` [s]."""
 
 
 class Channel(NamedTuple):
-    """One value of a sensor's reading."""
+    """The name, unit and limits of one value in a sensor's reading."""
 
     name: str  # quantity and column prefix, such as range
     unit: str  # unit and column suffix, such as m; empty if there is none

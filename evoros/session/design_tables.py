@@ -169,7 +169,7 @@ def _read_mount(at: str, cells: Mapping[str, str], member: Member) -> tuple[int,
     if kind not in types:
         raise InputError(
             f"{at}: type must be one of {', '.join(types) or 'none'}, not {quote(kind)}; name one "
-            f"of design.sensors, or add it there"
+            f"of design.sensors, or add a sensor type to them"
         )
     return int(cells["sensor"]), _read_place(at, kind, cells, member)
 
@@ -217,7 +217,7 @@ def _parse(at: str, name: str, content: str) -> float:
         value = int(content) if re.fullmatch(r"[+-]?[0-9]+", content) else float(content)
         if isfinite(value):
             return value
-    raise InputError(f"{at}: {name} must be a number, not {quote(content)}; change the cell")
+    raise InputError(f"{at}: {name} must be a number, not {quote(content)}")
 
 
 def read_rows(

@@ -128,7 +128,7 @@ def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesi
     for source in sources:
         for path, named in _read_source(source, experiment):
             if path.resolve() in known:
-                raise InputError(f"designs: {path} is named twice; name it once")
+                raise InputError(f"designs: {path} is named twice")
             known.add(path.resolve())
             for one in named:
                 if (one.source, one.name) in names:
@@ -202,7 +202,7 @@ def _require_configured(path: Path, champion: NamedDesign, experiment: Experimen
         if experiment.space.find_configured(name) not in (None, design):
             raise InputError(
                 f"agents.{name}.design: must be the design that the run used for this agent "
-                f"({path}), because it does not evolve; repeat that design, or give a file of "
+                f"({path}), because it does not evolve; use that design, or give a file of "
                 f"designs without rows for the agent {name}"
             )
 

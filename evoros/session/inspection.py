@@ -123,7 +123,7 @@ def _check_meetings(world: World, robot: Robot) -> Iterator[str]:
     low = [body for body in standing_obstacles(world) if project_bodies([body], robot.height_m)]
     if not low and not world.actors:
         yield (
-            f"{world.source}: has no obstacle that {robot.name}, {robot.height_m:.3g} m high, can "
+            f"{world.source}: no obstacle that {robot.name}, {robot.height_m:.3g} m high, can "
             f"touch; give the folders of missing models with world.NAME.model_paths=[FOLDER], or "
             f"choose another world"
         )

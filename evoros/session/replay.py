@@ -132,12 +132,12 @@ def _find_row(path: Path, columns: Mapping[str, str]) -> Row:
     if unknown or not found:
         wrong = f"column {unknown[0]}" if rows and unknown else f"mission{typed}"
         raise InputError(
-            f"{path / layout.MISSIONS}: has no {wrong}; copy the values from missions.csv"
+            f"{path / layout.MISSIONS}: no {wrong};  copy the values from missions.csv"
         )
     if len(found) > 1:
         differing = [name for name in known if len({row[name] for row in found}) > 1]
         raise InputError(
-            f"{path / layout.MISSIONS}: has {len(found)} missions{typed}; to choose one, add "
+            f"{path / layout.MISSIONS}: {len(found)} missions{typed}; to choose one, add "
             f"{differing[0]}=..."
         )
     return found[0]

@@ -42,7 +42,7 @@ def build_search(config: Configuration) -> Experiment:
             raise InputError(f"{key}: cannot be used in a run; {fix}")
     if experiment.evaluation_draws != EVALUATION:
         raise InputError(
-            "evaluation_draws: must not be set in a run; give it to evoros evaluate designs=FOLDER"
+            "evaluation_draws: applies only to evoros evaluate designs=FOLDER; leave it out"
         )
     preflight(experiment)
     return experiment

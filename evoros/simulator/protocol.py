@@ -162,7 +162,9 @@ class RuleSimulator(Simulator):
 
     @abstractmethod
     def choose_rules(self, world: "World", robots: Sequence["Robot"]) -> SimulationRules:
-        """Return the rules for robots in a world, which depend only on what the sensors measure.
+        """Return the rules that simulate robots in a world.
+
+        Of the robots, the choice depends only on what their sensors measure.
 
         Raises:
             InputError: the simulator cannot simulate this number of robots.

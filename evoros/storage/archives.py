@@ -59,7 +59,7 @@ def open_run(path: str | Path) -> Path:
     if archive is not None and not is_run(folder):
         top = next(place for place in (folder, *folder.parents) if place.name == RUNS)
         names = [str(file.parent.relative_to(top)) for file in folder.rglob(MARKS[0])]
-        raise InputError(f"{path}: is not a single run; {_advise(archive, names)}")
+        raise InputError(f"{path}: not a single run; {_advise(archive, names)}")
     return folder
 
 

@@ -175,9 +175,7 @@ class FigureContext:
             return context
         except (EvorosError, ValueError, TypeError, KeyError, AttributeError) as error:
             reason = single_line(error)
-            raise InputError(
-                f"{path}: is damaged or was edited ({reason}); restore the file"
-            ) from error
+            raise InputError(f"{path}: damaged or edited ({reason}); restore the file") from error
 
 
 _get_types = cache(get_type_hints)

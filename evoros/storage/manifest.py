@@ -149,7 +149,7 @@ def check_unchanged(folder: Path, recorded: Mapping[str, Any], changes: Iterable
     """Require that the inputs of a resumed run have no ``changes``.
 
     Raises:
-        InputError: an input has changed, or the run is of a different format.
+        InputError: an input has changed, or the run has a different format.
     """
     if recorded.get("format_version") != layout.FORMAT_VERSION:
         raise InputError(
@@ -193,9 +193,9 @@ def _has_final_choice(missions: Path) -> bool:
 
 
 def list_unrecorded(folder: Path) -> dict[str, Path]:
-    """Return the modules of parts that have affected no recorded result, by the name of their hash.
+    """Return the files of parts that have not affected any recorded result, by manifest key.
 
-    These modules may be changed before the run is resumed.
+    These files may be changed before the run is resumed.
     """
     if layout.evaluates(folder) or not (folder / layout.MISSIONS).is_file():
         return {}

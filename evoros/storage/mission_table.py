@@ -101,7 +101,7 @@ class MissionTable:
         while line := self._file.readline(LONGEST_LINE):
             if len(line) == LONGEST_LINE:
                 raise InputError(
-                    f"{self.path}: has a line of more than {LONGEST_LINE - 1} bytes; restore it "
+                    f"{self.path}: a line has more than {LONGEST_LINE - 1} bytes; restore it "
                     f"from a copy, or delete it so that all missions run again"
                 )
             yield line
@@ -127,7 +127,7 @@ class MissionTable:
             return parse(self._split(line))
         except (KeyError, ValueError) as error:
             raise InputError(
-                f"{self.path}: line {line_number}: is not a row of this version of evoros; restore "
+                f"{self.path}: line {line_number}: not a row of this version of evoros; restore "
                 f"the file, or use the version that made the run"
             ) from error
 

@@ -92,7 +92,7 @@ class Run:
             other = ("an evaluation", "missions and designs")
             wanted, (found, tables) = (other, kinds) if evaluation else (kinds, other)
             raise InputError(
-                f"{self.path}: is {found}, but only {wanted[0]} has this table; read one of its "
+                f"{self.path}: {found}, but only {wanted[0]} has this table; read one of its "
                 f"tables: {tables}"
             )
 
@@ -112,7 +112,7 @@ class Run:
         if recorded == "none" or (of_others and recorded == "champion"):
             kind, fix = (" of all missions", "all") if of_others else ("", "champion")
             raise InputError(
-                f"{self.path}: has no trajectories{kind} (record={recorded}); start a run with "
+                f"{self.path}: no trajectories{kind} (record={recorded}); start a run with "
                 f"record={fix}"
             )
 
@@ -151,7 +151,7 @@ def load_run(folder: str | Path) -> Run:
     missing = sorted(name for name in FILES if not (path / name).is_file())
     if missing:
         raise InputError(
-            f"{path}: is not a complete run folder ({', '.join(missing)} not found); "
+            f"{path}: not a complete run folder ({', '.join(missing)} not found); "
             f"give the path that evoros printed as run folder, or resume the run"
         )
     verify_folder(path)
@@ -171,7 +171,7 @@ def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
     for name in numbers:
         if name not in frame.columns:
             raise InputError(
-                f"{path}: line 1: has no column {name}, only "
+                f"{path}: line 1: no column {name}, only "
                 f"{', '.join(map(str, frame.columns))}; restore the file"
             )
         values = pd.to_numeric(frame[name], errors="coerce")

@@ -149,8 +149,8 @@ class RunFolder(MissionLog):
         if not tables.are_recorded(outcomes, recorded, self._agents):
             raise self.refuse(
                 layout.MISSIONS,
-                f"rerunning the mission {mission.key}, because its trajectory was missing, gives "
-                f"a different outcome than recorded",
+                f"the trajectory of mission {mission.key} was missing, and rerunning the mission "
+                f"gives an outcome that differs from the recorded one",
             )
         return True
 

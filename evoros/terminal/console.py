@@ -134,7 +134,7 @@ class CommandParser(ArgumentParser):
             before = words[: words.index(rest[0])][-1:]
             split = before and not any(word.startswith("-") for word in (*before, *rest))
             advice = f"; {_advise_quotes(*before, *rest)}" if split else ""
-            self.error(f"{rest[0]}: is an unexpected argument{advice}")
+            self.error(f"unexpected argument {rest[0]}{advice}")
         return options
 
 

@@ -54,9 +54,15 @@ class DriveSuite(PartSuite):
         for speed, steering in product(SPEEDS, STEERINGS):
             angles, rates = drive.targets(speed, steering)
             call = f"targets({speed}, {steering})"
-            assert len(angles) == len(drive.steering_joints), f"{call} returns {len(angles)} angles"
-            assert len(rates) == len(drive.wheel_joints), f"{call} returns {len(rates)} rates"
-            assert all(map(math.isfinite, (*angles, *rates))), f"{call} is {angles}, {rates}"
+            assert len(angles) == len(drive.steering_joints), (
+                f"{call} must return one angle per steering joint, not {len(angles)}"
+            )
+            assert len(rates) == len(drive.wheel_joints), (
+                f"{call} must return one rate per wheel joint, not {len(rates)}"
+            )
+            assert all(map(math.isfinite, (*angles, *rates))), (
+                f"{call} must return finite values, not {angles}, {rates}"
+            )
 
     def test_commands_beyond_the_limits_are_clipped(self) -> None:
         """Commands beyond full speed and full lock have the targets of full speed and full lock."""
@@ -75,4 +81,4 @@ class DriveSuite(PartSuite):
         drive = self.fit()
         for steering in STEERINGS:
             rates = drive.targets(0.0, steering)[1]
-            assert not any(rates), f"targets(0, {steering}) returns the rates {rates}"
+            assert not any(rates), f"targets(0, {steering}) must return rates of 0, not {rates}"

@@ -32,7 +32,8 @@ class Course:
         float, checks.POSITIVE
     ]  # radius [m] within which a waypoint counts as reached
     time_limit_s: Annotated[float, checks.POSITIVE]
-    direction: Annotated[str, DIRECTION]  # first phase's; parity: forward in even rounds
+    direction: Annotated[str, DIRECTION]
+    """Direction of the first phase; ``parity`` means forward in even rounds."""
     end_on_collision: Annotated[bool, checks.FLAG]
 
     def __post_init__(self) -> None:

@@ -43,9 +43,9 @@ class MeshArea(NamedTuple):
     def __str__(self) -> str:
         name = Path(self.file.path).name + (f" ({self.uses} times)" if self.uses > 1 else "")
         share = 100.0 * self.false_m2 / self.footprint_m2
-        text = f"{name}: {self.false_m2:.2g} m2 ({share:.2g} %) of false obstacle"
-        missed = f" and {self.missed_m2:.2g} m2 missed" if self.missed_m2 >= TOLD_M2 else ""
-        return f"{text}{missed} at {LOWEST_M:g} to {self.height_m:.2g} m"
+        text = f"{name}: its convex parts cover {self.false_m2:.2g} m2 ({share:.2g} %) of free area"
+        missed = f" and miss {self.missed_m2:.2g} m2" if self.missed_m2 >= TOLD_M2 else ""
+        return f"{text}{missed} at heights from {LOWEST_M:g} to {self.height_m:.2g} m"
 
 
 @lru_cache(maxsize=KEPT_WORLDS)

@@ -291,7 +291,7 @@ def test_what_is_unfinished_or_damaged_is_left_out_in_one_line(
     assert [line.endswith("left out") for line in err.splitlines()] == [True] * 3
     for name in (
         "silent/designs.csv",
-        "stuck_seed-1: has no champion yet",
+        "stuck_seed-1: no champion yet",
         "stuck_seed-2/champion",
     ):
         assert name in err

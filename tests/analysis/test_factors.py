@@ -238,7 +238,10 @@ def test_one_factor_is_tested_alone(
     ("options", "said"),
     [
         (["--factors", "colour"], "--factors: must be one or two factors"),
-        (["--factors", "effect"], "also differ in population_size; fix these with --where"),
+        (
+            ["--factors", "effect"],
+            "also differ in population_size; choose levels of these with --where",
+        ),
         (["--factors", "effect,effect"], "--factors: must be one or two factors"),
         (["--where", "effect=stuck", "--where", "population_size=2"], "all runs belong to one"),
     ],

@@ -387,7 +387,7 @@ def test_what_cannot_be_compared_is_refused(
     for folders, more, told in (
         ([before], [], "needs two evaluations or two runs, but found before"),
         ([top], [], "needs two evaluations or two runs, but found after, before, same"),
-        ([before, stopped], [], "has no champion yet"),
+        ([before, stopped], [], "no champion yet"),
         ([before, after], ["--margin=time_s=3"], "--margin time_s=3: must be completed=X or"),
         ([before, after], ["--margin=completed=-0.1"], "with X greater than 0 and less than 1"),
         ([before, after], ["--margin=completed"], "--margin completed: must be completed=X or"),

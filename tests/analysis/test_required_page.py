@@ -93,7 +93,7 @@ def test_a_mission_that_ends_otherwise_is_not_played(
     )
     page = (tmp_path / "live" / "figures" / "requirements.html").read_text()
     assert "data-plays=" not in page
-    assert "has not kept the trajectory of trial 0 in " in page
+    assert "no trajectory was kept of trial 0 in " in page
 
 
 def test_nothing_is_kept_if_all_is_met_or_nothing_is_to_be_recorded(tmp_path: Path) -> None:

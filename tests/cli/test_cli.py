@@ -25,12 +25,12 @@ from evoros.files.resources import bundled_folder
 from evoros.terminal.console import DONE, INPUT, INTERRUPTED, STOPPED
 
 BAD = [
-    (["foo=1"], "foo: must be an existing key"),
+    (["foo=1"], "foo: no such key"),
     (
         ["worst_cases.x=1"],
         "worst_cases.x: is not in the configuration; to add it, type +worst_cases.x=",
     ),
-    (["hydra.sweeper.params.seed=0"], "hydra.sweeper.params.seed=0: is allowed only in"),
+    (["hydra.sweeper.params.seed=0"], "hydra.sweeper.params.seed=0: allowed only in"),
     (["+foo=1"], "unknown key 'foo'"),
     (["robot=nix"], "robot: must be one of courier, coyote, erle_rover"),
     (["failure=null"], "failure: must be one of"),
@@ -52,7 +52,7 @@ BAD = [
     (["robot.drive.steering_joints=[a,b]"], "there is no joint 'a'"),
     (["world.near.course.waypoints=[[5,0],[3,0]]"], "inside the obstacle 'unit_box_1'"),
     (["design.regions.front.x_m=[2,3]"], "design.regions.front"),
-    (["optimizer._target_=nix.Nix"], "a folder that you name, not nix.Nix"),
+    (["optimizer._target_=nix.Nix"], "a folder given with --config-dir, not nix.Nix"),
     (
         ["optimizer._target_=evoros.base.rng.Nix"],
         "optimizer._target_: the module evoros.base.rng has no Nix",
@@ -266,7 +266,9 @@ def test_an_exception_in_a_worker_stops_the_run_which_can_be_resumed(
     last = err.strip().splitlines()[-1]
     assert "in far, generation 0, trial 0: ZeroDivisionError: the planar fault" in last
     assert "planar.py, line " in last
-    assert "; correct it and start a new run" in last  # resuming would refuse a corrected part
+    assert (
+        "; correct the code and start a new run" in last
+    )  # resuming would refuse a corrected part
     assert f"(traceback in {run / 'evoros.log'})" in last
     assert "Traceback" not in err
     assert "planar.py" in (run / "evoros.log").read_text()

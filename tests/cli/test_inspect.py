@@ -458,7 +458,9 @@ def test_the_table_tells_what_evoros_tells_of_meshes_and_counts_radii(
     post = model("post", "4 0 0.5 0 0 0", post)
     assert inspect(["world", world_of(folder, plane() + ball + post)]) == DONE
     output = capsys.readouterr().out
-    assert "ball.stl: 0 m2 (0 %) of false obstacle and " in output  # its hull has fewer corners
+    assert (
+        "ball.stl: its convex parts cover 0 m2 (0 %) of free area and miss " in output
+    )  # its hull has fewer corners
     assert "x -1.0..4.5, y -1.0..1.0" in output
 
 
@@ -551,4 +553,4 @@ def test_a_world_in_which_nothing_can_be_met_is_told(
     (folder / "empty.sdf").write_text('<sdf version="1.6"><world name="w"/></sdf>')
     assert inspect(["world", "empty.sdf"]) == DONE
     output = capsys.readouterr().out
-    assert "empty.sdf: has no obstacle that erle_rover, 0.19 m high, can touch; give" in output
+    assert "empty.sdf: no obstacle that erle_rover, 0.19 m high, can touch; give" in output

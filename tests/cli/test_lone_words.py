@@ -22,9 +22,9 @@ SPLIT = [
     ("resume out put", "'put': must be key=value", "'out put'"),
     ("reproduce out put", "'put': must be key=value", "'out put'"),
     ("world out put.sdf", "'put.sdf': must be key=value", "'out put.sdf'"),
-    ("status out put", "put: is an unexpected argument", "'out put'"),
-    ("diff a out put", "put: is an unexpected argument", "'out put'"),
-    ("status --once --nix", "--nix: is an unexpected argument", "see evoros status --help"),
+    ("status out put", "unexpected argument put", "'out put'"),
+    ("diff a out put", "unexpected argument put", "'out put'"),
+    ("status --once --nix", "unexpected argument --nix", "see evoros status --help"),
 ]
 
 

@@ -39,7 +39,7 @@ def test_a_key_that_a_file_may_have_is_added_as_the_message_says(tmp_path: Path)
 @pytest.mark.parametrize("group", ["world", "robot", "controller"])
 def test_a_group_without_a_choice_is_told_with_choices_that_work(group: str) -> None:
     for word in (f"{group}=[]", f"~{group}"):
-        with pytest.raises(InputError, match=f"^{group}: has no choice") as raised:
+        with pytest.raises(InputError, match=f"^{group}: no choice was made") as raised:
             compose([word]).build()
         typed, _, choices = str(raised.value).partition("type ")[2].partition(", one of: ")
         assert typed == f"{group}=NAME"
@@ -127,4 +127,4 @@ def test_a_file_that_a_bundled_one_hides_is_told(
     own, bundled = (
         folder / "failure" / "none.yaml" for folder in (tmp_path, bundled_folder("conf"))
     )
-    assert message == f"{own}: is not used, because {bundled} has the same name; rename your file"
+    assert message == f"{own}: not used, because {bundled} has the same name; rename your file"

@@ -157,5 +157,5 @@ def test_it_comes_before_filters(robot: Robot) -> None:
     after = replace(ROVER, localization={"reckoning": DeadReckoning(), "late": Delay()})
     assert len(start_localization(after, robot, board, place, draws)) == 2
     before = replace(ROVER, localization={"late": Delay(), "reckoning": DeadReckoning()})
-    with pytest.raises(InputError, match=r"localization.reckoning: must be the first"):
+    with pytest.raises(InputError, match=r"localization.reckoning: must come first"):
         start_localization(before, robot, board, place, draws)

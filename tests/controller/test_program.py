@@ -189,13 +189,13 @@ def test_a_lost_program_is_told_with_time_status_and_last_words(
 
 
 ANSWERS = {
-    "rubbish": "answered 'what[?]' at {} s; it must answer .mode, speed, steering. with a mode",
-    "nan": "answered '.1, NaN, 0.0.' at {} s",
-    "infinity": "answered '.1, 0.2, Infinity.' at {} s",
-    "mode": "answered '.9, 0.2, 0.0.' at {} s",
-    "short": "answered '.1.' at {} s",
-    "two": "answered more than one line at {} s; it must answer each line with one",
-    "flood": "answered 1048576 bytes without an end of line at {} s",
+    "rubbish": "sent 'what[?]' at {} s; it must send .mode, speed, steering. with a mode",
+    "nan": "sent '.1, NaN, 0.0.' at {} s",
+    "infinity": "sent '.1, 0.2, Infinity.' at {} s",
+    "mode": "sent '.9, 0.2, 0.0.' at {} s",
+    "short": "sent '.1.' at {} s",
+    "two": "replied with more than one line at {} s; it must reply to each line with one",
+    "flood": "sent 1048576 bytes without a newline at {} s",
 }
 
 
@@ -216,10 +216,10 @@ STARTS = {
         for fault, what in ENDS.items()
     },
     "refuse": "refuses the mission: no wheels$",
-    "rubbish": "the first line must be .*, not 'what[?]'; fix the program$",
+    "rubbish": "the first line must be .*, not 'what[?]'; correct the program$",
     "nan": "the first line must be ",
-    "two": "answered more than one line; it must",
-    "flood": "answered 1048576 bytes without an end of line; it must",
+    "two": "replied with more than one line; it must",
+    "flood": "sent 1048576 bytes without a newline; it must",
 }
 
 

@@ -148,7 +148,7 @@ def test_the_widest_sensor_levels_its_lowest_ray_without_a_pitch() -> None:
             False,
             "collision shape.* base or mast",
         ),
-        (OutlineRegion("front", link="mast"), False, "height_m: must be a height on the link mast"),
+        (OutlineRegion("front", link="mast"), False, "height_m: must be set for the link mast"),
         (OutlineRegion("front", link="door", height_m=0.1), True, "x axis"),
     ],
 )

@@ -195,7 +195,7 @@ def test_the_fitness_is_the_mean_over_the_robots_that_are_scored() -> None:
     alone = experiment.fitness
     scores = [alone.score([outcome]) for outcome in outcomes]
     assert experiment.scoring.score_trial([outcomes]) == sum(scores) / 2
-    assert "mean of the robots" in experiment.scoring.name.title
+    assert "mean over the robots" in experiment.scoring.name.title
     only_first = build("agents.oncoming.scored=false").scoring
     assert only_first.score_trial([outcomes]) == scores[0]
     assert only_first.name == Scoring(alone).name
@@ -247,7 +247,7 @@ class Lonely(Simulator):
 
 
 def test_a_simulator_of_one_robot_is_refused() -> None:
-    with pytest.raises(InputError, match="agents: must be at most 0 with Lonely"):
+    with pytest.raises(InputError, match="agents: must be at most 0, not 1, because Lonely"):
         _ = replace(build(), simulator=Lonely())
 
 

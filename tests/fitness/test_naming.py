@@ -45,7 +45,7 @@ def test_the_label_has_title_and_unit(fitness: Fitness, label: str) -> None:
 
 
 def test_the_label_of_several_robots_names_their_mean() -> None:
-    assert Scoring(Distance(), (0, 2)).name.label == "distance driven, mean of the robots [m]"
+    assert Scoring(Distance(), (0, 2)).name.label == "distance driven, mean over the robots [m]"
 
 
 @pytest.mark.parametrize("fitness", [Distance(), CarefulURDFDriver2(), WorstCase(Distance())])

@@ -134,7 +134,7 @@ def test_a_faulty_file_is_one_line_with_a_fix(tmp_path: Path) -> None:
     folder.mkdir()
     assert "no such file" in refused(tmp_path / "absent.stl")
     assert ".stl, .obj, .dae" in refused(write(tmp_path / "mesh.blend", "x"))
-    assert "is a folder; give a file in it" in refused(folder)
+    assert "a folder, not a file; give a file in it" in refused(folder)
     assert "face" in refused(write(tmp_path / "points.obj", "v 0 0 0\n"))
     assert "COLLADA" in refused(
         write(tmp_path / "lost.dae", DAE.replace('"#positions"', '"#gone"'))
@@ -167,7 +167,7 @@ def test_a_file_that_is_cut_off_is_told_so(name: str, share: float) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name
         path.write_bytes(whole[: int(share * len(whole))])
-        assert "is truncated, because " in refused(path)
+        assert ": truncated ( " in refused(path)
         path.write_bytes(whole)
         assert read(path)
 

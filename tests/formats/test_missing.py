@@ -66,7 +66,7 @@ def test_all_that_is_absent_is_named_at_once_before_a_mesh_is_read(
     assert all(f"model://no_{name}" in message for name in models | meshes)
     assert "no_hills.png" in message
     assert "missing=leave_out" in message
-    assert message.startswith(f"w.sdf: names {len(models) + len(meshes) + 1} missing items")
+    assert message.startswith(f"w.sdf: refers to {len(models) + len(meshes) + 1} missing items")
 
 
 def test_a_line_and_a_count_stand_beside_each_name(tmp_path: Path) -> None:

@@ -156,7 +156,7 @@ def test_packages_files_and_meshes_are_in_one_list(tmp_path: Path) -> None:
     (tmp_path / "there.stl").write_text("solid")
     name = write(tmp_path, body, "urdf/r.xacro")
     message = refused(name)
-    assert message.startswith(f"{name}: names 4 missing items: ")
+    assert message.startswith(f"{name}: refers to 4 missing items: ")
     for part in (
         "package arm (line 2)",
         "gone.xacro (line 3)",

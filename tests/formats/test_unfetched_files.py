@@ -15,8 +15,8 @@ from evoros.world.loading import read_world
 
 POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n"
 CONTENT = {
-    POINTER: "is only a Git LFS pointer to the file; type git lfs pull",
-    "\n<!DOCTYPE html>\n<html><body>404</body></html>\n": "is a web page in place of the file",
+    POINTER: "only a Git LFS pointer to the file; type git lfs pull",
+    "\n<!DOCTYPE html>\n<html><body>404</body></html>\n": "a web page in place of the file",
 }
 READERS: dict[str, Callable[[Path], object]] = {
     "r.urdf": lambda file: load_robot(str(file), AutomaticDescription()),

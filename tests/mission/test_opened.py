@@ -222,5 +222,5 @@ def test_nobody_drives_past_the_faults_of_a_drive() -> None:
     scenario, mission = flight_of("failure=drive")
     with open_mission(scenario, mission) as flown:
         flown.run(10)
-        with pytest.raises(InputError, match=r"leave commands, steering and drive alone"):
+        with pytest.raises(InputError, match=r"must not affect commands, steering or drive"):
             flown.command(0.3, 0.3)

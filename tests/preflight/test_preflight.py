@@ -208,5 +208,5 @@ def test_a_fault_must_have_an_onset_for_each_sensor(
     choose: Callable[[int], Any], faultless: Experiment
 ) -> None:
     """Compiled code would read past the end of an array that is too short."""
-    with pytest.raises(InputError, match=r"^failure: Wrong must give each fault one onset for"):
+    with pytest.raises(InputError, match=r"^failure: Wrong must draw one onset time \[s\] for"):
         preflight(replace(faultless, failure=Wrong(choose)))

@@ -68,7 +68,7 @@ def test_a_yard_that_counts_as_full_is_told_with_what_empties_it(
 
     (warning,) = warn_of_meshes("+world.boxes.mesh_effort=1e-9")
     # 3.56 x 3.78 of 16 m2: what is within 2 cm of a wall does not count.
-    assert "yard.stl: 13 m2 (84 %) of false obstacle at 0.05 to" in warning
+    assert "yard.stl: its convex parts cover 13 m2 (84 %) of free area at" in warning
     assert is_of(warning, "evoros/preflight/scene.py ++world.{name}.mesh_effort=10")
     typed = warning.partition("type ")[2].partition(",")[0]
     assert warn_of_meshes(typed) == []

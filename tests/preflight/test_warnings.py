@@ -69,7 +69,7 @@ def test_cases_of_failure_that_no_trial_meets_are_told(caplog: pytest.LogCapture
 def test_an_engine_whose_wheels_do_not_slide_as_stated_is_told() -> None:
     experiment = build("experiment=as_run")
     (line,) = check_drive(replace(experiment, simulator=PyBullet()))
-    assert line.startswith("simulator: erle_rover turns about x=-0.15 m and not about robot.drive.")
+    assert line.startswith("simulator: erle_rover turns about x=-0.15 m, where its wheels roll")
     assert "turning_x_m=0.12" in line
     assert is_of(line, "evoros/preflight/drive.py robot.drive.turning_x_m={drive.rear_axle_x_m}")
     for proposed, simulator in (("robot.drive.turning_x_m=null", PyBullet()), ("", Planar())):
@@ -152,7 +152,7 @@ def test_a_pole_between_the_rays_is_told_with_the_number_that_sees_it() -> None:
     lower = re.search(r"lower (\S+) to (\S+)$", warning).groups()  # type: ignore[union-attr]
     assert warn("=".join(lower)) == []
     assert warn(width=0.3) == []
-    assert "1 m and can miss" in warn("controller/avoidance=blind")[0]
+    assert "1 m apart and can miss" in warn("controller/avoidance=blind")[0]
 
 
 def test_a_sensor_that_would_see_the_robot_is_told() -> None:

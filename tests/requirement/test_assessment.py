@@ -241,7 +241,7 @@ def test_levels_that_do_not_fit_are_refused_in_one_line() -> None:
         name: Claim("completed", at_least=0.5, each={"failure": {"some": part}})
         for name, part in (("a", one), ("b", other))
     }
-    with pytest.raises(InputError, match=r"requirements\.b\.each: failure=some must be the part"):
+    with pytest.raises(InputError, match=r"requirements\.b\.each: failure=some is also the name"):
         check_requirements(claims, WORLDS, [])
 
 

@@ -51,7 +51,9 @@ def test_own_parts_need_no_composed_configuration(tiny_config: object, tmp_path:
         designs = [evaluator.space.decode(genome(evaluator.space.size, 0.2))]
         table = evaluator.evaluate(designs)
     assert evoros.evaluate(tiny_config, designs).equals(table)  # type: ignore[arg-type]
-    with pytest.raises(evoros.InputError, match=r"^config_dir: .* pass it to evoros\.compose$"):
+    with pytest.raises(
+        evoros.InputError, match=r"^config_dir=.* pass the folder to evoros\.compose$"
+    ):
         evoros.run(tiny_config, tmp_path, config_dir=USER_PARTS)  # type: ignore[arg-type]
 
 

@@ -224,7 +224,9 @@ def test_designs_of_python_are_completed_likewise() -> None:
     with evoros.Evaluator(config, display=NoDisplay()) as evaluator:
         (sensors,) = evaluator.missions([design])["oncoming.sensors"]
         assert sensors == 0
-        with pytest.raises(InputError, match=r"agents: must have stranger, .* not oncoming"):
+        with pytest.raises(
+            InputError, match=r"agents: the design has a part for 'stranger', .*oncoming"
+        ):
             evaluator.score([replace(design, agents={"stranger": design})])
 
 
@@ -271,5 +273,5 @@ def test_what_does_not_fit_the_run_is_refused_in_one_line(
 
 
 def test_a_run_has_draws_of_its_own() -> None:
-    with pytest.raises(InputError, match="evaluation_draws: must not be set in a run"):
+    with pytest.raises(InputError, match="evaluation_draws: applies only to evoros evaluate"):
         evoros.run(compose([*TEAM, f"+{VALIDATION}"]), "never", display=NoDisplay())

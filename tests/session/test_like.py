@@ -146,7 +146,7 @@ def test_what_is_no_whole_finished_run_is_one_line(
     ("typed", "said"),
     [
         (["experiment=tiny"], "experiment=tiny: cannot be combined with like="),
-        (["simulatr=planar"], "simulatr: must be an existing key; did you mean simulator"),
+        (["simulatr=planar"], "simulatr: no such key; did you mean simulator"),
         (["like="], "like=: must be the folder of a run"),
     ],
 )

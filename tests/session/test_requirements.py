@@ -283,7 +283,7 @@ def test_requirements_that_cannot_be_used_are_refused(
 ) -> None:
     for claim, told in (
         ("{of: speed, at_most: 1, share: 0.5}", "requirements.mine.of: must be a measure or one "),
-        ("{of: completed, at_least: 1.2}", "requirements.mine: must have a limit greater than "),
+        ("{of: completed, at_least: 1.2}", "requirements.mine: the limit must be between "),
         ("{of: completed}", "requirements.mine: must have either at_least or at_most"),
         ("{of: completed, at_least: 0.5, world: yard}", "requirements.mine.world: must be one of"),
         ("{survives: 2}", "two.csv: requirements.mine.survives: must be at most 1, the number of"),

@@ -57,7 +57,7 @@ _IGNORED = {
     "state/link": "velocity acceleration wrench collision",
 }
 
-# Elements that no simulator here supports; they are reported if they have an effect
+# Elements that evoros does not support; they are reported if they have an effect
 _REPORTED = {
     "link": "velocity_decay",
     "surface": "contact bounce soft_contact",
@@ -103,7 +103,7 @@ def _check(element: Element, kind: str, notes: Notes) -> None:
         if tag in used and inner in _USED:
             _check(child, inner, notes)
         if tag in reported and _has_effect(child):
-            notes.add(child, "is ignored: no simulator here supports it", f"reported {tag}")
+            notes.add(child, "is ignored: evoros does not support it", f"reported {tag}")
         elif kind == "world" and tag in _LEFT_OUT:
             notes.add(child, _LEFT_OUT[tag], f"left out {tag}")
         elif tag not in (*used, *ignored, *reported, "plugin") and kind != "physics":
@@ -121,7 +121,7 @@ def _note_plugins(root: Element, notes: Notes) -> None:
         if _HARMLESS.search(f"{name} {plugin.get('name', '')}"):
             harmless.setdefault(name, plugin)
         else:
-            problem = f"{name} is ignored: plugins do not run here, so it moves nothing"
+            problem = f"{name} is ignored: evoros runs no plugins, so it moves nothing"
             notes.add(plugin, problem, "plugin that moves", name)
     if harmless:
         names = ", ".join(harmless)

@@ -135,14 +135,14 @@ def read_geometry(geometry: Element, reading: Reading) -> tuple[Shape, ...]:
     kinds = {str(child.tag) for child in solids}
     if not solids or (len(solids) > 1 and kinds != {"polyline"}):
         element = solids[1] if solids else geometry
-        problem = f"makes {len(solids)} shapes in one <geometry>, not one"
+        problem = f"must be the only shape in its <geometry>, which has {len(solids)}"
         raise element_error(element, problem, "write one <collision> for each shape")
     solid = solids[0]
     kind = str(solid.tag)
     if kind == "empty":
         return ()
     if kind == "image":
-        reading.notes.add(solid, "is left out: no simulator here builds walls from an image")
+        reading.notes.add(solid, "is left out: evoros does not build walls from images")
         return ()
     if kind == "polyline":
         return _read_polylines(solids)

@@ -136,8 +136,10 @@ def read_link(element: Element, path: Path, frames: Frames, static: bool, readin
             friction, density = _read_friction(collision), _read_density(collision, element)
             solids.append(Solid(name, pose, shapes, friction, density))
     if not names and any(element.find(tag) is not None for tag in ("visual", "inertial")):
-        problem = "is left out: it has no <collision>, so nothing here touches or sees it"
-        reading.notes.add(element, f"{problem}; add one, such as the shape of its <visual>")
+        problem = "is left out: it has no <collision>, so nothing can touch or see it"
+        reading.notes.add(
+            element, f"{problem}; add a <collision>, such as the shape of the <visual>"
+        )
     if static:
         return Link(path, element, tuple(solids), None)
     held = bool(solids) and _is_held(element, solids, reading)

@@ -1,8 +1,8 @@
 """Reads the bodies of an SDF file (versions 1.0 to 1.12) with a ``<world>`` or only models.
 
 The reader accepts files that Gazebo accepts. It uses an element, ignores it because it cannot
-matter here, notes an omission or assumption in one line (a warning of the logger ``evoros.sdf``),
-or rejects it. It never silently drops an element that may matter.
+matter to evoros, notes an omission or assumption in one line (a warning of the logger
+``evoros.sdf``), or rejects it. It never silently drops an element that may matter.
 
 A ``<state>`` moves models and links to world poses, as in Gazebo. Links connected by joints become
 one body. A link without mass gets 1 kg, the default of SDF.
@@ -225,8 +225,8 @@ def _read_gravity(container: Element) -> float:
         if gravity is not None:
             x, y, z = read_numbers(gravity, 3)
             if max(abs(x), abs(y)) > 0.05 or z >= -0.05:
-                reason = "robots here drive on the ground"
-                problem = f"must point down, not to {x:g} {y:g} {z:g}: {reason}"
+                reason = "evoros supports only robots that drive on the ground"
+                problem = f"must point straight down, not along {x:g} {y:g} {z:g}: {reason}"
                 raise element_error(gravity, problem, "write a value such as 0 0 -9.81")
             return -z
     return 9.81

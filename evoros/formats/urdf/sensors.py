@@ -36,7 +36,8 @@ _QUANTITIES = {
     "rate": ("angular_velocity", "rate"),
     "acceleration": ("linear_acceleration", "accel"),
 }
-"""Prefixes of an IMU's filters, with the elements of each quantity in new and old files."""
+"""Elements for each quantity of an IMU in new and in old files, by the prefix of the filters'
+names."""
 _AXES = ("x", "y", "z")
 
 
@@ -254,7 +255,10 @@ def _read_fan(fan: Element) -> tuple[int, float, float, tuple[str, ...]]:
     resolution = find_child(fan, "resolution")
     scale = 1.0 if resolution is None else read_positive(resolution, 1)[0]
     ranges = max(1, int(samples * scale))
-    text = f"casts {samples} rays for {ranges} ranges (<resolution>); here each range is one ray"
+    text = (
+        f"casts {samples} rays for {ranges} ranges (<resolution>); evoros casts one ray for each "
+        f"range"
+    )
     notes = (text,) * (ranges != samples)
     low, high = (
         0.0 if edge is None else read_number(edge, "an angle", math.isfinite)

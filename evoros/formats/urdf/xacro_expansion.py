@@ -153,7 +153,7 @@ def _list_calls(answer: Mapping[str, Any]) -> list[str]:
 def _request_expansion(
     request: dict[str, object], file: Path, time_limit_s: float
 ) -> dict[str, Any]:
-    """Return the child process's answer to a request; the process gets no environment."""
+    """Send a request to a child process and return its answer."""
     rule = f"xacro must expand within {time_limit_s:g} s and {xacro_child.MEMORY_BYTES >> 20} MiB"
     fix = "look for an endless or huge expression, include or macro"
     try:
@@ -203,6 +203,5 @@ def format_argument(file: Path, name: str, value: object) -> str:
     if isinstance(value, str | int | float):
         return str(value)
     raise InputError(
-        f"{file}: argument {name}: must be a number, a string, true or false, not {value!r}; "
-        f"set it to such a value"
+        f"{file}: argument {name}: must be a number, a string, true or false, not {value!r}"
     )

@@ -15,7 +15,7 @@ The file contains the folders, your own parts, all robots, worlds and meshes tha
 versions of all packages, uncommitted changes to evoros, and a README. It contains no log, no path
 of this machine and no value of an environment variable. evoros reproduce FILE reruns the study;
 evoros analyze, status, diff and evoros.load_run read the file like a folder. Like evoros resume,
-this command builds the experiments, which runs the code of your parts. Exit status: 0 done,
+this command creates objects of your parts, which runs their code. Exit status: 0 done,
 2 invalid input, 130 interrupted."""
 
 

@@ -112,7 +112,7 @@ def place_inside(top: Path, path: Path) -> str:
 
 
 def place_named(folder: Path, manifest: Mapping[str, Any], tops: Sequence[Path]) -> dict[str, str]:
-    """Map full paths of folders that a run's or evaluation's files may name to archive paths.
+    """Return the archive paths of folders that a run's or evaluation's files may name.
 
     The folders are ``tops`` (all folders to archive), the run's sweep, and the sources of an
     evaluation's designs. Of folders outside ``tops``, only the name is kept.

@@ -93,9 +93,9 @@ class ArduPilotPilot:
         self._check_parameters()
         station.stop_streams()
         station.send_route(list(self._convert_route()))
-        self._wait("answer to its route", lambda: station.route_result is not None)
+        self._wait("acknowledge its route", lambda: station.route_result is not None)
         if station.route_result != 0:
-            raise self._refused(f"take the route (MAV_MISSION_RESULT {station.route_result})")
+            raise self._refused(f"accept the route (MAV_MISSION_RESULT {station.route_result})")
         self._wait("arm", station.has_armed, station.arm)
         self._wait("enter AUTO", station.has_set_mode, lambda: station.set_mode(AUTO))
 

@@ -330,6 +330,6 @@ def _measure_path(path: Path, course: Course) -> float:
         cells = np.load(path, allow_pickle=False)
         points = np.asarray(cells, dtype=np.float64).reshape(-1, 2) * CELL_M + _PATH_ORIGIN_M
     except (OSError, ValueError, TypeError) as error:
-        raise InputError(f"{path}: is not an array of cells ({error}); remove the file") from None
+        raise InputError(f"{path}: not an array of cells ({error}); remove the file") from None
     way = [course.home[:2], *points.tolist(), course.waypoints[-1]]
     return math.fsum(math.dist(a, b) for a, b in pairwise(way))

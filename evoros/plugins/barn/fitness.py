@@ -58,7 +58,7 @@ class Barn(AdditiveFitness):
         for name, world in worlds.items():
             if world.shortest_m is None:
                 raise InputError(
-                    f"world.{name}: has no shortest_m, the length of its shortest path, which "
+                    f"world.{name}: no shortest_m, the length of its shortest path, which "
                     f"fitness=barn needs; use world=barn, or another fitness"
                 )
 

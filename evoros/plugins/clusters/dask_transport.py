@@ -123,8 +123,8 @@ class DaskTransport:
                 LOGGER.warning("the Dask worker %s gets no missions: %s", node, reason)
         if not self.workers:
             raise RunStopped(
-                f"executor: no worker of the Dask scheduler at {self._address} fits; {node}: "
-                f"{reason}"
+                f"executor: no worker of the Dask scheduler at {self._address} is suitable; "
+                f"{node}: {reason}"
             )
 
     def stop(self, pool: str) -> None:
@@ -161,8 +161,8 @@ class DaskTransport:
         except Exception as error:  # ``answer`` raises nothing, so its import failed
             raise RunStopped(
                 f"executor: the Dask scheduler at {self._address} or one of its workers cannot run "
-                f"evoros ({single_line(error)}); install the same packages there "
-                f"(pip install 'evoros[dask]')"
+                f"evoros ({single_line(error)}); install the packages of this environment there, "
+                "too (pip install 'evoros[dask]')"
             ) from error
         finally:
             self._out.discard(sending)

@@ -52,7 +52,7 @@ REFUSED = -1
 ATTEMPTS = 2
 """Number of attempts at a call if the companion is killed."""
 END_S = 1.0
-"""Time limit [s] from the end of a companion's connections to the end of its process."""
+"""Time [s] that a companion's process has to exit after its connections close."""
 SCRIPT = (
     "import sys; sys.path[:] = {path!r}; from evoros.plugins.clusters.companion import main; "
     "main({control}, {folder!r})"
@@ -180,7 +180,7 @@ def list_differences(wanted: Mapping[str, str]) -> list[str]:
     """
     here = describe_environment()
     return [
-        f"{name} {here.get(name) or '(not installed)'} and not {value}"
+        f"{name} {here.get(name) or '(not installed)'}, not {value}"
         for name, value in wanted.items()
         if name != LIBRARY
         and here.get(name, "") != value

@@ -121,9 +121,9 @@ class RemotePool:
             modules = () if sent.modules is None else (sent.modules,)
             self._send(sent, (*sent.call.shared, *modules), node)
         elif kind == REFUSED:
-            fix = "install the same versions there"
+            fix = "install the main process's versions on that machine"
             try:
-                self._transport.exclude(node, f"{content.decode()} as here; {fix}")
+                self._transport.exclude(node, f"{content.decode()}; {fix}")
             except EvorosError as problem:
                 self._finish(sent, problem)
             else:

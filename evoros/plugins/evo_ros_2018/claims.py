@@ -58,7 +58,7 @@ APPROACH = finding.Claim(
     "distance between mean and best, last generation divided by first",
 )
 SWING = finding.Claim(
-    "Driving to a waypoint, the heading swings in an arc of up to 60 deg",
+    "While the robot drives to a waypoint, its heading swings through an arc of up to 60 deg",
     "swing of the heading about the course, median",
     finding.DEGREES,
 )

@@ -101,7 +101,8 @@ def judge_damage_clusters(table: pd.DataFrame, radius_m: float) -> finding.Findi
     (p < 0.05). Built in: the interval is above a half, and the difference from random designs is
     certainly below ``SIZE``.
     """
-    claim = finding.Claim(DAMAGE, f"champions with two sensors within {1000 * radius_m:.0f} mm")
+    radius = f"{1000 * radius_m:.0f} mm"
+    claim = finding.Claim(DAMAGE, f"champions with two sensors within {radius} of each other")
     shares = _compare_shares(table, SPATIAL, table.closest_m <= radius_m)
     if shares is None:
         return claim.lack("mirrored runs with failure=spatial")
@@ -200,7 +201,7 @@ def _missing_runs(mirrored: pd.DataFrame, free: pd.DataFrame) -> str:
 
 
 def pairwise_distances(profiles: pd.DataFrame) -> Array:
-    """Return total variation distances (n, n) of sensor directions: 0 equal, 1 disjoint."""
+    """Return the total variation distances (n, n) between designs' sensor directions, 0 to 1."""
     return np.asarray(squareform(pdist(features.normalize_profiles(profiles), "cityblock")) / 2)
 
 

@@ -13,7 +13,7 @@ from evoros.analysis.tables.champion_missions import classify_failure
 from evoros.analysis.tables.study import Study
 from evoros.base.errors import InputError, single_line
 
-HELP = "Figs. 5 to 11 of the 2018 paper, numbered as there, from the runs of a case study"
+HELP = "Figs. 5 to 11 of the 2018 paper, with the paper's numbering"
 NEEDS = "the runs of a case study (`experiment=case_study`)"
 FILES = {
     "paper.csv": "a list of the figures drawn",

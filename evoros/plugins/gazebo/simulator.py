@@ -246,7 +246,7 @@ class Gazebo(Simulator):
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.005  # [s]
     wheel_friction: Annotated[float, POSITIVE] = (
-        1.0  # the ground's friction applies if it is smaller
+        1.0  # the smaller of this and the ground's friction applies
     )
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     answer_limit_s: Annotated[float, POSITIVE] = 60.0

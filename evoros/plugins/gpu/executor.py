@@ -121,7 +121,7 @@ ON_CPU, STOP = "cpu", "stop"
 
 @dataclass(frozen=True)
 class GpuBatches:
-    """Settings with which workers run missions together on a device."""
+    """Settings for running missions in batches on a device."""
 
     device: str
     missions: int  # maximum number per launch

@@ -83,12 +83,12 @@ def make_row(folder: Path, config_dir: str | None = None) -> Row:
             f"row; start in the root of the repository"
         )
     if list_finished(folder, "a row") != [folder] or evaluates(folder):
-        raise InputError(f"{folder}: is not the folder of a single run; give the runs one by one")
+        raise InputError(f"{folder}: not the folder of a single run; give the runs one by one")
     task, overrides = _list_overrides(folder, config_dir)
     missions = int((Run(folder).missions.purpose != VALIDATION).sum())
     if missions > TASKS[task]:
         raise InputError(
-            f"{folder}: has {missions} missions besides validation, but the budget of {task} "
+            f"{folder}: {missions} missions besides validation, but the budget of {task} "
             f"is {TASKS[task]}; repeat the run with fewer generations"
         )
     try:
@@ -164,8 +164,8 @@ def _list_overrides(folder: Path, config_dir: str | None) -> tuple[str, list[str
             return task, _add_values([f"experiment={task}", *groups], recorded, config_dir)
     nearest = min(strange, key=lambda task: len(strange[task]))
     raise InputError(
-        f"{folder}: does not have the configuration of a task ({', '.join(TASKS)}); it differs "
-        f"from {nearest} in {', '.join(strange[nearest])}; leave these as in experiment={nearest}"
+        f"{folder}: not the configuration of a task ({', '.join(TASKS)}); it differs from "
+        f"{nearest} in {', '.join(strange[nearest])}; leave these as in experiment={nearest}"
     )
 
 
@@ -180,7 +180,9 @@ def _add_values(
         overrides = [*overrides, typed]
     left = list_differences(recorded, flatten(compose(overrides, config_dir=config_dir)), FREE)
     if left:
-        raise InputError(f"{left[0]}: does not follow from the overrides; set it with an override")
+        raise InputError(
+            f"{left[0]}: the overrides do not give this value; set the key with an override"
+        )
     return overrides
 
 
@@ -198,13 +200,13 @@ def read_rows(path: Path) -> list[Row]:
     try:
         table = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
     except (OSError, ValueError, csv.Error) as error:
-        raise InputError(f"{path}: is not a readable CSV file ({error}); fix the file") from error
+        raise InputError(f"{path}: not a readable CSV file ({error}); correct the file") from error
     if not table or tuple(table[0]) != COLUMNS:
-        raise InputError(f"{path}: line 1 must be {','.join(COLUMNS)}; fix the header")
+        raise InputError(f"{path}: line 1 must be {','.join(COLUMNS)}; correct the header")
     for number, cells in enumerate(table[1:], 2):
         if len(cells) != len(COLUMNS):
             raise InputError(
                 f"{path}: line {number} must have {len(COLUMNS)} cells, not {len(cells)}; "
-                f"fix the line"
+                f"correct the line"
             )
     return [Row(*cells) for cells in table[1:]]

@@ -26,8 +26,8 @@ ABOUT = """evoros leaderboard prints a row of the leaderboard for each finished 
 
 Each row holds the overrides that repeat the run, and a digest of the results. --check reruns the
 rows in a file and compares all cells except the version of evoros. Rows in --known are skipped.
-This runs the code in a row's config_dir; see docs/run_folder.md before you check other people's
-rows."""
+The check runs the code in a row's config_dir; see docs/run_folder.md before you check other
+people's rows."""
 STATUSES = """exit status: 0 done, 1 a row could not be reproduced, 2 invalid folder or file."""
 
 

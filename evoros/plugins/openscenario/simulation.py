@@ -193,7 +193,7 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
         mission = self._setting.mission
         problem = find_problem(trigger, self._setting.scenario.world[mission.world])
         if problem:
-            raise InputError(f"failure.onset: must be {problem}; change it")
+            raise InputError(f"failure.onset: must be {problem}")
 
     def shutdown(self) -> None:
         """Record and close the last mission."""

@@ -48,11 +48,11 @@ class Folders:
         """Require that each folder contains runs, or no files at all."""
         for path in self.paths:
             if path.exists() and not path.is_dir():
-                raise InputError(f"{path}: is a file, not a folder; give the folder of a run")
+                raise InputError(f"{path}: a file, not a folder; give the folder of a run")
             if not _find(path) and any(files for _, _, files in os.walk(path)):
                 raise InputError(
-                    f"{path}: contains files, but no run, evaluation or sweep; give such a folder, "
-                    f"or an empty one"
+                    f"{path}: contains files, but no run, evaluation or sweep; give the folder of "
+                    f"one, or an empty folder"
                 )
 
     def look(self) -> Look:

@@ -43,8 +43,8 @@ CENTRED: dict[str, Any] = {"ipos": [0, 0, 0], "iquat": [1, 0, 0, 0], "explicitin
 SLIDING = (0.1, 1.0)
 """Time constant [s] and damping ratio with which friction stops sliding bodies.
 
-The engine lifts sliding bodies in proportion to their speed and inversely to this time constant.
-If it were two steps, as for other contacts, a box pushed at 0.3 m/s would hover 12 mm above the
+The engine lifts a sliding body in proportion to its speed and in inverse proportion to this time
+constant. With two steps, as for other contacts, a box pushed at 0.3 m/s would hover 12 mm above the
 ground, or hop. Wheels roll and need the two steps: with 0.1 s, a rover would lose 1 cm at every
 start.
 """

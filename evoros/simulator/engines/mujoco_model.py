@@ -52,7 +52,7 @@ MEMORY, MEMORY_PER_BODY, MEMORY_PER_PAIR = 1 << 26, 1 << 16, 8
 
 
 class Settings(NamedTuple):
-    """Settings of the engine that do not depend on robots and world."""
+    """Engine settings that do not depend on the robots or the world."""
 
     time_step: float  # [s]
     wheel_friction: float

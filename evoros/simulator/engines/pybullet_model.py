@@ -83,7 +83,7 @@ AT_REST = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))  # linear and angular velocity of a
 
 
 class Settings(NamedTuple):
-    """Settings of the engine that do not depend on robots and world."""
+    """Engine settings that do not depend on the robots or the world."""
 
     time_step: float  # [s]
     solver_iterations: int

@@ -289,7 +289,7 @@ def test_parts_fail_at_places_and_one_after_another(run: Callable[..., Ended], h
         ),
         (
             scenario('inject_part_fault(part: "drive")', "drive(speed: 0.1mps, duration: 2s)"),
-            "must leave commands, steering and drive alone",
+            "must not affect commands, steering or drive",
         ),
         (
             scenario('wait_for_reading(channel: "colour")'),

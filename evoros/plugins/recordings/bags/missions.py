@@ -147,7 +147,7 @@ def _assemble(
 def _check(trajectory: pd.DataFrame, source: Path, context: FigureContext) -> None:
     if trajectory.empty:
         raise InputError(
-            f"{source}: has no rows, because the mission could not be run; choose another mission"
+            f"{source}: no rows, because the mission could not be run; choose another mission"
         )
     numbers = ("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "steering_rad", "mode", "visited")
     if trajectory[[*numbers]].isna().to_numpy().any() or (trajectory["time_s"].diff() < 0).any():
@@ -183,7 +183,7 @@ def list_rows(
             chosen = chosen[chosen[column] == wanted]
     if chosen.empty:
         raise InputError(
-            f"{record.path / 'missions.csv'}: has no mission of design {design} with the given "
+            f"{record.path / 'missions.csv'}: no mission of design {design} with the given "
             f"generation and trial; change --design, --generation or --trial"
         )
     for _, row in chosen.iterrows():
@@ -218,7 +218,7 @@ def _read(record: Record, options: argparse.Namespace) -> list[RecordedMission]:
             LOGGER.warning("%s; left out", error)
     if not missions:
         raise InputError(
-            f"{record.path}: has no complete mission that fits the options; choose other missions, "
+            f"{record.path}: no complete mission fits the options; choose other missions, "
             f"or restore the run"
         )
     return missions

@@ -31,8 +31,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     content = record_study(record, missions)
     if len(content) > MAX_BYTES:
         raise InputError(
-            f"{record.path}: the recording exceeds {MAX_BYTES / 1e6:.0f} MB, with "
-            f"{len(content) / 1e6:.0f} MB for {len(missions)} missions; choose fewer with --world, "
+            f"{record.path}: the recording of {len(missions)} missions takes "
+            f"{len(content) / 1e6:.0f} MB, but the limit is {MAX_BYTES / 1e6:.0f} MB; choose fewer "
+            f"missions with --world, "
             f"--generation or --trial"
         )
     message = f"{record.name}: {len(missions)} missions, {len(content) / 1e6:.1f} MB"

@@ -408,6 +408,6 @@ def test_a_mission_that_could_not_be_run_is_left_out_in_one_line(
     reseal(folder)
     assert evoros_analyze(["bag", str(folder), "--output", str(tmp_path / "out")]) == DONE
     (line,) = capsys.readouterr().err.splitlines()
-    assert "trajectory_far.csv: has no rows" in line
+    assert "trajectory_far.csv: no rows" in line
     assert line.endswith("left out")
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"bag_near", "bag.foxglove.json"}

@@ -266,7 +266,7 @@ def test_too_large_a_recording_is_one_line(
     monkeypatch.setattr(subcommand, "MAX_BYTES", 1000)
     assert evoros_analyze(["rerun", str(run), "--output", str(tmp_path / "out")]) == INPUT
     (line,) = capsys.readouterr().err.splitlines()
-    assert "choose fewer with --world, --generation or --trial" in line
+    assert "choose fewer missions with --world, --generation or --trial" in line
     assert not (tmp_path / "out").exists()
 
 

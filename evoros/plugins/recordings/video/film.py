@@ -98,7 +98,7 @@ def encode_mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
             stream = container.add_stream("libx264", rate=rate, options=_CODEC)
             stream.height, stream.width = first.shape[:2]
             stream.pix_fmt = "yuv420p"  # the format that browsers and slide programs play
-            stream.codec_context.thread_count = 1  # more would make bytes depend on cores
+            stream.codec_context.thread_count = 1  # otherwise the file depends on cores
             stream.codec_context.flags |= av.codec.context.Flags.bitexact
             for picture in chain([first], source):
                 container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))

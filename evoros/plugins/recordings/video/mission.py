@@ -75,15 +75,15 @@ def check_poses(trajectory: pd.DataFrame, source: str = "trajectory") -> None:
     """Require that a trajectory has poses at times that do not decrease; errors name ``source``."""
     for name in (*POSE, "mode", "visited"):
         if name not in trajectory:
-            raise InputError(f"{source}: has no column {name}; restore the file")
+            raise InputError(f"{source}: no column {name}; restore the file")
     if trajectory.empty:
         raise InputError(
-            f"{source}: has no rows, because the mission could not be run; show another mission"
+            f"{source}: no rows, because the mission could not be run; show another mission"
         )
     numbers = trajectory[[*POSE]].to_numpy(float)
     for row in np.flatnonzero(~np.isfinite(numbers).all(axis=1)):
         raise InputError(
-            f"{source}: row {row + 1} has no complete time and pose, but {numbers[row].tolist()}; "
+            f"{source}: row {row + 1} must have a time and a pose, not {numbers[row].tolist()}; "
             f"restore the file"
         )
     for row in np.flatnonzero(np.diff(numbers[:, 0]) < 0):

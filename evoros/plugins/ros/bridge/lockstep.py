@@ -65,7 +65,7 @@ class Crew:
         if time.monotonic() > until:
             self._conversation.refuse(
                 f"controller.nodes: {missing() or self.unrest()}, after "
-                f"{self.options['start_limit_s']:g} s; fix the nodes, or raise start_limit_s"
+                f"{self.options['start_limit_s']:g} s; correct the nodes, or raise start_limit_s"
             )
 
     def require_nodes(self) -> None:

@@ -139,7 +139,7 @@ class Graph:
         self._subscribed: dict[str, list[str]] = {}
 
     def missing(self, command_topic: str) -> str | None:
-        """Name something that the start of the mission waits for, or return None."""
+        """Return what the mission is still waiting for before it can start, or None."""
         try:
             self._update()
             return self._missing_node(command_topic) or self._missing_connection()

@@ -89,7 +89,7 @@ class Outlet:
         return [publisher.topic_name for publisher in self._publishers.values()]
 
     def missing(self) -> str | None:
-        """Name a connection or node that the group still lacks, or return None."""
+        """Return a message about a connection or node that the group still lacks, or None."""
         if self._commands and self._listening(CLOCK) < len(self._commands):
             names = " or ".join(shlex.join(command) for command in self._commands)
             return (
@@ -162,7 +162,7 @@ class Graph:
         self.outlets += [Outlet(self._node, group, others, kept) for group in groups]
 
     def missing(self, command_topic: str) -> str | None:
-        """Name something that the start of the mission waits for, or return None."""
+        """Return what the mission is still waiting for before it can start, or None."""
         for outlet in self.outlets:
             missing = outlet.missing()
             if missing is not None:
@@ -174,7 +174,7 @@ class Graph:
         return None
 
     def unanswered(self) -> str | None:
-        """Ask each node for a parameter; name a node that has not answered, or return None.
+        """Ask each node for a parameter; return a message about a node without an answer, or None.
 
         This process knows its connections to a node, but only an answer proves that the node knows
         them. A node learns of connections in the order of their creation, and the client that

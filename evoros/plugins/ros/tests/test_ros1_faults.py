@@ -30,9 +30,9 @@ FAULTS = {
     "stops": (PilotLost, r"did not come to rest: .*faulty.py'? stops"),
     "spins": (PilotLost, r"did not come to rest: .*faulty.py'? spins"),
     "hides": (PilotLost, r"what the process .*faulty.py'? hides waits for is hidden"),
-    "nan": (SimulationError, r"NaN.* at 1.9 s; it must answer"),
-    "infinite": (SimulationError, r"Infinity.* at 1.9 s; it must answer"),
-    "mode": (SimulationError, r"dancing.* at 1.9 s; it must answer"),
+    "nan": (SimulationError, r"NaN.* at 1.9 s; it must send"),
+    "infinite": (SimulationError, r"Infinity.* at 1.9 s; it must send"),
+    "mode": (SimulationError, r"dancing.* at 1.9 s; it must send"),
 }
 
 

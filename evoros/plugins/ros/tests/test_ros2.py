@@ -175,8 +175,8 @@ FAULTS: dict[str, tuple[type[Exception], str]] = {
     "dies": (PilotLost, r"faulty.py'? dies exited with status 7"),
     "stops": (PilotLost, r"did not come to rest: .*faulty.py'? stops"),
     "spins": (PilotLost, r"did not come to rest: .*faulty.py'? spins"),
-    "nan": (SimulationError, r"NaN.* at 1.9 s; it must answer"),
-    "mode": (SimulationError, r"dancing.* at 1.9 s; it must answer"),
+    "nan": (SimulationError, r"NaN.* at 1.9 s; it must send"),
+    "mode": (SimulationError, r"dancing.* at 1.9 s; it must send"),
 }
 
 
