@@ -201,10 +201,9 @@ class Region(RegionDescription):
             if low < minimum - self.overhang_m or high > maximum + self.overhang_m:
                 raise InputError(
                     f"{key}: {'xy'[axis]} extends from {low:g} to {high:g} m, more than "
-                    f"overhang_m={self.overhang_m} outside the outline of {robot.name} "
-                    f"({minimum:g} to {maximum:g} m); "
-                    f"choose design=around, which fits any robot, move the region, or raise "
-                    f"overhang_m"
+                    f"{self.overhang_m} m outside the outline of {robot.name} ({minimum:g} to "
+                    f"{maximum:g} m); choose design=around, which fits any robot, move the region, "
+                    "or raise overhang_m"
                 )
 
     def _check_height(self, link: str, robot: Robot, key: str) -> None:

@@ -171,7 +171,7 @@ class ArchiveSearch(FitnessSearch):
         return table
 
     def _fill(self, anew: bool) -> None:
-        """Add the current generation to the archive, or refill it after changes of earlier scores."""
+        """Add the current generation to the archive; after earlier scores changed, refill it."""
         individuals = self._history.asked
         if anew:
             self._archive.clear()

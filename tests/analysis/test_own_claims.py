@@ -153,7 +153,7 @@ def test_the_command_judges_the_claims_of_a_file(sweep: Path, tmp_path: Path) ->
 
 WRONG: list[tuple[object, str]] = [
     ({}, "entry 1: claim must be a string"),
-    ("words", "entry 1: is not a mapping"),
+    ("words", "entry 1: not a mapping"),
     (claim(), "threshold must be a number, not None"),
     (claim(threshold="high"), "threshold must be a number"),
     (claim(threshold=1, colour="red"), "unknown key 'colour'"),

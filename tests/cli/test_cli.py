@@ -28,7 +28,7 @@ BAD = [
     (["foo=1"], "foo: no such key"),
     (
         ["worst_cases.x=1"],
-        "worst_cases.x: is not in the configuration; to add it, type +worst_cases.x=",
+        "worst_cases.x: not in the configuration; to add it, type +worst_cases.x=",
     ),
     (["hydra.sweeper.params.seed=0"], "hydra.sweeper.params.seed=0: allowed only in"),
     (["+foo=1"], "unknown key 'foo'"),

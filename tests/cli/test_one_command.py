@@ -87,9 +87,9 @@ def test_the_table_has_what_all_figures_have(figure: str) -> None:
         (["analyze", "overley", "outputs/x"], "type: evoros analyze overlay"),
         (["analyze", "overlay", "fitness"], "fitness: the name of a figure, not a folder"),
         (["analyze", "status"], "type: evoros status"),
-        (["analyze", "folder1"], "folder1: is not the name of a figure; choose from overlay,"),
+        (["analyze", "folder1"], "folder1: not the name of a figure; choose from overlay,"),
         (["analyze", "overlay", "x", "--margin=1"], "an option of evoros analyze regression;"),
-        (["analyze", "overlay", "x", "--nix"], "--nix: is not an option of overlay; see"),
+        (["analyze", "overlay", "x", "--nix"], "--nix: not an option of overlay; see"),
     ],
 )
 def test_a_slip_is_answered_by_one_line_with_the_fix(

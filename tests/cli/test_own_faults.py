@@ -114,7 +114,7 @@ def test_an_error_in_a_part_with_a_recorded_result_needs_a_new_run(
     assert f"{module}, line " in last
     assert "in Own.draw: " in last
     assert FAULTS[fault] in last
-    assert last.endswith("; correct it and start a new run")
+    assert last.endswith("; correct the code and start a new run")
 
 
 @pytest.mark.slow

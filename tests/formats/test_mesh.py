@@ -167,7 +167,7 @@ def test_a_file_that_is_cut_off_is_told_so(name: str, share: float) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name
         path.write_bytes(whole[: int(share * len(whole))])
-        assert ": truncated ( " in refused(path)
+        assert ": truncated (" in refused(path)
         path.write_bytes(whole)
         assert read(path)
 

@@ -144,7 +144,7 @@ def test_a_pole_between_the_rays_is_told_with_the_number_that_sees_it() -> None:
         )
 
     (warning,) = warn()
-    assert "'pole', 0.04 m wide" in warning
+    assert "'pole', which is 0.04 m wide" in warning
     key, rays = re.search(r"set (\S+)=(\d+)", warning).groups()  # type: ignore[union-attr]
     gap = math.radians(30.0) / (int(rays) - 1)
     assert 2.0 * gap <= 0.04 < 2.0 * math.radians(30.0) / (int(rays) - 2)
@@ -152,7 +152,7 @@ def test_a_pole_between_the_rays_is_told_with_the_number_that_sees_it() -> None:
     lower = re.search(r"lower (\S+) to (\S+)$", warning).groups()  # type: ignore[union-attr]
     assert warn("=".join(lower)) == []
     assert warn(width=0.3) == []
-    assert "1 m apart and can miss" in warn("controller/avoidance=blind")[0]
+    assert "0.13 m apart and can miss" in warn("controller/avoidance=blind")[0]
 
 
 def test_a_sensor_that_would_see_the_robot_is_told() -> None:

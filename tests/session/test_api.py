@@ -91,5 +91,5 @@ def test_importing_evoros_imports_none_of_its_rooms() -> None:
 
 
 def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(evoros.InputError, match="is not a complete run folder"):
+    with pytest.raises(evoros.InputError, match="not a complete run folder"):
         evoros.load_run(tmp_path)

@@ -76,7 +76,7 @@ def test_a_row_is_replayed_by_as_many_columns_as_choose_it(
     for columns, told in (
         (["design=0"], "missions with design=0; to choose one, add "),
         (["design=99"], "no mission with design=99; copy"),
-        (["desing=0"], "has no column desing; copy"),
+        (["desing=0"], "no column desing; copy"),
         ([], "missions; to choose one, add "),
     ):
         assert told in refused(partial(evoros, ["replay", str(run), *columns]), capsys)

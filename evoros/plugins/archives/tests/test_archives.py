@@ -162,7 +162,7 @@ def test_one_of_several_runs_is_named(tmp_path: Path, capsys: pytest.CaptureFixt
         evoros.load_run(file / "study" / "c")
     pair = tmp_path / "pair.zip"
     assert archived(pair, study / "a", study / "b", "--config-dir", parts) == DONE
-    with pytest.raises(InputError, match=rf"is not a single run; give {pair}/a, {pair}/b$"):
+    with pytest.raises(InputError, match=rf"not a single run; give {pair}/a, {pair}/b$"):
         evoros.load_run(pair)
 
 

@@ -188,5 +188,5 @@ def test_a_folder_without_worlds_and_a_bad_path_are_refused(tmp_path: Path) -> N
     (tmp_path / "world_0.world").write_text(field().draw_world("a").sdf)
     (tmp_path / PATHS).mkdir()
     (tmp_path / PATHS / "path_0.npy").write_bytes(b"no array")
-    with pytest.raises(InputError, match=r"path_0\.npy: is not an array of cells"):
+    with pytest.raises(InputError, match=r"path_0\.npy: not an array of cells"):
         load_barn(str(tmp_path), crossing())
