@@ -48,10 +48,15 @@ def load_study(
             LOGGER.warning("%s: ignored, because the run did not write it", file)
     evaluations = [record for record in records if isinstance(record, EvaluationRecord)]
     runs = [record for record in records if not isinstance(record, EvaluationRecord)]
+    problems = dict[str, str]()
     if treatments is not None:
-        runs = list(name_treatments(runs, read_treatments(treatments), treatments))
+        runs, problems = name_treatments(runs, read_treatments(treatments), treatments)
     if runs:
-        given = _label(_select(runs, conditions))
+        selected = _select(runs, conditions)
+        for run in selected:
+            if run.name in problems:
+                raise InputError(problems[run.name])
+        given = _label(selected)
         copies = _name_copies(given)
         counted = tuple(run for run in given if run.name not in copies)
         _report_versions(counted)

@@ -175,11 +175,14 @@ def _read_entry(entry: object, place: str) -> NamedTreatment:
 
 def name_treatments(
     records: Sequence[Record], entries: Sequence[NamedTreatment], path: Path
-) -> tuple[Record, ...]:
-    """Name each record after the one entry that matches it; report entries that match no run."""
+) -> tuple[list[Record], dict[str, str]]:
+    """Name each record after the one entry that matches it; report entries that match no run.
+
+    Also returns, for each record that does not match exactly one entry, the problem by its name.
+    """
     fitting = [_fit(records, entry, path) for entry in entries]
     labels = label_levels(find_record_factors(records), len(records))
-    named = []
+    named, problems = [*records], dict[str, str]()
     for i, record in enumerate(records):
         chosen = [entry for entry, rows in zip(entries, fitting, strict=True) if rows[i]]
         about = f"{labels[i]} ({record.name})"
@@ -187,10 +190,11 @@ def name_treatments(
             names = " and ".join(repr(entry.name) for entry in chosen)
             problem = f"matches both {names}" if chosen else "matches no entry"
             fix = "narrow their conditions" if chosen else "add an entry"
-            raise InputError(
+            problems[record.name] = (
                 f"{path}: each run must match exactly one entry, but {about} {problem}; {fix}"
             )
-        named.append(replace(record, given=chosen[0].given))
+        else:
+            named[i] = replace(record, given=chosen[0].given)
     for entry, rows in zip(entries, fitting, strict=True):
         if not any(rows):
             LOGGER.warning(
@@ -198,7 +202,7 @@ def name_treatments(
                 path,
                 entry.name,
             )
-    return tuple(named)
+    return named, problems
 
 
 def _fit(records: Sequence[Record], entry: NamedTreatment, path: Path) -> list[bool]:

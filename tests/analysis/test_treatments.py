@@ -265,6 +265,15 @@ def test_a_file_names_the_treatments_of_folders(sweep: Path, tmp_path: Path) -> 
     assert [record.given["name"] for record in names] == ["t", "t", "s", "s"]
 
 
+@pytest.mark.parametrize("condition", ["effort=low", "population_size=2"])
+def test_runs_that_a_condition_excludes_need_no_entry(
+    condition: str, sweep: Path, tmp_path: Path
+) -> None:
+    study = load_study([sweep], [condition], write(tmp_path / "names.yaml", ENTRIES[:1]))
+    assert [record.name for record in study.records] == ["silence_2", "stuck_2"]
+    assert {record.given["name"] for record in study.records} == {"few"}
+
+
 def test_an_entry_that_fits_no_run_is_told(
     sweep: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -313,7 +322,9 @@ def test_a_file_that_does_not_fit_is_one_line(
 def test_a_named_record_keeps_all_else(sweep: Path, tmp_path: Path) -> None:
     records: Sequence[Record] = load_study([sweep]).records
     entries = read_treatments(write(tmp_path / "n.yaml", ENTRIES))
-    for before, after in zip(records, name_treatments(records, entries, tmp_path), strict=True):
+    named, problems = name_treatments(records, entries, tmp_path)
+    assert not problems
+    for before, after in zip(records, named, strict=True):
         assert replace(after, given=before.given).values == before.values
         assert after.name == before.name
 
