@@ -72,7 +72,6 @@ def test_what_nothing_calls_is_left_out_and_told(
     [
         '<joint name="j" type="fixed"><parent link="arm_base"/><child link="base"/></joint>',
         '<link name="$(find arm)"/>',
-        '<link name="${arm_size}"/>',
         '<link name="x"><collision><geometry><mesh filename="$(find arm)/x.stl"/></geometry>'
         "</collision></link>",
     ],
@@ -81,6 +80,22 @@ def test_what_needs_an_absent_package_names_it(tmp_path: Path, rest: str) -> Non
     message = refused(write(tmp_path, BASE + INCLUDE.format("arm") + rest))
     assert "r.xacro:2: names the package arm, which is absent" in message
     assert "robot.ignored_packages=[arm]" in message
+
+
+@pytest.mark.parametrize("ignored", [(), ("arm",)])
+def test_a_name_that_an_absent_package_may_define_asks_for_the_package_alone(
+    tmp_path: Path, ignored: tuple[str, ...]
+) -> None:
+    """Without the package the file cannot be expanded, so ignoring it does not help."""
+    name = write(tmp_path, BASE + INCLUDE.format("arm") + '\n<link name="${arm_size}"/>')
+    message = refused(name, ignored_packages=ignored)
+    assert f"{name}:3: xacro cannot expand the file: name 'arm_size' is not defined" in message
+    assert "; provide arm (left out, may define it) with robot.packages, or edit" in message
+
+
+def test_an_argument_without_a_value_is_told_before_absent_packages(tmp_path: Path) -> None:
+    name = write(tmp_path, BASE + INCLUDE.format("arm") + '<link name="$(arg side)"/>')
+    assert "set robot.arguments.side" in refused(name)
 
 
 MOUNTED = """
@@ -116,6 +131,9 @@ def test_sensors_of_absent_packages_are_left_out_and_named(
     with caplog.at_level(logging.WARNING):
         assert [link.get("name") for link in expand(write(tmp_path, called))] == ["base"]
     assert "only accessories need them: lms1xx, <xacro:sick>" in caplog.text
+    macros = BASE + INCLUDE.format("parts") + "<xacro:front.rplidar_a2/><xacro:imu_9/>"
+    assert [link.get("name") for link in expand(write(tmp_path, macros))] == ["base"]
+    assert "[parts]" in refused(write(tmp_path, macros + "<xacro:simulated_arm/>"))
     hanging = '<joint name="j" type="fixed"><parent link="laser"/><child link="base"/></joint>'
     assert "'robot.ignored_packages=[lms1xx]'" in refused(write(tmp_path, called + hanging))
 

@@ -11,21 +11,21 @@ from evoros.formats.urdf.xacro_packages import IGNORED
 
 _LOG = logging.getLogger(__name__)
 _SENSOR = re.compile(
-    r"camera|lidar|laser|velodyne|ouster|livox|hokuyo|urg|sick|lms|realsense|kinect|zed\d*|orbbec|"
-    r"openni|depthai|oak|imu|gps|gnss|sonar|sensor",
+    r"camera|lidar|laser|velodyne|ouster|livox|hokuyo|realsense|kinect|orbbec|openni|depthai|sonar|"
+    r"sensor|(?<![a-z])(urg|sick|lms|zed|oak|imu|gps|gnss)",
     re.IGNORECASE,
 )
 _DECORATION = frozenset(("visual", "material", "gazebo", "transmission", "ros2_control"))
 """Elements that do not affect mass, shape or motion."""
 
 
-def is_needed(text: str, absent: Sequence[str], lacks_macros: bool) -> bool:
+def is_needed(text: str, absent: Sequence[str], calls: Sequence[str]) -> bool:
     """Return True if an expanded description needs packages that are missing.
 
     None is needed if only decorations name files of these packages. If the description calls macros
-    of theirs (``lacks_macros``), all must be sensor packages, since designs replace sensors.
+    of theirs, all packages or all macros must have names of sensors, which designs replace.
     """
-    if lacks_macros and not all(map(_SENSOR.search, absent)):
+    if calls and not any(all(map(_SENSOR.search, names)) for names in (absent, calls)):
         return True
     root = parse_leniently(text.encode(), "")
     links = set(root.xpath("link/@name"))

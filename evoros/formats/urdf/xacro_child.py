@@ -183,7 +183,6 @@ def _skip_absent(xacro: Any, packages: Any) -> None:
                 xacro.resolve_macro(node.tagName[len("xacro:") :], macros, symbols)
             except KeyError:
                 packages.skipped.append(f"<{node.tagName}>")
-                packages.lacks_macros = True
                 xacro.replace_node(node, by=None)
                 return True
         return bool(handle_macro_call(node, macros, symbols))
@@ -240,7 +239,6 @@ def _expand(request: dict[str, Any]) -> dict[str, Any]:
         "unlike": packages.unlike,
         "legacy": packages.legacy,
         "absent": absent,
-        "lacks_macros": packages.lacks_macros,
         "read": packages.read,
     }
 

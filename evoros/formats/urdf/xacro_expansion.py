@@ -72,8 +72,8 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
             answer = again
     absences = _collect_absences(file, answer.get("absent", {}), options)
     if "error" in answer:
-        absences.require_none(choose_instead(absences, options))  # may cause the error
-        raise InputError(_explain_error(answer))
+        lacking = [*absences.names(), *options.ignored_packages]
+        raise InputError(_explain_error(answer, lacking, options.packages_key))
     unknown = sorted(set(texts) - set(answer["known"]))
     if unknown:
         raise InputError(
@@ -83,9 +83,10 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
     note_read(answer["read"])
     _tell_skipped(file, answer)
     text, names = str(answer["text"]), absences.names()
-    if names and not is_needed(text, names, answer["lacks_macros"]):
+    calls = _list_calls(answer)
+    if names and not is_needed(text, names, calls):
         note = "%s: left out, because they are absent and only accessories need them: %s"
-        _LOG.warning(note, file, ", ".join((*names, *_list_calls(answer))))
+        _LOG.warning(note, file, ", ".join((*names, *calls)))
         return re.sub(f"(file://)?{IGNORED}/", "package://", text), Absences(str(file))
     return text, absences
 
@@ -120,13 +121,17 @@ def _collect_absences(
     return absences
 
 
-def _explain_error(answer: Mapping[str, Any]) -> str:
+def _explain_error(answer: Mapping[str, Any], lacking: Sequence[str], packages_key: str) -> str:
+    """Explain xacro's error; ``lacking`` are the packages and files that were left out."""
     place = f"{answer['file']}:{answer['line']}" if answer.get("line") else answer["file"]
     reason = str(answer["error"])
     if "; " in reason:  # the reason states the fix
         return f"{place}: {reason}"
-    lacking = re.search(r"Undefined substitution argument (\w+)", reason)
-    fix = f"set robot.arguments.{lacking[1]}" if lacking else "edit the file"
+    argument = re.search(r"Undefined substitution argument (\w+)", reason)
+    fix = f"set robot.arguments.{argument[1]}" if argument else "edit the file"
+    if lacking and _UNDEFINED.search(reason):
+        names = ", ".join(lacking)
+        fix = f"provide {names} (left out, may define it) with {packages_key}, or {fix}"
     return f"{place}: xacro cannot expand the file: {reason}; {fix}"
 
 

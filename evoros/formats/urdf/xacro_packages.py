@@ -31,7 +31,6 @@ class Packages:
     absent: dict[str, str] = field(default_factory=dict)  # missing packages, with their places
     files: dict[str, str] = field(default_factory=dict)  # missing included files, with their places
     read: list[str] = field(default_factory=list)  # files read so far
-    lacks_macros: bool = False  # True: a call of a macro was left out
     unlike: list[str] = field(default_factory=list)  # files found with different letter case
     legacy: list[str] = field(default_factory=list)  # tags that got the prefix xacro:
 
