@@ -31,7 +31,7 @@ from evoros.base.errors import InputError, quote_value
 from evoros.config.configuration import VERSION_BASE, Configuration, build, freeze
 from evoros.config.messages import describe_error, describe_unknown
 from evoros.config.own_files import NAMED_FOLDERS, list_hidden
-from evoros.config.references import register_resolver
+from evoros.config.references import register_resolver, resolve
 from evoros.files.plugins import conf_folders
 from evoros.files.resources import PACKAGE, bundled_folder, expand_home
 from evoros.observers.protocol import Observer
@@ -279,7 +279,7 @@ def store_recorded(
     like: Override, overrides: Sequence[str], config_dir: str | Path | None, read: ReadRun
 ) -> dict[str, str]:
     """Store a recorded configuration as the primary file ``NAME``; return the remaining choices."""
-    source = like.value()
+    source = resolve(OmegaConf.create({LIKE: like.value()}))[LIKE]
     if not isinstance(source, str) or not source:
         raise InputError(f"{text_of(like)}: must be the folder of a run; correct the path")
     typed = [given for given in parse(overrides) if not given.key_or_group.startswith("hydra")]

@@ -62,7 +62,7 @@ def resolve(config: DictConfig) -> dict[str, Any]:
         values = OmegaConf.to_container(config, resolve=True)
     except Exception as error:  # resolvers may raise anything
         key, message = find_unresolved(config), describe_error(error)
-        named = not key or message.startswith(f"{key}: ")
+        named = not key or re.sub(r"\[(\d+)\]", r".\1", message).startswith(f"{key}: ")
         raise InputError(message if named else f"{key}: {message}") from error
     assert isinstance(values, dict)
     return {str(key): value for key, value in values.items()}

@@ -1,14 +1,18 @@
+import json
 import random
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers import content, everything, resume, tiny
+from helpers import TINY, content, everything, finished_run, resume, tiny
 from hypothesis import given
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from evoros.analysis.tables.loading import load_study
+from evoros.base.errors import InputError
+from evoros.cli.main import evoros
 from evoros.config.compose import compose, compose_with_hydra
 from evoros.config.configuration import Configuration, freeze
 from evoros.config.jobs import Job, Jobs
@@ -61,6 +65,32 @@ def test_a_resolver_is_called_once() -> None:
     assert config.values == OmegaConf.to_container(OmegaConf.create(config.text), resolve=True)
     b = config.values["b"]
     assert (config.values["a"], config.values["c"][0], config.values["d"]) == (f"x {b}", b, b)
+
+
+@pytest.mark.parametrize("at", ["a", "a.0", "a.0.b", "a.1.0"])
+def test_a_key_without_a_value_is_named_once(at: str) -> None:
+    trees = {"a": "X", "a.0": ["X"], "a.0.b": [{"b": "X"}], "a.1.0": [1, ["X"]]}
+    tree = json.loads(json.dumps({"a": trees[at]}).replace("X", "${oc.env:NOWHERE_SET}"))
+    with pytest.raises(InputError, match=rf"^{re.escape(at)}|^a\[") as refused:
+        freeze(OmegaConf.create(tree))
+    assert len(re.findall(r"(?<!\w)a(?:[.[]|: )", str(refused.value))) == 1
+
+
+@pytest.mark.parametrize("source", ["like", "designs"])
+def test_the_designs_of_an_evaluation_may_be_named_by_reference(
+    source: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finished_run(tmp_path / "run", "optimizer.generations=1")
+    monkeypatch.setenv("WHERE", str(tmp_path / "run"))
+    for name, value in (("plain", str(tmp_path / "run")), ("by_reference", "'${oc.env:WHERE}'")):
+        typed = ["evaluate", *TINY, "executor=serial", f"{source}={value}", "trials=1"]
+        typed = [word for word in typed if source == "designs" or word != "experiment=tiny"]
+        assert evoros([*typed, f"hydra.run.dir={tmp_path / name}"]) == DONE
+    plain, other = (
+        {file: (tmp_path / name / file).read_bytes() for file in ("designs.csv", "config.yaml")}
+        for name in ("plain", "by_reference")
+    )
+    assert other == plain
 
 
 SECRET_TREES: dict[str, dict[str, Any]] = {
