@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import pytest
 import yaml
 from documents import DOCS
-from helpers import USER_PARTS
+from helpers import ROOT, USER_PARTS
 from junitparser import JUnitXml
 
 from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
@@ -31,8 +32,7 @@ far:
   at_least: %s
   share: 0.5
 """
-INSTALLS = "pip install evoros"
-"""The one command that does not run here."""
+INSTALLS = 'pip install "git+$EVOROS"'
 
 
 def read(name: str) -> dict[str, Any]:
@@ -47,7 +47,8 @@ def list_steps() -> list[dict[str, Any]]:
 
 def sh(script: str, folder: Path, **variables: str) -> int:
     """Run a script as both services do, until a command fails."""
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    programs = variables.pop("programs", str(Path(sys.executable).parent))
+    path = f"{programs}{os.pathsep}{os.environ['PATH']}"
     environment = {**os.environ, "PATH": path, **variables}
     words = ["bash", "-e", "-c", script]
     return subprocess.run(words, cwd=folder, env=environment).returncode
@@ -99,6 +100,21 @@ def test_github(project: Path) -> None:
     assert sh(scripts["Requirements"], project, **variables) == NOT_MET
     assert "| **violated** | far: " in summary.read_text()
     require_artifacts(project)
+
+
+@pytest.mark.slow
+def test_evoros_is_installed_from_a_clone(tmp_path: Path) -> None:
+    """Into a fresh environment, which only borrows the dependencies of this one."""
+    addresses = (read("github")["jobs"]["robot"]["env"], read("gitlab")["variables"])
+    assert all(one["EVOROS"].endswith("/YOU/evoros@main") for one in addresses)
+    commit = subprocess.check_output(["git", "rev-parse", "HEAD"], cwd=ROOT, text=True).strip()
+    assert sh(f"{sys.executable} -m venv fresh", tmp_path) == 0
+    (site,) = (tmp_path / "fresh" / "lib").glob("python*/site-packages")
+    (site / "dependencies.pth").write_text(sysconfig.get_path("purelib"))
+    variables = {"programs": str(tmp_path / "fresh/bin"), "EVOROS": f"{ROOT.as_uri()}@{commit}"}
+    for script in (INSTALLS, "evoros --version"):
+        assert sh(script, tmp_path, **variables) == 0
+    assert (site / "evoros" / "conf" / "config.yaml").is_file()
 
 
 def test_gitlab_runs_the_commands_of_github() -> None:
