@@ -1,8 +1,8 @@
 """The parts that the configuration names, for suites that check all parts of a group."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 from hydra import compose
@@ -12,6 +12,23 @@ from evoros.config.compose import initialize
 from evoros.files.plugins import conf_folders
 
 BadValues = Mapping[str, Sequence[Mapping[str, Any]]]
+T = TypeVar("T")
+
+
+class ByName(Mapping[str, T]):
+    """Parts by name, each made when a test asks for it, because each process lists all tests."""
+
+    def __init__(self, names: Sequence[str], make: Callable[[str], T]) -> None:
+        self._names, self._make = names, cache(make)
+
+    def __getitem__(self, name: str) -> T:
+        return self._make(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
 
 
 def kinds(group: str) -> list[str]:

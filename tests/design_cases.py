@@ -4,12 +4,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from bundled_parts import ByName
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 
 from evoros.design.genes import Gene
 from evoros.design.region import Region
-from evoros.design.space import SensorDesign
+from evoros.design.space import DesignSpace, SensorDesign
 from evoros.files.resources import bundled_folder
 from evoros.formats.urdf.tree import UrdfDocument
 from evoros.robot.model import Robot
@@ -65,4 +66,7 @@ def configured(name: str) -> SensorDesign:
 NAMES = sorted(path.stem for path in bundled_folder("conf").glob("design/*.yaml"))
 
 
-SPACES = {name: configured(name).bind(ROBOT) for name in NAMES} | {"mixed": MIXED.bind(ROBOT)}
+SPACES: ByName[DesignSpace] = ByName(
+    [*NAMES, "mixed"],
+    lambda name: (MIXED if name == "mixed" else configured(name)).bind(ROBOT),
+)

@@ -32,6 +32,7 @@ _SHARED = ExitStack()
 
 def pytest_sessionstart() -> None:
     """Make costly pure calls once in each process of tests, collection included."""
+    gc.disable()
     _SHARED.enter_context(share_pure_calls())
 
 
@@ -47,10 +48,10 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_finish() -> None:
-    """Leave what is imported and collected out of garbage collections, which then take less."""
+    """Leave what is imported and collected out of garbage collections, which begin now."""
     collect_rarely()
-    gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from interval_rows import by_shape
 from numpy.random import Generator
-from rows import FEW, SLOW, Row, Subject, Trial, within
+from rows import FEW, SLOW, Row, Subject, Trial, postpone, within
 from shapes import Shape
 
 from evoros.base.arrays import Array
@@ -58,7 +58,7 @@ def _bound(scores: Array, confidence: float) -> Bounds:
 
 
 def _by_champion(make: Callable[..., Trial], *rest: Any) -> dict[str, Trial]:
-    return {name: make(champion, *rest) for name, champion in CHAMPIONS.items()}
+    return {name: postpone(make, champion, *rest) for name, champion in CHAMPIONS.items()}
 
 
 def _certificate(champion: Champion, n: int) -> Trial:

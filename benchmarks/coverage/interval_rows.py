@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.random import Generator
-from rows import MANY, SLOW, Row, Subject, Trial, within
+from rows import MANY, SLOW, Row, Subject, Trial, postpone, within
 from shapes import SHAPES, Shape, exceed
 
 from evoros.analysis.statistics.factorial import contrast_interval
@@ -31,7 +31,7 @@ def by_shape(
     make: Callable[..., Trial], *rest: Any, shapes: Sequence[Shape] = SHAPES
 ) -> dict[str, Trial]:
     """Return a trial for each shape, made of it and the other arguments."""
-    return {shape.name: make(shape, *rest) for shape in shapes}
+    return {shape.name: postpone(make, shape, *rest) for shape in shapes}
 
 
 def name_groups(first: int, second: int, spread: float) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,12 @@ class Subject:
     def columns(self) -> tuple[str, ...]:
         """The columns of its first row, which has all."""
         return tuple(self.rows[0].trials)
+
+
+def postpone(make: Callable[..., Trial], *arguments: Any) -> Trial:
+    """Return a trial that is made, with the true value, at its first draw."""
+    make_once = cache(make)
+    return lambda rng: make_once(*arguments)(rng)
 
 
 def within(low: float, truth: float, high: float) -> bool | None:

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -70,7 +70,7 @@ def reckon(robot: Robot, rows: np.ndarray, imu: str | None = "imu") -> np.ndarra
     part = DeadReckoning(imu=imu)
     board = np.zeros(robot.channel_count)
     pose = np.array([1.0, 2.0, 0.5 * math.pi, 0.0])
-    controller = replace(ROVER, localization={"reckoning": part})
+    controller = replace(rover(), localization={"reckoning": part})
     stages = start_localization(
         controller, robot, board, describe_pose(pose, PERIOD), partial(generator, "test")
     )
@@ -88,7 +88,9 @@ def reckon(robot: Robot, rows: np.ndarray, imu: str | None = "imu") -> np.ndarra
     return np.array(poses)
 
 
-ROVER: Rover = compose(["simulator=planar"]).build().controller  # type: ignore[assignment]
+@cache
+def rover() -> Rover:
+    return compose(["simulator=planar"]).build().controller  # type: ignore[return-value]
 
 
 def test_a_bias_of_the_yaw_rate_bends_the_way(robot: Robot) -> None:
@@ -154,8 +156,8 @@ def test_what_is_missing_is_said_before_the_run(overrides: list[str], problem: s
 def test_it_comes_before_filters(robot: Robot) -> None:
     board, place = np.zeros(robot.channel_count), describe_pose(np.zeros(4), PERIOD)
     draws = partial(generator, "test")
-    after = replace(ROVER, localization={"reckoning": DeadReckoning(), "late": Delay()})
+    after = replace(rover(), localization={"reckoning": DeadReckoning(), "late": Delay()})
     assert len(start_localization(after, robot, board, place, draws)) == 2
-    before = replace(ROVER, localization={"late": Delay(), "reckoning": DeadReckoning()})
+    before = replace(rover(), localization={"late": Delay(), "reckoning": DeadReckoning()})
     with pytest.raises(InputError, match=r"localization.reckoning: must come first"):
         start_localization(before, robot, board, place, draws)

@@ -38,13 +38,9 @@ def experiment_of(*overrides: str) -> Experiment:
     return compose([*NEURAL, *overrides]).build()
 
 
-EXPERIMENT = experiment_of()
-LOCK = EXPERIMENT.robot.drive.steering_limit
-
-
 def robot(yaws_deg: list[float]) -> Robot:
     mounts = [Mount("sonar", "base_link", 0.0, 0.0, 0.1, yaw, 12.5) for yaw in yaws_deg]
-    return EXPERIMENT.robot.with_sensors(mounts, EXPERIMENT.design.sensors)
+    return experiment_of().robot.with_sensors(mounts, experiment_of().design.sensors)
 
 
 class Drive:
@@ -85,10 +81,11 @@ def test_without_weights_it_heads_for_the_waypoint(
     pairs: list[tuple[float, float]], bearing: float, hidden: int
 ) -> None:
     yaws, readings = [yaw for yaw, _ in pairs], [reading for _, reading in pairs]
+    lock = experiment_of().robot.drive.steering_limit
     for recurrent in (False, True):
         pilot = Drive(Neural(hidden=hidden + 1, recurrent=recurrent), yaws)
         _, command = pilot(readings, bearing)
-        assert command[STEERING] == pytest.approx(min(max(1.5 * bearing, -LOCK), LOCK), abs=1e-9)
+        assert command[STEERING] == pytest.approx(min(max(1.5 * bearing, -lock), lock), abs=1e-9)
         assert command[DRIVE_SPEED] == CRUISE
 
 
@@ -135,9 +132,9 @@ def test_every_command_is_one_that_the_robot_can_drive(
 ) -> None:
     yaws, readings = [yaw for yaw, _ in pairs], [reading for _, reading in pairs]
     _, command = Drive(network(seed), yaws)(readings, bearing)
-    fastest = EXPERIMENT.robot.drive.max_speed_mps
+    fastest = experiment_of().robot.drive.max_speed_mps
     assert 0.1 - 1e-12 <= command[DRIVE_SPEED] <= fastest + 1e-12
-    assert abs(command[STEERING]) <= LOCK
+    assert abs(command[STEERING]) <= experiment_of().robot.drive.steering_limit
 
 
 def test_it_avoids_while_something_is_within_range_and_decides_nothing_without_a_pose() -> None:
@@ -224,7 +221,7 @@ def test_a_sensor_that_reads_its_maximum_sees_nothing_whatever_the_range_of_the_
 
 
 def test_each_weight_is_a_gene_and_those_of_a_neuron_are_inherited_together() -> None:
-    space = EXPERIMENT.space
+    space = experiment_of().space
     bare = experiment_of("controller.evolve=false").space
     weights = list_weights(5, 4, symmetric=True, recurrent=False, waypoint=True)
     assert space.size == bare.size + len(weights)
@@ -237,7 +234,7 @@ def test_each_weight_is_a_gene_and_those_of_a_neuron_are_inherited_together() ->
 
 
 def test_the_genes_of_a_design_reach_the_network() -> None:
-    experiment = EXPERIMENT
+    experiment = experiment_of()
     genome = np.random.default_rng(1).random(experiment.space.size)
     design = experiment.space.decode(genome)
     controller = experiment.members[0].with_design(design).controller
@@ -247,7 +244,7 @@ def test_the_genes_of_a_design_reach_the_network() -> None:
 
 def test_a_gene_of_the_design_must_not_be_one_of_the_network() -> None:
     for name, key in (("mine", "controller.weights.3"), ("hidden0_from_bias", "controller.gain")):
-        experiment = EXPERIMENT
+        experiment = experiment_of()
         genes = {name: Gene(key, 0.5, 2.0)}
         with pytest.raises(InputError, match="must not have the name or key") as caught:
             _ = replace(experiment, design=replace(experiment.design, genes=genes)).space

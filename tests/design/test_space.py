@@ -86,7 +86,7 @@ def test_every_genome_decodes_to_a_valid_design(name: str) -> None:
 
 
 @pytest.mark.parametrize("step", [1.0, 0.1])
-@pytest.mark.parametrize("name", [name for name, space in SPACES.items() if space.size])
+@pytest.mark.parametrize("name", sorted({*SPACES} - {"challenge_lidar"}))  # it has no genes
 def test_no_operator_ever_leaves_the_valid_designs(name: str, step: float) -> None:
     space = SPACES[name]
     rng = np.random.default_rng(5)
@@ -129,7 +129,7 @@ def test_every_gene_can_change_the_design_and_no_other_block(name: str) -> None:
 
 
 @settings(max_examples=100, deadline=None)
-@given(genomes(SPACES["places"]), st.permutations(range(4)))
+@given(st.deferred(lambda: genomes(SPACES["places"])), st.permutations(range(4)))
 def test_exclusive_regions_carry_one_sensor_each_in_their_order(
     genome: Array, order: list[int]
 ) -> None:

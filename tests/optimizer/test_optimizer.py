@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from bundled_parts import configured, every, kinds
+from bundled_parts import ByName, configured, every, kinds
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proposal_sites import is_of
@@ -80,9 +80,9 @@ SETTINGS = st.builds(
     mutation_step=st.sampled_from([1.0, 0.2]),
     elite=st.sampled_from(["best_so_far", "best_child"]),
 )
-CONFIGURED: dict[str, Optimizer] = {
-    name: configured("optimizer", name) for name in kinds("optimizer")
-}
+CONFIGURED: ByName[Optimizer] = ByName(
+    kinds("optimizer"), lambda name: configured("optimizer", name)
+)
 BY_LIBRARY = sorted(set(CONFIGURED) - {"ga", "random_search", "set_cover"})
 MODULES = {
     "cma_es": "cmaes",
