@@ -95,7 +95,7 @@ def test_a_fault_is_named_by_the_overrides_that_cause_it(data: st.DataObject) ->
     ]
 
 
-SEEDS = "seed=3,0,12"
+SEEDS = "seed=3,12"
 
 
 @pytest.mark.parametrize(
@@ -105,11 +105,8 @@ SEEDS = "seed=3,0,12"
         ("trials=1,2", SEEDS, "+treatment.name=mine"),
         (SEEDS, "trials=${seed}"),
         ("failure=none,random", "seed=3,0", "hydra.sweep.subdir=s_${seed}"),
-        (
-            "optimizer.mutation_probability=0.1,0.30000000000000004,0.000001,1",
-            "course.time_limit_s=90,80.5",
-        ),
-        ("robot.mount.z_m=0.1,0.2", "trials=1,0", "failure=random", "failure.latest_s=50,60.0"),
+        ("optimizer.mutation_probability=0.1,0.30000000000000004,0.000001,1",),
+        ("robot.mount.z_m=0.1,0.2", "trials=1,0", "failure=random", "failure.latest_s=60.0"),
     ],
 )
 def test_jobs_that_differ_in_numbers_are_as_each_is_alone(words: tuple[str, ...]) -> None:

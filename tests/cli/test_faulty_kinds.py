@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from faulty_kinds import KINDS, Kind, write_part
+from faulty_kinds import KINDS, OBJECTS, Kind, write_part
 
 from evoros.cli.main import evoros
 from evoros.terminal.console import DONE, INPUT, STOPPED
@@ -20,11 +20,14 @@ CASES = [(name, head) for name, kind in KINDS.items() for head in kind.faults]
 
 
 def choose_faults(name: str, head: str) -> list[str]:
-    """All wrong answers of a method; two of a property, in turn, since one rule checks them all."""
+    """Choose two faults of those that many methods can have, in turn, and all others.
+
+    The same function checks the answers of all methods.
+    """
     faults, turn = KINDS[name].faults[head], 2 * CASES.index((name, head))
-    if not head.startswith("@property"):
-        return [*faults]
-    return [faults[(turn + i) % len(faults)] for i in range(2)]
+    common = [fault for fault in faults if fault in OBJECTS]
+    others = [fault for fault in faults if fault not in OBJECTS]
+    return [*{common[(turn + i) % len(common)]: None for i in range(2)}, *others]
 
 
 def start(folder: Path, kind: Kind, method: str = "") -> int:

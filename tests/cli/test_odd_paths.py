@@ -2,7 +2,6 @@
 
 import os
 import shlex
-import shutil
 from http import HTTPStatus
 from pathlib import Path
 from urllib.request import urlopen
@@ -49,8 +48,9 @@ def test_an_impossible_path_is_named_in_one_line(
 
 ODD = os.fsdecode(b"\xc3\xa4 caf\xe9 x='1,2\"#%&;$ [a]{b}")  # one byte of it is no UTF-8
 PARTS = f"--config-dir {shlex.quote(str(USER_PARTS))}"
+FIRST = "world=near generation=0 design=0 trial=0"
 RUNS = (
-    *("status {}", "diff {} {}", f"resume {{}} {PARTS}", f"replay {{}} world=near {PARTS}"),
+    *("status {}", "diff {} {}", f"resume {{}} {PARTS}", f"replay {{}} {FIRST} {PARTS}"),
     *(f"archive {{}} {PARTS} --output {{}}.zip", "status {}.zip", "diff {} {}.zip"),
     *(f"reproduce {{}} {PARTS} --output {{}}-again", f"export recorder {{}} {PARTS}"),
     *("inspect robot {}/champion/robot.urdf", "inspect world {}/champion/world_near.sdf"),
@@ -66,6 +66,11 @@ TYPED = (  # by Hydra's grammar, which has quotes of its own
 )
 SWEPT = ("status {}-swept", "diff {}-swept {}-swept", "analyze fitness {}-swept --output {}-fit")
 """Lines that read what a line of ``TYPED`` has made."""
+NEED_MORE = (
+    *("archive", "factors", "failure", "front", "power", "regression", "requirements"),
+    *("transfer", "worst"),
+)
+"""Subcommands of ``analyze`` that one run does not suffice for."""
 
 
 def watch(run: Path) -> int:
@@ -80,27 +85,23 @@ def watch(run: Path) -> int:
 
 
 @pytest.mark.slow
-def test_every_subcommand_does_in_any_folder_what_it_does_in_another(
+def test_every_subcommand_works_in_a_folder_with_an_odd_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plain = finished_run(tmp_path / "plain", "optimizer.generations=2", "record=all")
-    statuses = []
-    for name in ("run", ODD):
-        folder = tmp_path / name
-        folder.mkdir()
-        shutil.copytree(plain, run := folder / name)
-        monkeypatch.chdir(folder)
-        found = {}
-        for line in (*RUNS, *TYPED, *SWEPT):
-            words = [word.replace("{}", str(run)) for word in shlex.split(line)]
-            if line in TYPED:
-                pairs = (word.partition("=") for word in words)
-                odd = str(run)
-                words = [
-                    f"{k}={quote_value(v)}" if odd in v else f"{k}{eq}{v}" for k, eq, v in pairs
-                ]
-            found[line] = evoros(words)
-        found["watch {}"] = watch(run)
-        statuses.append(found)
-    assert all(found == statuses[0] for found in statuses)
-    assert list(statuses[0].values()).count(DONE) > 32
+    folder = tmp_path / ODD
+    folder.mkdir()
+    run = finished_run(folder / ODD, "optimizer.generations=2", "record=all")
+    monkeypatch.chdir(folder)
+    refused = set()
+    for line in (*RUNS, *TYPED, *SWEPT):
+        words = [word.replace("{}", str(run)) for word in shlex.split(line)]
+        if line in TYPED:
+            pairs = (word.partition("=") for word in words)
+            odd = str(run)
+            words = [f"{k}={quote_value(v)}" if odd in v else f"{k}{eq}{v}" for k, eq, v in pairs]
+        status = evoros(words)
+        assert status in (DONE, INPUT), line
+        if status == INPUT:
+            refused.add(" ".join(line.split()[:2]))
+    assert refused == {f"analyze {name}" for name in NEED_MORE}
+    assert watch(run) == DONE

@@ -117,7 +117,7 @@ def test_the_time_limit_allows_for_driving_both_phases_slowly() -> None:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=15)
 @given(st.lists(places, min_size=1, max_size=4))
 def test_a_few_things_in_the_open_leave_room_around_them(obstacles: list[Footprint]) -> None:
     course = suggest(obstacles)

@@ -5,7 +5,7 @@ import struct
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from proposal_sites import is_of, list_alternatives
 from sdf_cases import STATIC, load, unhurried, write
@@ -48,7 +48,7 @@ def ground(uri: str) -> str:
 
 @pytest.mark.slow
 @given(st.sets(st.sampled_from("abcdef"), min_size=1), st.sets(st.sampled_from("ghijkl")))
-@unhurried
+@settings(unhurried, max_examples=15)
 def test_all_that_is_absent_is_named_at_once_before_a_mesh_is_read(
     tmp_path_factory: pytest.TempPathFactory, models: set[str], meshes: set[str]
 ) -> None:

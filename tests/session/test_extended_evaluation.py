@@ -54,7 +54,7 @@ CONFIGURATIONS: dict[str, Sequence[str]] = {
 }
 NAME = "an evaluation"
 """Of all folders, because the page of requirements tells it."""
-QUICK = ("all trajectories", "undecided")
+QUICK = ("all trajectories",)
 VARYING = ("evoros.log", "status.json", "manifest.json", "config.yaml", "digests.csv")
 
 
@@ -146,7 +146,9 @@ def few(evaluated: tuple[Path, Path], tmp_path: Path) -> Path:
     return Path(shutil.copytree(evaluated[0], tmp_path / NAME))
 
 
-@pytest.mark.parametrize("after", range(6))
+@pytest.mark.parametrize(
+    "after", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2, 3, 4)), 5]
+)
 def test_a_kill_while_the_folder_changes_loses_nothing(
     after: int, few: Path, evaluated: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -78,7 +78,7 @@ def _inside(shape: Shape, points: Array, margin: float = 0.0) -> NDArray[np.bool
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=15)
 @given(st.lists(solids, max_size=6), coordinates, coordinates, angles, st.floats(-20.0, 30.0))
 def test_readings_are_the_nearest_hits(
     placed: list[tuple[Shape, Pose]], x: float, y: float, yaw: float, pitch: float
