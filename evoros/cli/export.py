@@ -5,14 +5,7 @@ from pathlib import Path
 
 from evoros.base.errors import InputError
 from evoros.files.resources import expand_home
-from evoros.terminal.console import (
-    DONE,
-    STOPPED,
-    CommandParser,
-    print_result,
-    report_error,
-    reports_errors,
-)
+from evoros.terminal import console
 from evoros.terminal.log import warn_left_out
 
 NAME = "evoros export"
@@ -21,13 +14,13 @@ ABOUT = """Send recorded runs to a tracker; data that the tracker already has is
 TRACKER is a choice from the group observers, such as mlflow; set its keys with KEY=VALUE."""
 
 
-@reports_errors(NAME)
+@console.reports_errors(NAME)
 def export(arguments: Sequence[str]) -> int:
     """Run the subcommand and return its exit status."""
     from evoros.config.compose import build_observer
     from evoros.session.observation import describe, export
 
-    parser = CommandParser(NAME, description=ABOUT)
+    parser = console.CommandParser(NAME, description=ABOUT)
     parser.add_argument("tracker", metavar="TRACKER")
     parser.add_argument(
         "words", nargs="+", metavar="FOLDER", help="folder of a run or a sweep, or KEY=VALUE"
@@ -47,10 +40,12 @@ def export(arguments: Sequence[str]) -> int:
         except InputError:
             raise
         except Exception as error:  # a library may raise anything
-            return report_error(NAME, f"{options.tracker}: {describe(error)}", STOPPED)
+            return console.report_error(
+                NAME, f"{options.tracker}: {describe(error)}", console.STOPPED
+            )
         state = "unfinished" if run.end is None else run.end.state
-        print_result(f"{folder}: {len(run.generations)} generations, {state}")
-    return DONE
+        console.print_result(f"{folder}: {len(run.generations)} generations, {state}")
+    return console.DONE
 
 
 def _list_runs(folder: Path) -> list[Path]:

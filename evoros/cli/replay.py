@@ -4,14 +4,7 @@ from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
 
 from evoros.files.resources import expand_home
-from evoros.terminal.console import (
-    DIFFERENT,
-    DONE,
-    CommandParser,
-    print_result,
-    reports_errors,
-    require_keys,
-)
+from evoros.terminal import console
 
 NAME = "evoros replay"
 ABOUT = f"""{NAME} reruns one recorded mission of a run or an evaluation, and prints the outcome.
@@ -21,7 +14,7 @@ Give enough columns of missions.csv to select a single row, for example:
 Exit status: 0 if the outcome is as recorded, 1 if it differs, 2 for unusable input."""
 
 
-@reports_errors(NAME)
+@console.reports_errors(NAME)
 def replay(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status."""
     from evoros.session.replay import replay_row, write_trajectory
@@ -33,7 +26,9 @@ def replay(arguments: Sequence[str]) -> int:
         outcome_cells,
     )
 
-    parser = CommandParser(NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter)
+    parser = console.CommandParser(
+        NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter
+    )
     parser.add_argument("folder", metavar="FOLDER")
     parser.add_argument("columns", nargs="*", metavar="column=value", help="a cell of missions.csv")
     parser.add_argument(
@@ -41,7 +36,7 @@ def replay(arguments: Sequence[str]) -> int:
     )
     parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder of your own parts")
     options = parser.parse_intermixed_args(list(arguments))
-    require_keys(options.columns, options.folder)
+    console.require_keys(options.columns, options.folder)
     columns = dict(text.split("=", 1) for text in options.columns)
     replayed = replay_row(options.folder, columns, options.config_dir)
     if options.output is not None:
@@ -51,8 +46,8 @@ def replay(arguments: Sequence[str]) -> int:
     further = list_further_of(parts, outcomes)
     names, cells = name_outcome_columns(agents, further), outcome_cells(outcomes, further)
     for name, value in zip(names, cells, strict=True):
-        print_result(f"{name:28}{cell(value)}".rstrip())
+        console.print_result(f"{name:28}{cell(value)}".rstrip())
     if are_recorded(outcomes, replayed.recorded, agents):
-        return DONE
-    print_result("outcome                     differs from the recorded one")
-    return DIFFERENT
+        return console.DONE
+    console.print_result("outcome                     differs from the recorded one")
+    return console.DIFFERENT

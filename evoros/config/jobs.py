@@ -66,9 +66,6 @@ class Jobs:
     ``primary`` is the command's primary file in conf/; ``sweep`` is the folder of the sweep, None
     for a single job. ``read_run`` reads the run named by ``like=``; if it is None, that key is
     unknown. ``plugins`` has the chosen launcher and sweeper of Hydra, if any.
-
-    Raises:
-        InputError: the common overrides of all jobs cannot be composed.
     """
 
     def __init__(

@@ -45,9 +45,6 @@ class Neural(Controller):
 
     The default weights are 0; ``list_weights`` gives their order. If the weights evolve, each is a
     gene from ``-weight_limit`` to ``weight_limit``.
-
-    Raises:
-        InputError: a value is out of range, or the number of weights is wrong.
     """
 
     modes = ("avoiding", "navigating")

@@ -24,11 +24,7 @@ Clocks = Mapping[Trigger, int]  # indices in ``Arrays.clocks`` of a robot's trig
 
 
 class Pipeline:
-    """The stages of one robot, by the signal that they change.
-
-    Raises:
-        InputError: a filter refuses to start.
-    """
+    """The stages of one robot, by the signal that they change."""
 
     def __init__(
         self,

@@ -28,11 +28,7 @@ MIN_RECORD_S = 0.05
 
 
 class Setup:
-    """Everything that a mission needs except its engine; ``layers`` has one list per robot.
-
-    Raises:
-        InputError: a filter or a fault refuses to start.
-    """
+    """Everything that a mission needs except its engine; ``layers`` has one list per robot."""
 
     def __init__(
         self,

@@ -105,9 +105,6 @@ class Claim:
     quantile of the quantity. Otherwise it constrains the mean of the quantity, clipped to the
     bounds ``within``. A mission that could not be run has the worst value. With ``each``, the limit
     must hold at every level of a factor.
-
-    Raises:
-        InputError: a value is out of range, or missions cannot decide the claim.
     """
 
     of: Annotated[str | Measure, QUANTITY]

@@ -13,7 +13,7 @@ from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, Rule, checked, is_
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.gazebo_rays import Fan, gazebo_rays
-from evoros.sensor.protocol import BOX, Channel, RangeSensor, check_limits
+from evoros.sensor.protocol import BOX, RangeSensor
 
 FIELD = Rule("an angle greater than 0 and at most 360", lambda v: is_number(v) and 0 < v <= 360)
 
@@ -37,14 +37,6 @@ class Lidar(RangeSensor):
     mass_kg: Annotated[float, POSITIVE] = 0.17
     price: Annotated[float, NOT_NEGATIVE] = 99.0
     filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # ordered
-
-    def __post_init__(self) -> None:
-        check_limits(self)
-
-    @property
-    def channels(self) -> tuple[Channel, ...]:
-        """One range per beam."""
-        return (Channel("range", "m", self.range_min_m, self.range_max_m),) * self.beams
 
     def channel_of(self) -> NDArray[np.int64]:
         """Return a separate channel for each ray."""

@@ -13,7 +13,7 @@ from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, checked
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.gazebo_rays import Fan, gazebo_rays
-from evoros.sensor.protocol import BEAM, BOX, Channel, RangeSensor, check_limits, find_field
+from evoros.sensor.protocol import BEAM, BOX, RangeSensor, find_field
 
 
 @dataclass(frozen=True)
@@ -39,18 +39,10 @@ class Multizone(RangeSensor):
     zone_price: Annotated[float, NOT_NEGATIVE] = 1.0
     filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # ordered
 
-    def __post_init__(self) -> None:
-        check_limits(self)
-
     @property
     def price(self) -> float:  # type: ignore[override]
         """The price of one sensor, which grows with the number of zones."""
         return self.base_price + self.zone_price * self.zones
-
-    @property
-    def channels(self) -> tuple[Channel, ...]:
-        """One range per zone."""
-        return (Channel("range", "m", self.range_min_m, self.range_max_m),) * self.zones
 
     def channel_of(self) -> NDArray[np.int64]:
         """Return the zone of each ray."""

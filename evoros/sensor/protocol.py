@@ -16,17 +16,8 @@ from typing import Any, NamedTuple, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
+from evoros.base import checks
 from evoros.base.arrays import Array
-from evoros.base.checks import (
-    NOT_NEGATIVE,
-    POSITIVE,
-    TEXT,
-    Rule,
-    ask,
-    invalid,
-    is_number,
-    require,
-)
 from evoros.compilation.elementary_arrays import atan2_all
 from evoros.compilation.named_rules import Started, start_part
 from evoros.filter.protocol import FILTERS, Filter
@@ -72,11 +63,13 @@ class Mount:
         return self.x_m, self.y_m, self.z_m, self.yaw_deg, self.pitch_deg
 
 
-BOX = Rule(
+BOX = checks.Rule(
     "a list of three lengths greater than 0",
-    lambda v: isinstance(v, list | tuple) and len(v) == 3 and all(map(POSITIVE.holds, v)),
+    lambda v: isinstance(v, list | tuple) and len(v) == 3 and all(map(checks.POSITIVE.holds, v)),
 )
-BEAM = Rule("an angle greater than 0 and less than 180", lambda v: is_number(v) and 0 < v < 180)
+BEAM = checks.Rule(
+    "an angle greater than 0 and less than 180", lambda v: checks.is_number(v) and 0 < v < 180
+)
 
 RAY_DEG = 1.0
 """Width [deg] that coverage assumes for a single ray or a narrower beam.
@@ -148,6 +141,17 @@ class RangeSensor(Sensor):
     range_max_m: float
     """The maximum reading [m], also read if nothing is in range."""
 
+    def __post_init__(self) -> None:
+        if self.range_min_m >= self.range_max_m:
+            rule = f"must be less than range_max_m ({self.range_max_m})"
+            raise checks.invalid(self, "range_min_m", self.range_min_m, rule)
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """One range for each channel of ``channel_of``."""
+        count = int(np.max(self.channel_of())) + 1
+        return (Channel("range", "m", self.range_min_m, self.range_max_m),) * count
+
     @abstractmethod
     def rays(self) -> Array:
         """Return (k, 3) unit vectors in the sensor's frame, x forward."""
@@ -206,15 +210,17 @@ def _are_rays(value: object) -> bool:
 
 
 RULES = {
-    "period_s": POSITIVE,
-    "measures": TEXT,
-    "channels": Rule("a list of Channel(name, unit, low, high) with low <= high", _are_channels),
+    "period_s": checks.POSITIVE,
+    "measures": checks.TEXT,
+    "channels": checks.Rule(
+        "a list of Channel(name, unit, low, high) with low <= high", _are_channels
+    ),
     "filters": FILTERS,
     "size_m": BOX,
-    "mass_kg": POSITIVE,
-    "price": NOT_NEGATIVE,
+    "mass_kg": checks.POSITIVE,
+    "price": checks.NOT_NEGATIVE,
 }
-RAYS = Rule("a float64 array (k, 3) of unit vectors, k at least 1", _are_rays)
+RAYS = checks.Rule("a float64 array (k, 3) of unit vectors, k at least 1", _are_rays)
 
 
 def check_sensor(sensor: Sensor) -> None:
@@ -223,37 +229,26 @@ def check_sensor(sensor: Sensor) -> None:
     Raises:
         InputError: a value breaks its rule.
     """
-    require(sensor, RULES)
-    ask(
+    checks.require(sensor, RULES)
+    checks.ask(
         "",
         sensor.gazebo,
-        Rule("an SDF element as a string", lambda v: isinstance(v, str)),
+        checks.Rule("an SDF element as a string", lambda v: isinstance(v, str)),
         "sensor",
     )
     if is_signal_sensor(sensor):
         start_part(sensor.start)
     if not sees(sensor):
         return
-    require(sensor, {"range_min_m": NOT_NEGATIVE, "range_max_m": POSITIVE})
-    rays, last = len(ask("", sensor.rays, RAYS)), len(sensor.channels) - 1
+    checks.require(sensor, {"range_min_m": checks.NOT_NEGATIVE, "range_max_m": checks.POSITIVE})
+    rays, last = len(checks.ask("", sensor.rays, RAYS)), len(sensor.channels) - 1
 
     def are_channels(value: Any) -> bool:
         whole = isinstance(value, np.ndarray) and value.dtype.kind == "i" and value.shape == (rays,)
         return whole and value.min() >= 0 and bool(value.max() <= last)
 
     text = f"an array ({rays},) of whole numbers from 0 to {last}, the channel of each ray"
-    ask("", sensor.channel_of, Rule(text, are_channels))
-
-
-def check_limits(sensor: RangeSensor) -> None:
-    """Check that the minimum range is below the maximum; for use in ``__post_init__``.
-
-    Raises:
-        InputError: the minimum is not below the maximum.
-    """
-    if sensor.range_min_m >= sensor.range_max_m:
-        rule = f"must be less than range_max_m ({sensor.range_max_m})"
-        raise invalid(sensor, "range_min_m", sensor.range_min_m, rule)
+    checks.ask("", sensor.channel_of, checks.Rule(text, are_channels))
 
 
 def add_prices(mounts: Iterable[Mount], sensors: Mapping[str, Sensor]) -> float:

@@ -13,7 +13,7 @@ from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, checked
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.gazebo_rays import Fan, gazebo_rays
-from evoros.sensor.protocol import BEAM, BOX, Channel, RangeSensor, check_limits, find_field
+from evoros.sensor.protocol import BEAM, BOX, RangeSensor, find_field
 
 
 @dataclass(frozen=True)
@@ -38,14 +38,6 @@ class Sonar(RangeSensor):
     mass_kg: Annotated[float, POSITIVE] = 0.009
     price: Annotated[float, NOT_NEGATIVE] = 4.0
     filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # ordered
-
-    def __post_init__(self) -> None:
-        check_limits(self)
-
-    @property
-    def channels(self) -> tuple[Channel]:
-        """One channel for the range."""
-        return (Channel("range", "m", self.range_min_m, self.range_max_m),)
 
     def channel_of(self) -> NDArray[np.int64]:
         """Return the only channel, 0, for each ray."""

@@ -24,9 +24,6 @@ class DesignTrials:
 
     Without requirements, all missions are wanted. Otherwise, missions are added in rounds until all
     requirements are decided, so which missions are run depends only on the outcomes.
-
-    Raises:
-        InputError: the design has too few sensors for a requirement.
     """
 
     experiment: Experiment

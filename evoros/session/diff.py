@@ -12,16 +12,7 @@ from evoros.base.errors import InputError
 from evoros.config.recorded import flatten_recorded
 from evoros.files.nested import parse_json
 from evoros.observers import protocol
-from evoros.storage.layout import (
-    CONFIG,
-    MANIFEST,
-    MISSIONS,
-    STATUS,
-    folders_below,
-    hash_file,
-    read_bytes,
-    read_json,
-)
+from evoros.storage import layout
 from evoros.storage.verification import verify_folder
 from evoros.terminal.log import warn_left_out
 
@@ -39,18 +30,18 @@ def compare_missions(one: Path, other: Path) -> tuple[str, int]:
 
     The order of the rows is ignored, because it is the order of completion in unfinished runs.
     """
-    first, second = (_read_missions(folder / MISSIONS) for folder in (one, other))
+    first, second = (_read_missions(folder / layout.MISSIONS) for folder in (one, other))
     for key in sorted({*first, *second}, key=_order):
         (line, row), (other_line, other_row) = first.get(key, (0, {})), second.get(key, (0, {}))
         if row == other_row:
             continue
         mission = ", ".join(f"{name} {value}" for name, value in key)
         if not row or not other_row:
-            return f"{MISSIONS}: the mission {mission} is only in {one if row else other}", 0
+            return f"{layout.MISSIONS}: the mission {mission} is only in {one if row else other}", 0
         column = next(c for c in [*row, *other_row] if row.get(c) != other_row.get(c))
         where = f"line {line}" + (f" and {other_line}" if line != other_line else "")
         values = describe_values(column, one, row.get(column), other, other_row.get(column))
-        return f"{MISSIONS}: {where} (the mission {mission}): {values}", 0
+        return f"{layout.MISSIONS}: {where} (the mission {mission}): {values}", 0
     return "", len(first)
 
 
@@ -61,7 +52,7 @@ def _order(key: Key) -> list[tuple[int, str]]:
 def _read_missions(path: Path) -> dict[Key, tuple[int, dict[str, str]]]:
     """Map the key of each complete row to its line number and cells."""
     try:
-        complete = read_bytes(path).decode().rpartition("\n")[0]
+        complete = layout.read_bytes(path).decode().rpartition("\n")[0]
         rows = csv.DictReader(complete.splitlines())
         names = next((keys for keys in KEYS if {*keys} <= {*(rows.fieldnames or ())}), None)
         if names is None:
@@ -73,7 +64,7 @@ def _read_missions(path: Path) -> dict[Key, tuple[int, dict[str, str]]]:
 
 def find_difference(one: Path, other: Path, name: str) -> str:
     """Return the first difference between the files ``name`` in two folders; empty if equal."""
-    first, second = read_bytes(one / name), read_bytes(other / name)
+    first, second = layout.read_bytes(one / name), layout.read_bytes(other / name)
     if first == second:
         return ""
     try:
@@ -226,7 +217,7 @@ def diff_runs(one: Path, other: Path) -> Diff:
 def _list_runs(path: Path) -> list[str]:
     if not path.is_dir():
         raise InputError(f"{path}: folder not found; correct the path")
-    names = [str(folder.relative_to(path)) for folder in folders_below(path, warn_left_out)]
+    names = [str(folder.relative_to(path)) for folder in layout.folders_below(path, warn_left_out)]
     if not names:
         raise InputError(f"{path}: must be the folder of a run or a sweep; correct the path")
     return names
@@ -268,25 +259,25 @@ def _list_files(one: Path, other: Path) -> Iterator[str]:
 
 
 def _diff_configurations(one: Path, other: Path, diff: Diff) -> str:
-    first, second = (flatten_recorded(folder / CONFIG) for folder in (one, other))
+    first, second = (flatten_recorded(folder / layout.CONFIG) for folder in (one, other))
     for key in _differing(first, second):
         if key.partition(".")[0] not in FREE:
             values = [values.get(key, NOTHING) for values in (first, second)]
-            return f"{CONFIG}: {describe_values(key, one, values[0], other, values[1])}"
+            return f"{layout.CONFIG}: {describe_values(key, one, values[0], other, values[1])}"
         if key.partition(".")[0] != "observers":  # observers write no file into the folder
             diff.circumstances[key.partition(".")[0]] = None
     return ""
 
 
 def _diff_manifests(one: Path, other: Path, diff: Diff) -> str:
-    first, second = (read_json(folder / MANIFEST) for folder in (one, other))
-    same_text = hash_file(one / CONFIG) == hash_file(other / CONFIG)
+    first, second = (layout.read_json(folder / layout.MANIFEST) for folder in (one, other))
+    same_text = layout.hash_file(one / layout.CONFIG) == layout.hash_file(other / layout.CONFIG)
     for name in _differing(first.get("sha256", {}), second.get("sha256", {})):
         if same_text or not name.startswith("configuration"):
-            return f"{MANIFEST}: the hash of {name} differs between {one} and {other}"
+            return f"{layout.MANIFEST}: the hash of {name} differs between {one} and {other}"
     made_by = [name for name in MADE_BY if first.get(name) != second.get(name)]
     diff.circumstances |= dict.fromkeys(made_by)
-    states = [read_json(folder / STATUS).get("state") for folder in (one, other)]
+    states = [layout.read_json(folder / layout.STATUS).get("state") for folder in (one, other)]
     if states[0] != states[1]:
         diff.circumstances["state"] = None
     return ""

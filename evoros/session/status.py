@@ -14,17 +14,8 @@ from evoros.base.errors import RunStopped
 from evoros.evolution.journal import Generation, Watcher
 from evoros.mission.mission import Mission, Outcomes, judge
 from evoros.mission.plan import describe
+from evoros.storage import layout
 from evoros.storage.digests import Repair
-from evoros.storage.layout import (
-    DIGESTS,
-    FINISHED,
-    LOG,
-    MISSIONS,
-    RUNNING,
-    STATUS,
-    STOPPED,
-    read_json,
-)
 from evoros.storage.run_folder import RunFolder
 from evoros.terminal.log import LOGGER, log_to_file
 
@@ -77,13 +68,13 @@ class Status:
             LOGGER.warning("%s: %s: %s", describe(mission), outcome.ended, outcome.reason)
         self.display.mission(mission, outcomes)
         if time.monotonic() - self.written > UPDATE_S:
-            self.write(RUNNING)
+            self.write(layout.RUNNING)
 
     def write(self, state: str, reason: str = "") -> None:
         """Replace ``status.json``, unless its state is ``FINISHED``."""
         if self.finished:
             return
-        self.finished = state == FINISHED
+        self.finished = state == layout.FINISHED
         self.written = time.monotonic()
         session = {
             "session_missions": self.missions,
@@ -98,23 +89,23 @@ class Status:
     @contextmanager
     def track(self, earlier: Sequence[LogRecord]) -> Iterator[None]:
         """Log to the folder, and write the status at the start and at the end of the run."""
-        with log_to_file(self.folder.path / LOG, earlier):
-            self.write(RUNNING)
+        with log_to_file(self.folder.path / layout.LOG, earlier):
+            self.write(layout.RUNNING)
             try:
                 yield
             except BaseException as error:
                 LOGGER.debug("stopped", exc_info=True)  # only the file gets the traceback
                 interrupted = isinstance(error, KeyboardInterrupt)
-                self.write(STOPPED, "interrupted" if interrupted else str(error))
+                self.write(layout.STOPPED, "interrupted" if interrupted else str(error))
                 if isinstance(error, SystemExit):  # a part called exit()
                     raise RunStopped(f"SystemExit: {error}") from error
                 raise
-            self.write(FINISHED)
+            self.write(layout.FINISHED)
 
 
 CONSEQUENCES = {
-    MISSIONS: "missing missions run again",
-    DIGESTS: "rewritten for known files",
+    layout.MISSIONS: "missing missions run again",
+    layout.DIGESTS: "rewritten for known files",
 }
 """Consequences of a problem in a file without a backup copy."""
 
@@ -131,11 +122,11 @@ def log_repair(repair: Repair) -> None:
         LOGGER.warning(
             "%s%s: damaged (for example by a disk fault or an editor)%s; rewritten; the damaged "
             "file is kept as %s",
-            *(repair.path, repair.where, lost if name == MISSIONS else "", repair.kept),
+            *(repair.path, repair.where, lost if name == layout.MISSIONS else "", repair.kept),
         )
         return
     damage = f"{repair.where}: damaged" if repair.where else ": missing"
-    effects = {MISSIONS: "; all missions run again", DIGESTS: " for known files"}
+    effects = {layout.MISSIONS: "; all missions run again", layout.DIGESTS: " for known files"}
     LOGGER.warning("%s%s; rewritten%s", repair.path, damage, effects.get(name, ""))
 
 
@@ -191,7 +182,7 @@ def _format(value: float | None, digits: int) -> str:
 
 def survey(folder: Path) -> Overview:
     """Read the state of a folder, whose files may be missing or changing."""
-    status = read_json(folder / STATUS)
+    status = layout.read_json(folder / layout.STATUS)
     units = "generations" if "generations" in status else "designs"
     wall, simulated = status.get("session_wall_s"), status.get("session_simulated_s")
     state = _find_state(folder, status)
@@ -205,14 +196,14 @@ def survey(folder: Path) -> Overview:
         validated=status.get("best_validated_fitness"),
         missions=status.get("missions", 0),
         speed=simulated / wall if wall and simulated is not None else None,
-        left_s=_estimate_left(status) if state == RUNNING else None,
-        reason="" if state == FINISHED else status.get("reason", ""),
+        left_s=_estimate_left(status) if state == layout.RUNNING else None,
+        reason="" if state == layout.FINISHED else status.get("reason", ""),
     )
 
 
 def _find_state(folder: Path, status: Mapping[str, Any]) -> str:
     state = str(status.get("state", BEGUN))
-    if state != RUNNING:
+    if state != layout.RUNNING:
         return state
     age = datetime.now(UTC) - datetime.fromisoformat(status["updated"])
     return state if age.total_seconds() < SILENT_S or is_locked(folder) else KILLED
@@ -220,10 +211,10 @@ def _find_state(folder: Path, status: Mapping[str, Any]) -> str:
 
 def is_locked(folder: Path) -> bool:
     """Return True if a process has the folder open for writing."""
-    if not (folder / MISSIONS).is_file():  # opening a pipe would block
+    if not (folder / layout.MISSIONS).is_file():  # opening a pipe would block
         return False
     try:
-        with (folder / MISSIONS).open("rb") as missions:
+        with (folder / layout.MISSIONS).open("rb") as missions:
             fcntl.flock(missions, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except OSError:
         return True

@@ -33,9 +33,6 @@ class Mujoco(Simulator):
 
     With the default step, open-loop manoeuvres differ by at most 0.2 % from those with a step of
     2.5 ms.
-
-    Raises:
-        InputError: a value is out of range.
     """
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.01  # [s]

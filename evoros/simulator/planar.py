@@ -36,11 +36,7 @@ MAX_STEP_S = 0.1
 @dataclass(frozen=True)
 @checked
 class Planar(RuleSimulator):
-    """The planar simulator: no wheel slip, lagging servos, and obstacles that stop the robot.
-
-    Raises:
-        InputError: a value is out of range.
-    """
+    """The planar simulator: no wheel slip, lagging servos, and obstacles that stop the robot."""
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.02  # [s]
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos

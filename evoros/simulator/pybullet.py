@@ -40,9 +40,6 @@ class PyBullet(Simulator):
 
     With default settings, open-loop manoeuvres and pushed bodies differ by at most 2 % from those
     with a step of 2.5 ms and 50 iterations.
-
-    Raises:
-        InputError: a value is out of range.
     """
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.025  # [s]

@@ -15,16 +15,8 @@ from evoros.base.errors import GIVE_RIGHTS, InputError
 from evoros.files.disk import LONGEST_LINE, create_draft, lock, sync, write_atomically
 from evoros.mission.mission import MissionKey, Outcomes
 from evoros.mission.plan import MOST_REPEATS
+from evoros.storage import layout
 from evoros.storage.digests import Repair, Report
-from evoros.storage.layout import (
-    DIGEST,
-    LOG,
-    MISSIONS,
-    is_damaged,
-    is_sealed,
-    seal_rows,
-    split_lines,
-)
 from evoros.storage.tables import to_csv
 from evoros.terminal.log import LOGGER
 
@@ -43,13 +35,13 @@ class MissionTable:
     """
 
     def __init__(self, folder: Path, header: Sequence[str], key: bytes, report: Report) -> None:
-        self.path, self._columns, self._key = folder / MISSIONS, tuple(header), key
+        self.path, self._columns, self._key = folder / layout.MISSIONS, tuple(header), key
         self.header = begin_table(self._columns).encode()  # first line
         self.damage: dict[int, bytes] = {}
         self.cut: dict[int, bytes] = {}
         self._last = 1, b""  # number and content of the last row read
         self.place = 0  # offset of that row
-        if not self.path.exists() and (folder / LOG).is_file():
+        if not self.path.exists() and (folder / layout.LOG).is_file():
             report(Repair(self.path))
             write_atomically(self.path, self.header)
         self._file: BinaryIO = open_locked(self.path)
@@ -61,11 +53,11 @@ class MissionTable:
 
     def append(self, rows: Sequence[Sequence[object]]) -> list[int]:
         """Write missions so that they survive a kill; return the offset of each row."""
-        content = seal_rows(to_csv(rows), self._key)
+        content = layout.seal_rows(to_csv(rows), self._key)
         end = self._file.seek(0, os.SEEK_END)
         self._file.write(content)
         self._file.flush()
-        lengths = [len(line) for line in split_lines(content)]
+        lengths = [len(line) for line in layout.split_lines(content)]
         return list(accumulate(lengths[:-1], initial=end))
 
     def sync(self) -> None:
@@ -83,10 +75,10 @@ class MissionTable:
         header, end = self._file.readline(LONGEST_LINE), 0
         at = len(header)
         for line_number, line in enumerate(self._read_lines(), 2):
-            if is_sealed(line, self._key):
+            if layout.is_sealed(line, self._key):
                 self._last, self.place = (line_number, line), at
                 yield self._parse(parse)
-            elif is_damaged(line, self._key):
+            elif layout.is_damaged(line, self._key):
                 self.damage[line_number] = line
             else:
                 end, self.cut = at, {line_number: line}
@@ -109,7 +101,7 @@ class MissionTable:
     def read_row(self, place: int, parse: Callable[[Mapping[str, str]], Row]) -> Row:
         """Read the row at an offset."""
         line = self._read_line(place)
-        if not is_sealed(line, self._key):
+        if not layout.is_sealed(line, self._key):
             raise InputError(
                 f"{self.path}: damaged at byte {place} after it was opened, for example by a disk "
                 f"fault or an editor; resume the run to repair the file"
@@ -199,7 +191,7 @@ class MissionTable:
 
 def begin_table(columns: Sequence[str]) -> str:
     """Return the first line of ``missions.csv``."""
-    return to_csv([[*columns, DIGEST]])
+    return to_csv([[*columns, layout.DIGEST]])
 
 
 def open_locked(path: Path) -> BinaryIO:

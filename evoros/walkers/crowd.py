@@ -7,22 +7,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from evoros.base import checks
 from evoros.base.arrays import Array
-from evoros.base.checks import (
-    FLAG,
-    MOST,
-    NOT_NEGATIVE,
-    POSITIVE,
-    Rule,
-    checked,
-    instance_of,
-    invalid,
-    is_number,
-    is_whole,
-    mapping_of,
-    number_between,
-    one_of,
-)
 from evoros.base.compilable import compilable
 from evoros.base.packing import pack
 from evoros.walkers import layout as at
@@ -32,25 +18,29 @@ MOST_WALKERS = 200
 """Maximum number of walkers in a group; in every step, each interacts with all others."""
 
 
-def _is_range(value: object, holds: Rule) -> bool:
+def _is_range(value: object, holds: checks.Rule) -> bool:
     if isinstance(value, list | tuple):
         return len(value) == 2 and all(map(holds.holds, value)) and value[0] <= value[1]
     return holds.holds(value)
 
 
-_COUNTED = Rule("", lambda v: is_whole(v) and 0 <= v <= MOST_WALKERS)
-_PACED = Rule("", lambda v: is_number(v) and 0.0 < v <= 5.0)
-NUMBER = Rule(
+_COUNTED = checks.Rule("", lambda v: checks.is_whole(v) and 0 <= v <= MOST_WALKERS)
+_PACED = checks.Rule("", lambda v: checks.is_number(v) and 0.0 < v <= 5.0)
+NUMBER = checks.Rule(
     f"a whole number from 0 to {MOST_WALKERS}, or [low, high]",
     lambda v: _is_range(v, _COUNTED),
-    limit=MOST,
+    limit=checks.MOST,
 )
-PACE = Rule("a number greater than 0 and at most 5, or [low, high]", lambda v: _is_range(v, _PACED))
-ROUTE = Rule(
+PACE = checks.Rule(
+    "a number greater than 0 and at most 5, or [low, high]", lambda v: _is_range(v, _PACED)
+)
+ROUTE = checks.Rule(
     "a list of at least two corners [x, y] that differ",
     lambda v: (
         isinstance(v, list | tuple)
-        and all(isinstance(p, list | tuple) and len(p) == 2 and all(map(is_number, p)) for p in v)
+        and all(
+            isinstance(p, list | tuple) and len(p) == 2 and all(map(checks.is_number, p)) for p in v
+        )
         and len({tuple(map(float, p)) for p in v}) > 1
     ),
 )
@@ -58,7 +48,7 @@ RANDOM, EVEN = "random", "even"
 
 
 @dataclass(frozen=True)
-@checked
+@checks.checked
 class SocialForce:
     """The forces on a walker per unit mass: Helbing and Molnar, Physical Review E 51, 4282 (1995).
 
@@ -66,36 +56,37 @@ class SocialForce:
     radius of 0.25 m, and distances to others are measured from surfaces.
     """
 
-    relaxation_s: Annotated[float, POSITIVE] = 0.5  # time in which a walker adopts its pace
-    repulsion_m2ps2: Annotated[float, NOT_NEGATIVE] = 2.1  # potential between two walkers
-    range_m: Annotated[float, POSITIVE] = 0.3  # distance over which the potential falls to 1/e
-    border_repulsion_m2ps2: Annotated[float, NOT_NEGATIVE] = 10.0  # potential of obstacles
-    border_range_m: Annotated[float, POSITIVE] = 0.2
+    relaxation_s: Annotated[float, checks.POSITIVE] = 0.5  # time in which a walker adopts its pace
+    repulsion_m2ps2: Annotated[float, checks.NOT_NEGATIVE] = 2.1  # potential between two walkers
+    range_m: Annotated[float, checks.POSITIVE] = (
+        0.3  # distance over which the potential falls to 1/e
+    )
+    border_repulsion_m2ps2: Annotated[float, checks.NOT_NEGATIVE] = 10.0  # potential of obstacles
+    border_range_m: Annotated[float, checks.POSITIVE] = 0.2
 
 
 @dataclass(frozen=True)
-@checked
+@checks.checked
 class Walkers:
     """A group of walkers, which are upright cylinders.
 
     Each walker follows the corners of its route, and returns from the last to the first. Without a
     ``route``, each mission draws a route per walker, out and back through free space.
-
-    Raises:
-        InputError: a value is out of range.
     """
 
     number: Annotated[int | Sequence[int], NUMBER]  # [low, high]: drawn per mission
     pace_mps: Annotated[float | Sequence[float], PACE] = 1.34  # [low, high]: drawn per walker
-    radius_m: Annotated[float, number_between(0.1, 2.0)] = 0.25
-    height_m: Annotated[float, number_between(0.05, 10.0)] = 1.7
+    radius_m: Annotated[float, checks.number_between(0.1, 2.0)] = 0.25
+    height_m: Annotated[float, checks.number_between(0.05, 10.0)] = 1.7
     route: Annotated[Sequence[Sequence[float]] | None, ROUTE] = None  # corners [m]
-    phase: Annotated[str, one_of(RANDOM, EVEN)] = RANDOM  # start position along the route
-    avoids_robots: Annotated[bool, FLAG] = True  # True if robots repel the walkers
-    stops_for_robots: Annotated[bool, FLAG] = False
-    stop_distance_m: Annotated[float, POSITIVE] = 1.0  # gap between walker and robot
-    patience_s: Annotated[float, NOT_NEGATIVE] = 10.0  # time until a walker goes around the robot
-    force: Annotated[SocialForce, instance_of(SocialForce, "forces (SocialForce)")] = field(
+    phase: Annotated[str, checks.one_of(RANDOM, EVEN)] = RANDOM  # start position along the route
+    avoids_robots: Annotated[bool, checks.FLAG] = True  # True if robots repel the walkers
+    stops_for_robots: Annotated[bool, checks.FLAG] = False
+    stop_distance_m: Annotated[float, checks.POSITIVE] = 1.0  # gap between walker and robot
+    patience_s: Annotated[float, checks.NOT_NEGATIVE] = (
+        10.0  # time until a walker goes around the robot
+    )
+    force: Annotated[SocialForce, checks.instance_of(SocialForce, "forces (SocialForce)")] = field(
         default_factory=SocialForce
     )
 
@@ -104,7 +95,7 @@ class Walkers:
             corners = tuple((float(x), float(y)) for x, y in self.route)
             ends = zip(corners, (*corners[1:], corners[0]), strict=True)
             if any(start == end for start, end in ends):
-                raise invalid(
+                raise checks.invalid(
                     self, "route", self.route, "must have different corners in succession"
                 )
             object.__setattr__(self, "route", corners)
@@ -122,7 +113,7 @@ class Walkers:
         return float(low), float(high)
 
 
-WALKERS = mapping_of(Walkers, "walkers (evoros.walkers.crowd.Walkers)")
+WALKERS = checks.mapping_of(Walkers, "walkers (evoros.walkers.crowd.Walkers)")
 
 
 AWAY_M = 1e5

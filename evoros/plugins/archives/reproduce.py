@@ -10,15 +10,7 @@ from typing import TYPE_CHECKING
 from evoros.cli.reporting import WORST_FIRST, Interrupts, JobResult, explain_end
 from evoros.files.origin import read_origin
 from evoros.files.resources import expand_home
-from evoros.terminal.console import (
-    DIFFERENT,
-    DONE,
-    CommandParser,
-    print_result,
-    report_error,
-    report_errors,
-    require_keys,
-)
+from evoros.terminal import console
 from evoros.terminal.log import log_everything
 
 if TYPE_CHECKING:
@@ -39,7 +31,9 @@ STATUSES = """exit status: 0 all agree, 1 a difference or a lost mission, 2 FOLD
 def reproduce(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status."""
     with Interrupts() as interrupts:
-        return report_errors(NAME, lambda: _reproduce(arguments, interrupts), interrupts.explain)
+        return console.report_errors(
+            NAME, lambda: _reproduce(arguments, interrupts), interrupts.explain
+        )
 
 
 def _reproduce(arguments: Sequence[str], interrupts: Interrupts) -> int:
@@ -48,18 +42,18 @@ def _reproduce(arguments: Sequence[str], interrupts: Interrupts) -> int:
     from evoros.session.reproduction import describe_circumstances, list_reproductions
 
     options = _parser().parse_intermixed_args(list(arguments))
-    require_keys(options.overrides, options.folder)
+    console.require_keys(options.overrides, options.folder)
     own_parts = options.config_dir and expand_home(options.config_dir).absolute()
     given = expand_home(options.folder), expand_home(options.output)
     with prepare(*given, own_parts) as prepared:
         reproductions = list_reproductions(prepared.source, prepared.output)
         status = _run_all(prepared, reproductions, options.overrides, interrupts)
-        if status != DONE:
+        if status != console.DONE:
             return status
-        print_result(describe_circumstances(reproductions))
+        console.print_result(describe_circumstances(reproductions))
         diff = prepared.compare()
-    print_result(describe_diff(diff).splitlines()[0])
-    return DIFFERENT if diff.difference else DONE
+    console.print_result(describe_diff(diff).splitlines()[0])
+    return console.DIFFERENT if diff.difference else console.DONE
 
 
 def _run_all(
@@ -93,11 +87,11 @@ def _run_all(
 
 def _report(folder: Path, result: JobResult) -> None:
     if result.message:
-        report_error(NAME, f"{folder}: {result.message}", result.status)
+        console.report_error(NAME, f"{folder}: {result.message}", result.status)
 
 
 def _parser() -> ArgumentParser:
-    parser = CommandParser(
+    parser = console.CommandParser(
         NAME, description=ABOUT, epilog=STATUSES, formatter_class=RawDescriptionHelpFormatter
     )
     parser.add_argument(

@@ -9,14 +9,7 @@ from typing import TYPE_CHECKING
 
 from evoros.base.errors import InputError
 from evoros.files.resources import expand_home
-from evoros.terminal.console import (
-    DIFFERENT,
-    DONE,
-    CommandParser,
-    print_result,
-    report_error,
-    reports_errors,
-)
+from evoros.terminal import console
 
 if TYPE_CHECKING:
     from evoros.plugins.leaderboard.rows import Row
@@ -31,12 +24,12 @@ people's rows."""
 STATUSES = """exit status: 0 done, 1 a row could not be reproduced, 2 invalid folder or file."""
 
 
-@reports_errors(NAME)
+@console.reports_errors(NAME)
 def leaderboard(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status."""
     from evoros.plugins.leaderboard.rows import make_row, write_rows
 
-    parser = CommandParser(
+    parser = console.CommandParser(
         NAME, description=ABOUT, epilog=STATUSES, formatter_class=RawDescriptionHelpFormatter
     )
     parser.add_argument(
@@ -51,23 +44,25 @@ def leaderboard(arguments: Sequence[str]) -> int:
     if options.check:
         return _check(expand_home(options.check), options.known and expand_home(options.known))
     rows = [make_row(expand_home(folder), options.config_dir) for folder in options.folders]
-    print_result(write_rows(rows).rstrip("\n"))
-    return DONE
+    console.print_result(write_rows(rows).rstrip("\n"))
+    return console.DONE
 
 
 def _check(file: Path, known: Path | None) -> int:
     from evoros.plugins.leaderboard.rows import read_rows
 
     left_out = set(read_rows(known)) if known else set()
-    status = DONE
+    status = console.DONE
     for line, row in enumerate(read_rows(file), 2):
         if row in left_out:
             continue
         problem = _find_difference(row)
         if problem:
-            status = report_error(NAME, f"{file}: line {line} ({row.name}): {problem}", DIFFERENT)
+            status = console.report_error(
+                NAME, f"{file}: line {line} ({row.name}): {problem}", console.DIFFERENT
+            )
         else:
-            print_result(f"line {line} ({row.name}): reproduced")
+            console.print_result(f"line {line} ({row.name}): reproduced")
     return status
 
 
