@@ -19,7 +19,7 @@ from evoros.files.resources import expand_home
 from evoros.terminal.console import DONE, CommandParser, print_result, report_errors, require_keys
 
 if TYPE_CHECKING:
-    from evoros.config.compose import RecordedRun
+    from evoros.config.like import RecordedRun
     from evoros.session.run import Session
 
 
@@ -103,8 +103,8 @@ def _execute(command: Command, arguments: list[str], interrupts: Interrupts) -> 
         raise InputError(f"{word}: a subcommand must come first; type: evoros {word} ...")
     require_keys(options.overrides, f"{command.folder_key}=")
     if options.shows:
-        from evoros.config.compose import choose_primary
         from evoros.config.help import show
+        from evoros.config.like import choose_primary
 
         typed = options.overrides
         primary, _ = choose_primary(command.primary, typed, options.config_dir, _read_run)

@@ -20,18 +20,9 @@ from omegaconf import DictConfig, OmegaConf, read_write
 from omegaconf.errors import OmegaConfBaseException
 
 from evoros.base.errors import EvorosError, InputError, quote_value
-from evoros.config.compose import (
-    EVALUATE,
-    LIKE,
-    ReadRun,
-    choose_primary,
-    compose_with_hydra,
-    job_name,
-    list_choices,
-    parse,
-    text_of,
-)
+from evoros.config.compose import compose_with_hydra, job_name, list_choices, parse, text_of
 from evoros.config.configuration import Configuration, freeze
+from evoros.config.like import EVALUATE, LIKE, ReadRun, choose_primary
 from evoros.config.messages import describe_error
 from evoros.config.references import has_calls
 

@@ -20,9 +20,10 @@ from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, open_dict
 
 from evoros.base.errors import EvorosError, RunStopped, override, single_line
-from evoros.config.compose import EVALUATE, add_config_dir, initialize, search_path
+from evoros.config.compose import add_config_dir, initialize, search_path
 from evoros.config.configuration import freeze
 from evoros.config.jobs import Job, Jobs, place_job
+from evoros.config.like import EVALUATE
 from evoros.terminal.log import LOGGER
 
 RunJob = Callable[[Job], float]

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from evoros.base.errors import InputError, override, shell_line, single_line
-from evoros.config.compose import LIKE, RecordedRun, is_below
 from evoros.config.configuration import Configuration, check_targets
+from evoros.config.like import LIKE, RecordedRun, is_below
 from evoros.config.own_files import NAMED_FOLDERS
 from evoros.config.recorded import flatten_recorded, read_recorded
 from evoros.evolution.experiment import Experiment

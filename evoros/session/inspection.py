@@ -12,7 +12,8 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.rng import generator
 from evoros.config.compose import compose
-from evoros.config.own_files import OwnFile, plan_design
+from evoros.config.own_designs import plan_design
+from evoros.config.own_files import OwnFile
 from evoros.evolution.experiment import Experiment
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.footprint import (

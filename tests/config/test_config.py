@@ -7,8 +7,9 @@ import pytest
 from helpers import USER_PARTS
 
 from evoros.base.errors import InputError
-from evoros.config.compose import EVALUATE, add_config_dir, compose
+from evoros.config.compose import add_config_dir, compose
 from evoros.config.jobs import Job, Jobs
+from evoros.config.like import EVALUATE
 from evoros.config.recorded import override_recorded, read_recorded
 from evoros.dispatch.dispatcher import Dispatcher
 from evoros.mission.plan import GENERATIONS

@@ -12,7 +12,7 @@ from sdf_cases import STATIC, load, unhurried, write
 
 from evoros.base.errors import InputError
 from evoros.formats.sdf import geometry
-from evoros.formats.sdf.geometry import is_geotiff
+from evoros.formats.sdf.heightmaps import is_geotiff
 
 CUBE = """solid c
 facet normal 0 0 1

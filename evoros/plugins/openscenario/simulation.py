@@ -15,8 +15,8 @@ from scenario_execution.scenario_execution_base import ScenarioExecutionConfig
 from scenario_execution.simulation import SimulationInterface
 
 from evoros.base.errors import EvorosError, InputError, single_line
-from evoros.config.compose import EVALUATE
 from evoros.config.jobs import Job, Jobs
+from evoros.config.like import EVALUATE
 from evoros.evolution.experiment import Experiment
 from evoros.failure.protocol import Failure, Trigger
 from evoros.files.disk import write_atomically

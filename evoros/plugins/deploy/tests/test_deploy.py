@@ -9,7 +9,6 @@ import re
 import shutil
 import subprocess
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,48 +17,33 @@ import pytest
 import trimesh
 import yaml
 import yourdfpy
-from helpers import everything, tiny
+from helpers import everything
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from lxml import etree
-from matplotlib.text import Text
 from needs import ROS2_PYTHON
 from robot_cases import independent, rover, some_mounts
 
 from evoros.analysis.command import evoros_analyze, write_folder
-from evoros.analysis.drawing.mounting import draw_mounting
-from evoros.analysis.drawing.paper import choose_scale, separate, spread
-from evoros.analysis.tables.records import Record, read_record
+from evoros.analysis.tables.records import Record
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.bridge.process import start_process
 from evoros.controller.briefing_text import describe_drive
-from evoros.design.design import Design
 from evoros.drive.automatic import AutomaticDescription
 from evoros.plugins.ardupilot.controller import ArduPilot
 from evoros.plugins.deploy.champion import Champion, MountedSensor, list_clashes, read_champion
 from evoros.plugins.deploy.parameters import INSTANCES, write_ros_file
 from evoros.plugins.deploy.ros_package import PackageOptions, name_package, write_package
-from evoros.plugins.deploy.subcommand import plan_mounting
+from evoros.plugins.deploy.tests.deploy_cases import champion_of
 from evoros.robot.loading import load_robot
-from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
-from evoros.storage.champion_files import design_table, gene_table, self_sight_table
-from evoros.storage.digests import describe_file, write_entries
 from evoros.storage.figure_context import Beam
 from evoros.terminal.console import DONE, INPUT
 
 OPTIONS = PackageOptions("a_champion", "A B <a.b@example.org>", "MIT", None)
 CATKIN = "from catkin_pkg.package import parse_package_string as p; import sys; p(sys.stdin.read())"
-GENE = "{_target_: evoros.design.genes.Gene, key: controller.avoidance.range_m, low: 1, high: 2}"
-
-
-@pytest.fixture(scope="module")
-def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
-    folder = tmp_path_factory.mktemp("deploy") / "run"
-    assert tiny(folder, f"+design.genes.near={GENE}") == DONE
-    return read_record(folder, "run")
 
 
 @pytest.fixture(scope="module")
@@ -69,33 +53,6 @@ def package(record: Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert evoros_analyze(["deploy", str(record.path), "--output", str(out)]) == DONE
     (folder,) = out.iterdir()
     return folder
-
-
-def champion_of(record: Record, robot: Robot, mounts: list[Mount], folder: Path) -> Champion:
-    """The champion of a run that has evolved these mounts on this robot."""
-    sensors = {kind: Sonar() for kind in dict.fromkeys(m.sensor for m in mounts)}
-    beam = record.context.beams["sonar"]
-    mounted = robot.with_sensors(mounts, sensors)
-    design = Design(mounted.mounts, {})
-    files = {
-        "robot.urdf": mounted.urdf,
-        "self_sight.csv": self_sight_table(mounted),
-        "robot_as_loaded.urdf": mounted.loaded_urdf,
-        "design.csv": design_table({3: design}),
-        "genes.csv": gene_table({3: design}, {}),
-    }
-    (folder / "champion").mkdir(exist_ok=True)
-    for name, text in files.items():
-        (folder / "champion" / name).write_text(text)
-    context = replace(
-        record.context, places=dict(robot.sensor_links), beams=dict.fromkeys(sensors, beam)
-    )
-    for name in ("status.json", "manifest.json"):
-        (folder / name).write_text((record.path / name).read_text())
-    written = {f"champion/{name}": describe_file(text.encode()) for name, text in files.items()}
-    (folder / "digests.csv").write_text(write_entries(written))
-    run = replace(record.run, path=folder)
-    return read_champion(Record("random", run, context, record.values))
 
 
 # What is written ----------------------------------------------------------------------------
@@ -578,89 +535,3 @@ def test_the_same_champion_gives_the_same_bytes(
 ) -> None:
     assert evoros_analyze(["deploy", str(record.path), f"--output={tmp_path}"]) == DONE
     assert everything(tmp_path / package.name) == everything(package)
-
-
-# The drawing --------------------------------------------------------------------------------
-
-
-def test_the_drawing_has_every_number_once_a_view(record: Record) -> None:
-    plan = plan_mounting(read_champion(record))
-    figure = draw_mounting(plan)
-    (axes,) = figure.axes
-    texts = [text.get_text().replace("\N{MINUS SIGN}", "-") for text in axes.texts]
-    for sensor in plan.sensors:
-        for value in sensor.place_mm:
-            assert texts.count(f"{value:.1f}") >= 1  # in the table
-            assert f"{round(value, 1) + 0.0:g}" in texts  # at a line
-        assert (
-            f"{abs(sensor.yaw_deg):.1f}\N{DEGREE SIGN} {'L' if sensor.yaw_deg > 0 else 'R'}"
-            in texts
-        )
-    width, height = (25.4 * inches for inches in figure.get_size_inches())
-    assert axes.get_xlim() == pytest.approx((0.0, width))  # to scale
-    assert height < 297.0  # of A4
-    assert any("150 mm ahead of the axle of the rearmost wheels" in text for text in texts)
-
-
-def test_the_drawing_is_to_scale(record: Record) -> None:
-    plan = plan_mounting(read_champion(record))
-    (axes,) = draw_mounting(plan).axes
-    (note,) = (text.get_text() for text in axes.texts if "scale 1:" in text.get_text())
-    scale = float(note.split(",")[0].removeprefix("scale 1:"))
-    dots = np.array(
-        [np.asarray(line.get_xydata())[0] for line in axes.lines if line.get_marker() == "."]
-    )
-    count = len(plan.sensors)
-    places = np.array([sensor.place_mm for sensor in plan.sensors])
-    for shown, plane in ((dots[:count], (0, 1)), (dots[count:], (0, 2))):
-        np.testing.assert_allclose(
-            np.diff(shown, axis=0) * scale, np.diff(places[:, plane], axis=0), atol=1e-6
-        )
-
-
-def test_no_text_covers_another(record: Record, tmp_path: Path) -> None:
-    """Twelve sensors around the robot; discs of alike sensors touch, other texts do not meet."""
-    angles = np.linspace(-180.0, 180.0, 12, endpoint=False)
-    mounts = [
-        Mount(
-            "sonar", "base_link", 0.2 * math.cos(a), 0.15 * math.sin(a), 0.17, math.degrees(a), 5.0
-        )
-        for a in np.radians(angles)
-    ]
-    figure = draw_mounting(plan_mounting(champion_of(record, rover(), mounts, tmp_path)))
-    figure.draw_without_rendering()
-    texts = [text for text in figure.axes[0].texts if text.get_text()]
-    boxes = [Text.get_window_extent(text) for text in texts]
-    for i, box in enumerate(boxes):
-        for j in range(i):
-            meet = (
-                box.x0 < boxes[j].x1
-                and boxes[j].x0 < box.x1
-                and box.y0 < boxes[j].y1
-                and boxes[j].y0 < box.y1
-            )
-            assert not meet, (texts[i].get_text(), texts[j].get_text())
-
-
-@given(st.lists(st.floats(-100.0, 100.0), max_size=20), st.floats(0.1, 20.0))
-def test_spread_labels_keep_their_order_and_distance(places: list[float], minimum: float) -> None:
-    moved = spread(sorted(places), minimum)
-    assert len(moved) == len(places)
-    assert all(b - a >= minimum - 1e-6 for a, b in pairwise(moved))
-    if all(b - a >= minimum for a, b in pairwise(sorted(places))):
-        assert moved == sorted(places)
-
-
-@given(st.lists(st.tuples(st.floats(0.0, 100.0), st.floats(0.0, 100.0)), min_size=1, max_size=8))
-def test_separated_boxes_do_not_overlap(centres: list[tuple[float, float]]) -> None:
-    moved = separate(np.array(centres), (15.0, 4.0))
-    for i in range(len(moved)):
-        for j in range(i):
-            assert np.max(np.abs(moved[i] - moved[j]) - (15.0, 4.0)) > -0.2
-
-
-@given(st.floats(1e-3, 1e6), st.floats(10.0, 500.0))
-def test_the_scale_fits_and_the_next_would_not_be_needed(length: float, room: float) -> None:
-    scale = choose_scale(length, room)
-    assert length / scale <= room * (1 + 1e-6)
-    assert scale <= 0.01 or length / scale > room / 1.6
