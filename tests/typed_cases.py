@@ -108,6 +108,12 @@ RUNS = (
     ),
     Words("evoros/config/messages.py {key}=...", "+optimizer=ga", {"...": "ga"}),
     Words(
+        "evoros/config/messages.py {error.full_key}=...",
+        "controller=ardupilot",
+        {"...": "/bin/true"},
+        of_default=True,
+    ),
+    Words(
         "evoros/controller/ardupilot_parameters.py controller/localization=exact",
         "controller=ardupilot controller.binary=/bin/true controller/localization=autopilot_gps",
         of_default=True,

@@ -17,7 +17,7 @@ from hydra.errors import (
 )
 from hydra.utils import get_object
 from omegaconf import DictConfig, ListConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
 from evoros.base.errors import EvorosError, override, shell_line, single_line
 from evoros.config.own_files import locate_fault
@@ -62,6 +62,8 @@ def describe_error(error: BaseException) -> str:
             f"choice, type {key}=... without +, or put 'override /{key}: ...' in the defaults list "
             "of your file"
         )
+    if isinstance(error, MissingMandatoryValue):
+        return f"{error.full_key}: must be given; type {error.full_key}=..."
     if isinstance(error, OmegaConfBaseException) and error.full_key:
         return f"{error.full_key}: {_flat(error)}; correct the value or the reference"
     if isinstance(cause, yaml.MarkedYAMLError):
@@ -81,8 +83,11 @@ def describe_build_error(error: BaseException) -> str:
     while not isinstance(cause, EvorosError) and cause.__cause__ is not None:
         cause = cause.__cause__
     if isinstance(cause, EvorosError):
-        world = re.match(r".*\bworld\.\w+", key)
-        message = str(cause).replace("world.NAME.", f"{world[0]}." if world else "world.NAME.")
+        message = str(cause)
+        if world := re.match(r".*\bworld\.\w+", key):
+            # The file of a world may lack the keys that its reader proposes.
+            message = re.sub(r"world\.NAME\.(?=\w+=)", f"++{world[0]}.", message)
+            message = message.replace("world.NAME.", f"{world[0]}.")
         return _keyed(key, message)
     where, place = f"{key}: " if key else "", locate_fault(error)
     if place and not isinstance(cause, ImportError | SyntaxError | OmegaConfBaseException):
@@ -96,7 +101,7 @@ def describe_build_error(error: BaseException) -> str:
             f"with --config-dir"
         )
     if isinstance(cause, OmegaConfBaseException | OSError | yaml.YAMLError):
-        return where + describe_error(cause)
+        return _keyed(key, describe_error(cause))
     if isinstance(cause, SyntaxError):
         return f"{where}{cause.filename}, line {cause.lineno}: {cause.msg}; correct the code"
     if isinstance(cause, InstantiationException):  # Hydra refuses the class

@@ -67,6 +67,7 @@ FILLED: Mapping[str, str] = {
     "{failure}": "random",
     "{fix}": "all",
     "{key}": "seed",
+    "{error.full_key}": "seed",
     "{x}": "world.boxes.course.home_x_m",
     "{y}": "world.boxes.course.home_y_m",
     "{differing[0]}": "design",
@@ -130,10 +131,10 @@ IN_FILES = frozenset(field.name for field in fields(SdfOptions))
 OF_WORLDS = IN_FILES.union(field.name for field in fields(Course))
 """Keys of the file of a world, which evoros inspect takes, too."""
 PROSE = frozenset((
-    *("again", "and", "answers", "beside", "by", "can", "computed", "core", "evaluates"),
-    *("for", "from", "has", "ignores", "in", "is", "itself", "made", "or", "printed"),
-    *("publishes", "ran", "root", "run", "runs", "see", "takes", "that", "there", "under"),
-    *("which", "with", "writes", "wrote"),
+    *("again", "and", "answers", "beside", "by", "can", "casts", "computed", "core", "does"),
+    *("evaluates", "fixes", "for", "from", "has", "ignores", "in", "is", "itself", "made", "or"),
+    *("printed", "publishes", "ran", "root", "run", "runs", "see", "supports", "takes", "that"),
+    *("there", "under", "which", "with", "writes", "wrote"),
 ))  # fmt: skip
 """Words that follow evoros in a sentence."""
 FOREIGN = frozenset({"--count", "--no-install-recommends", "--scheduler-file", "--simulation"})

@@ -69,6 +69,14 @@ def test_nobody_walks_on_a_slope(folder: Path, people: str, words: list[str], ke
     assert build(*kept, typed) == ""
 
 
+def test_a_run_goes_without_models_that_are_missing(folder: Path) -> None:
+    write_world(folder, "<include><uri>model://crate</uri></include>")
+    alternatives = list_alternatives(build(), {})
+    assert len(alternatives) == 2
+    for typed in alternatives:
+        assert build(*typed) == ""
+
+
 def test_a_course_is_given_where_a_home_has_no_room(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
