@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.formats.mesh import WORK, Mesh, read_mesh
+from evoros.formats.mesh_files import read_faces
 from evoros.formats.missing import MissingFileError
 from evoros.formats.sdf.heightmaps import read_heightmap
 from evoros.formats.sdf.inclusion import CHOICES, find_uri, require_file
@@ -214,6 +216,7 @@ def divide_meshes(
     effort = reading.options.mesh_effort
     reach = math.inf if course is None else REACH_M * max(effort, 1.0)
     points = np.zeros((1, 2)) if course is None else course
+    boxes: dict[_MeshUse, Array] = {}
     places: dict[_MeshUse, tuple[float, float]] = {}
     elements: dict[_MeshUse, Element] = {}
     for mesh, pose in placed:
@@ -221,34 +224,39 @@ def divide_meshes(
             use = _identify_mesh(mesh, reading)
             if 0.0 in use.scale:
                 continue
-            parts = _read_parts(mesh, use, 0.0, reading)
-            elements[use], reading.meshes[use] = mesh, parts.shapes
-            for remark in parts.remarks:
-                reading.notes.add_file(use.path, remark)
-            if parts.is_cut_short:
-                place = _measure_place(parts.shapes, pose, points)
-                places[use] = min(place, places.get(use, place))
+            if use not in boxes:
+                boxes[use] = _find_box(use, reading)
+            place = _measure_place(boxes[use], pose, points)
+            elements[use], places[use] = mesh, min(place, places.get(use, place))
     left = effort * _MINUTE
     for use in sorted(places, key=places.__getitem__):
-        wanted, distance = 10 * effort, places[use][0]
+        wanted, distance, work = 10 * effort, places[use][0], min(effort * WORK, left)
+        remark = "the mesh has coarse parts to save time"
         if distance > reach:
-            wanted = max(wanted, math.ceil(distance / REACH_M))
-            shapes = reading.meshes[use]
-            reading.meshes[use] = tuple(replace(shape, mesh=None) for shape in shapes)
+            wanted, work = max(wanted, math.ceil(distance / REACH_M)), 0.0
             remark = f"the mesh has coarse parts, because it is over {reach:g} m from the course"
-        else:
-            parts = _read_parts(elements[use], use, min(effort * WORK, left), reading)
+        with suppress(InputError):
+            parts = _read_parts(elements[use], use, work, reading)
             left -= parts.work
             reading.meshes[use] = parts.shapes
-            remark = "the mesh has coarse parts to save time" if parts.is_cut_short else ""
-        if remark:
-            more = f"world.NAME.mesh_effort={wanted:g} takes longer and gives finer parts"
-            reading.notes.add_file(use.path, f"{remark}; {more}")
+            for note in parts.remarks:
+                reading.notes.add_file(use.path, note)
+            if parts.is_cut_short:
+                more = f"world.NAME.mesh_effort={wanted:g} takes longer and gives finer parts"
+                reading.notes.add_file(use.path, f"{remark}; {more}")
+            if parts.is_cut_short and distance > reach:
+                reading.meshes[use] = tuple(replace(shape, mesh=None) for shape in parts.shapes)
 
 
-def _measure_place(shapes: tuple[Shape, ...], pose: Pose, points: Array) -> tuple[float, float]:
-    """Return a bounding box's distance [m] from points (n, 2), and its lowest height [m]."""
-    corners = np.concatenate([np.array(shape.corners) for shape in shapes])
+def _find_box(use: _MeshUse, reading: Reading) -> Array:
+    """Return the corners (8, 3) [m] of a mesh's bounding box in its frame."""
+    faces = read_faces(*use, reading.options.mesh_up_axis == "apply")
+    low, high = faces.triangles.min(axis=(0, 1)), faces.triangles.max(axis=(0, 1))
+    return np.array([*product(*zip(low, high, strict=True))])
+
+
+def _measure_place(corners: Array, pose: Pose, points: Array) -> tuple[float, float]:
+    """Return the distance [m] of corners at ``pose`` from points (n, 2), and the lowest height."""
     corners = placed_corners(corners, pose.rotation, pose.position)
     low, high = corners.min(axis=0), corners.max(axis=0)
     gaps = np.maximum(np.maximum(low[:2] - points, points - high[:2]), 0.0)
