@@ -7,7 +7,7 @@ appear here as ``{expression}``.
 
 import ast
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -41,6 +41,7 @@ NOT_TYPED: Mapping[str, str] = {
     r"\{key\}=\{getattr\(chosen, key\)\}": "states what was found",
     r"navigation=serpentine": "states the controller of the paper",
     r"design=\{design\.name.*": "of inspect, whose line is typed in its test",
+    r"failure\.sensors=.*map\(str, numbers\)\)\}\]": "of an action of osc.evoros",
 }
 """Words with ``=`` that nobody types as they stand."""
 
@@ -132,8 +133,11 @@ def list_alternatives(message: str, filled: Mapping[str, str]) -> list[list[str]
     """What a message proposes to type: the words of each alternative, with the user's names."""
     for name, value in filled.items():
         message = message.replace(name, value)
-    parts = re.split(r",? or ", message.partition("; ")[2])
-    return [found for part in parts if (found := [m[0] for m in OVERRIDE.finditer(part)])]
+    parts = re.split(r",? or ", message.partition("; ")[2] or message)
+    words = (
+        [re.sub("[.:)]$", "", match[0]) for match in OVERRIDE.finditer(part)] for part in parts
+    )
+    return [alternative for alternative in words if alternative]
 
 
 def is_of(message: str, key: str) -> bool:
@@ -144,3 +148,9 @@ def is_of(message: str, key: str) -> bool:
     texts = [" ".join(text.split()) for text, other in PROPOSALS.items() if other == key]
     patterns = [".*".join(map(re.escape, re.split(r"\{[^{}]*\}|NAME|%\w", text))) for text in texts]
     return any(re.search(pattern, " ".join(message.split())) for pattern in patterns)
+
+
+def replaces(chosen: Collection[str], word: str) -> bool:
+    """Return True if the keys of proposals replace an override, or the choice that it is of."""
+    key = word.lstrip("+~").partition("=")[0]
+    return key in chosen or key.partition(".")[0] in chosen

@@ -109,14 +109,25 @@ def _share_defaults(create: Call) -> Call:
         values = Overrides(repo, overrides_list).config_overrides
         chosen = [given.input_line for given in overrides_list if given not in values]
         folders = [source.full_path() for source in repo.get_sources()]
-        stored = ConfigStore.instance().repo.get(f"{config_name}.yaml")  # by ``like``
-        content = OmegaConf.to_yaml(stored.node) if isinstance(stored, ConfigNode) else ""
-        key = (config_name, content, *chosen, *options.items(), *folders, *_list_files(folders))
+        key = (
+            config_name,
+            _read_stored(config_name),
+            *chosen,
+            *options.items(),
+            *folders,
+            *_list_files(folders),
+        )
         if key not in kept:
             kept[key] = create(repo, config_name, overrides_list, **options)
         return replace(kept[key], config_overrides=values)
 
     return create_once
+
+
+def _read_stored(primary: str | None) -> str:
+    """Return the configuration that ``like`` has stored as the primary file."""
+    stored = ConfigStore.instance().repo.get(f"{primary}.yaml")
+    return OmegaConf.to_yaml(stored.node) if isinstance(stored, ConfigNode) else ""
 
 
 def _share_merges(merge: Call) -> Call:
@@ -147,7 +158,7 @@ def _share_configurations(composed: Call) -> Call:
         places = {text: match for text in overrides if (match := _PLACE.fullmatch(text))}
         placed = [_describe_place(places.get(text), text) for text in overrides]
         folders = [text.partition("=")[2].strip('["]') for text in overrides if _SEARCHED in text]
-        key = (primary, *placed, *options.items(), *_list_files(folders))
+        key = (primary, _read_stored(primary), *placed, *options.items(), *_list_files(folders))
         if key not in kept:
             kept[key] = pickle.dumps(composed(primary, overrides=placed, **options))
         config: DictConfig = pickle.loads(kept[key])

@@ -91,7 +91,7 @@ def _report_sources(runs: pd.DataFrame) -> Iterator[str]:
     if (runs["validated_by"] != BY_EVALUATION).any():
         yield (
             "to validate on more trials, evaluate the champions under the conditions of their runs "
-            "(evoros evaluate designs=SWEEP trials=40 ...), and add the evaluation's folder here"
+            "(evoros evaluate like=SWEEP seed=0 trials=40), and add the evaluation's folder here"
         )
 
 

@@ -68,7 +68,7 @@ def list_required(study: Study) -> list[Required]:
     if not verdicts:
         raise InputError(
             "requirements: no finished evaluation with requirements was found; "
-            "make one with evoros evaluate requirements=..."
+            "make one with evoros evaluate like=FOLDER requirements=..."
         )
     order = ["violated", "undecided", MET]
     return sorted(verdicts, key=lambda required: order.index(required.verdict["result"]))

@@ -42,7 +42,7 @@ def collect_missions(study: Study) -> pd.DataFrame:
     if not frames:
         raise InputError(
             "worst: the folders contain no evaluation; make one with evoros evaluate "
-            "designs=FOLDER failure=exhaustive trials=..."
+            "like=FOLDER failure=exhaustive trials=..."
         )
     table = pd.concat(frames, ignore_index=True).astype(dict.fromkeys(KEYS, str))
     failed = table["failed_sensors"].map(_write_set)

@@ -62,7 +62,8 @@ def choose_axes(study: Study, group: str, options: argparse.Namespace) -> tuple[
     if len(known) < 2:
         raise InputError(
             f"{study.records[0].path}: at least two recorded {group} are needed, but it has only "
-            f"{list(known)}; start a run with more, for example +measure@{group}.spread=spread"
+            f"{list(known)}; start a run with two, for example +measure@{group}.spread=spread "
+            f"+measure@{group}.front=front_coverage"
         )
     names = [options.x or next(name for name in known if name != options.y)]
     names.append(options.y or next(name for name in known if name != names[0]))

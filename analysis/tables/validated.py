@@ -158,8 +158,8 @@ def score_under(study: Study, name: str) -> pd.DataFrame:
     runs = study.gather(score)
     if runs[column].isna().all():
         raise InputError(
-            f"--under {name}: the evaluation contains no champion of these runs; type: "
-            f"evoros evaluate designs=SWEEP ..."
+            f"--under {name}: the evaluation contains no champion of these runs; make one under "
+            f"the same conditions with evoros evaluate designs=SWEEP ..."
         )
     return runs
 

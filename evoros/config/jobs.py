@@ -73,8 +73,9 @@ class Jobs:
         swept = [text_of(override) for override in parsed if override.is_sweep_override()]
         common = [text_of(override) for override in parsed if not override.is_sweep_override()]
         likes = [override for override in parsed if override.key_or_group == LIKE]
-        swept_likes = [self._expand_values(like)[0] for like in likes if like.is_sweep_override()]
-        self._base = self._compose_base([*common, *swept_likes])
+        sweeps = [override for override in parsed if likes and override.is_sweep_override()]
+        firsts = [self._expand_values(override)[0] for override in sweeps]
+        self._base = self._compose_base([*common, *firsts])
         self.plugins = _find_plugins(self._base)
         if self.plugins and likes:
             raise InputError(

@@ -74,7 +74,7 @@ def store_recorded(
     primary = _read_primary(defaults)
     ConfigStore.instance().store(NAME, values | primary | {"designs": source, LIKE: source})
     kept = recorded.choices.items()
-    return {key: file for key, file in kept if not is_below(_find_place(key), replaced)}
+    return {key: file for key, file in kept if not is_below(find_place(key), replaced)}
 
 
 def is_below(key: str, places: Iterable[str]) -> bool:
@@ -96,7 +96,7 @@ def _place(given: Override) -> str:
     return given.package or given.key_or_group.replace("/", ".")
 
 
-def _find_place(key: str) -> str:
+def find_place(key: str) -> str:
     """Return the dotted key of a recorded choice, such as ``filter@failure.effect``."""
     group, _, place = key.partition("@")
     return place or group.replace("/", ".")

@@ -67,8 +67,8 @@ def _check_draws(experiment: Experiment) -> None:
         return
     if not experiment.plan.evaluation_trials:
         raise InputError(
-            "optimizer.validation_trials: must be at least 1 with evaluation_draws=validation, "
-            "not 0; use the run's value"
+            "validation.trials: must be at least 1 with evaluation_draws=validation, not 0; "
+            "type validation.trials=5, for example"
         )
     asked = {"worst_cases": experiment.worst_cases is not None}
     for name, requirement in experiment.requirements.items():

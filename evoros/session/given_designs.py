@@ -6,7 +6,7 @@ from typing import Any
 
 from evoros.base.errors import InputError, override, shell_line, single_line
 from evoros.config.configuration import Configuration, check_targets
-from evoros.config.like import LIKE, RecordedRun, is_below
+from evoros.config.like import LIKE, RecordedRun, find_place, is_below
 from evoros.config.own_files import NAMED_FOLDERS
 from evoros.config.recorded import flatten_recorded, read_recorded
 from evoros.evolution.experiment import Experiment
@@ -105,11 +105,19 @@ def _require_agreement(
     (first, before), (folder, now) = one, other
     for key in dict.fromkeys((*before, *now)):
         if before.get(key) != now.get(key) and not is_below(key, ignored):
+            choice = _find_choice(key, first, folder)
             raise InputError(
                 f"like={source}: runs must agree on {key}, which is {before.get(key)!r} in "
-                f"{first.name} and {now.get(key)!r} in {folder.name}; type {key}=..., or "
+                f"{first.name} and {now.get(key)!r} in {folder.name}; type {choice}=..., or "
                 f"{shell_line(override('like', str(folder)), override('designs', source))}"
             )
+
+
+def _find_choice(key: str, *runs: Path) -> str:
+    """Return the group in which the runs chose differently, which changes a key; or the key."""
+    first, other = (layout.read_json(run / layout.MANIFEST).get("choices", {}) for run in runs)
+    groups = [group for group in first if first[group] != other.get(group)]
+    return next((group for group in groups if is_below(key, [find_place(group)])), key)
 
 
 GENES_BESIDE = {"design.csv": "genes.csv", layout.DESIGN_FILE: layout.GENE_FILE}

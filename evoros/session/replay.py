@@ -97,7 +97,7 @@ def replay_in_plane(
     for scenario in (experiment.scenario, experiment.confirming):
         if not isinstance(scenario.simulator, Planar) or scenario.is_live:
             raise InputError(
-                f"{run.path}: must use simulator=planar and no live controllers; choose another run"
+                f"{run.path}: has an engine or a live controller; choose one with simulator=planar"
             )
     designs = replay_designs(run, experiment)
     for key in keys:

@@ -22,14 +22,12 @@ from evoros.storage.layout import RUNNING
 from evoros.storage.run_folder import RunFolder
 from evoros.terminal.log import LOGGER, log_progress
 
-UNUSED = {
-    "requirements": "test its champion with evoros evaluate like=FOLDER requirements=...",
-    "worst_cases": (
-        "search for worst cases of its champion with evoros evaluate designs=FOLDER "
-        "worst_cases=search"
-    ),
+UNUSED: dict[str, object] = {
+    "requirements": {},
+    "worst_cases": None,
+    "evaluation_draws": EVALUATION,
 }
-"""Map key that only evaluations use -> advice."""
+"""Map key that only evaluations use -> its value in a run."""
 
 
 def build_search(config: Configuration) -> Experiment:
@@ -37,13 +35,12 @@ def build_search(config: Configuration) -> Experiment:
     experiment = config.build()
     for observer in experiment.observers.values():
         observer.check()
-    for key, fix in UNUSED.items():
-        if getattr(experiment, key):
-            raise InputError(f"{key}: cannot be used in a run; {fix}")
-    if experiment.evaluation_draws != EVALUATION:
-        raise InputError(
-            "evaluation_draws: applies only to evoros evaluate designs=FOLDER; leave it out"
-        )
+    for key, unset in UNUSED.items():
+        if getattr(experiment, key) != unset:
+            raise InputError(
+                f"{key}: cannot be used in a run; use it with the run's champion: "
+                f"evoros evaluate like=FOLDER {key}=..."
+            )
     preflight(experiment)
     return experiment
 

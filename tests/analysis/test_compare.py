@@ -296,7 +296,7 @@ def test_what_is_unfinished_or_damaged_is_left_out_in_one_line(
     ):
         assert name in err
     assert "2 of 2 runs: from the runs themselves, 1 trials" in out
-    assert "evoros evaluate designs=SWEEP" in out
+    assert "evoros evaluate like=SWEEP" in out
 
 
 def test_no_finished_run_is_one_clear_line(

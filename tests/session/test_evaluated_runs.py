@@ -252,7 +252,7 @@ def test_designs_of_python_are_completed_likewise() -> None:
                 *("agents=none", VALIDATION),
                 *("optimizer.validation_trials=0", "validation.trials=null"),
             ],
-            "optimizer.validation_trials: must be at least 1",
+            "evoros evaluate: validation.trials: must be at least 1",
         ),
     ],
 )
@@ -273,5 +273,5 @@ def test_what_does_not_fit_the_run_is_refused_in_one_line(
 
 
 def test_a_run_has_draws_of_its_own() -> None:
-    with pytest.raises(InputError, match="evaluation_draws: applies only to evoros evaluate"):
+    with pytest.raises(InputError, match="evaluation_draws: cannot be used in a run"):
         evoros.run(compose([*TEAM, f"+{VALIDATION}"]), "never", display=NoDisplay())

@@ -43,7 +43,7 @@ def _keep(failure: str) -> Select:
     def select(study: Study) -> Study:
         kept = study.keep(r for r in study.records if classify_failure(r) == failure)
         if not kept.records:
-            raise InputError(f"no run has failure={failure}; add its runs")
+            raise InputError(f"its runs are missing; add runs with failure={failure}")
         return kept
 
     return select
