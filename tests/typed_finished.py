@@ -308,8 +308,8 @@ OF_EVALUATIONS = (
     Finished(
         "evoros/session/given_designs.py {choice}=...",
         {"study/a": "", "study/b": SPATIAL},
-        f"evaluate {{parts}} like=study trials=1 {_NEW}",
-        filled={"...": "random"},
+        "evaluate -m {parts} like=study trials=1 hydra.sweep.dir=new",
+        filled={"...": "random,spatial"},
     ),
     Finished(
         "evoros/session/given_designs.py {choice}=...",
