@@ -103,11 +103,6 @@ def is_real(value: object) -> bool:
 
 
 def is_whole(value: object) -> bool:
-    """Return True if a value is an integer and not a Boolean."""
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def is_integer(value: object) -> bool:
     """Return True if a value, also one of numpy, is an integer and not a Boolean."""
     return isinstance(value, Integral) and not isinstance(value, bool)
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
-from evoros.base.checks import COUNT, SCORE, Rule, ask, checked, instance_of, is_integer
+from evoros.base.checks import COUNT, SCORE, Rule, ask, checked, instance_of, is_whole
 from evoros.controller.protocol import A_CONTROLLER, Controller, LiveController
 from evoros.simulator.protocol import A_SIMULATOR, Simulator
 
@@ -55,7 +55,7 @@ def confirm_best(
     def is_fitness(value: object) -> bool:
         if not isinstance(value, Mapping) or not screened.keys() >= value.keys():
             return False
-        return all(map(is_integer, value)) and all(map(SCORE.holds, value.values()))
+        return all(map(is_whole, value)) and all(map(SCORE.holds, value.values()))
 
     rule = Rule("a mapping from ids of the screened designs to numbers", is_fitness)
     method = confirmation.confirm_best

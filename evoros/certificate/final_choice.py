@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from evoros.allocation.protocol import Allocation
-from evoros.base.checks import COUNT, Rule, ask, checked, instance_of, is_integer
+from evoros.base.checks import COUNT, Rule, ask, checked, instance_of, is_whole
 
 AN_ALLOCATION = instance_of(Allocation, "an allocation (a subclass of evoros.parts.Allocation)")
 
@@ -35,7 +35,7 @@ def find_finalists(final: FinalChoice, fitness: Mapping[int, float]) -> list[int
         return []
 
     def are_designs(value: object) -> bool:
-        known = isinstance(value, list) and all(is_integer(one) and one in fitness for one in value)
+        known = isinstance(value, list) and all(is_whole(one) and one in fitness for one in value)
         return known and 0 < len(value) == len(set(value))  # type: ignore[arg-type, call-overload]
 
     rule = Rule(f"a list of distinct ids of the {len(fitness)} designs", are_designs)

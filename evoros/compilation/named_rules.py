@@ -47,7 +47,8 @@ class NamedRule:
         """Return a function of all arguments that calls ``rule``, a form of this rule.
 
         The function is made from source, because numba cannot compile ``**`` in a call (it refuses
-        DICT_MERGE). numba stores the machine code under the module and the name of the rule.
+        DICT_MERGE), and closures that pick from ``*arguments`` take 0.87 s instead of 0.20 s to
+        compile. numba stores the machine code under the module and the name of the rule.
         """
         kinds = {"parameters": self.parameters, "memory": self.memory}
         for name in signature(self.function).parameters:

@@ -2,6 +2,7 @@
 
 import inspect
 import re
+import sys
 from collections.abc import Collection, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
@@ -42,12 +43,6 @@ def describe_error(error: BaseException) -> str:
     if isinstance(error, MissingConfigException):
         return _no_such_choice(error)
     if isinstance(error, OverrideParseException):
-        function = re.search(r"Unknown function '(\w+)'", str(error))
-        if function:
-            return (
-                f"{error.override!r}: Hydra's grammar has no function {function[1]}, but choice, "
-                f"range, glob and others; correct the word or quote the value"
-            )
         return _describe_word(error.override or "")
     if isinstance(error, OSError) and error.filename:
         path, reason = _shorten(str(error.filename)), error.strerror or _flat(error)
@@ -92,9 +87,9 @@ def describe_build_error(error: BaseException) -> str:
     where, place = f"{key}: " if key else "", locate_fault(error)
     if place and not isinstance(cause, ImportError | SyntaxError | OmegaConfBaseException):
         return f"{where}{place}{type(cause).__name__}: {_flat(cause)}; correct the code"
-    missing = re.fullmatch(r"No module named '(.*)\.(\w+)'; '\1' is not a package", str(cause))
-    if missing:
-        return f"{where}the module {missing[1]} has no {missing[2]}; correct _target_"
+    module, _, name = ((isinstance(cause, ImportError) and cause.name) or "").rpartition(".")
+    if module in sys.modules and not hasattr(sys.modules[module], "__path__"):
+        return f"{where}the module {module} has no {name}; correct _target_"
     if isinstance(cause, ImportError | AttributeError):
         return (
             f"{where}{_flat(cause)}; correct _target_, or put the module into the folder given "
@@ -137,11 +132,18 @@ def _keyed(key: str, message: str) -> str:
 def _describe_word(word: str) -> str:
     """Describe a word that Hydra cannot parse; suggest quotes if they are sufficient."""
     key, equals, value = word.partition("=")
+    parser = OverridesParser.create()
+    for name in re.findall(r"(\w+)\(", re.sub(r"[\"'].*", "", value)):
+        if name not in parser.functions.functions:
+            return (
+                f"{word!r}: Hydra's grammar has no function {name}, but choice, range, glob and "
+                f"others; correct the word or quote the value"
+            )
     unlike_keys = re.search("[=/]", value) or not value.isascii()
     if equals and unlike_keys and not re.search("[\"'()\\[\\]{}]", value):
         quoted = override(key, value)
         with suppress(HydraException):
-            OverridesParser.create().parse_override(quoted)
+            parser.parse_override(quoted)
             return (
                 f"{word!r}: the value needs inner quotes, because Hydra also parses it; "
                 f"type {shell_line(quoted)}"

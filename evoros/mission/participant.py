@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import A_CONTEXT, Rule, ask, check_answer, is_integer, sequence_of
+from evoros.base.checks import A_CONTEXT, Rule, ask, check_answer, is_whole, sequence_of
 from evoros.base.errors import InputError, LaunchError
 from evoros.base.rng import generator
 from evoros.compilation.named_rules import bind
@@ -122,7 +122,7 @@ class Ask:
     def __init__(self, pilot: protocol.Pilot, modes: int) -> None:
         self._exchange = pilot.exchange
         text = f"the number of its mode, from 0 to {modes}"
-        self._rule = Rule(text, lambda v: is_integer(v) and bool(0 <= v <= modes))
+        self._rule = Rule(text, lambda v: is_whole(v) and bool(0 <= v <= modes))
 
     def __call__(
         self,
