@@ -9,7 +9,7 @@ from .subcommands import SUBCOMMANDS, Product, import_subcommand, parse
 from .tables.study import Study
 
 OF_COMMAND = {"subcommand", "folders", "where", "treatments", "output", "style", "panel_letters"}
-"""Options that choose runs (the study has done so already) or control the written files."""
+"""Options that choose runs, which the study already does, or control the written files."""
 
 
 def analyze(study: Study, figure: str, **options: Any) -> Product:

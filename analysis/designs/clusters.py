@@ -55,10 +55,9 @@ def find_clusters(points: Array, draws: int = DRAWS) -> Clusters:
     Math. 20, 53-65. The clouds without clusters are uniform in a box along the principal components
     of the points and have the same covariance (the reference of the gap statistic: Tibshirani et
     al. 2001, J. R. Stat. Soc. B 63, 411-423). The number of clusters in a cloud is chosen in the
-    same way. The clouds are uniform because uniform clouds split better than others without
-    clusters. Points along a curve look clustered to this test, so the coordinates must map one
-    varying quantity to a line. The order of the points makes no difference.
-    """
+    same way. Uniform clouds are used because they split better than other clouds without clusters.
+    Points along a curve look clustered to this test, so the coordinates must map one varying
+    quantity to a line. The order of the points makes no difference."""
     n = len(points)
     if n < MIN_POINTS or not np.ptp(points, axis=0).any():
         return Clusters(np.ones(n, dtype=np.int64), np.nan, np.nan, np.nan)

@@ -1,4 +1,4 @@
-"""Small pictures of designs, next to the plot that they come from or one per cell."""
+"""Small pictures of designs, next to a plot of the designs or one per cell of an archive."""
 
 from collections.abc import Sequence
 

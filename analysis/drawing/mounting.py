@@ -53,7 +53,7 @@ class PlacedSensor:
     yaw_deg: float  # left is positive
     pitch_deg: float  # nose up is positive
     fov_deg: float | None  # None if the sensor casts no rays
-    reach: str  # the sensor's range, or a bumper's zone, in words
+    reach: str  # description of the sensor's range or of a bumper's zone
     corners_mm: Array  # corners of the sensor's body (n, 3); empty if it has no size
 
     @property

@@ -50,7 +50,7 @@ PLACES = ((0.0, "left"), (0.66, "right"), (0.81, "right"), (1.0, "right"))
 EFFECT_LENGTH = 32  # maximum length of an effect's name in the table
 PANEL_IN = 2.2
 LETTERS_PER_IN = 15  # axis label characters per inch
-LEGEND_LETTERS = 44  # characters in a legend line, markers excluded
+LEGEND_LETTERS = 44  # maximum number of characters per legend line, markers excluded
 PROBABILITIES = ("p", "p_holm")
 CROSS, TIMES = " x ", " \N{MULTIPLICATION SIGN} "
 """Separator between the factors of an interaction, in tables and in figures."""

@@ -80,7 +80,7 @@ def judge_own(claim: OwnClaim, study: Study, near: Near) -> finding.Finding:
 
 
 def title_measure(measure: str) -> str:
-    """Name a measure in words."""
+    """Return the name of a measure for messages."""
     return TITLES.get(measure, measure.rpartition(".")[2].replace("_", " "))
 
 

@@ -36,7 +36,7 @@ FILES = {
 USUAL = (0.5, 1.0, 1.5)
 """Default differences, in standard deviations."""
 BAR_STEP = 0.03  # vertical distance between the bars of two differences, in power
-TITLE_LENGTH = 36  # characters in a line of the legend title
+TITLE_LENGTH = 36  # maximum number of characters per line of the legend title
 POINTS = 14
 """Number of points at which a curve is computed."""
 

@@ -56,7 +56,7 @@ class Required:
 
     @property
     def place(self) -> str:
-        """The worst mission in words."""
+        """A description of the worst mission."""
         worst = name_worst(self.verdict)
         return f"trial {worst['trial']} in {worst['world']}"
 

@@ -1,4 +1,4 @@
-"""Summaries of runs and evaluations for a report, as tables and as findings in words."""
+"""Summaries of runs and evaluations for a report, as tables and sentences."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence

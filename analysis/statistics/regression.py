@@ -154,7 +154,7 @@ def _list_groups(pairs: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]
 
 
 def _compare(missions: pd.DataFrame, quantity: str) -> dict[str, Any]:
-    """Compare a quantity over the missions that have it on both sides; empty without any.
+    """Compare a quantity over the missions with values on both sides; empty if there are none.
 
     The worlds of a trial share random draws, so the test and the interval use trial means.
     """

@@ -138,10 +138,9 @@ def expand_tail(n: int) -> float:
     """Return the share of resamples beyond each bound for an interval of the mean of n values.
 
     Resampled means of n values scatter less than true means, by the factor sqrt((n - 1) / n), and
-    normal quantiles ignore the degrees of freedom. For six normal values, the plain interval covers
-    the mean in only 84 % of samples. The expanded percentile interval corrects both effects
-    (Hesterberg 2015, Am. Stat. 69, 371-386).
-    """
+    normal quantiles ignore the degrees of freedom. For six normally distributed values, the plain
+    interval covers the mean in only 84 % of samples. The expanded percentile interval corrects both
+    effects (Hesterberg 2015, Am. Stat. 69, 371-386)."""
     if n < 2:
         return LEVEL / 2
     quantile = float(scipy.special.stdtrit(n - 1, 1 - LEVEL / 2))

@@ -1,10 +1,11 @@
 """The two-sample test, and the effect size A12 with its interval, from one statistic.
 
 The statistic (Brunner and Munzel 2000, Biom. J. 42, 17-25) is A12 minus 0.5, divided by a standard
-error that lets the samples differ in spread and size. It is permuted (Neubert and Brunner 2007,
-Comput. Stat. Data Anal. 51, 5192-5204) on the logit scale (Pauly, Asendorpf and Konietschke 2016,
-Biom. J. 58, 1319-1337), so that test and interval agree: p is below ``LEVEL`` if the interval
-excludes 0.5. The converse may fail for ties, or for few values that separate completely.
+error that lets the samples differ in spread and size. Its distribution comes from permutations
+(Neubert and Brunner 2007, Comput. Stat. Data Anal. 51, 5192-5204) on the logit scale (Pauly,
+Asendorpf and Konietschke 2016, Biom. J. 58, 1319-1337), so that test and interval agree: p is below
+``LEVEL`` if the interval excludes 0.5. The converse may fail for ties, or for few values that
+separate completely.
 
 The results depend only on the ranks, not on the order of the values or of the samples.
 """

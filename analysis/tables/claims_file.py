@@ -39,7 +39,7 @@ class Group:
         ]
 
     def describe(self) -> str:
-        """Describe the treatments in words; empty for all treatments."""
+        """Describe the treatments; empty for all treatments."""
         parts = [f"{name} {' or '.join(levels)}" for name, levels in self.conditions.items()]
         return ", ".join([*self.labels, *parts]).replace("_", " ")
 

@@ -97,7 +97,7 @@ def _join(factors: Sequence[Factor], count: int) -> list[str]:
 
 
 def describe_factor(name: str) -> str:
-    """Describe a factor in words, with its unit: ``wait_s`` is ``wait [s]``."""
+    """Return the label of a factor, with its unit: ``wait [s]`` for ``wait_s``."""
     words, unit = _split(name)
     return f"{words} [{unit}]" if unit else words
 
@@ -117,7 +117,7 @@ def _describe(factor: Factor, level: str, inside: bool) -> str:
 
 
 def describe_level(level: str) -> str:
-    """Describe a level in words, with its customary spelling; shorten a long level."""
+    """Return the label of a level in the customary spelling; shorten a long level."""
     text = _read_titles().get(level, level.replace("_", " "))
     return text if len(text) <= LEVEL_LENGTH else text[: LEVEL_LENGTH - 3] + "..."
 

@@ -37,7 +37,7 @@ class Rule:
 
     text: str  # completes "must be ..."
     holds: Callable[[Any], bool]
-    plain: bool = False  # True for strings and numbers, which no class builds
+    plain: bool = False  # True for strings and numbers, which need no class
     limit: float = LARGEST
 
 
@@ -172,7 +172,7 @@ def ask(key: str, method: Callable[..., Any], rule: Rule, *arguments: Any) -> An
 
 
 def check_answer(key: str, method: Callable[..., Any], rule: Rule, answer: Any) -> Any:
-    """Return ``answer``, the return value of a method of the part at a key, if it is valid."""
+    """Check ``answer``, the return value of a method of the part at a key, and return it."""
     if rule.holds(answer):
         return answer
     part = getattr(method, "__self__", None)
@@ -224,7 +224,7 @@ def _missing_target(value: object) -> str:
     """Return the fix for one or several parts that are configured without a class, or ""."""
     several = isinstance(value, dict) and any(isinstance(item, dict) for item in value.values())
     single = isinstance(value, dict) and not any(hasattr(i, "__dict__") for i in value.values())
-    fix = "add _target_, the class to build from these keys"
+    fix = "add _target_, the class of which these keys are arguments"
     return fix if value and (several or single) else ""
 
 

@@ -1,9 +1,8 @@
 """Normal and exponential deviates by the ziggurat method, bitwise equal on every processor.
 
-They equal the deviates from numpy's generators, except that for rare draws, numpy and numba use
-the logarithm and exponential of their libraries. numpy's tables are accessible only as numba's
-private copy; a test compares the draws of both.
-"""
+They equal the deviates from numpy's generators, except that for rare draws, numpy and numba use the
+logarithm and exponential of their libraries. numpy's tables are accessible only through numba's
+private copy; a test compares the draws of both."""
 
 from numba.np.random import _constants as layers
 from numpy.random import BitGenerator

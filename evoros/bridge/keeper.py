@@ -134,7 +134,7 @@ def die_with_keeper(failing: int) -> None:
     """Have the kernel kill this process when its parent, at the other end of the pipe, exits."""
     call("prctl", SET_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
     broken = select.poll()
-    broken.register(failing, 0)  # poll always reports errors, here that nobody reads the pipe
+    broken.register(failing, 0)  # poll always reports errors, such as a pipe that nobody reads
     if broken.poll(0):
         os._exit(1)
 

@@ -58,7 +58,7 @@ def bound_difference(first: tuple[int, int], second: tuple[int, int], confidence
 
 
 def _bound_below(first: tuple[int, int], second: tuple[int, int], tail: float) -> float:
-    """Return the lower end: a quantile of a Beta variable for one rate minus one for the other.
+    """Return the lower end, a quantile of the difference between the Beta variables of two rates.
 
     The quantiles of the two variables at ``tail`` are the exact ends of the two rates.
     """
@@ -116,7 +116,7 @@ def guess_highest(scores: Sequence[float], best: float) -> float:
 
 
 def _find_quantile(values: Array, end: float, chance: float, repeats: int) -> float:
-    """Return a quantile of the weighted mean of the values (n,) and of an ``end`` below them."""
+    """Return a quantile of the weighted mean of the values (n,) and an ``end`` below them."""
     distinct, places = np.unique(np.append(end, values), return_inverse=True)
     if len(distinct) == 1 or distinct[0] < end:
         return float(distinct[0])

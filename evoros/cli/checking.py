@@ -83,7 +83,7 @@ class _Checks:
     built: dict[str, Experiment] = field(default_factory=dict)  # keys: all values outside SEARCH
 
     def find_misnamed(self, job: Job) -> str:
-        """Describe a class that a new job cannot build as configured; empty if there is none."""
+        """Describe a class that a new job cannot instantiate; empty if there is none."""
         try:
             if not (job.folder / MISSIONS).exists():
                 check_classes(job.config.values, job.config.choices)

@@ -63,10 +63,9 @@ def list_weights(
 
     Each hidden neuron has a bias and weights for the sectors from right to left, the bearing (with
     ``waypoint``) and the speed. A hidden neuron of a recurrent network also has weights for the
-    last values of all hidden neurons and, in a symmetric network, of their twins. Steering and
+    previous values of all hidden neurons and, in a symmetric network, of their twins. Steering and
     speed have a weight for each hidden neuron, and a bias except for the steering of a symmetric
-    network.
-    """
+    network."""
     sides = [f"sector{i}" for i in range(sectors)]
     neurons = [f"hidden{i}" for i in range(hidden)]
     before = neurons if recurrent else []

@@ -59,7 +59,7 @@ class Layer(ControllerPart, ABC):
     rule: Callable[..., bool]
     """The function that decides; a static method, so that numba can compile it.
 
-    The parameters are a subset of ``LAYER_ARGUMENTS``.
+    The function's arguments are a subset of ``LAYER_ARGUMENTS``.
     """
 
     @abstractmethod
@@ -83,7 +83,7 @@ class Estimator(ControllerPart, ABC):
     rule: Callable[..., None]
     """The function that computes the pose; a static method, so that numba can compile it.
 
-    The parameters are a subset of ``ESTIMATOR_ARGUMENTS``.
+    The function's arguments are a subset of ``ESTIMATOR_ARGUMENTS``.
     """
 
     @abstractmethod

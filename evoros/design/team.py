@@ -89,7 +89,7 @@ class TeamSpace:
         return next(iter(self.spaces.values()))
 
     def decode(self, genome: Array) -> Design:
-        """Return the designs of ``genome`` (size,), values from 0 to 1."""
+        """Decode ``genome`` (size,), whose values lie from 0 to 1, into designs."""
         return Design.join(
             {name: self.spaces[name].decode(part) for name, part in self._split(genome)}
         )

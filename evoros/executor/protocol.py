@@ -162,7 +162,7 @@ class Kept:
         self._lock = Lock()
 
     def add(self, contents: Sequence[Shared]) -> None:
-        """Cache contents; beyond ``KEPT``, drop those that have been unused for longest."""
+        """Cache shared arguments; beyond ``KEPT``, drop those that have been unused for longest."""
         with self._lock:
             for shared in contents:
                 self._kept[shared.digest] = shared

@@ -112,7 +112,8 @@ FILTER_ARGUMENTS = "parameters", "memory", "rng", UNUSED, "values", "time"
 value."""
 
 ENDS, ALTERS, GROWS = EFFECTS = "ends", "alters", "grows"
-"""Readings stop depending on the surroundings, depend on them differently, or less and less."""
+"""Effects: readings stop depending on the surroundings, depend on them differently, or ever
+less."""
 
 FILTER_RULES = {"effect": one_of(*EFFECTS), "name": TEXT}
 
@@ -138,7 +139,7 @@ class Filter(ABC):
     rule: Callable[..., None]
     """The function that changes each sample; a static method, so that numba can compile it.
 
-    Its parameters are a subset of ``FILTER_ARGUMENTS``."""
+    Its arguments are a subset of ``FILTER_ARGUMENTS``."""
 
     @abstractmethod
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:

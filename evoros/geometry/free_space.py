@@ -124,13 +124,13 @@ DIRECTIONS = (
 )
 """Sixteen directions, about 22.5 deg apart."""
 SHELTERED = 13
-"""Minimum number of blocked directions that counts as inside walls; deep in an outside corner,
-twelve are blocked.
+"""Minimum number of blocked directions at a position that counts as inside walls; deep in an
+outside corner, twelve are blocked.
 """
 WALLED = 0.7
 """Minimum fraction of obstacles on an enclosed region's border; the rest is doors and gaps."""
 LARGE_SHARE, ONE_SHARE, LEAST_SHARE = 0.2, 0.5, 0.01
-"""Sizes from which an enclosed region counts: either the first, as a fraction of all free cells, or
+"""Minimum size of an enclosed region that counts: the first, as a fraction of all free cells, or
 the second, as a fraction of all enclosed cells. Regions below the third, as a fraction of all free
 cells, are ignored. Sheds in a field and houses in a town do not count."""
 

@@ -1,4 +1,4 @@
-"""Checks courses for bodies in the robot's way at home, narrow passages and constant avoidance."""
+"""Checks courses for bodies in the way at home, narrow passages and constant avoidance."""
 
 import math
 from collections.abc import Iterator, Sequence

@@ -167,7 +167,7 @@ class Claim:
 
     @property
     def text(self) -> str:
-        """The requirement in words."""
+        """A description of the requirement."""
         relation = "at least" if self.at_most is None else "at most"
         where = "" if self.world is None else f" in {self.world}"
         every = f", with each {self.factor}" if self.factor else ""
@@ -183,7 +183,7 @@ class Claim:
 
     @property
     def unit(self) -> str:
-        """PERCENT for a share of missions or a quantity from 0 to 1; empty otherwise."""
+        """The unit: PERCENT for a share of missions or a quantity from 0 to 1; empty otherwise."""
         natural = self.within is None and isinstance(self.of, str)
         return PERCENT if self.share is not None or natural else ""
 

@@ -44,7 +44,7 @@ def hold_joints(elements: Element, urdf: Urdf, driven: Collection[str]) -> list[
 
 
 def _exclude_zero(element: Element, joint: Joint) -> list[str]:
-    """Return [the joint's name and why it cannot be at zero], or [] if it can."""
+    """Return a list of the joint's name with the reason if it cannot be at zero, else []."""
     if not joint.lower <= 0.0 <= joint.upper:
         return [f"{joint.name} (from {joint.lower:g} to {joint.upper:g})"]
     mimic = element.find("mimic")

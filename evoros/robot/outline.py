@@ -1,4 +1,4 @@
-"""Shapes of a robot's links, and their outlines: convex polygons seen from above."""
+"""Shapes of a robot's links, and their outlines: convex polygons in top view."""
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -94,10 +94,8 @@ SWEEP = 17
 """Number of steering angles, from lock to lock, at which checks place steered wheels."""
 
 BURIED_M = 0.1
-"""Length [m] inside the shape it starts in beyond which checks count a ray as hidden.
-
-Housings of sensors in descriptions, such as lidars, are smaller.
-"""
+"""Maximum length [m] of a ray inside the shape in which the ray starts; checks count a longer ray
+as hidden. Housings of sensors in descriptions, such as lidars, are smaller. """
 
 
 class Steering(NamedTuple):

@@ -33,7 +33,7 @@ class OwnSensor:
 
 @dataclass(frozen=True)
 class OwnSensors:
-    """The sensors in a description, and a note on each way in which they differ from it."""
+    """The sensors in a description, and notes on differences from the description."""
 
     sensors: Sequence[OwnSensor]
     notes: Sequence[str]

@@ -167,7 +167,7 @@ class SignalSensor(Sensor):
     rule: Callable[..., None]
     """Fills the values, one per channel; a static method, so that numba can compile it.
 
-    Its parameters are a subset of ``SENSOR_ARGUMENTS``."""
+    Its arguments are a subset of ``SENSOR_ARGUMENTS``."""
 
     @abstractmethod
     def start(self) -> Started:

@@ -30,7 +30,7 @@ from evoros.simulator.protocol import PlacedRobot, RuleSimulation, RuleSimulator
 from evoros.world.model import KEPT_WORLDS, World
 
 MAX_STEP_S = 0.1
-"""Maximum step [s]: contact is tested after each step, and a longer one could jump over a wall."""
+"""Maximum step [s]. Contact is tested after each step, and a longer step could jump over a wall."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Planar(RuleSimulator):
     weakens_wheels = True
 
     def choose_rules(self, world: World, robots: Sequence[Robot]) -> SimulationRules:
-        """Return the rules; those for pushing, walkers or other sensors take longer to compile."""
+        """Return the rules; rules for pushing, walkers or other sensors take longer to compile."""
         measured = {sensor.measures for robot in robots for sensor in robot.mounted_sensors()}
         pushes = advance_pushing if can_push(world) or CONTACT in measured else advance
         return SimulationRules(

@@ -28,7 +28,8 @@ from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.world.model import World
 
 MAX_STEP_S = 0.025
-"""Maximum step [s] with motion within 1 % of that with the finest step (docs/simulation.md)."""
+"""Maximum step [s] at which motion is within 1 % of motion at the finest step
+(docs/simulation.md)."""
 
 IDLE: IdleEngines[pybullet_model.Engine] = IdleEngines()
 

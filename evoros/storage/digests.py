@@ -87,7 +87,7 @@ def _check_line(line: bytes) -> str:
 
 
 def find_line(content: bytes, entry: Entry) -> str:
-    """Return the message suffix for the first damaged line, as ``: line 7``; empty if unknown."""
+    """Return the message suffix for the first damaged line (``: line 7``); empty if unknown."""
     lines = split_lines(content)
     known = [entry.lines[at : at + 4] for at in range(0, len(entry.lines), 4)]
     for index, check in enumerate(known):

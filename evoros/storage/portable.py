@@ -1,7 +1,7 @@
 """The files of a finished run or evaluation for an archive, without machine-specific paths.
 
-Files without such a path keep their bytes, except for the manifest. Otherwise hashes and digests
-are recomputed from the changed files, so that equal runs have equal files on all machines.
+Files without such a path keep their bytes, except for the manifest. In changed files, hashes and
+digests are recomputed from the changed files, so that equal runs have equal files on all machines.
 """
 
 from collections.abc import Iterator, Mapping

@@ -24,7 +24,7 @@ GIVEN_COLUMNS = ("source", "design", "world", "trial", "draws")
 """First columns of ``missions.csv`` in a search, and in an evaluation."""
 CANDIDATE_COLUMNS = ("generation", "id", "parents", "operator", "survived", "fitness", "trials")
 VALIDATED, SCREENED, LOSS = "validated_fitness", "screened_fitness", "loss"
-MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two need a confirmation
+MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two columns need a confirmation
 AGENT = "agent"  # column with the name of an agent
 WHOLE_COLUMNS = ("mode", "visited", "contact", "touched_by")  # trajectory columns of integers
 

@@ -101,7 +101,7 @@ def describe(row: Row) -> str:
 
 
 def name_requirement(row: Row) -> str:
-    """Name a requirement, or one of its levels, with the claim in words."""
+    """Name a requirement, or one of its levels, with a description of the claim."""
     level = f" [{row['level']}]" if row["level"] else ""
     return f"{row['requirement']}{level}: {row['claim']}"
 

@@ -173,7 +173,7 @@ def _verify(folder: Path, name: str, entries: digests.Entries) -> None:
 
 
 def _find_damage(folder: Path, name: str, entry: digests.Entry) -> str | None:
-    """Return the message suffix for the damage, as ``: line 7`` or empty; None if undamaged."""
+    """Return the message suffix for the damage, such as ``: line 7`` or ""; None if undamaged."""
     if entry.sha256 and hash_file(folder / name) == entry.sha256:
         return None
     content = read_bytes(folder / name)

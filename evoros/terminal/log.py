@@ -155,7 +155,7 @@ def collect_messages() -> Iterator[list[logging.LogRecord]]:
 
 @contextmanager
 def withhold_messages() -> Iterator[list[logging.LogRecord]]:
-    """Collect this thread's messages without showing them; of nested contexts, the inner collects.
+    """Collect this thread's messages without showing them; of nested contexts, the inner one does.
 
     The filters are on the handlers, because a logger's filters do not see child loggers' records.
     """

@@ -52,9 +52,8 @@ RANDOM, EVEN = "random", "even"
 class SocialForce:
     """The forces on a walker per unit mass: Helbing and Molnar, Physical Review E 51, 4282 (1995).
 
-    The defaults are the paper's values for people as points. Here they apply to walkers with a
-    radius of 0.25 m, and distances to others are measured from surfaces.
-    """
+    The defaults are the paper's values for people as points. In evoros, they apply to walkers with
+    a radius of 0.25 m, and distances to others are measured from surfaces."""
 
     relaxation_s: Annotated[float, checks.POSITIVE] = 0.5  # time in which a walker adopts its pace
     repulsion_m2ps2: Annotated[float, checks.NOT_NEGATIVE] = 2.1  # potential between two walkers

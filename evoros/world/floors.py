@@ -22,10 +22,11 @@ _LOG = logging.getLogger(__name__)
 GROUND = Body("ground", Pose(), (Shape("plane", (0.0, 0.0, 1.0)),))
 
 MAT_M = 0.015
-"""Maximum height above the floor of a level top, such as a mat's, that still counts as floor."""
+"""Maximum height of a level top, such as a mat's, that still counts as part of the floor."""
 
 STAGE_M = 1.0
-"""Maximum height above the ground of a level top that is the floor if it carries the course."""
+"""Maximum height above the ground of a level top that becomes the floor if it carries the
+course."""
 
 STEP_M = 0.1
 """Spacing of the sample points along a course that distinguish a floor from posts."""

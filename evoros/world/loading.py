@@ -195,12 +195,11 @@ def load_world(
     folders with the models and meshes that the file names, ``world_name`` selects one of several
     worlds in the file, and ``arguments`` are for a file with xacro. ``missing`` (``error``,
     ``leave_out`` or ``box``) sets how missing models and meshes are treated, and ``vehicles``
-    (``leave_out`` or ``hold_still``), how vehicles are. ``mesh_up_axis`` (``ignore`` or
+    (``leave_out`` or ``hold_still``) how vehicles are treated. ``mesh_up_axis`` (``ignore`` or
     ``apply``) sets whether DAE files are rotated as their ``<up_axis>`` requires, and ``actors``
     (``walk`` or ``leave_out``) sets whether actors walk. Meshes within 30 m of the course are
     divided, in about ``mesh_effort`` minutes; more than one minute extends the 30 m in proportion.
-    Messages name the world by its file, tables by its key in the configuration.
-    """
+    Messages name the world by its file, tables by its key in the configuration."""
     paths = tuple(model_paths)
     options = SdfOptions(
         paths, world_name, missing, vehicles, mesh_up_axis, actors, float(mesh_effort)

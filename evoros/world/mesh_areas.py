@@ -50,7 +50,7 @@ class MeshArea(NamedTuple):
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def measure_meshes(world: World, height_m: float) -> tuple[MeshArea, ...]:
-    """Measure the meshes that a robot of this height [m] can meet and that their parts misfit."""
+    """Measure meshes that a robot of this height [m] can meet and that differ from their parts."""
     areas: dict[MeshFile, MeshArea] = {}
     for file, sections in _list_sections(world, height_m):
         known = areas.get(file, MeshArea(file, height_m, 0, 0.0, 0.0, 0.0))

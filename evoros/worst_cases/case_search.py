@@ -19,7 +19,7 @@ class CaseTrials:
     """The outcomes of a case in each world, in the order of the trials."""
 
     case: Case
-    number: int  # index in the order in which cases were tried
+    number: int  # index in the order of trial
     stage: str = SCREENED
     outcomes: dict[str, list[Outcome]] = field(default_factory=dict)
 
@@ -104,7 +104,7 @@ class CaseSearch:
         return []
 
     def _search(self, size: int) -> None:
-        """Screen all cases of one size, or extensions of the worst smaller cases; then mutants."""
+        """Screen all cases of a size, or else extensions of worst smaller cases; then mutants."""
         settings = self.settings
         count = math.comb(self.sensors, size) * len(settings.times_s)
         if count <= settings.max_cases:
@@ -123,7 +123,7 @@ class CaseSearch:
                 self._screen(self._mutate(parent.case) for parent in chosen)
 
     def _grow(self, size: int) -> list[Case]:
-        """Extend the worst cases of the previous size by each further sensor, failing with them."""
+        """Extend the worst cases of the previous size by each further sensor that can fail."""
         settings = self.settings
         smaller = [trials.case for trials in self._list_tried(size - 1)] or [Case()]
         grown: dict[Case, None] = {}

@@ -84,7 +84,7 @@ def _fix_to_world(world: Element, reading: Reading) -> None:
             if model is None and name != "world":
                 problem = f"refers to {quote(name)}, which is not in the world"
                 raise element_error(joint, problem, "name a link of a model")
-        reading.notes.add(joint, "is ignored: evoros fixes the models that it connects")
+        reading.notes.add(joint, "is ignored, because the models that it connects are fixed")
         for model in ends:
             if model is not None:
                 etree.SubElement(model, "static", {SOURCE: source_of(model)}).text = "true"

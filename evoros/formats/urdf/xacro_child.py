@@ -1,8 +1,8 @@
 """Expands one xacro file, in a separate program that ``xacro_expansion`` starts.
 
 The program reads a request (JSON) from standard input and answers in JSON on standard output. A
-xacro file is code, because its expressions reach Python. The limits set here and the empty
-environment from the parent keep a faulty file, but not a hostile one, from harming the run.
+xacro file is code, because its expressions reach Python. The limits set here and an environment
+without the user's variables keep a faulty file, but not a hostile one, from harming the run.
 
 xacro from before 2014 is converted to its current form. Up to ROS Indigo, the tags of xacro needed
 no prefix, a macro could be called without one, and properties and macros could be used before their
@@ -260,7 +260,7 @@ def main() -> None:
     request = json.load(sys.stdin)
     sys.path[:] = request["path"]
     _limit_resources(request["seconds"])
-    answer, sys.stdout = sys.stdout, sys.stderr  # a file that prints must not spoil the answer
+    answer, sys.stdout = sys.stdout, sys.stderr  # output of the file must not mix with the answer
     json.dump(_expand(request), answer)
 
 

@@ -141,7 +141,7 @@ CLOSED_POOLS = 16
 
 @dataclass(frozen=True)
 class Request:
-    """A call as sent to a cluster worker, with any shared contents that the worker lacks."""
+    """A call as sent to a cluster worker, with any shared arguments that the worker lacks."""
 
     pool: str
     limits: Limits

@@ -44,7 +44,7 @@ UNARY = (
 _INVERSE = (elementary.asin, elementary.acos)  # compared on [0, 1]
 BINARY = (elementary.atan2, elementary.hypot, elementary.power)
 _DEVIATES = 10_000
-"""Sample size, since one normal deviate in 4000 and one exponential in 2200 is from the tail."""
+"""Sample size, enough for tails: one normal deviate in 4000 and one exponential in 2200."""
 _LIBRARY_SAMPLES = 20_000
 """Number of points for the C library, larger because few values differ between processors."""
 REFUSED = -1

@@ -20,7 +20,7 @@ from evoros.files.resources import expand_home
 from evoros.observers.protocol import ObservedEnd, ObservedRun, Observer, Send
 
 RUN, SWEEP, DIGEST = "evoros.run", "evoros.sweep", "evoros.digest"
-"""Tags for a run's id, the hash of a sweep's folder, and the digest of a run's end once sent."""
+"""Tags: a run's id, the hash of a sweep's folder, and the digest of a run's end once it is sent."""
 DEFAULTS = {
     "MLFLOW_DISABLE_TELEMETRY": "true",
     "MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true",

@@ -13,7 +13,7 @@ from evoros.files.resources import expand_home
 from evoros.observers.protocol import ObservedEnd, ObservedRun, Observer, Send
 
 DIGEST, CONFIGURATION = "evoros/digest", "configuration"
-"""Tags of text: the digest of a run's end once written, and the configuration."""
+"""Tags of text: the digest of a run's end once it is written, and the configuration."""
 SHOWN_BYTES = 100_000
 """Maximum size of one of the champion's files to show."""
 

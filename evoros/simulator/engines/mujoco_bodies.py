@@ -29,7 +29,7 @@ MAX_FRICTION = 1.0
 """Maximum friction coefficient of a body.
 
 Many worlds have coefficients of 100, which have no effect in Gazebo, because it uses the smaller
-of two coefficients. Here they must not outweigh the wheels' coefficient.
+of two coefficients. In MuJoCo, they must not outweigh the wheels' coefficient.
 """
 
 BELOW_M = 1.0  # depth [m] of solid below the lowest point of a height field

@@ -31,7 +31,7 @@ SKIDDING = {"solimp": (0.8, 0.8, 1e-3, 0.5, 2.0), "solreffriction": (0.2, 1.0)}
 """Impedance of the ground under skid-steer wheels, and the time [s] in which friction stops slip.
 
 Firm friction stops a slipping wheel within one step and lifts it. The robot then hops between
-pairs of wheels, and turns by up to a half too little or a third too much. The friction set here
+pairs of wheels, and turns by up to a half too little or a third too much. This friction
 grows with slip speed up to 0.2 m/s, which keeps the wheels on the ground. As a side effect, the
 robot creeps at 1 cm/s on a slope of 0.1 rad.
 """
@@ -47,7 +47,7 @@ sets a smaller reserve for more bodies.
 """
 
 MEMORY, MEMORY_PER_BODY, MEMORY_PER_PAIR = 1 << 26, 1 << 16, 8
-"""Terms of that reserve [bytes]: constant, per movable body, and per pair. Boxes at rest use
+"""Terms of the smaller reserve [bytes]: constant, per movable body, and per pair. Boxes at rest use
 8,000 bytes per body and 4 per pair."""
 
 

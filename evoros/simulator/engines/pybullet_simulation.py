@@ -180,8 +180,8 @@ per step, and keeps it until the body has slid by 2 % of its size. With longer s
 is lost as soon as it is found, so a body rests on one corner at a time and sinks."""
 
 NEAR_STEPS = 2.0
-"""Distance from a body within which steps are fine, in distances that the robot can travel in a
-normal step."""
+"""Distance from a body within which steps are fine, as a multiple of the distance that the robot
+can travel in a normal step."""
 
 
 class PyBulletSimulation:

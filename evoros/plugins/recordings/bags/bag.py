@@ -1,7 +1,7 @@
 """Missions as rosbags for rviz, Foxglove and the ROS tools.
 
-The topics and frames of the first robot have no prefix. Those for an agent are prefixed with the
-agent's name, as is usual in ROS; all robots share ``/tf`` and ``/tf_static``.
+The topics and frames of the first robot have no prefix. Topics and frames of an agent are prefixed
+with the agent's name, as is usual in ROS; all robots share ``/tf`` and ``/tf_static``.
 """
 
 import argparse

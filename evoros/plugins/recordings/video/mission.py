@@ -116,7 +116,7 @@ def _joints(robot: Urdf, time: Array, twist: Array) -> Iterator[tuple[str, Array
 
 
 def _direction(forward: Array, aside: Array) -> Array:
-    """Return a wheel's rolling direction, from -pi/2 to pi/2, which is kept at standstill."""
+    """Return a wheel's rolling direction, from -pi/2 to pi/2; at standstill, the previous one."""
     sign = np.copysign(1.0, forward)
     angle = np.arctan2(aside * sign, forward * sign)
     moving = np.hypot(forward, aside) >= _MIN_SPEED_MPS

@@ -17,10 +17,10 @@ COMMANDS = {
     "AckermannDrive": (),
     "AckermannDriveStamped": ("drive",),
 }
-"""Message types that command the robot, with the path to the command in each."""
+"""Map message type that commands the robot -> path to the command in the message."""
 STEADY = 10
-"""Number of consecutive checks that must find all nodes at rest before the mission starts, because
-nodes sometimes sleep in wall-clock time while they start."""
+"""Number of consecutive checks that must find all nodes at rest before the mission starts. A single
+check is not enough, because a node that sleeps while it starts also looks at rest."""
 PAUSE_S = 0.005  # pause between checks while nodes start
 OWN_SHARE = 0.8
 """Share of a wall-clock limit after which this process exits by itself with a reason."""

@@ -94,7 +94,7 @@ class Mission:
         return self._missing() is None
 
     def _missing(self) -> str | None:
-        """Connect to the nodes that publish commands and modes; name any missing connection."""
+        """Connect to the nodes that publish commands and modes; describe any missing connection."""
         self._crew.require_nodes()
         missing = self._graph.missing(self._command)
         if missing is not None:

@@ -83,7 +83,7 @@ class Mission:
         self._hear()
 
     def _missing(self) -> str | None:
-        """Connect to the nodes that publish commands and modes; name any missing connection."""
+        """Connect to the nodes that publish commands and modes; describe any missing connection."""
         topics = self._options["topics"]
         missing = self._graph.missing(topics["command"])
         if missing is not None:

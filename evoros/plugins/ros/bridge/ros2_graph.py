@@ -48,7 +48,7 @@ class Outlet:
         self._one_by_one = True
 
     def arrange(self) -> None:
-        """Find the order of the node's subscriptions, once it is connected.
+        """Find the order of the node's subscriptions, once the node is connected.
 
         An executor runs ready callbacks in this order, whatever the order of arrival. Therefore,
         messages published in this order always reach the callbacks in order. Several nodes may
@@ -128,7 +128,7 @@ class Incoming:
         )
 
     def connected(self) -> bool:
-        """Return True if the publisher is matched, or if unknown because this is Humble."""
+        """Return True if the publisher is matched; on Humble, where this is unknown, always."""
         count = getattr(self._subscription, "get_publisher_count", None)
         return count is None or count() > 0
 

@@ -37,8 +37,8 @@ LOCAL = """<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles
   </participant>
 </profiles>
 """
-"""A profile that keeps Fast DDS on this machine, without shared memory, whose files would remain
-after a kill. ROS's own setting for localhost always uses shared memory."""
+"""A profile that keeps Fast DDS on this machine. It excludes shared memory, whose files would
+remain after a kill. ROS's own setting for localhost always uses shared memory."""
 FIRST_PORT, PORTS_PER_DOMAIN, DOMAINS = 7400, 250, 101  # DDS ports below Linux's ephemeral ports
 
 
