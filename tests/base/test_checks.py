@@ -42,7 +42,7 @@ class Part:
         (lambda: Part(1, pairs=0), "Part.pairs: must be a whole number of at least 1, not 0; set"),
         (lambda: Part(1, pairs=3), "Part.pairs: must be even, not 3; set it to a valid value, for"),
         (lambda: Part(1, inner=1), "Part.inner: must be a mapping from names to parts"),  # type: ignore[arg-type]
-        (lambda: Part(1, limit_m={"a": 1}), "add _target_, the class of which these keys are arguments"),  # type: ignore[arg-type]
+        (lambda: Part(1, limit_m={"a": 1}), "add _target_, the class of which these keys are"),  # type: ignore[arg-type]
     ],
 )
 def test_a_field_that_breaks_its_rule_is_named_with_the_rule_and_the_value(
