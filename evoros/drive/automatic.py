@@ -29,7 +29,17 @@ from evoros.drive.candidates import (
     read_wheel,
     select_driven,
 )
-from evoros.drive.protocol import ANGLE, FORWARD, JOINTS, LEFT, LINKS, UP, Drive, DriveDescription
+from evoros.drive.protocol import (
+    ANGLE,
+    FORWARD,
+    JOINTS,
+    LEFT,
+    LINKS,
+    UP,
+    Drive,
+    DriveDescription,
+    require_left,
+)
 from evoros.drive.rolling import Candidate, Pair
 from evoros.drive.skid_steer import AT_LEAST_ONE
 from evoros.formats.urdf.parts import Joint
@@ -285,6 +295,8 @@ class AutomaticDescription(DriveDescription):
             raise urdf.error("both sides must have the same number of wheels", fix)
         sides = (self.left_wheel_joints, self.right_wheel_joints)
         left, right = ([read_wheel(urdf, name) for name in names] for names in sides)
+        for one, other in zip(left, right, strict=True):
+            require_left(urdf, (one.joint.name, other.joint.name), one.y, other.y)
         return list(zip(left, right, strict=True))
 
     def _error(self, urdf: Urdf, steered: Sequence[Pair], others: Sequence[Pair]) -> Exception:

@@ -248,10 +248,7 @@ def place_axle(
             tolerance that depends on the wheels' ``radius`` [m].
     """
     (left_x, left_y, _), (right_x, right_y, _) = (place.tolist() for place in places)
-    if left_y <= right_y:
-        raise urdf.error(
-            f"joint {names[0]!r} must be to the left of {names[1]!r}", "swap the two names"
-        )
+    require_left(urdf, names, left_y, right_y)
     offset = max(abs(left_x - right_x), abs(left_y + right_y))
     if offset > max(tolerated(radius), TOLERATED_SKEW * (left_y - right_y)):
         places_m = f"({left_x:g}, {left_y:g}) and ({right_x:g}, {right_y:g})"
@@ -259,6 +256,14 @@ def place_axle(
         raise urdf.error(f"{rule}, not at {places_m}", "match their <origin>")
     tell_offset(urdf, offset, f"joints {names[0]!r} and {names[1]!r} are offset")
     return 0.5 * (left_x + right_x), left_y - right_y
+
+
+def require_left(urdf: Urdf, names: Sequence[str], left_y: float, right_y: float) -> None:
+    """Raise an InputError unless the first of two joints, at these y [m], is the left one."""
+    if left_y <= right_y:
+        order = f"must be to the left of {names[1]!r}, not at y = {left_y:g} and {right_y:g} m"
+        fix = "swap the two names, or correct the <origin> of the joints"
+        raise urdf.error(f"joint {names[0]!r} {order}", fix)
 
 
 def check_caster(urdf: Urdf, link: str, wheels: Sequence[str]) -> None:

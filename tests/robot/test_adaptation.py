@@ -711,6 +711,33 @@ def test_stops_and_missing_friction_of_wheels_are_told(
     assert told(caplog, "slide in Gazebo").endswith("grip: right_wheel_joint")
 
 
+def test_an_absent_mesh_of_a_sensor_is_left_out_and_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    mesh = '<collision><geometry><mesh filename="{0}.stl"/></geometry></collision>'
+    laser, payload = (
+        link(name, mesh.format(name)) + joint(f"{name}_joint", name)
+        for name in ("front_laser", "payload")
+    )
+    load(tmp_path, BASE, WHEELS, CASTER, laser)
+    assert told(caplog, "absent meshes are left out").endswith("front_laser.stl")
+    with pytest.raises(InputError, match=r"payload.stl"):
+        load(tmp_path, BASE, WHEELS, CASTER, payload)
+
+
+def test_wheels_on_the_wrong_sides_are_told_by_their_places(tmp_path: Path) -> None:
+    sides = {"left_wheel_joints": ["right_wheel_joint"], "right_wheel_joints": ["left_wheel_joint"]}
+    problem = "'right_wheel_joint' must be to the left of 'left_wheel_joint', not at y = -0.12 and"
+    with pytest.raises(InputError, match=problem):
+        load(tmp_path, BASE, WHEELS, CASTER, drive=AutomaticDescription(**sides))
+
+
+def test_a_file_of_something_else_is_told_as_such(tmp_path: Path) -> None:
+    (tmp_path / "bot.urdf").write_text("<sdf><model name='m'><mesh/></model></sdf>")
+    with pytest.raises(InputError, match=r"bot\.urdf:1: <sdf> must be <robot>, not <sdf>; name"):
+        load_robot(str(tmp_path / "bot.urdf"), AutomaticDescription())
+
+
 def test_a_mesh_scaled_to_nothing_is_refused_by_its_line(tmp_path: Path) -> None:
     (tmp_path / "body.stl").write_text("solid nothing")
     flat = BOX.replace('<box size="0.3 0.2 0.1"/>', '<mesh filename="body.stl" scale="1 1 0"/>')

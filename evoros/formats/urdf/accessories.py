@@ -33,6 +33,11 @@ def is_needed(text: str, absent: Sequence[str], calls: Sequence[str]) -> bool:
     return not links or not links.issuperset(ends) or any(map(_names_absent, root))
 
 
+def names_sensor(link: Element) -> bool:
+    """Return True if a link has the name of a sensor."""
+    return bool(_SENSOR.search(str(link.get("name"))))
+
+
 def _names_absent(element: Element) -> bool:
     """Return True if an element other than a decoration names a file of a missing package."""
     if element.tag in _DECORATION:

@@ -13,9 +13,9 @@ from evoros.files.resources import find_file, read_file
 from evoros.formats.lenient_xml import parse_leniently
 from evoros.formats.missing import Absence, Absences, Remedy
 from evoros.formats.notes import Notes
-from evoros.formats.strict_xml import element_error, locate, parse, place_of, source_of
+from evoros.formats.strict_xml import element_error, local_tag, locate, parse, place_of, source_of
 from evoros.formats.urdf import xacro_child
-from evoros.formats.urdf.accessories import leave_out_loose
+from evoros.formats.urdf.accessories import leave_out_loose, names_sensor
 from evoros.formats.urdf.packages import PackageIndex, find_in_any_case, index_packages
 from evoros.formats.urdf.packages import locate as locate_installed
 from evoros.formats.urdf.solids import find_turning
@@ -58,6 +58,9 @@ def read(name: str, options: ReadOptions | None = None) -> tuple[Path, Element]:
             _check_robot(root, file)
     else:
         root = _fill_placeholders(content.decode(errors="replace"), file, options.arguments, root)
+    if root.tag != "robot":
+        problem = f"must be <robot>, not <{local_tag(root)}>"
+        raise element_error(root, problem, "name the URDF or xacro file of a robot")
     resolve_files(root, file, packages)
     if options.missing == "error":
         collect_absent_meshes(root, absences, packages)
@@ -156,6 +159,8 @@ def collect_absent_meshes(root: Element, absences: Absences, packages: PackageIn
         meshes += [mesh for link in bare for mesh in link.iterfind("visual/geometry/mesh")]
     for mesh in filter(_is_absent, meshes):
         name = str(mesh.get("filename"))
+        if names_sensor(next(mesh.iterancestors("link"))):  # designs replace sensors
+            continue
         package = _package_of(name)
         folder = packages.find(package) if package else None
         if folder is not None:

@@ -14,6 +14,7 @@ from evoros.base.errors import InputError
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.formats.notes import Notes
 from evoros.formats.strict_xml import element_error, parse_number, quote, require_child
+from evoros.formats.urdf.accessories import names_sensor
 from evoros.formats.urdf.elements import build_collision
 from evoros.formats.urdf.parts import (
     read_lengths,
@@ -140,7 +141,7 @@ class SolidsReader:
         return tuple(Shape("convex", (), pose @ part.pose, corners=part.corners) for part in parts)
 
     def _replace_absent(self, link: Element, solid: Element, name: str) -> tuple[Shape, ...]:
-        if self.missing == "error":
+        if self.missing == "error" and not names_sensor(link):
             fix = "add the folder of its package to robot.packages, or set robot.missing=leave_out"
             raise element_error(solid, f"names the absent mesh {name}, which is needed", fix)
         turns = link.get("name") in self._turning

@@ -10,7 +10,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array, product
 from evoros.base.errors import InputError
-from evoros.formats.strict_xml import element_error, list_names, local_tag, read_meaning, read_name
+from evoros.formats.strict_xml import element_error, list_names, read_meaning, read_name
 from evoros.formats.urdf.parts import Joint, parse_numbers, read_joint, read_shapes, read_visuals
 from evoros.geometry.shapes import Pose, Shape
 
@@ -137,9 +137,6 @@ class Urdf:
 
 def read_tree(robot: Element, source: str) -> Urdf:
     """Read the links and joints of a ``<robot>``; ``source`` is the file's name in errors."""
-    if robot.tag != "robot":
-        problem = f"must be <robot>, not <{local_tag(robot)}>"
-        raise element_error(robot, problem, "name the file of a robot")
     links = _find_by_name(robot, "link")
     joints = {
         name: read_joint(element, links) for name, element in _find_by_name(robot, "joint").items()
