@@ -75,11 +75,7 @@ def list_required(study: Study) -> list[Required]:
 
 
 def read_worst(required: Required) -> ShownDesign:
-    """Read the design and the worst mission of a verdict.
-
-    Raises:
-        InputError: the evaluation has not kept the mission's trajectory.
-    """
+    """Read the design and the worst mission of a verdict."""
     record, columns = required.record, name_worst(required.verdict)
     missions = record.run.missions
     chosen = pd.concat(

@@ -30,11 +30,7 @@ SLIGHT = 0.01
 
 
 def find_pair(study: Study) -> tuple[Record, Record]:
-    """Return the two finished folders of a study, whose missions must have the same draws.
-
-    Raises:
-        InputError: there are not two folders of one kind, or their missions have different draws.
-    """
+    """Return the two finished folders of a study, whose missions must have the same draws."""
     records = study.evaluations or study.given  # both versions may have run the same configuration
     if len(records) != 2 or (study.evaluations and study.records):
         names = ", ".join(record.name for record in (*study.evaluations, *study.records))

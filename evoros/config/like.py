@@ -37,11 +37,7 @@ ReadRun: TypeAlias = Callable[[str, frozenset[str]], RecordedRun]
 def choose_primary(
     primary: str, overrides: Sequence[str], config_dir: str | Path | None, read: ReadRun
 ) -> tuple[str, dict[str, str]]:
-    """Return the primary file of a command, and the recorded choices that remain valid.
-
-    Raises:
-        InputError: as for ``store_recorded``.
-    """
+    """Return the primary file of a command, and the recorded choices that remain valid."""
     if primary != EVALUATE or not any(text.startswith(f"{LIKE}=") for text in overrides):
         return primary, {}
     like = next(override for override in parse(overrides) if override.key_or_group == LIKE)

@@ -110,9 +110,6 @@ def require_reach(layer: object, range_m: float, robot: Robot) -> None:
     """Reject a ``range_m`` beyond the range of a sensor.
 
     A sensor that sees nothing reports its ``range_max_m``.
-
-    Raises:
-        InputError: ``range_m`` exceeds the range of a sensor.
     """
     ranges = [sensor.range_max_m for sensor in robot.mounted_sensors() if sees(sensor)]
     shortest = min(ranges, default=math.inf)

@@ -58,11 +58,7 @@ _DIAGONAL = (elementary.cos(math.radians(60.0)), elementary.cos(math.radians(30.
 
 
 def refuse_articulated(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
-    """Reject a machine that steers by turning a whole axle, or the frame above the axle.
-
-    Raises:
-        InputError: the machine steers in this way; the error names the joint and its wheels.
-    """
+    """Reject a machine that steers by turning a whole axle, or the frame above the axle."""
     turned: dict[str, list[Candidate]] = {}
     for wheel in wheels:
         if wheel.steering is not None:
@@ -85,9 +81,6 @@ def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
     """Reject a robot whose wheels, rollers or controller also move it sideways.
 
     If a robot has plain wheels and only a Gazebo plugin pushes it sideways, this is just logged.
-
-    Raises:
-        InputError: the robot moves sideways; the error names the joints and an alternative drive.
     """
     pairs = pair_up([wheel for wheel in wheels if wheel.steering is None])
     turning = [joint for joint in urdf.joints.values() if joint.type in TURNING]
@@ -258,11 +251,7 @@ class AutomaticDescription(DriveDescription):
         return self.choose(urdf).fit(urdf)
 
     def choose(self, urdf: Urdf) -> DriveDescription:
-        """Detect the joints, and return the description of the drive that they form.
-
-        Raises:
-            InputError: the drive is ambiguous or unknown; the error lists the candidates.
-        """
+        """Detect the joints, and return the description of the drive that they form."""
         named = self.left_wheel_joints or self.right_wheel_joints
         pairs = self._read_pairs(urdf) if named else self._find_pairs(urdf)
         kinds = list(DRIVES.values()) if self.kind == "auto" else [DRIVES[self.kind]]

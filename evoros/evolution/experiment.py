@@ -77,11 +77,7 @@ STATED = Condition(Case())
 
 
 def check_case(group: str, names: Iterable[str]) -> None:
-    """Check that names are distinct as file names on every disk.
-
-    Raises:
-        InputError: two names differ only in case.
-    """
+    """Check that names are distinct as file names on every disk."""
     known: dict[str, str] = {}
     for name in names:
         other = known.setdefault(name.casefold(), name)

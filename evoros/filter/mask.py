@@ -39,11 +39,7 @@ class Mask(Filter):
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Mark the masked channels.
-
-        Raises:
-            InputError: the channels are not whole scans, or a beam is outside the scan.
-        """
+        """Mark the masked channels."""
         refuse_pose(channels, "Mask")
         if channels.size % self.scan:
             raise InputError(

@@ -55,11 +55,7 @@ class Absences:
         self._absences.append(absence)
 
     def require_none(self, choices: str) -> None:
-        """Check that nothing is missing; ``choices`` are the keys that can be set instead, if any.
-
-        Raises:
-            InputError: something is missing; the message lists everything.
-        """
+        """Check that nothing is missing; ``choices`` names keys that can be set instead, if any."""
         if not self._absences:
             return
         first, names = self._absences[0], self.names()

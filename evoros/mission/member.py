@@ -74,12 +74,7 @@ class Member:
         return self.design.bind(self.robot, find_declared_genes(self.controller))
 
     def find_design(self, design: Design) -> Design:
-        """Return the part of a design for this robot.
-
-        Raises:
-            InputError: the design lacks a part for a separately designed robot, or has one for
-                another robot.
-        """
+        """Return the part of a design for this robot."""
         parts = design.parts
         if not self.has_own_design and self.name in parts:
             raise InputError(

@@ -44,11 +44,7 @@ class Participant:
 
 
 def enter(member: Member, failure: Failure, course: Course, mission: Mission) -> Participant:
-    """Draw the route and the faults of a robot in a world with this course.
-
-    Raises:
-        InputError: the failure model cannot have the mission's case, or draws an invalid fault.
-    """
+    """Draw the route and the faults of a robot in a world with this course."""
 
     def draws(part: str) -> Generator:
         return generator(mission.draws, member.key + part)

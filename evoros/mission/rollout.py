@@ -142,10 +142,6 @@ class OpenMission:
 
         Onsets count from that tick. The trajectory keeps its columns, so an estimated pose is
         recorded only if it was recorded before.
-
-        Raises:
-            InputError: the model has sensors that the robot lacks, a fault refuses to start, or
-                wheels fail that the simulator cannot weaken.
         """
         robot = self._setup.robots[0]
         draws, earlier = robot.participant.draws, robot.faults

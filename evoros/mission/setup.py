@@ -68,11 +68,7 @@ class Setup:
         ]
 
     def add_faults(self, index: int, faults: Sequence[Fault], place: Sequence[float]) -> None:
-        """Start further faults of a robot at a place (x, y, ...) [m].
-
-        Raises:
-            InputError: a fault refuses to start, or wheels fail that the simulator cannot weaken.
-        """
+        """Start further faults of a robot at a place (x, y, ...) [m]."""
         self._extend_arrays(index, self.robots[index].participant, faults, place)
         self._start_faults(index, faults)
 

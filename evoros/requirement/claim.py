@@ -54,11 +54,7 @@ def read_quantity(outcomes: Outcomes, column: str, agents: Sequence[str]) -> flo
 
 
 def require_column(key: str, column: str, agents: Sequence[str]) -> None:
-    """Require that missions have a column.
-
-    Raises:
-        InputError: the column is unknown; the message lists the known columns.
-    """
+    """Require that missions have a column."""
     name, _, of_robot = column.rpartition(".")
     if (name and name not in agents) or of_robot not in COLUMNS:
         known = ", ".join(COLUMNS) + (f"; of agents {', '.join(agents)}.COLUMN" if agents else "")

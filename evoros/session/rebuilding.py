@@ -57,10 +57,6 @@ def rebuild(
     This executes the code that the configuration names. ``warns`` reports changed versions of
     packages. ``places`` maps the folders into which an archive was unpacked. ``mends`` accepts
     changed parts of which the run has recorded no result.
-
-    Raises:
-        InputError: the folder has no run, an override is not allowed, or an input of the run has
-            changed.
     """
     if config_dir is not None:
         add_config_dir(config_dir)

@@ -59,11 +59,7 @@ def replay(
 def replay_row(
     folder: str | Path, columns: Mapping[str, str], config_dir: str | Path | None = None
 ) -> Replayed:
-    """Rerun the mission of the only row with these ``columns``.
-
-    Raises:
-        InputError: no row or several rows match, or as for ``replay``.
-    """
+    """Rerun the mission of the only row with these ``columns``."""
     run = load_run(expand_home(folder))
     row = _find_row(run.path, columns)
     experiment = rebuild(run.path, (), config_dir).experiment
@@ -88,11 +84,7 @@ def _find_given(run: Run, experiment: Experiment, row: Row) -> tuple[dict[int, D
 def replay_in_plane(
     run: Run, keys: Sequence[MissionKey]
 ) -> Iterator[tuple[MissionKey, World, pd.DataFrame]]:
-    """Rerun recorded missions of the planar simulator; yield their worlds and trajectories.
-
-    Raises:
-        InputError: the run has an engine or a live controller, or as for ``replay``.
-    """
+    """Rerun recorded missions of the planar simulator; yield their worlds and trajectories."""
     experiment = rebuild(run.path, ()).experiment
     for scenario in (experiment.scenario, experiment.confirming):
         if not isinstance(scenario.simulator, Planar) or scenario.is_live:

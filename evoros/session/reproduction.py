@@ -54,12 +54,7 @@ def list_reproductions(source: Path, output: Path) -> list[Reproduction]:
 
 
 def list_finished(source: Path, purpose: str) -> list[Path]:
-    """List the run folders in a folder; all runs must be undamaged and finished.
-
-    Raises:
-        InputError: no run was found, or a run is damaged or unfinished; ``purpose`` completes
-            the message.
-    """
+    """List the run folders in a folder; all runs must be undamaged and finished."""
     if not source.is_dir():
         raise InputError(f"{source}: folder not found; correct the path")
     folders = list(folders_below(source, warn_left_out))
@@ -84,10 +79,6 @@ def build_reproduction(
 
     ``overrides`` may change the executor; ``config_dir`` has the modules of the user's own parts;
     ``places`` maps the folders into which an archive was unpacked.
-
-    Raises:
-        InputError: an input of the run has changed, an override is not allowed, or the new folder
-            has a different run.
     """
     for text in overrides:
         if not text.startswith(("executor=", "executor.")):

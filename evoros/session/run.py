@@ -176,10 +176,6 @@ def open_run(
     ``overrides`` may change the executor and the observers of a search, and raise
     ``optimizer.generations`` of a search or ``trials`` of an evaluation. ``config_dir`` has the
     modules of the user's own parts.
-
-    Raises:
-        InputError: the folder has no run, an override is not allowed, or an input of the run has
-            changed.
     """
     with collect_messages() as messages:
         experiment, wanted, _ = rebuild(folder, overrides, config_dir, mends=True)

@@ -50,11 +50,7 @@ def open_folder(path: str | Path) -> Path:
 
 
 def open_run(path: str | Path) -> Path:
-    """Return the folder of a run, or unpack it from an archive.
-
-    Raises:
-        InputError: as for ``open_folder``, or the archive has several runs and none is named.
-    """
+    """Return the folder of a run, or unpack it from an archive."""
     folder, archive = open_folder(path), find_archive(expand_home(path))
     if archive is not None and not is_run(folder):
         top = next(place for place in (folder, *folder.parents) if place.name == RUNS)

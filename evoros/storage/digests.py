@@ -225,11 +225,7 @@ def find_foreign(
 
 
 def require_origin(folder: Path, manifest: Mapping[str, Any], entries: Mapping[str, Entry]) -> None:
-    """Require that the manifest and the digests of a folder belong to its run.
-
-    Raises:
-        InputError: one of them belongs to a different run.
-    """
+    """Require that the manifest and the digests of a folder belong to its run."""
     foreign = find_foreign(folder, manifest, entries)
     if foreign is None:
         return
@@ -241,11 +237,7 @@ def require_origin(folder: Path, manifest: Mapping[str, Any], entries: Mapping[s
 
 
 def read_original(folder: Path, name: str, manifest: Mapping[str, Any]) -> bytes:
-    """Read a file that cannot be regenerated and has no seal.
-
-    Raises:
-        InputError: the file is damaged, or the ``manifest`` belongs to a different run.
-    """
+    """Read a file that cannot be regenerated and has no seal."""
     content = read_bytes(folder / name)
     known = read_bytes(folder / DIGESTS) if (folder / DIGESTS).is_file() else b""
     entries = read_entries(known).by_name

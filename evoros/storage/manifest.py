@@ -146,11 +146,7 @@ def _hash_controller_files(experiment: Experiment, places: Relocation) -> dict[s
 
 
 def check_unchanged(folder: Path, recorded: Mapping[str, Any], changes: Iterable[str]) -> None:
-    """Require that the inputs of a resumed run have no ``changes``.
-
-    Raises:
-        InputError: an input has changed, or the run has a different format.
-    """
+    """Require that the inputs of a resumed run have no ``changes``."""
     if recorded.get("format_version") != layout.FORMAT_VERSION:
         raise InputError(
             f"{folder / 'manifest.json'}: format_version must be {layout.FORMAT_VERSION}, not "

@@ -38,10 +38,6 @@ def verify_folder(folder: Path) -> None:
     """Require that the tables and inputs of a folder are undamaged, and that it has no links.
 
     Trajectories, robots and worlds are verified by ``verify_file`` when they are read.
-
-    Raises:
-        InputError: a file is damaged, a generation's table is missing, or the folder has a link;
-            the message names the file and, if known, the line.
     """
     require_no_links(folder)
     sealed = {

@@ -142,9 +142,6 @@ def require_keys(words: Sequence[str], before: str) -> None:
     """Require that each word is ``key=value`` or the deletion ``~key``.
 
     ``before`` was typed before the words: a folder, or ``key=``, to which a folder belongs.
-
-    Raises:
-        InputError: a word is neither; the message suggests quotes that may be missing.
     """
     for i, word in enumerate(words):
         if not _stands_alone(word):

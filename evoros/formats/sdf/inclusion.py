@@ -18,11 +18,7 @@ CHOICES = (
 
 
 def require_files(container: Element, reading: Reading) -> None:
-    """Check that all named models, meshes and images exist, unless ``missing`` permits otherwise.
-
-    Raises:
-        InputError: some are missing; the message lists all of them.
-    """
+    """Check that all named models, meshes and images exist, unless ``missing`` permits absence."""
     if reading.options.missing != "error":
         return
     for collision in container.iter("collision"):

@@ -143,10 +143,6 @@ def read_sdf(
 
     ``source`` is the name of the file in errors. Files that it refers to are searched for around
     its path ``file``. Meshes near the points (n, 2) [m] of ``course`` are divided first.
-
-    Raises:
-        InputError: the content, or a file that it names, cannot be read or simulated; the message
-            has file, line and element.
     """
     reading = Reading(file or FilePath(source).absolute(), options or SdfOptions(), source)
     root = parse_leniently(content, source)

@@ -36,11 +36,6 @@ def read(name: str, options: ReadOptions | None = None) -> tuple[Path, Element]:
 
     In the result, existing files are named by address (``file:///...``). A missing file keeps
     its name, because it may not be needed, or ``missing`` may allow it.
-
-    Raises:
-        InputError: the file is missing, is not well-formed, cannot be expanded, has a DOCTYPE,
-            names a file outside the folders that it may read, or names missing packages or meshes;
-            the message lists all of these.
     """
     options = options or ReadOptions()
     file = find_file(name, "robots")

@@ -72,11 +72,7 @@ COLUMNS = tuple(field.name for field in fields(Row))
 
 
 def make_row(folder: Path, config_dir: str | None = None) -> Row:
-    """Return the row of a finished run; ``config_dir`` is the folder with the search's own parts.
-
-    Raises:
-        InputError: the run is damaged, unfinished, not a run of a task, or exceeds the budget.
-    """
+    """Return the row of a finished run; ``config_dir`` is the folder of the search's own parts."""
     if config_dir and Path(config_dir).is_absolute():
         raise InputError(
             f"--config-dir {config_dir}: must be a relative path, so that others can rerun the "

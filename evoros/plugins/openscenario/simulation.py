@@ -176,19 +176,11 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
             self._logger.error(self.problem)
 
     def build_failure(self, *overrides: str) -> Failure:
-        """Build a failure model with the user's parts.
-
-        Raises:
-            InputError: there is no such failure model, or a value cannot be used.
-        """
+        """Build a failure model with the user's parts."""
         return build_failure(overrides, self._config_dir)
 
     def check_event(self, trigger: Trigger) -> None:
-        """Require that a fault's trigger can occur in the mission.
-
-        Raises:
-            InputError: the route or the world does not allow the trigger.
-        """
+        """Require that a fault's trigger can occur in the mission."""
         assert self._setting is not None
         mission = self._setting.mission
         problem = find_problem(trigger, self._setting.scenario.world[mission.world])
