@@ -86,7 +86,7 @@ def explain_end(
     resume, place = resume_command(folder, config_dir), ""
     hint = f"; to continue type: {resume}" if exists(folder / MISSIONS) else ""
     cause = error.__cause__ if isinstance(error, RunStopped) else error
-    if not isinstance(cause, EvorosError | OSError | MemoryError | KeyboardInterrupt):
+    if not isinstance(cause, EvorosError | MemoryError | KeyboardInterrupt):
         place = locate_fault(error)
         again = _start_again(folder, resume, place)
         hint = f"; correct the code{again}" if place else hint
@@ -111,7 +111,7 @@ def explain_end(
         return JobResult(console.status_of(error), f"{error}{again}")
     path_error = explain_path(error)
     if path_error:
-        return JobResult(console.STOPPED if hint else console.INPUT, f"{path_error}{hint}")
+        return JobResult(console.STOPPED if hint else console.INPUT, place + path_error + hint)
     # An error in the user's own part, a full disk, or a bug in evoros.
     message = single_line(f"{type(error).__name__}: {error}")
     if not (shown or place):

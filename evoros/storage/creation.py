@@ -1,5 +1,6 @@
 """Atomic creation of a run folder."""
 
+import errno
 import os
 import shutil
 from collections.abc import Mapping
@@ -53,9 +54,9 @@ def create_folder(path: Path, files: Mapping[str, str]) -> None:
         _create_folder(path.resolve(), _add_digests(files))  # follows a link
     except OSError as error:
         require_unused(path)  # another process may have created the folder
-        raise InputError(
-            f"{path}: cannot be created ({error.strerror}); choose another with hydra.run.dir"
-        ) from error
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+        fix = "free some space there" if full else "choose another with hydra.run.dir"
+        raise InputError(f"{path}: cannot be created ({error.strerror}); {fix}") from error
 
 
 def _add_digests(files: Mapping[str, str]) -> dict[str, str]:

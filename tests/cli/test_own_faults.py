@@ -68,8 +68,12 @@ CASES = {
 
 UNRECORDED = {"fitness.score", "fitness.combine", "objectives.mine.compute"}
 """Methods whose results stand in no file when the first of them is wrong."""
-FAULTS = {"1 / 0": "ZeroDivisionError: division by zero", "exit()": "SystemExit: "}
-"""Bodies that raise, and their messages; the second would end the command with success."""
+FAULTS = {
+    "1 / 0": "ZeroDivisionError: division by zero",
+    "exit()": "SystemExit: ",  # would end the command with success
+    "open('nowhere')": "FileNotFoundError: ",
+}
+"""Bodies that raise, and their messages."""
 
 
 def write_part(folder: Path, case: str, body: str) -> list[str]:

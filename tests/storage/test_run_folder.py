@@ -1,4 +1,6 @@
+import errno
 import json
+import os
 import random
 import subprocess
 from pathlib import Path
@@ -21,7 +23,9 @@ from helpers import (
 
 from evoros.base.errors import InputError
 from evoros.cli.main import evoros
+from evoros.storage.creation import create_folder
 from evoros.storage.figure_context import FigureContext
+from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS
 from evoros.storage.run_folder import RunFolder
 from evoros.terminal.console import DONE, INPUT
 from evoros.world.loading import load_world
@@ -278,6 +282,25 @@ def test_what_fails_while_the_folder_is_made_leaves_nothing(
     with pytest.raises(InputError, match="cannot be created"):
         RunFolder.create(run, "", {}, BARE)
     assert list(tmp_path.rglob("*")) == ([run] if exists else [])
+
+
+@pytest.mark.parametrize(
+    ("number", "fix"),
+    [
+        (errno.ENOSPC, "free some space"),
+        (errno.EDQUOT, "free some space"),
+        (errno.EROFS, "choose another with hydra.run.dir"),
+    ],
+)
+def test_a_folder_that_cannot_be_made_has_the_fix_of_its_disk(
+    number: int, fix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("evoros.storage.creation._create_folder", refuse)
+    with pytest.raises(InputError, match=f"cannot be created.*{fix}"):
+        create_folder(tmp_path / "run", {CONFIG: "", MANIFEST: "{}", MISSIONS: "design\n"})
 
 
 @pytest.mark.parametrize("parts", [1, 2])
