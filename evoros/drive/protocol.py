@@ -260,7 +260,7 @@ def place_axle(
 
 def require_left(urdf: Urdf, names: Sequence[str], left_y: float, right_y: float) -> None:
     """Raise an InputError unless the first of two joints, at these y [m], is the left one."""
-    if left_y <= right_y:
+    if left_y - right_y < TOLERANCE_M:
         order = f"must be to the left of {names[1]!r}, not at y = {left_y:g} and {right_y:g} m"
         fix = "swap the two names, or correct the <origin> of the joints"
         raise urdf.error(f"joint {names[0]!r} {order}", fix)

@@ -678,7 +678,7 @@ def test_absent_meshes_of_wheels_become_wheels_with_their_inertia(
         load(tmp_path, BASE, wheels, CASTER)
     robot = load(tmp_path, BASE, wheels, CASTER, missing="box")
     assert two_wheeled(robot).max_speed_mps == pytest.approx(min(8.0 * radius, 1.0))
-    assert "wheel.stl" in told(caplog, "replaced by cylinders")
+    assert f"wheel.stl (radius {radius:.3g} m)" in told(caplog, "replaced by cylinders")
 
 
 @pytest.mark.parametrize("size", ['radius="0" length="0.03"', 'radius="0.05" length="0"'])

@@ -147,7 +147,8 @@ class SolidsReader:
         turns = link.get("name") in self._turning
         shape = _match_inertia(link, turns) if self.missing == "box" else None
         kind = _ABSENT if shape is None else _ROUND if turns else _BOXES
-        self._names[kind].append(name)
+        size = f" (radius {shape.size[0]:.3g} m)" if shape is not None and turns else ""
+        self._names[kind].append(f"{name}{size}")
         return () if shape is None else (shape,)
 
     def _read_file(self, path: Path, scale: Vector, hull: bool) -> tuple[Shape, ...]:
