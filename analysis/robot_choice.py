@@ -8,6 +8,7 @@ import pandas as pd
 from .subcommands import Product, Subcommand
 from .tables.agents import choose_robot
 from .tables.study import Study
+from .tables.worst_missions import show_worst
 
 NAMING = ("treatment", "group", "run")
 """Columns that identify a row's treatment; the first one present is used."""
@@ -16,8 +17,17 @@ SIDES = ("a", "b")
 
 
 def make_product(subcommand: Subcommand, study: Study, options: argparse.Namespace) -> Product:
-    """Make a subcommand's product, with a message that names the robot shown."""
-    chosen = getattr(subcommand, "ONE_ROBOT", False)
+    """Make a subcommand's product, with messages that name the mission and the robot shown."""
+    chosen, about_mission = getattr(subcommand, "ONE_ROBOT", False), list[str]()
+    if getattr(subcommand, "WORST_MISSION", False):
+        study, about_mission = show_worst(study, options.run)
+    product = _make_for_robot(subcommand, study, options, chosen)
+    return replace(product, messages=[*about_mission, *product.messages])
+
+
+def _make_for_robot(
+    subcommand: Subcommand, study: Study, options: argparse.Namespace, chosen: bool
+) -> Product:
     if not chosen and not getattr(subcommand, "FIRST_ROBOT", False):
         return _add_all_factors(subcommand.make_product(study, options), study)
     choice = choose_robot(study, options.agent if chosen else None)

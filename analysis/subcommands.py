@@ -87,7 +87,8 @@ class Subcommand(Protocol):
 
     Optional attributes are ``FORMATS`` (default: figure formats), ``OUTPUT`` (default:
     ``figures``), ``ONE_ROBOT`` if the figure shows a robot that the user can choose,
-    ``FIRST_ROBOT`` if it always shows the first robot, and ``add_arguments(parser)``.
+    ``FIRST_ROBOT`` if it always shows the first robot, ``WORST_MISSION`` if it shows the worst kept
+    mission of evaluations without runs, and ``add_arguments(parser)``.
     """
 
     HELP: str  # one line

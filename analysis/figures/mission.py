@@ -32,8 +32,9 @@ from ..tables.study import Study, read_complete
 from ..tables.tracks import name_robots, select_track
 from ..tables.walkers import WalkerTrack, read_walkers, to_table
 
+WORST_MISSION = True
 HELP = "maps of the champion's missions: path by mode, collisions, sensor failures"
-NEEDS = "a run that keeps trajectories, finished or with record=all"
+NEEDS = "a run that keeps trajectories, finished or with record=all, or an evaluation"
 FILES = {
     "mission.csv": "the tracks of the missions",
     "mission_walkers.csv": "the tracks of walkers, if there are any",

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
@@ -53,6 +54,10 @@ class AgentRun(Run):
     def genes(self) -> pd.DataFrame:
         """The agent's other evolved values."""
         return self._select_rows(self.whole.genes)
+
+    def champion_file(self, name: str, agent: str = "") -> Path:
+        """Return the path of one of the agent's files; see ``Run``."""
+        return self.whole.champion_file(name, agent or self.agent)
 
     def _select_rows(self, table: pd.DataFrame) -> pd.DataFrame:
         return select_robot(table, self.designed).drop(columns=AGENT, errors="ignore")

@@ -76,11 +76,12 @@ def _sources(record: Record, evaluations: list[Scores]) -> Iterator[tuple[str, p
 def describe_rates(record: Record) -> dict[str, str]:
     """Describe, by world, the champion's completion rate on fresh draws, with its interval.
 
-    Worlds without fresh draws are omitted. The result is empty for an unfinished run.
+    Worlds without fresh draws are omitted. The result is empty for an evaluation, and for an
+    unfinished run.
     """
-    if not record.finished:
+    if record.run.evaluates or not record.finished:
         return {}
-    path = record.path / "champion" / "certificate.json"
+    path = record.run.champion_file("certificate.json")
     try:
         certificate = parse_json(read_text(path))
     except ValueError as error:

@@ -47,12 +47,6 @@ class Record:
         return self.run.path
 
     @property
-    def robot_folder(self) -> Path:
-        """The folder of the champion's files for this robot."""
-        folder = self.path / "champion"
-        return folder / "agents" / self.agent if self.agent else folder
-
-    @property
     def choices(self) -> dict[str, str]:
         """The recorded choice of each group, by the key of the part that the group configures."""
         return read_choices(self.run.manifest.get("choices"))

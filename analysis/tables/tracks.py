@@ -10,6 +10,7 @@ import pandas as pd
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.mission.mission import MissionKey
+from evoros.mission.plan import CONFIRMATION, EVALUATION, SELECTION
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run
 from evoros.storage.tables import AGENT
@@ -108,8 +109,9 @@ def find_first_mission(run: Run, design: int, world: str) -> "pd.Series[str]":
     """Find a design's first mission in a world: a confirmation if any, otherwise a selection."""
     missions = run.missions
     candidates = missions[(missions["design"] == design) & (missions["world"] == world)]
-    confirmed = candidates[candidates["purpose"] == "confirmation"]
-    scored = confirmed if len(confirmed) else candidates[candidates["purpose"] == "selection"]
+    confirmed = candidates[candidates["purpose"] == CONFIRMATION]
+    scored = candidates[candidates["purpose"].isin((SELECTION, EVALUATION))]
+    scored = confirmed if len(confirmed) else scored
     if scored.empty:
         raise InputError(
             f"{run.path / 'missions.csv'}: no mission of design {design} in {world} was found; "
@@ -125,7 +127,7 @@ def load_champion_worlds(run: Run, context: FigureContext) -> Mapping[str, World
 
 def load_champion_world(run: Run, context: FigureContext, name: str) -> World:
     """Load one world of the champion's missions."""
-    return _load_recorded(run.path / "champion" / f"world_{name}.sdf", context.courses[name])
+    return _load_recorded(run.champion_file(f"world_{name}.sdf"), context.courses[name])
 
 
 def load_mission_world(run: Run, context: FigureContext, row: "pd.Series[str]") -> World:

@@ -69,6 +69,9 @@ def _summarize_evaluation(folder: Path) -> list[str]:
     lines += [f"requirement       {line}" for line in _describe_verdicts(folder)]
     lines += [f"to decide         {line}" for line in _advise_trials(folder)]
     page = folder / FIGURES / f"{PAGE}.html"
+    if (folder / layout.TRAJECTORIES).is_dir():
+        words = ("evoros", "analyze", "mission", str(folder))
+        lines.append(f"worst mission     {shell_line(*words)}")
     lines += [f"page              {page}"] * page.is_file()
     lines.append(f"folder            {folder}, with {layout.SCORES}")
     return lines

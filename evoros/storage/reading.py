@@ -68,17 +68,22 @@ class Run:
         frames = [read_table(file, CANDIDATE_NUMBERS) for file in list_tables(self.path)]
         return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
 
+    def champion_file(self, name: str, agent: str = "") -> Path:
+        """Return the path of one of the champion's files, for an agent if one is named."""
+        folder = self.path / "champion"
+        return (folder / "agents" / agent if agent else folder) / name
+
     @cached_property
     def champion(self) -> pd.DataFrame:
         """A row per sensor of the champion; the run must be finished."""
         self._require(evaluation=False)
-        return read_table(self.path / "champion" / "design.csv", SENSOR_NUMBERS)
+        return read_table(self.champion_file("design.csv"), SENSOR_NUMBERS)
 
     @cached_property
     def genes(self) -> pd.DataFrame:
         """A row per evolved value of the champion except mounts; the run must be finished."""
         self._require(evaluation=False)
-        return read_table(self.path / "champion" / "genes.csv", ("value",))
+        return read_table(self.champion_file("genes.csv"), ("value",))
 
     @cached_property
     def designs(self) -> pd.DataFrame:

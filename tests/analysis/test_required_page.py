@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from browser import CONTRAST, chromium, complaints, emulate, press, requests
@@ -57,6 +58,39 @@ def test_the_trajectories_of_the_worst_missions_are_those_of_a_replay(
         assert kept.read_bytes() == (tmp_path / "again.csv").read_bytes()
     files = list((folder / "trajectories" / "00000").iterdir())
     assert len(files) == len(rows[["worst_world", "worst_trial"]].drop_duplicates())
+
+
+def test_the_worst_kept_missions_are_shown_as_those_of_a_champion(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In each world whose missions were kept, the worst one of them."""
+    assert evoros_analyze(["mission", str(folder), f"--output={tmp_path}"]) == DONE
+    said = capsys.readouterr().out
+    shown = pd.read_csv(tmp_path / "mission.csv")
+    missions = pd.read_csv(folder / "missions.csv").sort_values(
+        ["completed", "progress", "collisions", "time_s"], ascending=[True, True, False, False]
+    )
+    poses, kept = ["x_m", "y_m", "yaw_rad"], dict[str, pd.DataFrame]()
+    for row in missions.itertuples():
+        file = folder / "trajectories" / "00000" / f"000000_{row.world}_{row.trial:04d}.csv"
+        if file.is_file():
+            if not kept:
+                assert (
+                    f"the worst kept mission is design a, trial {row.trial} in {row.world}" in said
+                )
+            kept.setdefault(str(row.world), pd.read_csv(file)[poses])
+    assert set(shown["world"]) == set(kept)
+    for world, track in shown.groupby("world"):
+        assert np.allclose(track[poses], kept[str(world)])
+
+
+def test_an_evaluation_that_keeps_no_mission_has_none_to_show(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(folder, tmp_path / "bare", ignore=shutil.ignore_patterns("trajectories"))
+    words = ["mission", str(tmp_path / "bare"), f"--output={tmp_path / 'out'}"]
+    error = refused(lambda: evoros_analyze(words), capsys)
+    assert "bare: no trajectory of a mission was kept; evaluate with" in error
 
 
 def test_a_lost_trajectory_and_page_are_made_again(folder: Path, tmp_path: Path) -> None:

@@ -145,7 +145,7 @@ class SitlFrames:
                 raise self._unusable(f"a servo pulse of {width} us", time)
 
     def _unusable(self, what: str, time: float | None) -> SimulationError:
-        when = "before the mission began" if time is None else f"at {time:g} simulated s"
+        when = "before the mission started" if time is None else f"at {time:g} simulated s"
         return SimulationError(
             f"{self._process.name} sent {what} {when}; it must send packets of 16 or 32 servo "
             f"pulses of {MIN_WIDTH_US} to {MAX_WIDTH_US} us; use an ardurover with the JSON backend"

@@ -74,7 +74,7 @@ class Champion:
 
 def read_champion(record: Record) -> Champion:
     """Read the champion of a finished run."""
-    folder = record.robot_folder
+    folder = record.run.champion_file(ROBOT, record.agent).parent
     robot = _parse_file(folder / ROBOT)
     loaded = folder / ROBOT_AS_LOADED
     shown = loaded if loaded.exists() else folder / ROBOT

@@ -12,7 +12,7 @@ from typing import Any
 
 from evoros.analysis.subcommands import Product
 from evoros.analysis.tables.study import Study
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, write_count
 from evoros.plugins.recordings.bags.messages import (
     IMU,
     RANGE,
@@ -109,8 +109,9 @@ FRAMES, FIXED_FRAMES = "/tf", "/tf_static"
 _OF_ALL = (FRAMES, FIXED_FRAMES, "/obstacles", WALKERS.name)
 """Topics that all robots share."""
 _FRAME_FIELDS = ("frame_id", "child_frame_id")
+WORST_MISSION = True
 HELP = "recorded missions as rosbags, with a layout for Foxglove"
-NEEDS = "a run that recorded trajectories, and the package rosbags"
+NEEDS = "a run or an evaluation that recorded trajectories, and the package rosbags"
 FILES = {
     "bag_WORLD/": "a rosbag2; with `--format ros1`, a file `bag_WORLD.bag`",
     "bag_GENERATION_DESIGN_WORLD_TRIAL/": "its name if missions are chosen by number",
@@ -144,7 +145,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     files = {LAYOUT: layout.encode()}
     for mission in missions:
         files |= _write(mission, options.format, options.distro or DISTRO)
-    return Product(messages=[f"{record.name}: {len(missions)} missions"], files=files)
+    return Product(
+        messages=[f"{record.name}: {write_count(len(missions), 'mission')}"], files=files
+    )
 
 
 def _write(mission: RecordedMission, kind: str, distro: str) -> dict[str, bytes]:

@@ -64,9 +64,9 @@ def read_champion_mission(record: Record, world: str) -> RecordedMission:
     row, context = tracks.find_champion_mission(record.run, world), adapt_context(record)
     files = _Files(
         world,
-        record.path / "champion" / f"trajectory_{world}.csv",
-        record.robot_folder / "robot.urdf",
-        record.robot_folder / ROBOT_AS_LOADED,
+        record.run.champion_file(f"trajectory_{world}.csv"),
+        record.run.champion_file("robot.urdf", record.agent),
+        record.run.champion_file(ROBOT_AS_LOADED, record.agent),
     )
     scene = tracks.load_champion_world(record.run, record.context, world), context
     mission = _assemble(record, row, files, record.run.trajectory(world), scene)

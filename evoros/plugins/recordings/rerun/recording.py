@@ -71,19 +71,20 @@ def record_study(record: Record, missions: Sequence[RecordedMission]) -> bytes:
     stream = rr.RecordingStream(APPLICATION, recording_id=record.name, send_properties=False)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rerun.rrd"
-        stream.save(path, _lay_out(missions))
+        stream.save(path, _lay_out(missions, evolved=not record.run.evaluates))
         top = Entities(stream, ())
         robots = sum(1 + len(mission.others) for mission in missions)
         most_faces = min(MOST_FACES, _ALL_FACES // (robots + 1))
         for mission in missions:
             show_mission(top.below(mission.name), mission, find_near(record), most_faces)
-        _show_evolution(top.below(_EVOLUTION), record, missions[0].loaded_urdf, most_faces)
+        if not record.run.evaluates:
+            _show_evolution(top.below(_EVOLUTION), record, missions[0].loaded_urdf, most_faces)
         stream.flush()
         stream.disconnect()
         return path.read_bytes()
 
 
-def _lay_out(missions: Sequence[RecordedMission]) -> rrb.Blueprint:
+def _lay_out(missions: Sequence[RecordedMission], evolved: bool) -> rrb.Blueprint:
     tabs = [_lay_out_mission(mission) for mission in missions]
     evolution = rrb.Horizontal(
         rrb.Spatial3DView(
@@ -99,7 +100,7 @@ def _lay_out(missions: Sequence[RecordedMission]) -> rrb.Blueprint:
         name=_EVOLUTION,
     )
     return rrb.Blueprint(
-        rrb.Tabs(*tabs, evolution),
+        rrb.Tabs(*tabs, *([evolution] if evolved else [])),
         rrb.TimePanel(timeline=TIME, state="collapsed"),
         collapse_panels=True,
     )

@@ -4,11 +4,12 @@ import argparse
 
 from evoros.analysis.subcommands import Product
 from evoros.analysis.tables.study import Study
-from evoros.base.errors import InputError, require_extra
+from evoros.base.errors import InputError, require_extra, write_count
 from evoros.plugins.recordings.bags.missions import add_missions, choose_missions
 
+WORST_MISSION = True
 HELP = "recorded missions and the best designs of all generations, for the Rerun viewer"
-NEEDS = "a run that recorded trajectories, and the package rerun-sdk"
+NEEDS = "a run or an evaluation that recorded trajectories, and the package rerun-sdk"
 FILES = {
     "rerun.rrd": "a recording for `rerun rerun.rrd`, with a layout of the views",
 }
@@ -36,5 +37,6 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
             f"missions with --world, "
             f"--generation or --trial"
         )
-    message = f"{record.name}: {len(missions)} missions, {len(content) / 1e6:.1f} MB"
+    count = write_count(len(missions), "mission")
+    message = f"{record.name}: {count}, {len(content) / 1e6:.1f} MB"
     return Product(messages=[message], files={"rerun.rrd": content})

@@ -229,8 +229,9 @@ def _read_trajectory(record: Record, world: str) -> pd.DataFrame:
 
 
 def _read_urdf(record: Record) -> str:
-    loaded = record.robot_folder / ROBOT_AS_LOADED
-    return read_text(loaded if loaded.exists() else record.robot_folder / "robot.urdf")
+    names = (ROBOT_AS_LOADED, "robot.urdf")
+    loaded, described = (record.run.champion_file(name, record.agent) for name in names)
+    return read_text(loaded if loaded.exists() else described)
 
 
 def _list_faults(track: pd.DataFrame, effects: Mapping[str, str]) -> Iterator[ShownFault]:

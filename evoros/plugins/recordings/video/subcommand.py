@@ -15,8 +15,9 @@ from evoros.plugins.recordings.video.film import encode_mp4, film
 from evoros.plugins.recordings.video.mission import read_mission
 
 ONE_ROBOT = IN_VIEW = True  # one robot with its sensors, and the other robots
+WORST_MISSION = True
 HELP = "a video of one of the champion's missions, with its sensor readings"
-NEEDS = "a finished run that recorded trajectories"
+NEEDS = "a finished run, or an evaluation, that recorded trajectories"
 FILES = {
     "video.mp4": "the video",
 }
