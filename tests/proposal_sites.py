@@ -57,7 +57,7 @@ def source_files() -> Iterator[Path]:
     """Yield the modules of the package."""
     for folder in ("evoros", "analysis"):
         files = sorted((ROOT / folder).rglob("*.py"))
-        yield from (file for file in files if "tests" not in file.parts)
+        yield from (file for file in files if "tests" not in file.relative_to(ROOT).parts)
 
 
 @cache
@@ -119,14 +119,18 @@ def key_of(message: Message) -> str:
     return f"{message.place.partition(':')[0]} {first.partition('=[')[0]}" if first else ""
 
 
-PROPOSALS = {message.text: key for message in list_messages() if (key := key_of(message))}
+@cache
+def list_proposals(module: str = "") -> Mapping[str, str]:
+    """Return the keys of the messages of a module, or of all, by message."""
+    messages = tuple(_read_module(ROOT / module)) if module else list_messages()
+    return {message.text: key for message in messages if (key := key_of(message))}
 
 
 def list_named() -> set[str]:
     """List the keys that tests name, which provoke the message and type what it proposes."""
     tests = (*(ROOT / "tests").rglob("test_*.py"), *ROOT.glob("evoros/plugins/*/tests/test_*.py"))
     text = "\n".join(file.read_text(encoding="utf-8") for file in tests)
-    return {key for key in PROPOSALS.values() if f'"{key}"' in text}
+    return {key for key in list_proposals().values() if f'"{key}"' in text}
 
 
 def list_alternatives(message: str, filled: Mapping[str, str]) -> list[list[str]]:
@@ -145,7 +149,8 @@ def is_of(message: str, key: str) -> bool:
 
     ``NAME`` may have been replaced by the name of a world, and lines may be broken.
     """
-    texts = [" ".join(text.split()) for text, other in PROPOSALS.items() if other == key]
+    proposals = list_proposals(key.partition(" ")[0])
+    texts = [" ".join(text.split()) for text, other in proposals.items() if other == key]
     patterns = [".*".join(map(re.escape, re.split(r"\{[^{}]*\}|NAME|%\w", text))) for text in texts]
     return any(re.search(pattern, " ".join(message.split())) for pattern in patterns)
 

@@ -37,8 +37,9 @@ def pytest_sessionstart() -> None:
 
 
 def pytest_sessionfinish() -> None:
-    """Make them as before."""
+    """Make them as before, and leave all out of pytest's last garbage collections."""
     _SHARED.close()
+    gc.freeze()
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

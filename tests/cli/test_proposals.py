@@ -21,12 +21,12 @@ from proposal_sites import (
     NOT_TYPED,
     OPTION,
     OVERRIDE,
-    PROPOSALS,
     is_of,
     list_alternatives,
     list_extras,
     list_messages,
     list_named,
+    list_proposals,
     replaces,
 )
 from typed_cases import ROBOTS, RUNS, Robot, Words
@@ -239,13 +239,10 @@ def test_every_package_to_install_is_one_that_evoros_declares() -> None:
                 assert match[1] in extras if match else name in declared, message.place
 
 
-TYPED = list_named() | {case.key for case in (*ROBOTS, *RUNS)}
-TYPED |= {case.key for case in CASES}
-
-
 def test_every_proposal_is_typed_in_a_test() -> None:
     """A new message needs a case, and one that is gone needs none."""
-    assert set(PROPOSALS.values()) == TYPED
+    cases = {case.key for case in (*ROBOTS, *RUNS, *CASES)}
+    assert set(list_proposals().values()) == list_named() | cases
 
 
 def examine(words: Iterable[str], of_default: bool) -> str:

@@ -188,24 +188,26 @@ MAIN = "evoros.__main__"
 # Sweeps and evaluations ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("whole", [True, False])
-def test_a_run_of_a_sweep_names_it_without_its_path(whole: bool, tmp_path: Path) -> None:
-    sweep, file = tmp_path / "sweep", tmp_path / "all.zip"
-    assert evoros_run(["-m", *TINY, "executor=serial", f"hydra.sweep.dir={sweep}"]) == DONE
+def test_a_run_of_a_sweep_names_it_without_its_path(tmp_path: Path) -> None:
+    sweep = tmp_path / "sweep"
+    given = [*TINY, "executor=serial", "optimizer.generations=1", f"hydra.sweep.dir={sweep}"]
+    assert evoros_run(["-m", *given]) == DONE
     run = next(path for path in sweep.iterdir() if path.is_dir())
-    assert archived(file, sweep if whole else run, "--config-dir", USER_PARTS) == DONE
-    files = members(file)
-    assert not [name for name, content in files.items() if str(tmp_path).encode() in content]
-    (manifest,) = (content for name, content in files.items() if name.endswith("manifest.json"))
-    assert json.loads(manifest)["sweep"] == ("runs/sweep" if whole else "sweep")
-    assert reproduce([str(file), "--output", str(tmp_path / "again")]) == DONE
+    for folder, named in ((sweep, "runs/sweep"), (run, "sweep")):
+        file = tmp_path / f"{folder.name}.zip"
+        assert archived(file, folder, "--config-dir", USER_PARTS) == DONE
+        files = members(file)
+        assert not [name for name, content in files.items() if str(tmp_path).encode() in content]
+        (manifest,) = (content for name, content in files.items() if name.endswith("manifest.json"))
+        assert json.loads(manifest)["sweep"] == named
+        assert reproduce([str(file), "--output", str(tmp_path / f"{folder.name}-again")]) == DONE
 
 
 @pytest.mark.parametrize("study_too", [True, False])
 def test_an_evaluation_names_no_folder_of_the_machine(study_too: bool, tmp_path: Path) -> None:
     """It names the runs with its designs as they were typed: by their full paths."""
     study, scores, file = (tmp_path / name for name in ("study", "scores", "all.zip"))
-    finished_run(study / "a")
+    finished_run(study / "a", "optimizer.generations=1")
     given = [f"designs={study}", "trials=1", "executor=serial", f"hydra.run.dir={scores}"]
     assert evaluate([*TINY, *given]) == DONE
     folders = [study, scores] if study_too else [scores]
