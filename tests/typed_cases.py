@@ -130,11 +130,6 @@ RUNS = (
         {"...": "exhaustive"},
         of_default=True,
     ),
-    Words(
-        "evoros/filter/pose_jump.py failure=localization",
-        "failure=random filter@failure.effect=pose_jump",
-        of_default=True,
-    ),
     Words("evoros/plugins/barn/fitness.py fitness=barn", "fitness=barn"),
     Words("evoros/mission/scenario.py simulator=planar", "agents=oncoming"),
     Words("evoros/mission/scenario.py world", "+world.x.a=1", {"...": "maze"}),
@@ -143,7 +138,7 @@ RUNS = (
         "~world.boxes ~world.maze ~world.blocks",
         of_default=True,
     ),
-    Words("evoros/mission/scenario.py walkers=none", "walkers=people", {"NAME": "near"}),
+    Words("evoros/mission/scenario.py simulator=planar", "walkers=people"),
     Words(
         "evoros/optimizer/history.py +measure@descriptors.front=front_coverage",
         "optimizer=map_elites ~descriptors",

@@ -19,7 +19,7 @@ from evoros.simulator.protocol import A_SIMULATOR, PlacedRobot, Simulator
 from evoros.walkers.crowd import WALKERS, Walkers
 from evoros.walkers.forces import FASTEST
 from evoros.walkers.layout import REPORT_COLUMNS
-from evoros.world.crowds import Standing, check_walkers, draw_crowd, name_walkers
+from evoros.world.crowds import Standing, advise, check_walkers, draw_crowd, name_walkers
 from evoros.world.model import World
 
 
@@ -93,8 +93,8 @@ class Scenario:
             if not self.simulator.has_walkers:
                 raise InputError(
                     f"walkers: must be none with {type(self.simulator).__name__}, which does not "
-                    f"move them (has_walkers); set walkers=none, with world.NAME.actors=leave_out "
-                    f"for a world's actors, or use another simulator, for example simulator=planar"
+                    f"move them (has_walkers); {advise(name, self.walkers)}, or use another "
+                    f"simulator, for example simulator=planar"
                 )
         for name, group in self.walkers.items():
             longest = FASTEST * group.paces[1] * self.simulator.time_step

@@ -99,12 +99,17 @@ class Standing(NamedTuple):
     home: tuple[float, float, float]  # x, y [m], yaw [rad]
 
 
+def advise(name: str, walkers: Mapping[str, Walkers]) -> str:
+    """Say how the people of a world are left out."""
+    return "set walkers=none" if walkers else f"set ++world.{name}.actors=leave_out"
+
+
 def check_walkers(world: World, name: str, walkers: Mapping[str, Walkers]) -> None:
     """Check that walkers can walk in a world."""
     if (walkers or world.actors) and not world.is_level:
         raise InputError(
             f"walkers: world.{name} must have level ground, not a height field or a tilted plane; "
-            + ("set walkers=none" if walkers else f"set ++world.{name}.actors=leave_out")
+            f"{advise(name, walkers)}"
         )
     for group, part in walkers.items():
         if part.route is None:

@@ -278,7 +278,9 @@ def test_a_refusal_of_a_run_is_lifted_by_each_of_its_proposals(
     for proposed in alternatives:
         chosen = {word.lstrip("+~").partition("=")[0] for word in proposed}
         kept = [word for word in words if not replaces(chosen, word)]
-        assert not is_of(examine([*kept, *proposed], case.of_default), case.key), proposed
+        refusal = examine([*kept, *proposed], case.of_default)
+        assert not is_of(refusal, case.key), proposed
+        assert "is not in the configuration" not in refusal, proposed
 
 
 def load(file: Path, words: Iterable[str]) -> str:

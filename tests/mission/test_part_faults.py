@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from fault_cases import NOW, configured, first_mission, fly, measure_circle
 from mission_cases import run_interpreted
+from proposal_sites import is_of
 from rigid_cases import ENGINES, Rigid
 from world_cases import GROUND, square, world_of
 
@@ -353,6 +354,15 @@ def test_faults_that_cannot_be_are_refused_in_one_line(typed: str) -> None:
         preflight(configured(*f"failure={typed}".split()))
     assert REFUSALS[typed] in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+def test_a_jump_is_one_of_the_pose_and_readings_have_a_bias() -> None:
+    with pytest.raises(InputError) as refusal:
+        preflight(configured("failure=random", "filter@failure.effect=pose_jump"))
+    assert is_of(str(refusal.value), "evoros/filter/pose_jump.py failure=localization")
+    preflight(configured("failure=localization", "filter@failure.effect=pose_jump"))
+    preflight(configured("+filter@controller.localization.jump=pose_jump"))
+    preflight(configured("failure=random", "filter@failure.effect=bias"))
 
 
 def test_an_event_that_one_of_the_worlds_lacks_is_a_warning(
