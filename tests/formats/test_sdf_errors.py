@@ -160,7 +160,7 @@ UNUSABLE = [
     ("<include><uri>model://house</uri></include>", "world", "include"),
     ("<include><uri>model://house</uri></include>", "model", "include"),
     ("<physics><gravity>0 0 0</gravity></physics>", "world", "gravity"),
-    ("<gravity>0 2 -9.8</gravity>", "world", "point down"),
+    ("<gravity>0 2 -9.8</gravity>", "world", "point straight down"),
     ("<model name='m2' placement_frame='l'/>", "model", "'l'"),
     ("<model name='m2' placement_frame='k'><link name='k'><pose relative_to='m::l'/></link>"
      "</model>", "model", "'m::l'"),
