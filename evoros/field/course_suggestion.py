@@ -176,7 +176,7 @@ def _find_free(
     middle, wanted = (low + high) / 2, np.array(home or (0.0, 0.0))
     if home is None and np.abs(middle).max() < attempt.reach_m / 2:
         middle = wanted  # worlds are usually built around their origin
-    else:  # the place in the world's area nearest to home or the origin
+    else:  # the area's nearest place to home or the origin
         ends = np.minimum(low + attempt.reach_m, middle), np.maximum(high - attempt.reach_m, middle)
         middle = np.clip(wanted, *ends)
     low = np.maximum(low - attempt.around_m, middle - attempt.reach_m)

@@ -694,7 +694,9 @@ def test_tiny_wheels_are_told_and_drive_when_they_are_named(tmp_path: Path) -> N
     tiny = WHEELS.replace('radius="0.05"', 'radius="0.005"').replace(" 0.05", " 0.005")
     with pytest.raises(InputError, match=r"left_wheel_joint \(radius 0.005 m, too small unless"):
         load(tmp_path, BASE, tiny, CASTER)
-    sides = {f"{side}_wheel_joints": [f"{side}_wheel_joint"] for side in ("left", "right")}
+    sides: dict[str, Any] = {
+        f"{side}_wheel_joints": [f"{side}_wheel_joint"] for side in ("left", "right")
+    }
     robot = load(tmp_path, BASE, tiny, CASTER, drive=AutomaticDescription(**sides))
     assert two_wheeled(robot).max_speed_mps == pytest.approx(8 * 0.005)
 
@@ -726,7 +728,10 @@ def test_an_absent_mesh_of_a_sensor_is_left_out_and_told(
 
 
 def test_wheels_on_the_wrong_sides_are_told_by_their_places(tmp_path: Path) -> None:
-    sides = {"left_wheel_joints": ["right_wheel_joint"], "right_wheel_joints": ["left_wheel_joint"]}
+    sides: dict[str, Any] = {
+        "left_wheel_joints": ["right_wheel_joint"],
+        "right_wheel_joints": ["left_wheel_joint"],
+    }
     problem = "'right_wheel_joint' must be to the left of 'left_wheel_joint', not at y = -0.12 and"
     with pytest.raises(InputError, match=problem):
         load(tmp_path, BASE, WHEELS, CASTER, drive=AutomaticDescription(**sides))
