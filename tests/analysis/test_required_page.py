@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from browser import CONTRAST, chromium, complaints, emulate, press, requests
 from helpers import TINY, refused
+from proposal_sites import is_of
 from selenium.webdriver import Chrome
 
 from evoros.analysis.command import evoros_analyze
@@ -91,6 +92,9 @@ def test_an_evaluation_that_keeps_no_mission_has_none_to_show(
     words = ["mission", str(tmp_path / "bare"), f"--output={tmp_path / 'out'}"]
     error = refused(lambda: evoros_analyze(words), capsys)
     assert "bare: no trajectory of a mission was kept; evaluate with" in error
+    assert is_of(error, "analysis/tables/worst_missions.py record=all")
+    assert required(tmp_path / "all", "record=all", claims=()) == DONE
+    assert evoros_analyze(["mission", str(tmp_path / "all"), f"--output={tmp_path}"]) == DONE
 
 
 def test_a_lost_trajectory_and_page_are_made_again(folder: Path, tmp_path: Path) -> None:
