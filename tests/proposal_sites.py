@@ -138,9 +138,7 @@ def list_alternatives(message: str, filled: Mapping[str, str]) -> list[list[str]
     for name, value in filled.items():
         message = message.replace(name, value)
     parts = re.split(r",? or ", message.partition("; ")[2] or message)
-    words = (
-        [re.sub("[.:)]$", "", match[0]) for match in OVERRIDE.finditer(part)] for part in parts
-    )
+    words = ([re.sub("[.:]$", "", match[0]) for match in OVERRIDE.finditer(part)] for part in parts)
     return [alternative for alternative in words if alternative]
 
 

@@ -376,9 +376,9 @@ OF_EVALUATIONS = (
         "evoros/plugins/leaderboard/rows.py experiment={nearest}",
         {},
         "leaderboard r",
-        (f"{{parts}} {{}} {' '.join(QUICK)} figures=[] {_NEW}", "leaderboard new"),
+        (f"{{parts}} {{}} {' '.join(QUICK[:2])} figures=[] {_NEW}", "leaderboard new"),
         made=(
-            f"{{parts}} experiment=benchmark_network {' '.join(QUICK)} figures=[] "
+            f"{{parts}} experiment=benchmark_network {' '.join(QUICK[:2])} figures=[] "
             "course.time_limit_s=100 hydra.run.dir=r",
         ),
         slow=True,

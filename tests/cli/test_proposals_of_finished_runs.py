@@ -48,9 +48,9 @@ def take(step: Step, read: Read, proposed: Words = ()) -> tuple[bool, str]:
 
 
 def find_messages(output: str, key: str) -> list[str]:
-    """Return the lines of an output that are messages of a key; a help is read as one line."""
+    """Return the lines of an output that are messages of a key, or the paragraphs of a help."""
     lines = [line for line in output.splitlines() if is_of(line, key)]
-    return lines or [text for text in [" ".join(output.split())] if is_of(text, key)]
+    return lines or [text for text in output.split("\n\n") if is_of(text, key)]
 
 
 def prepare(case: Finished, folder: Path, read: Read) -> None:
