@@ -317,7 +317,7 @@ MISSIONS = (
         repetitions=SLOW,
     ),
     Subject(
-        "change of a time, bootstrap",
+        "change in completion time, bootstrap",
         "regression",
         [change_interval],
         [Row(f"n = {n}", _by_change(_time_change, n)) for n in (100, 200)],

@@ -132,5 +132,5 @@ class Idle(Once):
 
 @pytest.mark.parametrize(("allocation", "said"), [(Greedy(), "at most 1"), (Idle(), "gave none")])
 def test_an_allocation_that_breaks_its_promise_is_refused(allocation: Once, said: str) -> None:
-    with pytest.raises(InputError, match=rf"allocation: .*{said}.*; fix (Greedy|Idle)$"):
+    with pytest.raises(InputError, match=rf"allocation: .*{said}.*; correct (Greedy|Idle)$"):
         Contest(allocation, 1, {0: []}).next_round()

@@ -210,7 +210,7 @@ BAD = [
         [*DRAWN, "agents.oncoming.home=[9,-3,0]"],
         r"world.generated, with agents oncoming: Field.extent_m: must reach at least clearing_m",
     ),
-    (["+world.yard.course.home_x_m=1"], r"world.yard: must be a world"),
+    (["+world.yard.course.home_x_m=1"], r"world.yard: some keys of the world are missing"),
     ([*OWN_DESIGN, "agents.oncoming.scored=false"], r"agents.oncoming.scored: must be true"),
     (["+robot@agents.oncoming.robot=mule"], r"agents.oncoming.design: must be set"),
     (["simulator.time_step=0.03"], r"controller.period_s"),

@@ -249,7 +249,9 @@ def test_a_wrong_rule_is_refused_in_one_line(
 
 
 def test_a_misspelt_field_is_named_before_the_run() -> None:
-    with pytest.raises(PartFault, match=r"before_and_after: .*'Memory' .* attribute 'after'; fix "):
+    with pytest.raises(
+        PartFault, match=r"before_and_after: .*'Memory' .* attribute 'after'; correct "
+    ):
         preflight(with_filter(before_and_after, Smooth))
 
 

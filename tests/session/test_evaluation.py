@@ -121,7 +121,7 @@ def test_an_evaluation_is_loaded_and_has_no_tables_of_a_run(whole: Path) -> None
 
 
 def test_a_run_has_no_table_of_an_evaluation(run: Path) -> None:
-    with pytest.raises(InputError, match="is a run, but only an evaluation has this table"):
+    with pytest.raises(InputError, match="a run, but only an evaluation has this table"):
         _ = evoros.load_run(run).designs
 
 
@@ -392,7 +392,7 @@ def test_a_lost_mission_stops_the_evaluation_which_can_be_resumed(
 ) -> None:
     faulty = ["simulator.fault=raise", f"simulator.mark={tmp_path / 'mark'}"]
     assert scored(tmp_path / "scores", file, *faulty) == STOPPED
-    assert "correct it and start a new run" in capsys.readouterr().err
+    assert "correct the code and start a new run" in capsys.readouterr().err
     assert resume(tmp_path / "scores") == DONE  # the part is as it was
     assert len(table(tmp_path / "scores")) == 2
 

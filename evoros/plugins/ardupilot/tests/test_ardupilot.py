@@ -246,7 +246,7 @@ def test_a_lost_autopilot_is_told_with_time_status_and_last_words(
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        ("rubbish@0", "sent a packet that begins with 0, not 18458 before the mission began"),
+        ("rubbish@0", "sent a packet that begins with 0, not 18458 before the mission started"),
         ("rubbish@auto+1", "sent a packet that begins with 0, not 18458 at 0 simulated s"),
         ("short@auto+51", "sent a packet of 20 bytes at 1 simulated s"),
         ("steering@auto+51:65535", "sent a servo pulse of 65535 us at 1 simulated s"),

@@ -237,7 +237,7 @@ def test_an_equal_environment_has_no_differences_and_each_difference_is_named() 
     for name, value in here.items():
         other = list_differences({**here, name: "other"})
         matters = bool(value) and name != LIBRARY
-        assert other == ([f"{name} {value} and not other"] if matters else [])
+        assert other == ([f"{name} {value}, not other"] if matters else [])
         assert has_library({**here, name: "other"}) == (name != LIBRARY)
         if name in ("pybullet", "mujoco-core"):
             assert list_differences({**here, name: ""}) == []

@@ -18,7 +18,7 @@ from evoros.terminal.console import INTERRUPTED, STOPPED
     ("arguments", "words"),
     [
         (["watch"], "required: FOLDER"),
-        (["watch", "FILE"], "is a file, not a folder"),
+        (["watch", "FILE"], "a file, not a folder"),
         (["watch", "FULL"], "contains files, but no run, evaluation or sweep"),
         (["watch", "new", "--prot=1"], "unexpected argument --prot=1"),
         (["watch", "new", "--once"], "--once: an option of evoros status; evoros watch has"),
