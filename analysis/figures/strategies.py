@@ -243,5 +243,5 @@ def _draw_rates(axes: Axes, summary: pd.DataFrame, treatments: Sequence[str]) ->
     names = [f"{1000 * radius:.0f}" if radius else "redundant" for _, radius in groups]
     axes.set_xticks(range(len(groups)), names, fontsize="small")
     axes.set_ylim(0, 1.03)
-    axes.set_xlabel("redundant pairs, and pairs within this distance [mm]")
+    axes.set_xlabel("redundant pair, or pair within [mm]")
     axes.set_ylabel("share of champions\nwith such a pair")

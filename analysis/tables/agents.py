@@ -56,8 +56,8 @@ class AgentRun(Run):
         return self._select_rows(self.whole.genes)
 
     def champion_file(self, name: str, agent: str = "") -> Path:
-        """Return the path of one of the agent's files; see ``Run``."""
-        return self.whole.champion_file(name, agent or self.agent)
+        """Return the path of one of the champion's files; see ``Run``."""
+        return self.whole.champion_file(name, agent)
 
     def _select_rows(self, table: pd.DataFrame) -> pd.DataFrame:
         return select_robot(table, self.designed).drop(columns=AGENT, errors="ignore")

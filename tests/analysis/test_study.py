@@ -66,11 +66,11 @@ def test_a_folder_counts_once_however_it_is_given(
 
 
 @pytest.mark.parametrize("figure", ["mission", "bag"])
-def test_a_world_of_an_evaluation_alone_is_told_that_a_run_is_missing(
+def test_an_evaluation_without_trajectories_is_told_what_keeps_them(
     figure: str, sweep: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert evoros_analyze([figure, str(sweep / "again"), "--world", "near"]) == INPUT
-    assert "no run found, only evaluations" in capsys.readouterr().err
+    assert "no trajectory of a mission was kept; evaluate with" in capsys.readouterr().err
 
 
 def test_a_dollar_in_a_name_is_no_formula(sweep: Path, tmp_path: Path) -> None:

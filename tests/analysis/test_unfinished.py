@@ -83,7 +83,7 @@ def test_statistics_and_exports_need_a_finished_run(
     run = interrupt(finished, tmp_path / "run", state)
     assert analyze(figure, run) == INPUT
     error = capsys.readouterr().err
-    assert f"its state is {state}" in error
+    assert f"(state: {state})" in error
     assert ("evoros resume" in error) == (state == "stopped")
     assert ("evoros status" in error) == (state == "running")
 
