@@ -131,7 +131,7 @@ def test_the_folders_of_a_sweep_are_those_of_its_runs_alone(
         assert "ZeroDivisionError" in (failed / "evoros.log").read_text()
         (told,) = [line for line in err.splitlines() if line.startswith(f"evoros: {failed.name}: ")]
         assert "_happen: the mission of design " in told
-        assert "correct it and start a new run" in told
+        assert "correct the code and start a new run" in told
         assert out.count(f"run folder        {run}, with champion/\n") == 1
     whole = r"champion  .*\n(?:(?!champion  ).*\n)*?run folder"  # no summary within another
     assert out.count("champion  ") == len(re.findall(whole, out))

@@ -179,7 +179,7 @@ def test_workers_with_other_software_get_no_calls(
         mixed.add_worker({"PYTHONPATH": str(other)})
         with Dask(mixed.address).open() as pool:
             assert wait_until(lambda: pool.workers == 1, LIMIT_S)
-            with pytest.raises(RunStopped, match=r"no worker .* fits.*numba 0\.0\.1 and not"):
+            with pytest.raises(RunStopped, match=r"no worker .* is suitable.*numba 0\.0\.1, not"):
                 pool.submit(square, 2).result(LIMIT_S)
         mixed.add_worker()
         with Dask(mixed.address).open() as pool:

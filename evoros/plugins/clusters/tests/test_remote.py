@@ -113,7 +113,7 @@ def test_a_worker_that_does_not_fit_is_left_out_and_the_last_one_ends_the_run() 
     assert [pool.submit(square, n).result(0) for n in range(5)] == [0, 1, 4, 9, 16]
     assert list(carrier.kept) == ["c"]
     carrier.unfit = {"c"}
-    with pytest.raises(RunStopped, match=r"none fits; c: on there numba 0 and not 1 as here"):
+    with pytest.raises(RunStopped, match=r"none fits; c: on there numba 0 and not 1"):
         pool.submit(square, 1).result(0)
 
 
