@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import struct
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -94,6 +95,8 @@ class _OfflineRun:
         while any(time.strftime("%Y%m%d_%H%M%S") in path.name for path in self._earlier):
             time.sleep(0.05)
         self.known = _note(0)
+        # wandb records the command line, and fails if it is not valid UTF-8.
+        sys.argv = [word.encode(errors="replace").decode() for word in sys.argv]
         self._session = wandb.init(
             mode="offline",
             project=self.project,

@@ -149,6 +149,7 @@ class TestWandb(ObserverSuite):
 def test_variables_of_an_agent_do_not_join_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("sys.argv", ["evoros", "hydra.run.dir=caf\udce9"])  # Latin-1 as typed
     for name in FOREIGN:
         monkeypatch.setenv(name, "must" if name == "WANDB_RESUME" else "other")
     for name in ("one", "two"):
