@@ -70,6 +70,19 @@ def find_separation(polygon: Array, points: Array, enough: float) -> tuple[float
 
 
 @compilable
+def _off_edge(px: float, py: float, dx: float, dy: float, squared: float) -> tuple[float, float]:
+    """Return the vector [m] from the nearest point of an edge to p; p is relative to its start.
+
+    ``squared`` is the squared length [m2] of the edge (dx, dy), which may be 0.
+    """
+    along = 0.0
+    if squared > 0.0:
+        along = (px * dx + py * dy) / squared
+        along = 0.0 if along < 0.0 else (1.0 if along > 1.0 else along)
+    return px - along * dx, py - along * dy
+
+
+@compilable
 def _squared_distance(polygon: Array, points: Array) -> float:
     """Return the minimum squared distance [m2] from points (n, 2) to a polygon's border (k, 2)."""
     best = math.inf
@@ -77,14 +90,7 @@ def _squared_distance(polygon: Array, points: Array) -> float:
         x, y, dx, dy = find_edge(polygon, i)
         squared = dx * dx + dy * dy
         for j in range(len(points)):
-            px = points[j, 0] - x
-            py = points[j, 1] - y
-            along = 0.0
-            if squared > 0.0:
-                along = (px * dx + py * dy) / squared
-                along = 0.0 if along < 0.0 else (1.0 if along > 1.0 else along)
-            ex = px - along * dx
-            ey = py - along * dy
+            ex, ey = _off_edge(points[j, 0] - x, points[j, 1] - y, dx, dy, squared)
             distance = ex * ex + ey * ey
             if distance < best:
                 best = distance
@@ -106,13 +112,9 @@ def find_border(polygon: Array, x: float, y: float) -> tuple[float, float, float
         px = x - start_x
         py = y - start_y
         squared = dx * dx + dy * dy
-        along = 0.0
+        ex, ey = _off_edge(px, py, dx, dy, squared)
         if squared > 0.0:
-            along = (px * dx + py * dy) / squared
-            along = 0.0 if along < 0.0 else (1.0 if along > 1.0 else along)
             inside = inside and dx * py - dy * px >= 0.0
-        ex = px - along * dx
-        ey = py - along * dy
         distance = ex * ex + ey * ey
         if distance < best:
             best = distance
@@ -195,13 +197,7 @@ def _from_corners(points: Array, polygon: Array) -> tuple[float, float, float]:
         x, y, dx, dy = find_edge(polygon, i)
         squared = dx * dx + dy * dy
         for j in range(len(points)):
-            px = points[j, 0] - x
-            py = points[j, 1] - y
-            along = 0.0
-            if squared > 0.0:
-                along = min(max((px * dx + py * dy) / squared, 0.0), 1.0)
-            ex = px - along * dx
-            ey = py - along * dy
+            ex, ey = _off_edge(points[j, 0] - x, points[j, 1] - y, dx, dy, squared)
             distance = math.sqrt(ex * ex + ey * ey)
             if distance < best:
                 best = distance
