@@ -19,7 +19,6 @@ from evoros.config.own_files import NAMED_FOLDERS, find_key
 from evoros.config.references import IS_LATER, settle
 from evoros.evolution.experiment import Experiment
 from evoros.files.plugins import conf_folders
-from evoros.files.resources import bundled_folder
 
 VERSION_BASE: Mapping[str, Any] = {} if IS_LATER else {"version_base": "1.3"}
 """Hydra version whose defaults evoros needs; Hydra 1.4 and later have only these defaults."""
@@ -114,7 +113,8 @@ def _check_arguments(node: Any, key: str, choices: Mapping[str, str]) -> None:
 
 
 def _describe_missing(key: str, name: str) -> str:
-    choices = sorted(path.stem for path in bundled_folder("conf").glob(f"{name}/*.yaml"))
+    files = (file for folder in conf_folders() for file in folder.glob(f"{name}/*.yaml"))
+    choices = sorted(file.stem for file in files)
     if choices and not key:
         return f"{name}: no choice was made; type {name}=NAME, one of: {', '.join(choices)}"
     return f"{key}: missing key {name!r}; add it" if key else f"missing key {name!r}; add it"

@@ -23,8 +23,7 @@ from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 from evoros.base.errors import EvorosError, override, shell_line, single_line
 from evoros.config.own_files import locate_fault
 from evoros.files.nested import read_yaml
-from evoros.files.plugins import explain_missing
-from evoros.files.resources import bundled_folder
+from evoros.files.plugins import conf_folders, explain_missing
 
 HELP = "see evoros --help for groups and keys"
 LONGEST = 1000
@@ -169,8 +168,9 @@ def describe_unknown(config: DictConfig, key: str) -> str:
 def name_owners(group: str, name: str) -> str:
     """Name the bundled choices of a group whose class has a parameter ``name``; may be empty."""
     found = []
-    folder = bundled_folder("conf") / group.replace(".", "/")
-    for path in sorted(folder.glob("*.yaml")) if group else ():
+    place = f"{group.replace('.', '/')}/*.yaml"
+    files = (file for folder in conf_folders() for file in folder.glob(place))
+    for path in sorted(files) if group else ():
         target = read_yaml(path)[0].get("_target_")
         if target and name in inspect.signature(get_object(target)).parameters:
             found.append(path.stem)

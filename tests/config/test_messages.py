@@ -7,6 +7,7 @@ import pytest
 from evoros.base.errors import InputError
 from evoros.config.compose import compose, parse
 from evoros.config.jobs import Jobs
+from evoros.files.plugins import conf_folders
 from evoros.files.resources import bundled_folder
 
 
@@ -38,7 +39,9 @@ def test_a_key_that_a_file_may_have_is_added_as_the_message_says(tmp_path: Path)
 
 @pytest.mark.parametrize("group", ["world", "robot", "controller"])
 def test_a_group_without_a_choice_is_told_with_choices_that_work(group: str) -> None:
-    bundled = sorted(path.stem for path in (bundled_folder("conf") / group).glob("*.yaml"))
+    """Choices of plug-ins are named, too."""
+    files = (file for folder in conf_folders() for file in folder.glob(f"{group}/*.yaml"))
+    bundled = sorted(file.stem for file in files)
     for word in (f"{group}=[]", f"~{group}"):
         with pytest.raises(InputError, match=f"^{group}: no choice was made") as raised:
             compose([word]).build()
