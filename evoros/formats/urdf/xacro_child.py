@@ -117,8 +117,6 @@ def _patch_xacro(packages: Any, request: dict[str, Any]) -> Any:
     import xacro  # type: ignore[import-untyped, unused-ignore]
     from xacro import substitution_args
 
-    from evoros.formats.urdf.xacro_child import add_prefixes, move_definitions
-
     os.environ.update(request["environment"])
     original_parse, original_extension = xacro.parse, xacro.eval_extension
 
@@ -159,8 +157,6 @@ def _patch_xacro(packages: Any, request: dict[str, Any]) -> Any:
 
 def _skip_absent(xacro: Any, packages: Any) -> None:
     """Make xacro leave out files of ignored or missing packages, and calls of their macros."""
-    from evoros.formats.urdf.xacro_child import calls_macro, rename
-
     process_include, handle_macro_call = xacro.process_include, xacro.handle_macro_call
 
     def include(node: Any, macros: Any, symbols: Any, func: Any) -> None:
@@ -192,7 +188,6 @@ def _skip_absent(xacro: Any, packages: Any) -> None:
 
 def _rename_prefix(root: Any) -> None:
     """Rename a different prefix bound to xacro to ``xacro:``, the only one that xacro knows."""
-    from evoros.formats.urdf.xacro_child import rename
 
     prefixes = [
         name.partition(":")[2]
