@@ -17,14 +17,12 @@ from evoros.base.arrays import Array, length, product
 from evoros.base.checks import POSITIVE, checked, one_of
 from evoros.base.errors import InputError
 from evoros.drive.candidates import (
-    MAX_LACK,
-    MIN_RADIUS_M,
     NEARLY_ALIGNED,
     TURNING,
     find_candidates,
+    find_flaw,
     find_misaligned,
     is_called_wheel,
-    measure_link,
     pair_up,
     read_wheel,
     select_driven,
@@ -300,7 +298,7 @@ class AutomaticDescription(DriveDescription):
             refuse_facing_sideways(urdf)
         names = ", ".join(wheel.joint.name for wheel in candidates) or "none"
         turning = [
-            f"{joint.name}{_find_flaw(urdf, joint)}"
+            f"{joint.name}{find_flaw(urdf, joint)}"
             for joint in urdf.joints.values()
             if joint.type in TURNING
         ]
@@ -316,18 +314,6 @@ class AutomaticDescription(DriveDescription):
             "name the joints of all wheels, front to rear, with "
             "'robot.drive.left_wheel_joints=[LEFT]' 'robot.drive.right_wheel_joints=[RIGHT]'",
         )
-
-
-def _find_flaw(urdf: Urdf, joint: Joint) -> str:
-    """Return why a turning joint carries no wheel, in brackets; empty if its part may be one."""
-    if abs(float(urdf.axis_of(joint)[UP])) > NEARLY_ALIGNED:
-        return " (vertical axis)"
-    part = measure_link(urdf, joint.child, 0.0)
-    if part is None:
-        return " (no shape)"
-    if part.radius <= MIN_RADIUS_M:
-        return f" (radius {part.radius:g} m, too small unless named)"
-    return " (not round about y)" if part.roundness >= MAX_LACK else ""
 
 
 def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> None:

@@ -204,3 +204,15 @@ def default_bicycle(pairs: Sequence[Pair]) -> dict[str, float]:
         "steering_limit_rad": DEFAULT_BICYCLE_STEERING_RAD,
         "max_speed_mps": default_speed([wheel for pair in pairs for wheel in pair]),
     }
+
+
+def find_flaw(urdf: Urdf, joint: Joint) -> str:
+    """Return why a turning joint carries no wheel, in brackets; empty if its part may be one."""
+    if abs(float(urdf.axis_of(joint)[UP])) > NEARLY_ALIGNED:
+        return " (vertical axis)"
+    part = measure_link(urdf, joint.child, 0.0)
+    if part is None:
+        return " (no shape)"
+    if part.radius <= MIN_RADIUS_M:
+        return f" (radius {part.radius:g} m, too small unless named)"
+    return " (not round about y)" if part.roundness >= MAX_LACK else ""
