@@ -22,7 +22,9 @@ def analyze(study: Study, figure: str, **options: Any) -> Product:
         InputError: no such figure or option exists, or the study lacks the required data.
     """
     if figure not in SUBCOMMANDS:
-        raise InputError(f"figure: must be one of {', '.join(SUBCOMMANDS)}, not {figure!r}")
+        raise InputError(
+            f"figure: must be one of {', '.join(SUBCOMMANDS)}, not {figure!r}; choose one"
+        )
     parsed = parse([figure, "."])
     known = sorted(set(vars(parsed)) - OF_COMMAND)
     for name, value in options.items():

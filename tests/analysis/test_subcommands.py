@@ -158,7 +158,7 @@ def test_in_python_the_figures_have_the_tables_of_the_command(mixed: Path, tmp_p
 
 def test_in_python_a_wrong_name_is_refused(mixed: Path) -> None:
     study = load_study([mixed])
-    with pytest.raises(InputError, match=r"^figure: must be one of overlay, .*, not 'none'"):
+    with pytest.raises(InputError, match=r"^figure: must be one of overlay, .*, not 'none'; "):
         analyze(study, "none")
     with pytest.raises(InputError, match=r"^overlay: no option 'output'; choose from .*\bcut\b"):
         analyze(study, "overlay", output="elsewhere")

@@ -145,7 +145,7 @@ def test_missions_with_other_draws_meet_other_mazes() -> None:
     assert fixed.at("a") is fixed.at("b") is fixed
     assert renewed.at("a").bodies != renewed.at("b").bodies
     assert renewed.at("a").bodies == renewed.at("a").bodies
-    with pytest.raises(InputError, match=r"^generate_maze\.renew: must be true or false"):
+    with pytest.raises(InputError, match=r"^generate_maze\.renew: [^\n]*; "):
         generate_maze(**values, renew="yes")  # type: ignore[arg-type]
 
 

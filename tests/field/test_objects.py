@@ -58,7 +58,7 @@ def test_equal_seeds_and_draws_give_equal_bytes_and_others_other_decoys() -> Non
     fixed, renewed = generate_objects(**vars(SCENE)), generate_objects(**vars(SCENE), renew=True)
     assert fixed.at("a") is fixed
     assert renewed.at("a").bodies != renewed.at("b").bodies
-    with pytest.raises(InputError, match=r"^generate_objects\.renew: must be true or false"):
+    with pytest.raises(InputError, match=r"^generate_objects\.renew: [^\n]*; "):
         generate_objects(**vars(SCENE), renew="yes")  # type: ignore[arg-type]
 
 
