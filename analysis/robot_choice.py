@@ -1,4 +1,4 @@
-"""Makes a subcommand's product for one of several robots, and adds factor columns to the tables."""
+"""Makes a subcommand's product for the chosen robot and mission, with factor columns in tables."""
 
 import argparse
 from dataclasses import replace
