@@ -48,12 +48,14 @@ def _find_cut(suffix: str, content: bytes) -> str:
 
 
 def _to_utf8(content: bytes) -> bytes:
-    """Return content as UTF-8; other encodings are read as Latin-1, which only affects names."""
+    """Return content as UTF-8 without a byte order mark.
+
+    Other encodings are read as Latin-1, which only affects names.
+    """
     try:
-        content.decode()
+        return content.decode("utf-8-sig").encode()
     except UnicodeDecodeError:
         return content.decode("latin-1").encode()
-    return content
 
 
 def read_faces(

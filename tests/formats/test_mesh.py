@@ -190,6 +190,20 @@ def test_names_in_latin_1_do_not_matter_whatever_is_installed(
     assert read(tmp_path / name) == read(plain)
 
 
+@pytest.mark.parametrize("kind", ["stl", "obj"])
+def test_a_byte_order_mark_and_ends_of_lines_of_windows_change_nothing(
+    kind: str, tmp_path: Path
+) -> None:
+    """The mark would hide the first vertex of an OBJ file, and shift the others."""
+    text = str(BOX.export(file_type="stl_ascii" if kind == "stl" else kind))
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    (tmp_path / "plain").mkdir()
+    plain = write(tmp_path / "plain" / f"box.{kind}", "\n".join(lines).strip())
+    marked = tmp_path / f"box.{kind}"
+    marked.write_bytes(("\ufeff" + "\r\n".join(lines).strip()).encode())
+    assert read(marked) == read(plain)
+
+
 def test_a_mesh_is_read_once_and_a_damaged_cache_does_not_matter(
     tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
