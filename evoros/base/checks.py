@@ -1,4 +1,4 @@
-"""Rules for the fields of descriptions, declared at the field and checked at construction.
+"""Rules for the fields of descriptions, declared with the field and checked at construction.
 
 A description is a frozen dataclass. ``checked`` makes the constructor check every field that is
 annotated with a rule::
@@ -37,7 +37,7 @@ class Rule:
 
     text: str  # completes "must be ..."
     holds: Callable[[Any], bool]
-    plain: bool = False  # True for strings and numbers, which need no class
+    plain: bool = False  # True for values without a class, such as strings
     limit: float = LARGEST
 
 
@@ -93,7 +93,7 @@ def is_number(value: object) -> bool:
     """Return True if a value is a finite real number and not a Boolean."""
     try:
         return is_real(value) and math.isfinite(value)  # type: ignore[arg-type]
-    except OverflowError:  # an int that no float holds
+    except OverflowError:  # an int too large for a float
         return False
 
 
@@ -103,7 +103,7 @@ def is_real(value: object) -> bool:
 
 
 def is_whole(value: object) -> bool:
-    """Return True if a value, also one of numpy, is an integer and not a Boolean."""
+    """Return True if a value is an integer, also of a numpy type, and not a Boolean."""
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
@@ -124,7 +124,7 @@ NOT_NEGATIVES = Rule(
     "a list of numbers of at least 0",
     lambda v: isinstance(v, list | tuple) and len(v) > 0 and all(map(NOT_NEGATIVE.holds, v)),
 )
-SCORE = Rule(  # small enough for squares and sums not to overflow
+SCORE = Rule(  # small enough that squares and sums do not overflow
     "a finite number of at most 1e100 in magnitude",
     lambda v: is_number(v) and abs(float(v)) <= 1e100,
 )
@@ -167,7 +167,7 @@ A_CONTEXT = Rule("a context manager", lambda v: hasattr(v, "__enter__") and hasa
 
 
 def ask(key: str, method: Callable[..., Any], rule: Rule, *arguments: Any) -> Any:
-    """Call a method of the part at a key, and check the return value."""
+    """Call a method of the part at the configuration key ``key``, and check the return value."""
     return check_answer(key, method, rule, method(*arguments))
 
 
@@ -230,7 +230,7 @@ def _missing_target(value: object) -> str:
 
 def quote(value: object) -> str:
     """Return a shortened representation of a value on one line."""
-    # the default representation shows the address
+    # the default representation contains the object's address
     kind, plain = type(value), type(value).__repr__ is object.__repr__
     text = f"an object of {kind.__module__}.{kind.__qualname__}" if plain else repr(value)
     text = " ".join(text.split())

@@ -35,14 +35,14 @@ class OutsideProcess:
     ports: Mapping[str, int]
     _control: socket.socket
     _log: IO[bytes]
-    _ended: int | None = field(default=None)  # exit status in the form of waitpid
+    _ended: int | None = field(default=None)  # exit status as returned by waitpid
 
     def fileno(self) -> int:
         """Return a descriptor that becomes readable when the process exits."""
         return self._control.fileno()
 
     def running(self, wait_s: float = 0.0) -> bool:
-        """Return True if the process still runs after waiting up to a time [s]."""
+        """Return True if the process still runs after ``wait_s`` [s]."""
         if self._ended is None and select.select([self._control], [], [], wait_s)[0]:
             news, _ = _receive(self._control)
             self._ended = int(news.get("ended", signal.SIGKILL))
@@ -110,7 +110,7 @@ def start_process(
         log = stack.enter_context(TemporaryFile(buffering=0))
         with theirs:
             keeper = _start_keeper(theirs, pass_fds, environment or {}, log)
-        folders: list[str] = []  # folders outside namespaces
+        folders: list[str] = []  # temporary folders, if the command is not isolated
         stack.callback(_clean_up, keeper, folders)
         stack.enter_context(ours)  # closing the socket makes the keeper kill everything
         with suppress(BrokenPipeError, ConnectionResetError):  # the keeper was killed

@@ -76,14 +76,14 @@ def _sort_jobs(jobs: Jobs, explain: Explain) -> tuple[list[Job], list[RefusedJob
 
 @dataclass
 class _Checks:
-    """Results of the checks so far, shared by similar jobs."""
+    """The results of checks so far, which similar jobs share."""
 
     explain: Explain
-    faults: dict[str, str] = field(default_factory=dict)  # keys: all values except the seed
-    built: dict[str, Experiment] = field(default_factory=dict)  # keys: all values outside SEARCH
+    faults: dict[str, str] = field(default_factory=dict)  # keyed by all values except the seed
+    built: dict[str, Experiment] = field(default_factory=dict)  # keyed by all values outside SEARCH
 
     def find_misnamed(self, job: Job) -> str:
-        """Describe a class that a new job cannot instantiate; empty if there is none."""
+        """Name a class that a new job cannot instantiate; empty if there is none."""
         try:
             if not (job.folder / MISSIONS).exists():
                 check_classes(job.config.values, job.config.choices)
@@ -130,7 +130,7 @@ def _describe(config: Configuration, ignored: Sequence[str]) -> str:
 def describe_faults(
     ready: Sequence[tuple[str, ...]], refused: Sequence[RefusedJob]
 ) -> Iterator[str]:
-    """Describe each fault once, after the overrides shared by the jobs that have it.
+    """Describe each fault once, preceded by the overrides that the faulty jobs share.
 
     ``ready`` has the overrides of the jobs without a fault. Overrides of all jobs are omitted.
     """
@@ -166,7 +166,7 @@ def find_treatment(config: Configuration) -> str:
 
     apart = tuple(
         f"{key}:" for key in IGNORED if key != "treatment"
-    )  # a treatment's levels are factors
+    )  # a sweep's levels are compared as factors
     return "".join(block for block in _BLOCK.split(config.text) if not block.startswith(apart))
 
 

@@ -61,7 +61,7 @@ class SharedPool:
 
     @contextmanager
     def open(self, executor: Executor) -> Iterator[Pool]:
-        """Stand in for the executor's ``open``, so that all jobs share one pool.
+        """Replace the executor's ``open``, so that all jobs share one pool.
 
         Raises:
             KeyboardInterrupt: ``close`` was called, which interrupts all jobs using the pool.
@@ -69,7 +69,7 @@ class SharedPool:
         try:
             yield self.start(executor)
         except Exception:
-            if self._stopping:  # the error results from cancelled or refused calls
+            if self._stopping:  # the pool cancelled or refused the job's calls
                 raise KeyboardInterrupt from None
             raise
 
@@ -309,7 +309,7 @@ def build_job(config_dir: str | None, job: Job) -> Session | None:
 def begin_all(jobs: Iterable[Job], sweep: Sweep, interrupts: Interrupts) -> int:
     """Start jobs until a signal arrives, wait for them, and return the number started."""
     begun = 0
-    with closing(sweep), suppress(KeyboardInterrupt):  # each job reports its resume command
+    with closing(sweep), suppress(KeyboardInterrupt):  # each job reports how to resume it
         for job in jobs:
             sweep.begin(job)  # if enough jobs are running, blocks until one ends
             begun += 1

@@ -1,8 +1,8 @@
 """Kernels: the mission loop and its rules as one program, for this processor or for a GPU.
 
-The code is what numba generates for the same functions, before its optimization for this
-processor. No sum or product is contracted or reordered, and no library is called, so results are
-bitwise equal on every target.
+The code is numba's code for the same functions, before optimization for this processor. No sum or
+product is contracted or reordered, and no library is called, so results are bitwise equal on every
+target.
 """
 
 import hashlib
@@ -36,7 +36,7 @@ _BITS = types.NumPyRandomBitGeneratorType("bit_generator")
 
 
 class NumberedRule(types.Callable):  # type: ignore[misc]
-    """The type of a rule's number among the rules of a kind, callable in compiled code."""
+    """The type of a rule, given by its number among the rules of a kind, in compiled code."""
 
     def __init__(self, kind: str, signature: Signature) -> None:
         self.symbol, self.signature = f"evoros.{kind}", signature

@@ -27,7 +27,7 @@ NJIT_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 """Compiled code cannot raise errors, so a division by zero gives inf or NaN."""
 SETTINGS: dict[str, Any] = {
     "LOOP_VECTORIZE": 0,  # loops are short, and kernels use the same code
-    # Environment variables would change the code that other processes load.
+    # Otherwise, one process's environment variables would change the code that all processes load.
     **dict.fromkeys(("DISABLE_JIT", "BOUNDSCHECK"), 0),
 }
 BORROWING: dict[str, Any] = {"_nrt": False}
@@ -164,7 +164,7 @@ def _list_imported(text: bytes) -> set[str]:
     for source, imported, module in _IMPORT.findall(text):
         package = (source or module).decode()
         names |= {f"{package}.{name}" for name in re.findall(r"\w+", imported.decode())}
-        while "." in package:  # parent packages are imported, too
+        while "." in package:  # Python also imports the parent packages
             names.add(package)
             package = package.rpartition(".")[0]
     return names

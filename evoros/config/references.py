@@ -1,8 +1,8 @@
-"""Resolves references in a configuration, so that its record has the values used.
+"""Resolves references in a configuration, so that the recorded configuration has the values used.
 
-References ``${key}`` remain. So do references to possible secrets: environment variables with a
-secret's name, strings from any variable at a key with a secret's name or at a key passed to other
-programs, and addresses with a password.
+References ``${key}`` remain. References to possible secrets also remain: environment variables
+named like secrets, strings from any variable at a key that is named like a secret or passed to
+other programs, and addresses with a password.
 """
 
 import json
@@ -28,7 +28,7 @@ _OF_OTHERS = re.compile(r"\$\{(?!oc\.|now:|hydra:)[\w.-]+:")
 _OUTSIDE = re.compile(
     r"(^|\.)(environment|command|nodes)(\.|$)|^controller\.arguments\b|^observers\."
 )
-"""Keys with values passed to other programs."""
+"""Keys whose values are passed to other programs."""
 _ADDRESS = re.compile(r"://[^/\s]*@")
 _HIDDEN = "${evoros.secret:}"
 """Call of an unknown resolver, which keeps references to a secret from being resolved."""

@@ -65,7 +65,7 @@ def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str,
 
 
 def list_range_finders(robot: Robot) -> list[tuple[int, RangeSensor]]:
-    """List the (mount, sensor) pairs sent to the autopilot: the first with a single range."""
+    """List the (mount, sensor) pairs sent to the autopilot, the first ones with a single range."""
     return [
         (mount, sensor)
         for mount, sensor in enumerate(robot.mounted_sensors())

@@ -76,8 +76,8 @@ class L1(Layer):
 
     The law was designed for speeds above ``least_speed_mps``. On a slow robot with a delayed pose,
     the heading swings by some 30 deg, as in the serpentine of the 2018 paper (Evo-ROS); with an
-    exact pose, the robot drives straight. The yaw rate comes from a gyroscope, so a localization
-    does not delay it. The law guides the centre of the rear axle, because that point moves in the
+    exact pose, the robot drives straight. The yaw rate comes from a gyroscope, so localization does
+    not delay it. The law guides the centre of the rear axle, because that point moves in the
     direction of the heading.
     """
 

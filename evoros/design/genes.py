@@ -12,7 +12,7 @@ from evoros.base.errors import InputError
 
 Part = TypeVar("Part")
 BOUNDS = ("low", "high")
-"""Keys of a gene's bounds."""
+"""Configuration keys of a gene's bounds."""
 
 # Robot values may evolve only if no file sets them. Evolving worlds, failures or the simulator
 # would make the test easier instead of the robot better.
@@ -80,7 +80,7 @@ def check_gene_names(design: object, names: Iterable[str]) -> None:
 
 
 def group_genes(genes: Mapping[str, Gene]) -> dict[str, list[str]]:
-    """Return the names of the varying genes by group; a gene without a group is one."""
+    """Return the names of the varying genes by group; a gene without a group forms one."""
     groups: dict[str, list[str]] = {}
     for name, gene in genes.items():
         if gene.low < gene.high:

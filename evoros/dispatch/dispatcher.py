@@ -51,9 +51,10 @@ class MissionRecord(Protocol):
 
 
 CALLS_PER_WORKER = 3
-"""Number of calls submitted ahead per worker: enough to keep a worker busy, and few to lose."""
+"""Number of calls submitted ahead per worker, so that a worker is busy but loses few if it
+crashes."""
 NEW_WORKERS_S = 1.0
-"""Maximum time [s] until workers that join get calls."""
+"""Maximum time [s] until workers that join receive calls."""
 MISSIONS_OUT = 50_000
 """Maximum number of missions in calls, which bounds the memory of the main process."""
 
@@ -112,7 +113,7 @@ class Dispatcher:
             batch.cancel()
 
     def run_for_trajectories(self, scenario: Scenario, missions: Sequence[Mission]) -> list[Array]:
-        """Run the missions and return their trajectories in order; a lost mission's has no rows.
+        """Run the missions and return their trajectories in order, without rows for lost missions.
 
         Raises:
             RunStopped: see ``run``.

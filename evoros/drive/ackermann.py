@@ -27,8 +27,8 @@ from evoros.drive.protocol import (
 from evoros.drive.rolling import Pair
 from evoros.formats.urdf.tree import Urdf
 
-DEFAULT_STEERING_RAD = 0.5  # if the steering joints state no limits
-MAX_DEFAULT_STEERING_RAD = 0.8  # even if the joints state wider limits
+DEFAULT_STEERING_RAD = 0.5  # used if the steering joints state no limits
+MAX_DEFAULT_STEERING_RAD = 0.8  # applies even if the joints state wider limits
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,7 @@ class DriveDescription(ABC):
 
     @classmethod
     def build(cls, found: Mapping[str, Any], given: Mapping[str, Any]) -> Self:
-        """Return a drive with the fields found on a robot, overridden by the given ones."""
+        """Return a drive with the fields found on a robot, overridden by ``given``."""
         names = {field.name for field in fields(cls)}  # type: ignore[arg-type]
         return cls(**{**found, **{name: given[name] for name in names & given.keys()}})
 

@@ -37,7 +37,7 @@ class Candidate:
     """A joint whose child link looks like a wheel on the ground."""
 
     joint: Joint
-    wheel: Wheel  # root link's frame
+    wheel: Wheel  # frame: root link
     turns: bool  # False if the joint is fixed
     steering: Joint | None  # joint that turns the wheel about the vertical
 

@@ -24,7 +24,7 @@ class Contest:
     allocation: Allocation
     trials: int  # value of the experiment's key ``trials``
     earlier: Mapping[int, list[float]]
-    combine: Combine = mean  # the experiment's rule for combining scores
+    combine: Combine = mean  # the experiment's rule to combine scores
     scores: dict[int, list[float]] = field(default_factory=dict)  # designs with trials only
     rounds: list[Mapping[int, int]] = field(default_factory=list)
 
@@ -71,7 +71,7 @@ class Contest:
 
     @property
     def compared(self) -> int:
-        """The number of trials by which designs are compared, which all in the last round have."""
+        """The number of trials by which designs are compared; all in the last round have it."""
         last = self.rounds[-1] if self.rounds else ()
         return min((len(self.earlier[i]) + len(self.scores[i]) for i in last), default=0)
 

@@ -289,7 +289,7 @@ class Experiment:
         return required or stating or self.worst_cases is not None
 
     def start_search(self) -> Search:
-        """Start the experiment's search, which the seed determines."""
+        """Start the experiment's search, with random draws that the seed determines."""
         rng = generator(f"{self.seed}", "optimizer")
         rule = Rule(
             "a search (an object with ask, tell and champions)", lambda v: hasattr(v, "ask")

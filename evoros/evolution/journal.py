@@ -95,7 +95,7 @@ class Watcher(Protocol):
     """Follows the progress of a run without affecting its results."""
 
     def begin(self, generation: int, missions: int, known: int) -> None:
-        """Report that ``missions`` missions come next, of which ``known`` are already recorded."""
+        """Report that ``missions`` missions come next, ``known`` of which are already recorded."""
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
         """Report that a mission has finished and is recorded."""

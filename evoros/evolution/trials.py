@@ -217,8 +217,8 @@ class Validated:
     def validate(self, generation: int, individual: Individual) -> None:
         """Validate an individual, unless it is already validated or the run does not validate.
 
-        A fitness that is not a mean depends on the number of trials, so it is validated with no
-        fewer trials than the number by which designs were compared.
+        A fitness that is not a mean depends on the number of trials, so it is validated on at least
+        the number of trials by which designs were compared.
         """
         experiment = self.trials.experiment
         count = experiment.plan.validation_trials

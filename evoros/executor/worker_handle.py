@@ -28,7 +28,7 @@ from evoros.executor.worker_main import prepare, run_call
 START_LIMIT_S = 120.0
 """Maximum time [s] until a process is ready; the process only imports the main script."""
 EXIT_S = 10.0
-"""Maximum time [s] from the closing of a process's pipe to its end."""
+"""Maximum time [s] that a process needs to exit after its pipe closes."""
 LOOK_S = 1.0
 """Time [s] between two checks that the process of a call still runs."""
 

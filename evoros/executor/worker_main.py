@@ -38,8 +38,8 @@ def prepare(folders: Sequence[str] = ()) -> int:
 def run_call(payload: bytes, contents: Sequence[protocol.Shared] = ()) -> protocol.Answer:
     """Run a pickled call, and cache ``contents`` for this call and later ones.
 
-    A call that cannot be imported or unpickled fails alone, because this is done here and not in
-    the pool.
+    A call that cannot be imported or unpickled fails alone, because the call is unpickled here and
+    not by the pool.
     """
     _KEPT.add(contents)
     kind = protocol.RETURNED

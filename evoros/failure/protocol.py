@@ -131,7 +131,7 @@ PARTS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Fault:
-    """A filter on a signal of the mission that starts at an onset.
+    """A filter that acts on one of a mission's signals from an onset on.
 
     The fault's name and number select a random stream. A sensor fault has one onset per sensor; any
     other fault has one onset.
@@ -195,7 +195,7 @@ def draw_faults(
 
 
 def make_faults(failure: Failure, case: Case, sensors: int) -> tuple[Fault, ...]:
-    """Return the fault of a case in a robot with ``sensors`` sensors; none if all are intact.
+    """Return the fault of a case in a robot with ``sensors`` sensors; none if none fails.
 
     Raises:
         InputError: the failure model has no effect.
@@ -263,7 +263,7 @@ class Adversary(Protocol):
     def list_cases(self) -> Sequence[Case]:
         """Return the cases of the next generation, one per trial; called once per generation.
 
-        Trials use them in a random order unless every design meets all of them.
+        Trials use the cases in random order unless every design meets all cases.
         """
 
     def tell(self, scores: Mapping[int, Mapping[int, float]]) -> None:
@@ -281,4 +281,4 @@ class AdaptiveFailure(Failure):
 
     @abstractmethod
     def start(self, sensors: int, trials: int, rng: Generator) -> Adversary:
-        """Return the initial cases of a run with ``trials`` per generation."""
+        """Return the initial cases of a run with ``trials`` trials per generation."""

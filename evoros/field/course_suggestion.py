@@ -56,7 +56,7 @@ SHORTER = 2.0  # leg length in acceptance radii, used if longer legs form no loo
 HOMES, CORNERS, TRIES = 12, 60, 4000
 LARGE_ENOUGH_M = 24.0  # size of a loop below which other homes are tried
 ROOM_M = 12.0  # size of a loop below which other attempts are made
-SHARES = np.linspace(0.0, 1.0, 9)  # fractions of a leg at which obstacles are looked up
+SHARES = np.linspace(0.0, 1.0, 9)  # fractions of a leg at which the clearance is checked
 THIN = 0.02
 """Ratio of a loop's area to its squared length below which the loop is nearly a line; a square has
 0.06."""
@@ -221,7 +221,7 @@ def _find_route(
 def _find_loop(
     space: FreeSpace, points: Array, spacings: tuple[float, ...], rng: Generator
 ) -> _Route | None:
-    """Find a wide loop through the first of ``points`` (n, 2) [m] and 4 others, or else 3, 2 or 1.
+    """Find a wide loop through the first of ``points`` (n, 2) [m] and 4 others, or else fewer.
 
     The corners are at least the first of ``spacings`` [m] apart, or else the second. The value is
     the loop's length [m] plus its area [m2], so loops around something rank above routes that go

@@ -27,7 +27,7 @@ from evoros.terminal.activity import announce
 TOLD_M = 0.01  # minimum deviation that is reported
 WORK = 3e6
 """Maximum work per mesh (see ``divide_mesh``), which takes about 15 s on one core."""
-_VERSION = 2  # increases with changes to the algorithm
+_VERSION = 2  # increased with every change to the algorithm
 
 Corners = tuple[Vector, ...]
 

@@ -185,7 +185,7 @@ def _numbers(element: Element, kind: type) -> Array:
 
 
 def _fan(flat: Array, counts: Array | None) -> Array:
-    """Return the triangles of polygons with ``counts`` corners; None: a single polygon."""
+    """Return the triangles of polygons with ``counts`` corners each; None is a single polygon."""
     if counts is None:
         counts = np.array([len(flat)])
     starts = np.cumsum(counts) - counts

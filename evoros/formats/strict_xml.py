@@ -294,7 +294,7 @@ def touches_nothing(collision: Element) -> bool:
 
 
 def _read_bits(text: str) -> int:
-    """Return the integer in a string; if there is none, one with all bits set."""
+    """Return the integer in a string, or an integer with all bits set if there is none."""
     try:
         return int(text.strip(), 0)
     except ValueError:

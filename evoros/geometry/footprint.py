@@ -126,7 +126,7 @@ def find_heights(shape: Shape, pose: Pose) -> tuple[float, float]:
 
 
 def project_bodies(bodies: Iterable[Body], below_m: float = math.inf) -> tuple[Footprint, ...]:
-    """Project all solid shapes between the ground and a height [m]; polyhedra are cut at both."""
+    """Project all solid shapes up to a height [m]; polyhedra are cut at the ground and there."""
     areas = []
     for shape, pose in chain.from_iterable(body.placed for body in bodies):
         if shape.kind != "plane":

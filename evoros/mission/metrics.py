@@ -38,7 +38,7 @@ def measure(index: int, setup: Setup, result: LoopResult) -> Outcome:
     participant, faults = setup.robots[index].participant, setup.robots[index].faults
     counts, tick = setup.arrays.counts[:, index], setup.timing.tick
     ended, first = int(counts[inputs.ENDED]), int(counts[inputs.FIRST_COLLISION])
-    cut_off = ended == inputs.RUNNING  # the mission did not wait for it
+    cut_off = ended == inputs.RUNNING  # the mission did not wait for this robot
     time = (result.ticks if cut_off else int(counts[inputs.END_TICK])) * tick
     rows = setup.arrays.trajectory[: result.rows if cut_off else int(counts[inputs.END_ROW]) + 1]
     track = rows[:, _find_columns(setup.agents, index)]

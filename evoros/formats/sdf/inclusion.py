@@ -1,4 +1,4 @@
-"""Replaces every ``<include>`` of an SDF document by the model that it names."""
+"""Replaces every ``<include>`` of an SDF document with the model that it names."""
 
 import itertools
 import re

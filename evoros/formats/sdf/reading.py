@@ -286,7 +286,7 @@ class Reading:
     contents: dict[Path, bytes] = field(default_factory=dict)  # all files except the world's
     models: dict[tuple[str, Path], Path | None] = field(
         default_factory=dict
-    )  # keys: address and folder
+    )  # keyed by address and folder
     meshes: dict[tuple[object, ...], tuple[Shape, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -36,8 +36,7 @@ _QUANTITIES = {
     "rate": ("angular_velocity", "rate"),
     "acceleration": ("linear_acceleration", "accel"),
 }
-"""Elements for each quantity of an IMU in new and in old files, by the prefix of the filters'
-names."""
+"""The XML element of each IMU quantity in new and old files, keyed by its filters' name prefix."""
 _AXES = ("x", "y", "z")
 
 
@@ -102,7 +101,7 @@ def _find_axes(imu: Element, now: str, before: str) -> Iterator[Element | None]:
 
 
 def _read_values(noise: Element | None) -> tuple[dict[str, float], list[str]]:
-    """Return the values of a noise that evoros supports, and the names of the others."""
+    """Return the values of a noise that evoros supports, and the names of all other values."""
     if noise is None:
         return {}, []
     kind = find_child(noise, "type")

@@ -42,7 +42,7 @@ _FOREIGN = ("gazebo", "transmission", "ros2_control", "sensor")
 
 
 def add_prefixes(root: Any) -> Iterator[str]:
-    """Add ``xacro:`` to the tags of a document that lack it; yield each of them."""
+    """Add ``xacro:`` to the tags of a document that lack it; yield each such tag."""
     for tag, attributes in LEGACY_TAGS.items():
         for element in root.getElementsByTagName(tag):
             if all(map(element.hasAttribute, attributes)):

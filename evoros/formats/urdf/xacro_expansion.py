@@ -92,7 +92,7 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
 
 
 def choose_instead(absences: Absences, options: ReadOptions) -> str:
-    """Return the keys to set instead of getting the missing items."""
+    """Return the keys that can be set instead of providing the missing items."""
     if options.packages_key != ReadOptions.packages_key:  # worlds have no ignored packages
         return "delete the elements that name them"
     packages = absences.names("package")
@@ -179,8 +179,9 @@ def _request_expansion(
 def _run_child(request: str, folder: Path, patience_s: float) -> tuple[int, str, str]:
     """Run the child process and return its status, output and messages.
 
-    The child may share the processor with others, so ``patience_s`` [s] exceeds its time limit. On
-    a timeout, the processes that it has started also end, because they would keep the pipes open.
+    The child may share the processor with others, so ``patience_s`` [s] exceeds the child's time
+    limit. On a timeout, the processes that it has started also end, because they would keep the
+    pipes open.
     """
     with subprocess.Popen(
         [sys.executable, "-I", xacro_child.__file__],
