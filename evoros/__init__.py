@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from evoros.storage.reading import Run, load_run
 
     __version__: str
-    """Version, derived from git tags; see ``evoros.files.origin``."""
+    """The version, derived from git tags; see ``evoros.files.origin``."""
 
 # fmt: off
 __all__ = [  # noqa: RUF022 - grouped by topic

@@ -58,7 +58,7 @@ def run(
     """Evolve like the command ``evoros``, into a new or empty folder, and return the run.
 
     ``config`` is a composed configuration, or the overrides of the command; ``config_dir`` is the
-    folder of your own parts to which overrides may refer. The default ``display`` is a line of
+    folder with your own parts, to which overrides may refer. The default ``display`` is a line of
     progress on standard error, or below a notebook cell; ``NoDisplay()`` shows nothing.
 
     Raises:
@@ -118,7 +118,8 @@ def evaluate(
 class Evaluator:
     """A context manager that scores designs and keeps its workers between calls.
 
-    The configuration's optimizer is ignored. Arguments are as in ``run``; calls display progress.
+    The configuration's optimizer is ignored. Arguments are as in ``run``. Calls of its methods
+    display progress.
 
     Raises:
         InputError: the configuration cannot be used.

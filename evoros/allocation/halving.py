@@ -14,8 +14,8 @@ class SequentialHalving(Allocation):
     """Run new designs and the best survivors in rounds, each of which keeps the better half.
 
     The rounds share the budget equally, so designs in later rounds get more trials each. A round
-    gives each design at least the experiment's ``trials``, even beyond the budget. Sources:
-    Karnin, Koren and Somekh, Almost optimal exploration in multi-armed bandits, ICML 2013;
+    gives each design at least the experiment's ``trials``, even if this exceeds the budget.
+    Sources: Karnin, Koren and Somekh, Almost optimal exploration in multi-armed bandits, ICML 2013;
     Jamieson and Talwalkar, Non-stochastic best arm identification, AISTATS 2016.
     """
 

@@ -64,7 +64,7 @@ def rank(standings: Iterable[Standing], trials: int) -> list[Standing]:
 
 
 def ask_for(standings: Iterable[Standing], trials: int) -> dict[int, int]:
-    """Return, by id, the number of trials that designs with fewer than ``trials`` lack."""
+    """Map the id of each design with fewer than ``trials`` trials to the number that it lacks."""
     lacks = {standing.id: trials - len(standing.scores) for standing in standings}
     return {design: lack for design, lack in lacks.items() if lack > 0}
 

@@ -22,7 +22,7 @@ class Racing(Allocation):
 
     Each round runs one trial of each design in the race. A design then leaves if a one-sided paired
     t-test places it below the leader. The race ends when ``best`` designs are left, or after
-    ``max_trials``. This is the race with uncorrected t-tests of Birattari, Stützle, Paquete and
+    ``max_trials``. This is the race with uncorrected t-tests by Birattari, Stützle, Paquete and
     Varrentrapp (A racing algorithm for configuring metaheuristics, GECCO 2002). Heidrich-Meisner
     and Igel (ICML 2009) also apply races to evolution strategies.
     """

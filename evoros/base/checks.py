@@ -71,7 +71,6 @@ def checked(cls: type[T]) -> type[T]:
 
 
 def _list_numbers(value: object) -> Iterator[float]:
-    """Yield the finite numbers in a configuration value."""
     if is_number(value):
         yield value  # type: ignore[misc]
     elif isinstance(value, list | tuple):
@@ -172,7 +171,7 @@ def ask(key: str, method: Callable[..., Any], rule: Rule, *arguments: Any) -> An
 
 
 def check_answer(key: str, method: Callable[..., Any], rule: Rule, answer: Any) -> Any:
-    """Check ``answer``, the return value of a method of the part at a key, and return it."""
+    """Check and return ``answer``, which a method of the part at ``key`` returned."""
     if rule.holds(answer):
         return answer
     part = getattr(method, "__self__", None)
@@ -184,7 +183,7 @@ def check_answer(key: str, method: Callable[..., Any], rule: Rule, answer: Any) 
 
 
 def find_source(definition: Any) -> str:
-    """Return the file of a class or a function, for a message."""
+    """Return the source file of a class or a function, for a message."""
     module = sys.modules.get(getattr(definition, "__module__", ""))
     return getattr(module, "__file__", None) or "it"
 
@@ -221,7 +220,7 @@ def invalid(part: object, field: str, value: object, rule: str, fix: str = "") -
 
 
 def _missing_target(value: object) -> str:
-    """Return the fix for one or several parts that are configured without a class, or ""."""
+    """Return how to fix parts that are configured without a class; "" if this is not the fault."""
     several = isinstance(value, dict) and any(isinstance(item, dict) for item in value.values())
     single = isinstance(value, dict) and not any(hasattr(i, "__dict__") for i in value.values())
     fix = "add _target_, the class of which these keys are arguments"
@@ -252,7 +251,7 @@ def bounds(interval: Any) -> tuple[float, float]:
 
 
 def scale(gene: float, low: float, high: float) -> float:
-    """Return the value at ``gene`` (0..1) between ``low`` and ``high``, clipped after rounding."""
+    """Return the value at ``gene`` (0..1) between ``low`` and ``high``, never outside them."""
     return min(max(low + gene * (high - low), low), high)
 
 

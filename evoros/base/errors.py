@@ -94,7 +94,7 @@ def require_extra(extra: str, need: str, failure: type[InputError] = InputError)
 
 
 def explain_path(error: BaseException) -> str:
-    """Return a one-line explanation of an error due to a path, or "" for any other error."""
+    """Return a one-line explanation of an error in a path operation, or "" for any other error."""
     if isinstance(error, RuntimeError) and str(error).startswith(_LOOP):  # before Python 3.13
         return f"{str(error).removeprefix(_LOOP)}: cannot be used; {PATH_REMEDIES[errno.ELOOP]}"
     if not isinstance(error, OSError) or error.errno not in PATH_REMEDIES or not error.filename:
@@ -114,7 +114,7 @@ MAX_DIGITS = 6  # maximum number of decimal places
 
 
 def count_digits(size: float) -> int:
-    """Return the number of decimals that shows ``size`` to two digits, at most ``MAX_DIGITS``."""
+    """Return the number of decimals that show ``size`` to two digits, at most ``MAX_DIGITS``."""
     return next((digits for digits in range(MAX_DIGITS) if size * 10**digits >= 9.5), MAX_DIGITS)
 
 

@@ -26,7 +26,6 @@ def next_word(bits: BitGenerator) -> int:
 
 @compilable
 def _draw_share(bits: BitGenerator) -> float:
-    """Draw a number in [0, 1)."""
     return float(next_word(bits) >> 11) * _LEAST
 
 

@@ -1,4 +1,4 @@
-"""A script that starts one command for a mission, and ends the command with all descendants.
+"""A script that starts one command for a mission, and ends the command with all its descendants.
 
 ``process.py`` runs the script without ``site``, which halves the start time. The argument is the
 descriptor of a socket. The script receives one line of JSON, the order, and sends the mission's
@@ -7,8 +7,8 @@ for any reason, the command and its descendants are killed.
 
 In isolation, the command gets a new network, process tree, mounts and shared memory. The first
 process in these namespaces is a child of this process, and reaps the orphans among the command's
-descendants. When it ends, the kernel kills all of them. Without isolation, this process adopts the
-orphans.
+descendants. When that process ends, the kernel kills all processes in the namespaces. Without
+isolation, this process adopts the orphans.
 
 bubblewrap 0.8.0 makes such namespaces in 19 ms, but cannot replace this script. Its loopback
 interface lacks multicast, which ROS 2 needs to discover nodes, and sockets must be created in the

@@ -1,4 +1,4 @@
-"""An external process for one mission, from start-up to its last output and its end."""
+"""An external process for one mission, from start-up to exit."""
 
 import json
 import os
@@ -144,7 +144,7 @@ def _start_keeper(
 
 
 def _clean_up(keeper: "subprocess.Popen[bytes]", folders: Sequence[str]) -> None:
-    """Wait until the keeper has killed everything; do its work if it was killed."""
+    """Wait until the keeper has killed everything, or do so here if the keeper was killed."""
     if keeper.poll() is None:  # otherwise the process id may be in use again
         _await_end(keeper)
     if keeper.wait() != 0:
@@ -178,7 +178,8 @@ def _list_residents(home: str) -> Iterator[int]:
 def _receive(control: socket.socket, sockets: int = 0) -> tuple[dict[str, Any], list[int]]:
     """Receive a line of news, and up to ``sockets`` descriptors; empty if the keeper exited.
 
-    The next line stays in the socket, because the command may exit before its start is read.
+    The next line stays in the socket, because the command may exit before the news of its start is
+    read.
     """
     data, descriptors = b"", []
     while not data.endswith(b"\n"):

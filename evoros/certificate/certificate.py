@@ -24,7 +24,7 @@ class Rival:
     design: int
     trials: int
     fitness: float  # fitness in these trials
-    low: float  # interval, simultaneous for all rivals; NaN if unknown
+    low: float  # lower end of an interval that holds for all rivals at once; NaN if unknown
     high: float
     led: bool  # True: best of a generation; False: runner-up of the last generation
 
@@ -41,7 +41,7 @@ class Finalist:
 
 @dataclass(frozen=True)
 class Certificate:
-    """The champion's fitness, success and rivals on draws that did not select it."""
+    """The champion's fitness, success and rivals on fresh draws."""
 
     design: int
     recorded_fitness: float  # the fitness by which the champion was selected

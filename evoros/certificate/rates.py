@@ -76,7 +76,7 @@ def _bound_below(first: tuple[int, int], second: tuple[int, int], tail: float) -
 
 
 def share_level(confidence: float, tests: int) -> float:
-    """Return the confidence per test at which all tests hold together with ``confidence``."""
+    """Return the confidence needed per test so that all tests together have ``confidence``."""
     return 1 - (1 - confidence) / tests  # Bonferroni
 
 
@@ -121,7 +121,7 @@ def _find_quantile(values: Array, end: float, chance: float, repeats: int) -> fl
     if len(distinct) == 1 or distinct[0] < end:
         return float(distinct[0])
     counts = repeats * np.bincount(places).astype(np.float64)
-    counts[0] -= repeats - 1  # the end counts once
+    counts[0] -= repeats - 1  # the end value counts only once
     scale = float(distinct[-1] - end)
     shares = (distinct - end) / scale
 

@@ -27,7 +27,7 @@ class Validation:
     trials: Annotated[int | None, TRIALS] = None  # None: optimizer.validation_trials
     precision: Annotated[float | None, PRECISION] = None  # half-width of the fitness interval
     max_trials: Annotated[int, COUNT] = 200
-    confidence: Annotated[float, CONFIDENCE] = 0.95  # applies to each interval
+    confidence: Annotated[float, CONFIDENCE] = 0.95  # confidence level of each interval
     rivals: Annotated[int, WHOLE] = 0  # number of other designs to validate
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""The subcommand ``inspect``: shows how a robot or world is read, and writes its YAML file."""
+"""The subcommand ``inspect``: shows how evoros reads a robot or world, and writes its YAML file."""
 
 from argparse import SUPPRESS, RawDescriptionHelpFormatter
 from collections.abc import Iterator, Mapping, Sequence

@@ -154,7 +154,7 @@ def report_result(command: str, in_sweep: bool, folder: Path, result: JobResult)
 
 
 def judge_result(folder: Path, result: JobResult) -> int:
-    """Return a job's exit status; for a finished evaluation, the status includes the verdicts."""
+    """Return a job's exit status, which reflects the verdicts of a finished evaluation."""
     if result.status != console.DONE:
         return result.status
     from evoros.storage.verdicts import read_verdicts

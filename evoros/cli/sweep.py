@@ -46,7 +46,8 @@ def jobs_at_once(workers: int) -> int:
 
 
 JOBS_TOGETHER = KEPT
-"""Number of jobs whose missions are launched together; a worker caches as many experiments."""
+"""Number of jobs whose missions are launched together; each worker caches this number of
+experiments."""
 
 
 class SharedPool:
@@ -81,7 +82,7 @@ class SharedPool:
         return 1 if self._pool is None else jobs_at_once(self._pool.workers)
 
     def start(self, executor: Executor) -> Pool:
-        """Start the pool if needed; raises the errors of ``Executor.open``."""
+        """Start the pool if needed; raise the errors of ``Executor.open``."""
         with self._lock:
             if self._stopping:
                 raise KeyboardInterrupt
@@ -187,7 +188,7 @@ class Sweep:
         while len(self._running) > count:
             for future in wait(self._running, return_when=FIRST_COMPLETED).done:
                 self._conclude(self._running[future], future.result())
-                del self._running[future]  # comes last, so that a signal cannot suppress the report
+                del self._running[future]  # last, so that a signal cannot suppress the report
 
     def _conclude(self, folder: Path, result: JobResult) -> None:
         self.results.append((folder, result))

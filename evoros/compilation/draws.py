@@ -1,4 +1,4 @@
-"""Registers ``evoros.base.rng.Generator`` with numba, so that compiled draws are equal."""
+"""Registers ``evoros.base.rng.Generator`` with numba, so that compiled draws are the same."""
 
 from typing import Any
 

@@ -36,7 +36,7 @@ _BITS = types.NumPyRandomBitGeneratorType("bit_generator")
 
 
 class NumberedRule(types.Callable):  # type: ignore[misc]
-    """The type of a rule, given by its number among the rules of a kind, in compiled code."""
+    """The numba type of a rule that is identified by its number among the rules of a kind."""
 
     def __init__(self, kind: str, signature: Signature) -> None:
         self.symbol, self.signature = f"evoros.{kind}", signature
@@ -308,7 +308,7 @@ def optimize(module: Any, machine: Any) -> None:
 
 
 def find_foreign(module: Any) -> list[str]:
-    """Return the functions called that are undefined or not exact."""
+    """Return the called functions that are undefined or inexact."""
     names = [function.name for function in module.functions if function.is_declaration]
     return [name for name in names if not name.startswith("llvm.") or _NOT_EXACT.match(name)]
 

@@ -79,7 +79,7 @@ def compile_function(function: Any, signature: Any, on_disk: bool, **options: An
         dispatcher = njit(signature, cache=True, **NJIT_OPTIONS, **options)(function)
     if on_disk and dispatcher.stats.cache_misses:
         for path in sorted(Path(FunctionCache(function).cache_path).iterdir()):
-            with suppress(FileNotFoundError):  # a draft that another process removed
+            with suppress(FileNotFoundError):  # another process may have removed the draft
                 sync(path)
     return dispatcher
 
@@ -107,7 +107,7 @@ def lower(dispatcher: Any, signature: Any) -> Lowered:
 
 @contextmanager
 def compiling() -> Iterator[bool]:
-    """Make numba use the cache folder of evoros; yields True if there is a folder."""
+    """Make numba use the cache folder of evoros; yield True if there is one."""
     folder = cache_folder()
     with announce("compiling"), _COMPILING, warnings.catch_warnings():
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)

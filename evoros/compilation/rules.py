@@ -215,8 +215,8 @@ _FUNCTIONS = {
 def substitute(function: Any, helpers: bool = False) -> Any:
     """Return a copy of a user's function that uses the elementary functions of evoros.
 
-    With ``helpers``, the same is done for the functions that it calls from its module. Compiled
-    rules instead need helpers that are registered with numba.
+    With ``helpers``, the functions that it calls from its module are treated in the same way.
+    Compiled rules instead need helpers that are registered with numba.
     """
     if not isfunction(function) or is_bundled(function):
         return function

@@ -171,7 +171,7 @@ def initialize() -> AbstractContextManager[None]:
 
 
 def search_path(config_dir: str | Path) -> str:
-    """Return the override that adds a user's folder, and make its modules importable.
+    """Return the override that adds a user's folder, and make the folder's modules importable.
 
     Warn about files that are not used because a bundled file has the same name.
     """

@@ -184,7 +184,6 @@ def place_job(
 
 
 def _read_path(config: DictConfig, key: str) -> Path:
-    """Read a path from the Hydra part of a configuration."""
     try:
         return Path(OmegaConf.select(config.hydra, key))
     except OmegaConfBaseException as error:

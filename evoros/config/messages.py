@@ -27,7 +27,7 @@ from evoros.files.plugins import conf_folders, explain_missing
 
 HELP = "see evoros --help for groups and keys"
 LONGEST = 1000
-"""Maximum length [characters] of a path or a library's message; the middle is left out."""
+"""Maximum length [characters] of a path or a library's message; longer ones lose their middle."""
 
 
 def describe_error(error: BaseException) -> str:
@@ -166,7 +166,7 @@ def describe_unknown(config: DictConfig, key: str) -> str:
 
 
 def name_owners(group: str, name: str) -> str:
-    """Name the bundled choices of a group whose class has a parameter ``name``; may be empty."""
+    """List the bundled choices of a group whose class has a parameter ``name``; may be empty."""
     found = []
     place = f"{group.replace('.', '/')}/*.yaml"
     files = (file for folder in conf_folders() for file in folder.glob(place))

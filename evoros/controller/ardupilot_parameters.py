@@ -129,8 +129,8 @@ class ArduPilotSettings(LiveController):
     )
     # simulated time within which the mode AUTO must be reached
     warm_up_s: Annotated[float, checks.POSITIVE] = 60.0
-    start_limit_s: Annotated[float, checks.POSITIVE] = 30.0  # wall clock
-    answer_limit_s: Annotated[float, checks.POSITIVE] = 10.0  # wall clock
+    start_limit_s: Annotated[float, checks.POSITIVE] = 30.0  # wall-clock time
+    answer_limit_s: Annotated[float, checks.POSITIVE] = 10.0  # wall-clock time
     isolate: Annotated[bool, checks.FLAG] = True
     share_core: Annotated[bool, checks.FLAG] = True
 

@@ -113,7 +113,6 @@ def find_free_places(
 
 
 def _join_corners(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the cells that have only free corners."""
     for axis in range(free.ndim):
         corners = free.swapaxes(0, axis)
         free = (corners[1:] & corners[:-1]).swapaxes(0, axis)

@@ -51,8 +51,8 @@ class MissionRecord(Protocol):
 
 
 CALLS_PER_WORKER = 3
-"""Number of calls submitted ahead per worker, so that a worker is busy but loses few if it
-crashes."""
+"""Number of calls submitted ahead per worker: enough to keep it busy, few to repeat after a
+crash."""
 NEW_WORKERS_S = 1.0
 """Maximum time [s] until workers that join receive calls."""
 MISSIONS_OUT = 50_000
@@ -96,7 +96,8 @@ class Dispatcher:
     def run(self, scenario: Scenario, missions: Iterable[Mission]) -> Iterator[list[MissionResult]]:
         """Run the missions, and yield their outcomes in any order as calls finish.
 
-        A failed call is repeated one mission at a time, so that an error belongs to one mission.
+        A failed call is repeated one mission at a time, so that an error can be attributed to one
+        mission.
 
         Raises:
             RunStopped: a mission crashed or hung despite its retries, and ``lost`` is ``STOP``.

@@ -94,7 +94,7 @@ class Ackermann:
         hand = -1.0 if self.steers_rear else 1.0
         angles = [hand * elementary.atan(tangent / side) for side in (left, right)]
         return (
-            # Rounding may exceed the limit in the last bit.
+            # Rounding may make the result exceed the limit in the last bit.
             (min(max(angles[0], -limit), limit), min(max(angles[1], -limit), limit)),
             (
                 steered * (math.sqrt(left * left + tangent * tangent) - stub),

@@ -198,7 +198,7 @@ def _name_sideways_plugin(plugins: Sequence[Plugin]) -> str:
 
 
 def _find_drives() -> Mapping[str, type[DriveDescription]]:
-    """Return the drives in this folder that can be detected, by the name of their file."""
+    """Return the drives in this folder that can be detected, keyed by file name."""
     drives = {}
     for file in iter_modules([str(Path(__file__).parent)]):
         module = import_module(f"{__package__}.{file.name}")

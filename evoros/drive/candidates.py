@@ -27,7 +27,7 @@ _JOINT_TAG = re.compile(r"joint", re.IGNORECASE)
 _SEPARATOR = re.compile(r"[,\s]+")  # separator of a plugin's joint names
 _WHEEL = re.compile(r"wheel|whl|tire|tyre|hub(?!cap)", re.IGNORECASE)
 _STEERING = re.compile(r"steer|hinge|knuckle|kingpin|ackermann", re.IGNORECASE)
-MAX_LACK = 0.15  # maximum roundness (deviation from round) of a part that may be a wheel
+MAX_LACK = 0.15  # maximum deviation from roundness of a part that may be a wheel
 MIN_RADIUS_M = 0.01
 """Radius [m] up to which a part counts as a wheel only if the user names it."""
 DEFAULT_SPEED_MPS = 0.5  # used if the wheels state no velocity limit
@@ -94,7 +94,7 @@ def find_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> list[Joint]:
 
 
 def is_called_wheel(joint: Joint) -> bool:
-    """Return True if a joint or its child link has the name of a wheel."""
+    """Return True if a joint or its child link is named like a wheel."""
     return bool(_WHEEL.search(joint.name) or _WHEEL.search(joint.child))
 
 

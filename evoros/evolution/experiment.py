@@ -77,7 +77,7 @@ STATED = Condition(Case())
 
 
 def check_case(group: str, names: Iterable[str]) -> None:
-    """Check that names are distinct as file names on every disk."""
+    """Check that names differ in more than case, which some disks ignore."""
     known: dict[str, str] = {}
     for name in names:
         other = known.setdefault(name.casefold(), name)
@@ -283,7 +283,7 @@ class Experiment:
 
     @property
     def states_cases(self) -> bool:
-        """True if missions may have given failure cases or condition parts."""
+        """True if missions may run under stated failure cases or other conditions."""
         required = any(map(need_conditions, self.requirements.values()))
         stating = isinstance(self.failure, SystematicFailure | AdaptiveFailure)
         return required or stating or self.worst_cases is not None

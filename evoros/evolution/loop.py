@@ -250,7 +250,6 @@ def list_champions(scores: Scores, individuals: Sequence[Individual]) -> Champio
 
 
 def _name_genes(experiment: Experiment) -> dict[str, dict[str, str]]:
-    """Map each robot and design key to a gene name."""
     return {
         name: {gene.key: title for title, gene in space.genes.items()}
         for name, space in experiment.space.spaces.items()

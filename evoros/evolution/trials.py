@@ -48,7 +48,7 @@ class Measuring:
                 self.trials.setdefault((purpose, design_id), []).extend(trials)
 
     def keep(self, individuals: Container[int]) -> None:
-        """Discard the trials of all other individuals."""
+        """Discard the trials of all but these individuals."""
         self.trials = {key: kept for key, kept in self.trials.items() if key[1] in individuals}
 
     def score(self, purpose: str, design_id: int, design: Design, fitness: float) -> Score:

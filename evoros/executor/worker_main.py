@@ -91,7 +91,7 @@ def end_with(sentinel: int) -> None:
         fcntl.fcntl(sentinel, fcntl.F_SETSIG, signal.SIGKILL)
         flags = fcntl.fcntl(sentinel, fcntl.F_GETFL)
         fcntl.fcntl(sentinel, fcntl.F_SETFL, flags | os.O_ASYNC)
-    # Other systems need a thread, and so does a main process that already ended.
+    # Other systems need a thread, as does a main process that has already ended.
     Thread(target=_kill_group_after, args=(sentinel,), daemon=True).start()
 
 

@@ -84,27 +84,27 @@ class Trigger:
 
     @classmethod
     def at_place(cls, x_m: float, y_m: float, radius_m: float) -> Self:
-        """Return the event that the robot's origin comes within ``radius_m`` of a place."""
+        """Return an event that occurs once the robot's origin is within ``radius_m`` of a place."""
         return cls(PLACE, (x_m, y_m, radius_m))
 
     @classmethod
     def on_course(cls, share: float) -> Self:
-        """Return the event that the robot has covered this fraction (0 to 1) of its route."""
+        """Return an event that occurs after this fraction (0 to 1) of the robot's route."""
         return cls(COURSE, (share,))
 
     @classmethod
     def after_distance(cls, distance_m: float) -> Self:
-        """Return the event that the robot has covered this length of its route."""
+        """Return an event that occurs once the robot has covered this length of its route."""
         return cls(DISTANCE, (distance_m,))
 
     @classmethod
     def at_waypoint(cls, number: int) -> Self:
-        """Return the event that the robot reaches a waypoint, numbered from 1; home is the last."""
+        """Return an event that occurs at waypoint ``number``, counted from 1; home is the last."""
         return cls(WAYPOINT, (float(number),))
 
     @classmethod
     def by_use(cls, amount: float, per_s: float, per_m: float) -> Self:
-        """Return the event that ``amount`` is used up, at these rates per second and per metre."""
+        """Return an event that occurs once ``amount`` is used up, at rates per second and metre."""
         return cls(USE, (amount, per_s, per_m))
 
 
@@ -142,7 +142,7 @@ class Fault:
     name: str = ""  # empty: the filter's name
     signal: str = READINGS  # affected signal
     trigger: Trigger = AT_START
-    part: str = ""  # name in the column failed_parts; empty: from the signal
+    part: str = ""  # name in the column failed_parts; empty: follows from the signal
     values: tuple[int, ...] = ()  # indices of the affected values; empty: all
     number: int = 0  # index among faults of the same signal and name, set by the mission
 

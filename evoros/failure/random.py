@@ -34,7 +34,8 @@ class RandomFailure(Failure):
         """Return one fault with the onsets of all chosen sensors; none if there are no sensors.
 
         The number of draws does not depend on the number of sensors. With the same generator, all
-        robots get the same times, and those with the same number of sensors the same choices.
+        robots get the same times, and robots with the same number of sensors also get the same
+        choices.
         """
         onset = np.full(channels.size, math.inf)
         intact = list(range(channels.size))

@@ -97,7 +97,6 @@ class _Route(NamedTuple):
 
 
 def _accept_within(radius_m: float) -> float:
-    """Return the acceptance radius [m] of waypoints for a robot of this radius [m]."""
     return round(min(1.0, max(0.3, radius_m)), 2)
 
 
@@ -258,9 +257,9 @@ def _find_loop(
 def _find_turn(
     points: Array, lengths: Array, legs: NDArray[np.bool_], spacing: float
 ) -> _Route | None:
-    """Find the longest way of two legs that turns around a corner, and back; None if there is none.
+    """Find the longest way along two legs around a corner and back; None if there is none.
 
-    Its value is its length [m].
+    The value of the route is its length [m].
     """
     out, on = points - points[0], points[None] - points[:, None]
     along = np.abs((out[:, None] * on).sum(axis=2))
@@ -299,7 +298,7 @@ def _narrowest_gap(lengths: Array, picks: NDArray[np.int64]) -> Array:
 
 
 def find_steep_places(field: Shape, pose: Pose) -> list[Footprint]:
-    """Return rectangles that cover all cells of a height field with a steep edge."""
+    """Return rectangles that cover all height field cells with a steep edge."""
     heights = np.array(field.heights, dtype=np.float64)
     rows, columns = (count - 1 for count in heights.shape)
     length_x, length_y = field.size

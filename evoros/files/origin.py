@@ -94,7 +94,7 @@ def _read_record() -> Origin | None:
 
 
 def _read_archive() -> Origin | None:
-    """Read the commit and the output of ``git describe``, empty without a tag, in archive.txt."""
+    """Read the commit and the ``git describe`` output (empty without a tag) from archive.txt."""
     lines: Sequence[str] = ()
     with suppress(OSError):
         lines = _ARCHIVE.read_text(encoding="utf-8").splitlines()

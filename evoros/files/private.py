@@ -12,7 +12,7 @@ SECRET = re.compile(
     r"KEYS?(?![A-Z])|TOKEN|SECRET|PASSW|PASSPHRASE|CREDENTIAL|(?<![A-Z])(PASS|PWD|PIN|AUTH)(?![A-Z])",
     re.IGNORECASE,
 )
-"""Pattern in the names of variables and keys that hold secrets."""
+"""Matches the names of variables and keys that hold secrets."""
 _ID_DIGITS = 8
 
 

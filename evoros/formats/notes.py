@@ -9,7 +9,7 @@ from lxml.etree import _Element as Element
 
 from evoros.formats.strict_xml import local_tag, locate, name_of, parse_number, walk_up
 
-_NAMED = 3  # number of further names in a kind's line
+_NAMED = 3  # maximum number of further names in a line
 
 
 class Notes:

@@ -100,7 +100,7 @@ def _unit_circle() -> Array:
 
 
 def overlap_depth(first: Solid, second: Solid) -> float:
-    """Return the depth [m] of the overlap of two solids, to 0.1 mm or 2 %; at most 0 if apart."""
+    """Return the overlap depth [m] of two solids, accurate to 0.1 mm or 2 %; at most 0 if apart."""
     points = _differences(first, second)
     depth = 0.0
     for _ in range(_ROUNDS):

@@ -106,7 +106,7 @@ def solid_properties(corners: tuple[Vector, ...]) -> tuple[float, Array, Array]:
     """
     solid = convex_polyhedron(corners)
     inside = solid.corners.mean(axis=0)
-    tetrahedra = solid.corners[solid.triangles] - inside  # the fourth corner of each is inside
+    tetrahedra = solid.corners[solid.triangles] - inside  # relative to the inner fourth corner
     volumes = determinant(tetrahedra) / 6.0
     volume = float(volumes.sum())
     centre = product(volumes, tetrahedra.sum(axis=1)) / 4.0 / volume

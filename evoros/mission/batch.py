@@ -38,7 +38,7 @@ class Batcher:
     def run(
         self, asked: Sequence[tuple[Scenario, Sequence[Mission]]]
     ) -> list[list[Rollout] | NoKernel]:
-        """Run missions of several scenarios in one launch; results are as from ``run_mission``.
+        """Run missions of several scenarios in one launch; ``run_mission`` gives equal results.
 
         For a scenario with a rule that kernels cannot run, return the reason instead.
 

@@ -33,11 +33,11 @@ class Member:
     name: str = ""  # name in design tables
     column: str = ""  # prefix of the robot's table columns, for example "NAME."
     key: str = ""  # prefix of configuration keys and random streams, for example "agents.NAME."
-    designed: str = ""  # name of the robot whose design it shares
+    designed: str = ""  # name of the robot whose design this robot shares
     home: tuple[float, float, float] | None = None  # x, y [m], yaw [rad]; None: the course's
     route: Sequence[Sequence[float]] | None = None  # waypoints [m]; None: the course's
-    scored: bool = True  # true if it counts for the fitness and missions wait for it
-    meets_cases: bool = True  # true if stated failure cases apply to it
+    scored: bool = True  # true if the robot counts for the fitness and missions wait for it
+    meets_cases: bool = True  # true if stated failure cases apply to the robot
     records_pose: bool = False  # true to always record the robot's estimated pose
 
     def place(self, course: Course) -> Course:

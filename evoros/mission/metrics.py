@@ -122,7 +122,7 @@ def compute_progress(position: Array, visited: int, route: Array, acceptance: fl
 
     Each of the n waypoints counts 1/n once reached. The next one counts 1/n divided by the distance
     [m] to its acceptance circle, at most 1/n. Until all are reached, the result is at most 0.99.
-    With ten waypoints, this is the study's ``10 visited + 10 / max(distance - 1, 1)`` percent.
+    With ten waypoints, this is the 2018 study's ``10 visited + 10 / max(distance - 1, 1)`` percent.
     """
     if visited == len(route):
         return 1.0

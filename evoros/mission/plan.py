@@ -148,7 +148,7 @@ class Plan:
     def evaluation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
         """Return the missions of a design in an evaluation.
 
-        No run uses the same draws, except its validation if ``evaluation_draws`` is VALIDATION.
+        No run uses the same draws, except for validation if ``evaluation_draws`` is VALIDATION.
         """
         if self.evaluation_draws == VALIDATION:
             return self.validation(generation, design_id, design, self.revalidation_trials)

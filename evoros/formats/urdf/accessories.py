@@ -48,7 +48,7 @@ def _names_absent(element: Element) -> bool:
 
 
 def leave_out_loose(root: Element, source: str) -> None:
-    """Leave out joints to links missing from a ``<robot>``, and parts connected only by them."""
+    """Leave out joints to links missing from a ``<robot>``, and parts that only they connect."""
     parents: dict[str, str] = {}
     names = dict.fromkeys(map(str, root.xpath("link/@name")))
     loose: list[str] = []

@@ -207,7 +207,6 @@ def _find_root(robot: Element, links: Mapping[str, Element], joints: Mapping[str
 def _compute_poses(
     robot: Element, root: str, links: Mapping[str, Element], joints: Mapping[str, Joint]
 ) -> dict[str, Pose]:
-    """Compute the forward kinematics at zero joint positions, from the root down."""
     joints_below: dict[str, list[Joint]] = {}
     for joint in joints.values():
         joints_below.setdefault(joint.parent, []).append(joint)

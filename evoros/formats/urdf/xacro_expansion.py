@@ -25,7 +25,7 @@ from evoros.formats.urdf.xacro_packages import IGNORED
 
 _LOG = logging.getLogger(__name__)
 _UNDEFINED = re.compile(r"is not defined|unknown macro name|Undefined block")
-"""Errors of files from before 2014, when xacro read definitions first."""
+"""Matches errors in files from before 2014, when xacro read definitions first."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,6 @@ def _list_calls(answer: Mapping[str, Any]) -> list[str]:
 def _request_expansion(
     request: dict[str, object], file: Path, time_limit_s: float
 ) -> dict[str, Any]:
-    """Send a request to a child process and return its answer."""
     rule = f"xacro must expand within {time_limit_s:g} s and {xacro_child.MEMORY_BYTES >> 20} MiB"
     fix = "look for an endless or huge expression, include or macro"
     try:
