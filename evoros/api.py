@@ -1,6 +1,6 @@
 """evoros in scripts and notebooks: the commands as functions.
 
-Example: evaluate the designs of an ask-and-tell optimizer, here ``cma``.
+Example: evaluate designs of any ask-tell optimizer, here ``cma``.
 
     import cma
     import evoros
@@ -58,7 +58,7 @@ def run(
     """Evolve like the command ``evoros``, into a new or empty folder, and return the run.
 
     ``config`` is a composed configuration, or the overrides of the command; ``config_dir`` is the
-    folder with your own parts, to which overrides may refer. The default ``display`` is a line of
+    folder of your own parts to which overrides may refer. The default ``display`` is a line of
     progress on standard error, or below a notebook cell; ``NoDisplay()`` shows nothing.
 
     Raises:
@@ -99,13 +99,12 @@ def evaluate(
     config_dir: str | Path | None = None,
     display: Display | None = None,
 ) -> ScoredDesigns:
-    """Score designs on draws never used for selection; return a table, one row per design.
+    """Score designs on draws that no run selects on; return a table with a row per design.
 
-    Columns: design (its index), fitness_mean, fitness_sd (over the trials; NaN for one trial),
-    trials, and for each world WORLD_completed (fraction of the trials) and WORLD_progress (mean).
-    The attribute ``missions`` is the table of ``Evaluator.missions``. A different ``generation``
-    gives fresh random draws. Other arguments are as in ``run``. Use an ``Evaluator`` for repeated
-    calls.
+    Columns: design (its index), fitness_mean, fitness_sd over the trials (NaN for one), trials, and
+    for each world WORLD_completed (fraction of the trials) and WORLD_progress (mean). The attribute
+    ``missions`` is the table of ``Evaluator.missions``. Another ``generation`` means fresh random
+    draws. Other arguments are as in ``run``. For many calls, use an ``Evaluator``.
 
     Raises:
         InputError: the configuration or a design cannot be used.
@@ -118,8 +117,7 @@ def evaluate(
 class Evaluator:
     """A context manager that scores designs and keeps its workers between calls.
 
-    The configuration's optimizer is ignored. Arguments are as in ``run``. Calls of its methods
-    display progress.
+    The configuration's optimizer is unused. Arguments are as in ``run``; calls display progress.
 
     Raises:
         InputError: the configuration cannot be used.
@@ -153,7 +151,7 @@ class Evaluator:
         self._stack.__exit__(*details)
 
     def score(self, designs: Sequence[Design], generation: int = 0) -> list[float]:
-        """Return the fitness of each design; a different ``generation`` gives fresh random draws.
+        """Return the fitness of each design; another ``generation`` means fresh random draws.
 
         Raises:
             InputError: a design cannot be built, or the evaluator is not open.
@@ -175,7 +173,7 @@ class Evaluator:
         return scored
 
     def missions(self, designs: Sequence[Design], generation: int = 0) -> pd.DataFrame:
-        """Run the designs' missions and return a table with the columns of ``missions.csv``."""
+        """Run missions of designs and return a table with the columns of ``missions.csv``."""
         return self._tabulate(*self._run(designs, generation))
 
     def _tabulate(
@@ -190,6 +188,7 @@ class Evaluator:
     def _run(
         self, designs: Sequence[Design], generation: int
     ) -> tuple[list[list[Mission]], dict[MissionKey, Outcomes]]:
+        """Return the missions of each design, and the outcomes of all."""
         if isinstance(designs, str | Path):
             raise InputError(
                 f"designs: must be a list of designs, not {designs}; to score the designs of a "
@@ -201,7 +200,7 @@ class Evaluator:
             )
         experiment = self.experiment
         designs = list(map(experiment.space.complete, designs))
-        for design in designs:  # an invalid handmade design raises an error here instead of scoring
+        for design in designs:  # raises errors in handmade designs instead of scoring them
             experiment.scenario.equip(design)
         missions = [
             experiment.plan.evaluation(generation, i, design) for i, design in enumerate(designs)

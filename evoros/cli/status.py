@@ -13,7 +13,7 @@ NAME = "evoros status"
 ABOUT = """Show the state of all runs and evaluations below a folder; on a terminal, update it until
 all have ended."""
 UPDATE_S = 2.0
-"""Wall-clock interval [s] between updates."""
+"""Interval between updates [s], wall clock."""
 
 
 @reports_errors(NAME)

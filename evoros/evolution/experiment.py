@@ -77,7 +77,7 @@ STATED = Condition(Case())
 
 
 def check_case(group: str, names: Iterable[str]) -> None:
-    """Check that names differ in more than case, which some disks ignore."""
+    """Check that names are distinct as file names on every disk."""
     known: dict[str, str] = {}
     for name in names:
         other = known.setdefault(name.casefold(), name)
@@ -283,13 +283,13 @@ class Experiment:
 
     @property
     def states_cases(self) -> bool:
-        """True if missions may run under stated failure cases or other conditions."""
+        """True if missions may have given failure cases or condition parts."""
         required = any(map(need_conditions, self.requirements.values()))
         stating = isinstance(self.failure, SystematicFailure | AdaptiveFailure)
         return required or stating or self.worst_cases is not None
 
     def start_search(self) -> Search:
-        """Start the experiment's search, with random draws that the seed determines."""
+        """Start the experiment's search, which the seed determines."""
         rng = generator(f"{self.seed}", "optimizer")
         rule = Rule(
             "a search (an object with ask, tell and champions)", lambda v: hasattr(v, "ask")

@@ -1,4 +1,4 @@
-"""Worst-case fitness: the mean of a design's lowest trial scores."""
+"""Worst-case fitness: the mean of a design's lowest trials."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -36,7 +36,8 @@ _QUANTITIES = {
     "rate": ("angular_velocity", "rate"),
     "acceleration": ("linear_acceleration", "accel"),
 }
-"""The XML element of each IMU quantity in new and old files, keyed by its filters' name prefix."""
+"""Elements for each quantity of an IMU in new and in old files, by the prefix of the filters'
+names."""
 _AXES = ("x", "y", "z")
 
 
@@ -48,7 +49,7 @@ class Noise(NamedTuple):
 
 
 def read_ray_noise(*elements: Element) -> Noise:
-    """Read the Gaussian noise of ranges from the first of several elements that has noise."""
+    """Read the Gaussian noise of ranges from the first of several elements that has some."""
     noises = (find_child(element, "noise") for element in elements)
     noise = next((element for element in noises if element is not None), None)
     if noise is None:
@@ -101,7 +102,7 @@ def _find_axes(imu: Element, now: str, before: str) -> Iterator[Element | None]:
 
 
 def _read_values(noise: Element | None) -> tuple[dict[str, float], list[str]]:
-    """Return the supported values of a noise element, and the names of all other values."""
+    """Return the values of a noise that evoros supports, and the names of the others."""
     if noise is None:
         return {}, []
     kind = find_child(noise, "type")
