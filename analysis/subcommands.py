@@ -58,6 +58,7 @@ SUBCOMMANDS: Mapping[str, str] = {
     "fitness": ".figures.fitness",
     "regions": ".figures.regions",
     "mission": ".figures.mission",
+    "controls": ".figures.controls",
     "compare": ".figures.compare",
     "factors": ".figures.factors",
     "power": ".figures.power",

@@ -36,6 +36,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission, MissionKey, Outcomes
 from evoros.preflight.preflight import preflight
+from evoros.session.controls import run as run_with_controls
 from evoros.session.progress import Progress
 from evoros.session.run import create_run, open_run
 from evoros.session.status import Display
@@ -66,7 +67,9 @@ def run(
         RunStopped: a mission was lost; ``resume(folder)`` resumes the run.
     """
     with _show(display) as shown:
-        create_run(_compose(config, config_dir), Path(folder)).run(shown, draw_figure)
+        run_with_controls(
+            create_run(_compose(config, config_dir), Path(folder)), shown, draw_figure
+        )
     return load_run(folder)
 
 
@@ -87,7 +90,7 @@ def resume(
         RunStopped: a mission was lost.
     """
     with _show(display) as shown:
-        open_run(Path(folder), overrides, config_dir).run(shown, draw_figure)
+        run_with_controls(open_run(Path(folder), overrides, config_dir), shown, draw_figure)
     return load_run(folder)
 
 

@@ -9,10 +9,12 @@ import pandas as pd
 
 from evoros.base.errors import InputError, escape, single_line
 from evoros.files.resources import expand_home
+from evoros.storage.layout import CONTROLS
 from evoros.terminal.log import LOGGER
 
 from ..figures.options import score_runs
 from ..statistics.comparison import compare_treatments, conclude, title_measure
+from ..statistics.controls import compare_controls, describe_controls, summarize_controls
 from ..statistics.small_samples import median_interval
 from ..tables.champions import BEST_SO_FAR
 from ..tables.records import EvaluationRecord, Record, label_fitness
@@ -134,9 +136,10 @@ def _count(n: int, noun: str) -> str:
 
 
 def list_findings(study: Study) -> tuple[list[str], str]:
-    """Return the findings of the runs, and the reason if there are no findings."""
+    """Return the findings of the runs, controls first; and the reason if there are none."""
     if not study.records:
         return ([], "There are no runs to compare. Add their folders.")
+    controls = list_controls(study)
     try:
         runs, measures = score_runs(study, None)
         measure = next(name for name in (VALIDATED, RECORDED) if name in measures)
@@ -146,9 +149,26 @@ def list_findings(study: Study) -> tuple[list[str], str]:
         label = label_fitness(study.records)
         lines = [*_describe_treatments(runs, measure, label), *conclude(table, label)]
     except InputError as error:
-        return [], single_line(error)
+        return controls, single_line(error)
     warnings = [f"WARNING: {r.name}: {r.not_run}" for r in study.records if r.not_run]
-    return [*warnings, *lines, *_describe_best(study, label), *_describe_scale(measure)], ""
+    return [
+        *controls,
+        *warnings,
+        *lines,
+        *_describe_best(study, label),
+        *_describe_scale(measure),
+    ], ""
+
+
+def list_controls(study: Study) -> list[str]:
+    """Describe how each treatment's champions compare with their controls; empty without any."""
+    if not any((record.path / CONTROLS).is_dir() for record in study.records):
+        return []
+    try:
+        summary = summarize_controls(compare_controls(study))
+    except InputError as error:
+        return [single_line(error)]
+    return describe_controls(summary, label_fitness(study.records))
 
 
 def _describe_treatments(runs: pd.DataFrame, measure: str, label: str) -> Iterator[str]:

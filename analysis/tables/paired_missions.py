@@ -66,7 +66,7 @@ def list_changes(one: Record, other: Record) -> list[str]:
 
 def pair_missions(study: Study, one: Record, other: Record) -> pd.DataFrame:
     """Pair the missions with the same draws: one row per pair, the worst change first."""
-    first, second = (read_complete(record, _read_missions) for record in (one, other))
+    first, second = (read_complete(record, read_missions) for record in (one, other))
     first, second = _name_designs(study, (one, first), (other, second))
     key = ["design", "world", "trial"]
     table = first.merge(second, on=key, suffixes=("_a", "_b"), validate="one_to_one")
@@ -106,7 +106,7 @@ def _name_change(row: Mapping[Any, float]) -> str:
     return {0: SAME, 1: BETTER, -1: WORSE}[changed]
 
 
-def _read_missions(record: Record) -> pd.DataFrame:
+def read_missions(record: Record) -> pd.DataFrame:
     """Read the missions of an evaluation's designs, or those that validate a run's champion."""
     missions = record.run.missions
     if isinstance(record, EvaluationRecord):

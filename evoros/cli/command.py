@@ -149,12 +149,13 @@ def run_alone(
     interrupts: Interrupts,
 ) -> int:
     """Build and run a single job, report its result and return the exit status."""
+    from evoros.session.controls import run as run_with_controls
     from evoros.session.progress import Progress
 
     result = JobResult(DONE)
     try:
         with Progress() as display:
-            build().run(display, draw_figure)
+            run_with_controls(build(), display, draw_figure)
     except (KeyboardInterrupt, Exception) as error:
         result = explain_end(config_dir, interrupts, folder, error)
     return report_result(name, False, folder, result)

@@ -46,6 +46,7 @@ def _summarize_search(folder: Path) -> list[str]:
         lines.append(f"confirmation      {_describe_loss(status)}")
     if certificate["validated_trials"]:
         lines += _describe_certificate(certificate)
+    lines += [f"control           {line}" for line in _describe_controls(folder)]
     lines += [
         f"missions          {_describe_missions(status, 'generation')}",
         f"run folder        {folder}, with champion/{figures}",
@@ -151,6 +152,16 @@ def _describe_worst_cases(folder: Path) -> list[str]:
     if (table := read_worst_cases(folder)) is None:
         return []
     return list(describe_worst_cases(table, read_overrides(folder), layout.name_parts(folder)))
+
+
+def _describe_controls(folder: Path) -> Sequence[str]:
+    if not (folder / layout.CONTROLS).is_dir():
+        return ()
+    # Importing pandas, which reads the tables, is slow.
+    from evoros.analysis.report.summary import list_controls
+    from evoros.analysis.tables.loading import load_study
+
+    return list_controls(load_study([folder]))
 
 
 def _describe_missions(status: Mapping[str, Any], unit: str = "") -> str:

@@ -28,8 +28,10 @@ from evoros.cli.reporting import (
 from evoros.config.jobs import SWEEPER, Job, Jobs
 from evoros.executor.protocol import KEPT, BatchPool, Executor, Pool
 from evoros.observers.protocol import FREE
+from evoros.session.controls import has_controls
+from evoros.session.controls import run as run_with_controls
 from evoros.session.progress import RecordedProgress, SweepProgress
-from evoros.session.run import Session, create_run, reopen_run
+from evoros.session.run import Session, create_run, open_run, reopen_run
 from evoros.session.status import NoDisplay, survey
 from evoros.session.work import open_pool
 from evoros.storage.layout import MISSIONS, folders_below
@@ -178,7 +180,7 @@ class Sweep:
     def _run(self, folder: Path, session: Session) -> JobResult:
         with log_for_job(str(folder)), self._display.job() as display:
             try:
-                session.run(display, draw_figure, self._pool.open)
+                run_with_controls(session, display, draw_figure, self._pool.open)
             except (KeyboardInterrupt, Exception) as error:
                 return self._explain(folder, error)
         return JobResult(console.DONE)
@@ -212,7 +214,7 @@ class JobRunner:
             try:
                 session = self.build(job)
                 if session is not None:
-                    session.run(NoDisplay(), draw_figure)
+                    run_with_controls(session, NoDisplay(), draw_figure)
             except Exception as error:
                 with suppress(OSError):  # removes only the empty folder that Hydra creates
                     job.folder.rmdir()
@@ -303,7 +305,10 @@ def build_job(config_dir: str | None, job: Job) -> Session | None:
         return create_run(job.config, job.folder)
     free = tuple(f"{key}{sign}" for key in FREE for sign in "=.")
     typed = [text for text in job.overrides if text.startswith(free)]
-    return reopen_run(job.config, job.folder, typed, config_dir)
+    session = reopen_run(job.config, job.folder, typed, config_dir)
+    if session is None and job.config.values.get("controls") and not has_controls(job.folder):
+        return open_run(job.folder, typed, config_dir)
+    return session
 
 
 def begin_all(jobs: Iterable[Job], sweep: Sweep, interrupts: Interrupts) -> int:

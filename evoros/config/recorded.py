@@ -36,6 +36,11 @@ def relocate_recorded(path: Path, relocate: Callable[[str], str]) -> Configurati
     return replace(recorded, text=text, values=values)
 
 
+def replace_recorded(recorded: Configuration, changes: Mapping[str, Any]) -> Configuration:
+    """Return the configuration with other values for some of its top-level keys."""
+    return freeze(_create({**_parse(recorded.text), **changes}))
+
+
 def flatten_recorded(path: Path) -> dict[str, Any]:
     """Read the values of a recorded ``config.yaml`` by dotted key, with unresolved references."""
     return _flatten(_load(path)[0])
@@ -122,7 +127,7 @@ def override_recorded(
     if not overrides:
         return recorded, None
     config = _create(_parse(recorded.text))
-    free = FREE if growing == GENERATIONS else FREE[:1]  # an evaluation has no observers
+    free = FREE if growing == GENERATIONS else FREE[:1]  # an evaluation has only this one
     number = None
     for override in parse(overrides):
         key, value = override.key_or_group, override.value()

@@ -22,6 +22,7 @@ from evoros.base.combining import mean
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.certificate.confirmation import A_CONFIRMATION, Confirmation
+from evoros.certificate.controls import SOME_CONTROLS, Controls
 from evoros.certificate.final_choice import A_FINAL_CHOICE, AN_ALLOCATION, FinalChoice
 from evoros.certificate.validation import A_VALIDATION, Validation, check_precision
 from evoros.controller.protocol import Controller, LiveController
@@ -144,6 +145,8 @@ class Experiment:
     requirements: Annotated[Mapping[str, Requirement], REQUIREMENTS] = field(default_factory=dict)
     # Random draws of an evaluation: fresh draws, or the draws of a run's validation.
     evaluation_draws: Annotated[str, one_of(EVALUATION, VALIDATION)] = EVALUATION
+    # Designs that a finished run compares with its champion.
+    controls: Annotated[Controls | None, SOME_CONTROLS] = None
     figures: Sequence[str] = ()
     # Trackers that receive the run's records.
     observers: Annotated[Mapping[str, Observer], OBSERVERS] = field(default_factory=dict)

@@ -14,6 +14,7 @@ from evoros.fitness.scoring import FITNESS, FITNESS_MEAN
 from evoros.mission.mission import Mission, Outcomes
 from evoros.mission.plan import TRIALS, VALIDATION, VALIDATION_TRIALS
 from evoros.mission.scenario import Scenario
+from evoros.observers.protocol import FREE
 from evoros.preflight.preflight import preflight
 from evoros.preflight.sight import check_designs
 from evoros.requirement.condition import OWN, Condition
@@ -35,8 +36,9 @@ MAX_WARNINGS = 3  # maximum number of warnings about given designs
 def build_evaluation(config: Configuration) -> tuple[Experiment, list[NamedDesign]]:
     """Build and check the experiment and the given designs of an evaluation."""
     _check_sources(config.designs)
-    if any(text.lstrip("+~").startswith("observers") for text in config.overrides):
-        raise InputError("observers: must not be given for an evaluation; leave it out")
+    for key in FREE[1:]:
+        if any(text.lstrip("+~").startswith(key) for text in config.overrides):
+            raise InputError(f"{key}: must not be given for an evaluation; leave it out")
     experiment = config.build()
     _check_draws(experiment)
     preflight(experiment)

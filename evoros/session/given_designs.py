@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from evoros.base.errors import InputError, override, shell_line, single_line
+from evoros.certificate.controls import NO_SENSORS, RANDOM
 from evoros.config.configuration import Configuration, check_targets
 from evoros.config.like import LIKE, RecordedRun, find_place, is_below
 from evoros.config.own_files import NAMED_FOLDERS
@@ -12,7 +13,9 @@ from evoros.config.recorded import flatten_recorded, read_recorded
 from evoros.evolution.experiment import Experiment
 from evoros.files.resources import expand_home
 from evoros.formats.strict_xml import parse, quote
+from evoros.mission.member import Member
 from evoros.observers.protocol import FREE
+from evoros.optimizer.random_search import RandomSearch
 from evoros.robot.model import Robot
 from evoros.session.design_tables import (
     DesignName,
@@ -224,6 +227,28 @@ def _compare_robots(path: Path, robot: Robot) -> None:
             "run's configuration, type %s",
             *(path, name, robot.name, shell_line(override("like", str(path)))),
         )
+
+
+def check_controls(experiment: Experiment) -> None:
+    """Check the controls of a search before it starts.
+
+    Raises:
+        InputError: a file of designs cannot be used, or a control would equal the champion.
+    """
+    for name in () if experiment.controls is None else experiment.controls.designs:
+        if name == NO_SENSORS and not any(map(_has_sensors, experiment.members)):
+            problem = "the designs have no sensors"
+        elif name == RANDOM and isinstance(experiment.optimizer, RandomSearch):
+            problem = "the run itself is a random search"
+        else:
+            if name not in (NO_SENSORS, RANDOM):
+                read_given([name], experiment)
+            continue
+        raise InputError(f"controls.designs: {name} is no control, because {problem}; leave it out")
+
+
+def _has_sensors(member: Member) -> bool:
+    return member.design.max_number > 0 or bool(member.design.fixed)
 
 
 def require_finished(path: Path, key: str) -> None:

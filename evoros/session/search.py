@@ -16,6 +16,7 @@ from evoros.mission.mission import Mission, Outcomes
 from evoros.mission.plan import CONFIRMATION, EVALUATION, SELECTION
 from evoros.mission.scenario import Scenario
 from evoros.preflight.preflight import preflight
+from evoros.session.given_designs import check_controls
 from evoros.session.observation import Tell, ignore
 from evoros.session.status import Status
 from evoros.storage.layout import RUNNING
@@ -42,6 +43,7 @@ def build_search(config: Configuration) -> Experiment:
                 f"evoros evaluate like=FOLDER {key}=..."
             )
     preflight(experiment)
+    check_controls(experiment)
     return experiment
 
 

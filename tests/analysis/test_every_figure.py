@@ -46,7 +46,9 @@ def studies(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Study]:
     """Runs with faults that grow, and evaluations of their designs with other failures."""
     top = tmp_path_factory.mktemp("figures")
     drift = ("failure=random", "filter@failure.effect=drift", "failure.latest_s=3.0")
-    assert tiny(top / "study" / "drift", *drift, *SHOWN) == DONE
+    assert (
+        tiny(top / "study" / "drift", *drift, *SHOWN, "controls=all", "controls.trials=3") == DONE
+    )
     assert tiny(top / "study" / "spatial", "failure=spatial", *SHOWN) == DONE
     for failure in ("random", "spatial"):
         scored(top / "pair" / failure, top / "study", f"failure={failure}", "trials=2")

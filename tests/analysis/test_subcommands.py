@@ -76,6 +76,7 @@ REFUSED = {
         "factors": "only one finished run; at least two are needed",
         "power": "replicates",
         "regression": "two evaluations",
+        "controls": "resume RUN controls=all",
     },
     "requirements": "evaluation with requirements",
 }

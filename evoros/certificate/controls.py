@@ -1,0 +1,29 @@
+"""The controls of a run: designs that its champion should beat."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from evoros.base.checks import COUNT, TEXT, Rule, checked, instance_of
+
+NO_SENSORS, RANDOM = "no_sensors", "random"
+DESIGNS = Rule(
+    f"a list of {NO_SENSORS}, {RANDOM}, and CSV files of designs, without repetitions",
+    lambda v: isinstance(v, list | tuple) and all(map(TEXT.holds, v)) and 0 < len(v) == len(set(v)),
+)
+
+
+@dataclass(frozen=True)
+@checked
+class Controls:
+    """Designs to compare the champion of a finished run with, on the same fresh draws.
+
+    ``NO_SENSORS`` is the champion without sensors, ``RANDOM`` the best design of a random search
+    with as many designs, and any other string a CSV file of hand-made designs.
+    """
+
+    designs: Annotated[Sequence[str], DESIGNS] = (NO_SENSORS, RANDOM)
+    trials: Annotated[int, COUNT] = 40  # missions of each design in each world
+
+
+SOME_CONTROLS = instance_of(Controls, "controls (evoros.certificate.controls.Controls)")
