@@ -17,7 +17,7 @@ def analyze() -> None:
 
 
 def _start(name: str, module: str) -> None:
-    """Import a command and run it; Ctrl-C during the import has the same effect as later."""
+    """Import and run a command; Ctrl-C during the import ends it like Ctrl-C during the run."""
     try:
         collect_rarely()
         import_module(module).main()

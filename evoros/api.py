@@ -1,6 +1,6 @@
 """evoros in scripts and notebooks: the commands as functions.
 
-Example: evaluate designs of any ask-tell optimizer, here ``cma``.
+Example: evaluate the designs of an ask-and-tell optimizer, here ``cma``.
 
     import cma
     import evoros
@@ -59,7 +59,7 @@ def run(
     """Evolve like the command ``evoros``, into a new or empty folder, and return the run.
 
     ``config`` is a composed configuration, or the overrides of the command; ``config_dir`` is the
-    folder of your own parts to which overrides may refer. The default ``display`` is a line of
+    folder with your own parts, to which overrides may refer. The default ``display`` is a line of
     progress on standard error, or below a notebook cell; ``NoDisplay()`` shows nothing.
 
     Raises:
@@ -102,12 +102,13 @@ def evaluate(
     config_dir: str | Path | None = None,
     display: Display | None = None,
 ) -> ScoredDesigns:
-    """Score designs on draws that no run selects on; return a table with a row per design.
+    """Score designs on draws never used for selection; return a table, one row per design.
 
-    Columns: design (its index), fitness_mean, fitness_sd over the trials (NaN for one), trials, and
-    for each world WORLD_completed (fraction of the trials) and WORLD_progress (mean). The attribute
-    ``missions`` is the table of ``Evaluator.missions``. Another ``generation`` means fresh random
-    draws. Other arguments are as in ``run``. For many calls, use an ``Evaluator``.
+    Columns: design (its index), fitness_mean, fitness_sd (over the trials; NaN for one trial),
+    trials, and for each world WORLD_completed (fraction of the trials) and WORLD_progress (mean).
+    The attribute ``missions`` is the table of ``Evaluator.missions``. A different ``generation``
+    gives fresh random draws. Other arguments are as in ``run``. Use an ``Evaluator`` for repeated
+    calls.
 
     Raises:
         InputError: the configuration or a design cannot be used.
@@ -120,7 +121,8 @@ def evaluate(
 class Evaluator:
     """A context manager that scores designs and keeps its workers between calls.
 
-    The configuration's optimizer is unused. Arguments are as in ``run``; calls display progress.
+    The configuration's optimizer is ignored. Arguments are as in ``run``. Calls of its methods
+    display progress.
 
     Raises:
         InputError: the configuration cannot be used.
@@ -154,7 +156,7 @@ class Evaluator:
         self._stack.__exit__(*details)
 
     def score(self, designs: Sequence[Design], generation: int = 0) -> list[float]:
-        """Return the fitness of each design; another ``generation`` means fresh random draws.
+        """Return the fitness of each design; a different ``generation`` gives fresh random draws.
 
         Raises:
             InputError: a design cannot be built, or the evaluator is not open.
@@ -176,7 +178,7 @@ class Evaluator:
         return scored
 
     def missions(self, designs: Sequence[Design], generation: int = 0) -> pd.DataFrame:
-        """Run missions of designs and return a table with the columns of ``missions.csv``."""
+        """Run the designs' missions and return a table with the columns of ``missions.csv``."""
         return self._tabulate(*self._run(designs, generation))
 
     def _tabulate(
@@ -191,7 +193,6 @@ class Evaluator:
     def _run(
         self, designs: Sequence[Design], generation: int
     ) -> tuple[list[list[Mission]], dict[MissionKey, Outcomes]]:
-        """Return the missions of each design, and the outcomes of all."""
         if isinstance(designs, str | Path):
             raise InputError(
                 f"designs: must be a list of designs, not {designs}; to score the designs of a "
@@ -203,7 +204,7 @@ class Evaluator:
             )
         experiment = self.experiment
         designs = list(map(experiment.space.complete, designs))
-        for design in designs:  # raises errors in handmade designs instead of scoring them
+        for design in designs:  # an invalid handmade design raises an error here instead of scoring
             experiment.scenario.equip(design)
         missions = [
             experiment.plan.evaluation(generation, i, design) for i, design in enumerate(designs)

@@ -137,7 +137,7 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "checked", "check_order", "invalid", "Rule", "NUMBER", "POSITIVE", "NOT_NEGATIVE",
     "PROBABILITY", "COUNT", "WHOLE", "FLAG", "TEXT", "INTERVAL", "A_FILTER", "FILTERS", "one_of",
     "instance_of", "sequence_of", "mapping_of", "Interval", "bounds",
-    # Arrays and their indices, and rules that numba compiles.
+    # Arrays, their indices, and the compilation of rules.
     "Array", "Matrix", "Started", "X", "Y", "YAW", "SPEED", "YAW_RATE", "CONTACT",
     "FROM_X", "FROM_Y", "TO_X", "TO_Y", "DRIVE_SPEED", "STEERING", "LEFT_WHEELS", "RIGHT_WHEELS",
     "compilable",

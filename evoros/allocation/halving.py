@@ -14,15 +14,15 @@ class SequentialHalving(Allocation):
     """Run new designs and the best survivors in rounds, each of which keeps the better half.
 
     The rounds share the budget equally, so designs in later rounds get more trials each. A round
-    gives each design at least the experiment's ``trials``, even beyond the budget. Sources:
-    Karnin, Koren and Somekh, Almost optimal exploration in multi-armed bandits, ICML 2013;
+    gives each design at least the experiment's ``trials``, even if this exceeds the budget.
+    Sources: Karnin, Koren and Somekh, Almost optimal exploration in multi-armed bandits, ICML 2013;
     Jamieson and Talwalkar, Non-stochastic best arm identification, AISTATS 2016.
     """
 
-    # number of best designs of the last generation that take part
+    # number of the last generation's best designs that take part
     survivors: Annotated[int, WHOLE] = 5
-    budget: Annotated[int, COUNT] = 3  # trials of the whole contest, per participating design
-    max_trials: Annotated[int, COUNT] = 16  # per design and generation
+    budget: Annotated[int, COUNT] = 3  # total trials divided by the number of participating designs
+    max_trials: Annotated[int, COUNT] = 16  # maximum per design and generation
 
     def most_trials(self, trials: int) -> int:
         """Return ``max_trials`` or ``trials``, whichever is larger."""

@@ -1,4 +1,4 @@
-"""Trials for new designs only, as in the 2018 paper on Evo-ROS."""
+"""An allocation of trials to new designs only, as in the 2018 paper on Evo-ROS."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ from evoros.allocation.protocol import Allocation, Standing
 
 @dataclass(frozen=True)
 class Once(Allocation):
-    """Run each new design once; the design keeps this fitness while it survives."""
+    """Evaluate each new design once; the design keeps this fitness for as long as it survives."""
 
     def most_trials(self, trials: int) -> int:
-        """Return the trials of each new design."""
+        """Return the number of trials of each new design."""
         return trials
 
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
-        """Return a single round, for the new designs."""
+        """Return the only round, for the new designs."""
         return {item.id: trials for item in standings if item.new and not item.scores}

@@ -15,7 +15,7 @@ class Standing:
     scores: tuple[float, ...] = ()  # scores of trials in this contest, in order
     # scores of trials in earlier generations; empty for a new design
     earlier: tuple[float, ...] = ()
-    combine: Combine = mean  # the experiment's rule for combining scores
+    combine: Combine = mean  # the experiment's rule to combine scores
 
     @property
     def new(self) -> bool:
@@ -25,7 +25,7 @@ class Standing:
     def fitness(self, trials: int, compared: int | None = None) -> float:
         """Combine the scores of earlier generations and the first ``trials`` in this contest.
 
-        With ``compared``, return the fitness to expect from that number of trials.
+        If ``compared`` is given, return the fitness expected from that number of trials.
         """
         return self.combine((*self.earlier, *self.scores[:trials]), compared)
 
@@ -39,7 +39,7 @@ class Allocation(ABC):
 
     @abstractmethod
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
-        """Return the number of further trials by design id, or {} at the end.
+        """Return the number of further trials by design id, or {} at the end of the contest.
 
         ``trials`` is the experiment's key ``trials``. Equal standings must give equal rounds,
         because a resumed run asks again. With common random numbers, trial k of every design in a
@@ -64,7 +64,7 @@ def rank(standings: Iterable[Standing], trials: int) -> list[Standing]:
 
 
 def ask_for(standings: Iterable[Standing], trials: int) -> dict[int, int]:
-    """Return the number of missing trials, by id, of designs with fewer than ``trials``."""
+    """Map the id of each design with fewer than ``trials`` trials to the number that it lacks."""
     lacks = {standing.id: trials - len(standing.scores) for standing in standings}
     return {design: lack for design, lack in lacks.items() if lack > 0}
 
@@ -73,7 +73,8 @@ def cap_fitness(fitness: Mapping[int, float], rounds: Sequence[Iterable[int]]) -
     """Cap the fitness so that no design ranks above designs that stayed in the contest longer.
 
     Means over few trials have a larger spread than means over many, so a lucky design that left
-    early could otherwise pass for the best. ``rounds`` has the ids in each round, in order.
+    early could otherwise pass for the best. ``rounds`` lists the ids of the designs in each round,
+    in order.
     """
     capped = dict(fitness)
     for last in range(len(rounds) - 1, 0, -1):

@@ -12,7 +12,7 @@ from evoros.base.errors import InputError
 
 LEVEL = Rule("a number greater than 0 and less than 0.5", lambda v: is_number(v) and 0 < v < 0.5)
 DIGITS = 6
-"""Decimal places to which quantiles are rounded; a race then ends the same on all processors."""
+"""Decimal places to which a quantile is rounded, so that all processors give the same race."""
 
 
 @dataclass(frozen=True)
@@ -20,19 +20,19 @@ DIGITS = 6
 class Racing(Allocation):
     """Race new designs and the best survivors on common random numbers.
 
-    Each round runs one trial of each design in the race. A design then leaves if a one-sided
-    paired t-test places it below the leader. The race ends when ``best`` designs are left, or
-    after ``max_trials``. This is the race with uncorrected t-tests of Birattari, Stützle, Paquete
-    and Varrentrapp (A racing algorithm for configuring metaheuristics, GECCO 2002).
-    Heidrich-Meisner and Igel (ICML 2009) race in evolution strategies, as here.
+    Each round runs one trial of each design in the race. A design then leaves if a one-sided paired
+    t-test places it below the leader. The race ends when ``best`` designs are left, or after
+    ``max_trials``. This is the race with uncorrected t-tests by Birattari, Stützle, Paquete and
+    Varrentrapp (A racing algorithm for configuring metaheuristics, GECCO 2002). Heidrich-Meisner
+    and Igel (ICML 2009) also apply races to evolution strategies.
     """
 
-    # number of best designs of the last generation that take part
+    # number of the last generation's best designs that take part
     survivors: Annotated[int, WHOLE] = 5
-    first: Annotated[int, replace(COUNT, limit=1000)] = 2  # trials before any design leaves
-    max_trials: Annotated[int, COUNT] = 8  # per design and generation
-    best: Annotated[int, COUNT] = 3  # number of designs that need not be distinguished
-    level: Annotated[float, LEVEL] = 0.1  # error rate per test
+    first: Annotated[int, replace(COUNT, limit=1000)] = 2  # trials before a design can leave
+    max_trials: Annotated[int, COUNT] = 8  # maximum per design and generation
+    best: Annotated[int, COUNT] = 3  # number of designs left at which the race ends
+    level: Annotated[float, LEVEL] = 0.1  # significance level of each test
 
     def __post_init__(self) -> None:
         if self.first > self.max_trials:
@@ -72,5 +72,5 @@ def _is_worse(standing: Standing, leader: Standing, trials: int, quantile: float
     behind = [ahead - score for ahead, score in pairs]
     mean = sum(behind) / trials
     squares = sum((difference - mean) * (difference - mean) for difference in behind)
-    # t = mean / sqrt(squares / (n - 1) / n), compared without the root
+    # t = mean / sqrt(squares / (n - 1) / n); both sides are squared to avoid the root
     return mean > 0 and mean * mean * trials * (trials - 1) > quantile * quantile * squares

@@ -20,10 +20,10 @@ class SuccessiveRejects(Allocation):
     Best arm identification in multi-armed bandits, COLT 2010.
     """
 
-    # number of best designs of the last generation that take part
+    # number of the last generation's best designs that take part
     survivors: Annotated[int, WHOLE] = 5
-    budget: Annotated[int, COUNT] = 3  # trials of the whole contest, per participating design
-    max_trials: Annotated[int, COUNT] = 100  # per design and generation
+    budget: Annotated[int, COUNT] = 3  # total trials divided by the number of participating designs
+    max_trials: Annotated[int, COUNT] = 100  # maximum per design and generation
 
     def most_trials(self, trials: int) -> int:
         """Return ``max_trials`` or ``trials``, whichever is larger."""
@@ -42,7 +42,7 @@ class SuccessiveRejects(Allocation):
 
 
 def _phases(designs: int, budget: int) -> Iterator[int]:
-    """Yield the number of trials that each remaining design has after each phase."""
+    """Yield, phase by phase, the number of trials that each remaining design has at the end."""
     if designs <= 1:
         yield from [budget] * designs
         return

@@ -1,4 +1,4 @@
-"""The arrays that parts exchange, and products of small matrices that are bitwise equal everywhere.
+"""The arrays that parts exchange, and bitwise reproducible products of small matrices.
 
 Parts (robots, worlds, filters, controllers ...) are frozen descriptions. Their ``start()`` or
 ``open()`` creates the mutable state of one mission. During a mission, *rules* run: plain functions
@@ -42,7 +42,7 @@ DRIVE_SPEED, STEERING = range(2)
 COMMAND_SIZE = 2
 
 # The strengths of a robot's wheels: a float64 array of STRENGTH_SIZE values. If wheels can fail,
-# the strengths of all robots follow the drive commands.
+# all robots' strengths come after their drive commands.
 LEFT_WHEELS, RIGHT_WHEELS = range(2)
 """Fraction of the commanded wheel speed on each side, 0 to 1."""
 STRENGTH_SIZE = 2
@@ -50,7 +50,7 @@ STRENGTH_SIZE = 2
 
 @compilable
 def copy_values(source: Array, target: Array) -> None:
-    """Copy the first values of ``source`` into all of ``target``.
+    """Fill ``target`` with the first values of ``source``.
 
     numba compiles this loop in a tenth of the time of ``target[:] = source``, which formats an
     error message for unequal lengths.

@@ -1,4 +1,4 @@
-"""Rules for the fields of descriptions, declared at the field and checked at construction.
+"""Rules for the fields of descriptions, declared with the field and checked at construction.
 
 A description is a frozen dataclass. ``checked`` makes the constructor check every field that is
 annotated with a rule::
@@ -37,7 +37,7 @@ class Rule:
 
     text: str  # completes "must be ..."
     holds: Callable[[Any], bool]
-    plain: bool = False  # True for strings and numbers, which need no class
+    plain: bool = False  # True for values without a class, such as strings
     limit: float = LARGEST
 
 
@@ -71,7 +71,6 @@ def checked(cls: type[T]) -> type[T]:
 
 
 def _list_numbers(value: object) -> Iterator[float]:
-    """Yield the finite numbers in a configuration value."""
     if is_number(value):
         yield value  # type: ignore[misc]
     elif isinstance(value, list | tuple):
@@ -93,7 +92,7 @@ def is_number(value: object) -> bool:
     """Return True if a value is a finite real number and not a Boolean."""
     try:
         return is_real(value) and math.isfinite(value)  # type: ignore[arg-type]
-    except OverflowError:  # an int that no float holds
+    except OverflowError:  # an int too large for a float
         return False
 
 
@@ -103,7 +102,7 @@ def is_real(value: object) -> bool:
 
 
 def is_whole(value: object) -> bool:
-    """Return True if a value, also one of numpy, is an integer and not a Boolean."""
+    """Return True if a value is an integer, also of a numpy type, and not a Boolean."""
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
@@ -124,7 +123,7 @@ NOT_NEGATIVES = Rule(
     "a list of numbers of at least 0",
     lambda v: isinstance(v, list | tuple) and len(v) > 0 and all(map(NOT_NEGATIVE.holds, v)),
 )
-SCORE = Rule(  # small enough for squares and sums not to overflow
+SCORE = Rule(  # small enough that squares and sums do not overflow
     "a finite number of at most 1e100 in magnitude",
     lambda v: is_number(v) and abs(float(v)) <= 1e100,
 )
@@ -167,12 +166,12 @@ A_CONTEXT = Rule("a context manager", lambda v: hasattr(v, "__enter__") and hasa
 
 
 def ask(key: str, method: Callable[..., Any], rule: Rule, *arguments: Any) -> Any:
-    """Call a method of the part at a key, and check the return value."""
+    """Call a method of the part at the configuration key ``key``, and check the return value."""
     return check_answer(key, method, rule, method(*arguments))
 
 
 def check_answer(key: str, method: Callable[..., Any], rule: Rule, answer: Any) -> Any:
-    """Check ``answer``, the return value of a method of the part at a key, and return it."""
+    """Check and return ``answer``, which a method of the part at ``key`` returned."""
     if rule.holds(answer):
         return answer
     part = getattr(method, "__self__", None)
@@ -184,7 +183,7 @@ def check_answer(key: str, method: Callable[..., Any], rule: Rule, answer: Any) 
 
 
 def find_source(definition: Any) -> str:
-    """Return the file of a class or a function, for a message."""
+    """Return the source file of a class or a function, for a message."""
     module = sys.modules.get(getattr(definition, "__module__", ""))
     return getattr(module, "__file__", None) or "it"
 
@@ -221,7 +220,7 @@ def invalid(part: object, field: str, value: object, rule: str, fix: str = "") -
 
 
 def _missing_target(value: object) -> str:
-    """Return the fix for one or several parts that are configured without a class, or ""."""
+    """Return how to fix parts that are configured without a class; "" if this is not the fault."""
     several = isinstance(value, dict) and any(isinstance(item, dict) for item in value.values())
     single = isinstance(value, dict) and not any(hasattr(i, "__dict__") for i in value.values())
     fix = "add _target_, the class of which these keys are arguments"
@@ -230,7 +229,7 @@ def _missing_target(value: object) -> str:
 
 def quote(value: object) -> str:
     """Return a shortened representation of a value on one line."""
-    # the default representation shows the address
+    # the default representation contains the object's address
     kind, plain = type(value), type(value).__repr__ is object.__repr__
     text = f"an object of {kind.__module__}.{kind.__qualname__}" if plain else repr(value)
     text = " ".join(text.split())
@@ -252,7 +251,7 @@ def bounds(interval: Any) -> tuple[float, float]:
 
 
 def scale(gene: float, low: float, high: float) -> float:
-    """Return the value at ``gene`` (0..1) between ``low`` and ``high``, clipped after rounding."""
+    """Return the value at ``gene`` (0..1) between ``low`` and ``high``, never outside them."""
     return min(max(low + gene * (high - low), low), high)
 
 

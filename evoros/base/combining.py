@@ -22,12 +22,12 @@ def mean(scores: Sequence[float], trials: int | None = None) -> float:
 
 
 def mean_lowest(scores: Sequence[float], share: float, trials: int | None = None) -> float:
-    """Return the mean of the lowest share of the scores, but at least of the lowest score.
+    """Return the mean of the lowest ``share`` of the scores, but of at least one score.
 
     The share is exact: the last score has a fractional weight (conditional value at risk:
     Rockafellar and Uryasev, Conditional value-at-risk for general loss distributions, Journal of
-    Banking & Finance 26, 2002, proposition 8). With ``trials``, the result is the mean over all
-    choices of ``trials`` scores.
+    Banking & Finance 26, 2002, proposition 8). With ``trials``, the result is
+    averaged over all subsets of ``trials`` scores.
     """
     ordered = sorted(scores)
     drawn = min(trials or len(ordered), len(ordered))
@@ -38,7 +38,7 @@ def mean_lowest(scores: Sequence[float], share: float, trials: int | None = None
 
 
 def _expect_rank(ordered: Sequence[float], drawn: int, rank: int) -> float:
-    """Return the expected score at a rank among ``drawn`` of the ascending scores."""
+    """Return the expected score at ``rank`` in a random sample of ``drawn`` ordered scores."""
     size = len(ordered)
     if drawn == size:
         return ordered[rank]

@@ -29,7 +29,7 @@ def is_bundled(function: Callable[..., Any]) -> bool:
 
 
 def take_waiting(bundled: bool) -> list[tuple[Callable[..., Any], bool]]:
-    """Return the functions of evoros or of users marked since the last call, with inline flags."""
+    """Return evoros's or users' functions marked since the last call, each with its inline flag."""
     taken = [entry for entry in _waiting if is_bundled(entry[0]) is bundled]
     _waiting[:] = [entry for entry in _waiting if entry not in taken]
     return taken

@@ -1,4 +1,4 @@
-"""Errors for users, and the commands that fix the errors."""
+"""Errors shown to users, and the commands that fix them."""
 
 import errno
 import os
@@ -13,7 +13,7 @@ PATH_REMEDIES = {
     errno.ENAMETOOLONG: "choose a shorter name",
     errno.ELOOP: "remove one of the symbolic links that form a loop",
 }
-"""Fixes for errors due to a path, by error number."""
+"""Fixes for errors of path operations, by error number."""
 _LOOP = "Symlink loop from "
 
 
@@ -33,7 +33,7 @@ class PartFault(InputError):
 
 
 class SimulationError(EvorosError):
-    """The simulation failed, for example with a non-finite state; a retry would fail, too."""
+    """The simulation failed, for example with a non-finite state; a retry would also fail."""
 
 
 class WorkerLost(EvorosError):
@@ -73,13 +73,13 @@ def escape(path: str) -> str:
 
 
 def unescape(path: str) -> str:
-    """Return the path from which ``escape`` made a text."""
+    """Reverse ``escape``."""
     return _ESCAPED.sub(lambda byte: chr(int(byte[1], 16)), path)
 
 
 @contextmanager
 def require_extra(extra: str, need: str, failure: type[InputError] = InputError) -> Iterator[None]:
-    """Raise a ``failure`` if a package imported in the context is not installed.
+    """Raise a ``failure`` if the context imports a package that is not installed.
 
     ``need`` names the choice or the command that needs the package.
     """
@@ -94,7 +94,7 @@ def require_extra(extra: str, need: str, failure: type[InputError] = InputError)
 
 
 def explain_path(error: BaseException) -> str:
-    """Return a one-line explanation of an error due to a path, or "" for any other error."""
+    """Return a one-line explanation of an error in a path operation, or "" for any other error."""
     if isinstance(error, RuntimeError) and str(error).startswith(_LOOP):  # before Python 3.13
         return f"{str(error).removeprefix(_LOOP)}: cannot be used; {PATH_REMEDIES[errno.ELOOP]}"
     if not isinstance(error, OSError) or error.errno not in PATH_REMEDIES or not error.filename:
@@ -114,12 +114,12 @@ MAX_DIGITS = 6  # maximum number of decimal places
 
 
 def count_digits(size: float) -> int:
-    """Return the number of decimal places for two significant digits, at most ``MAX_DIGITS``."""
+    """Return the number of decimals that show ``size`` to two digits, at most ``MAX_DIGITS``."""
     return next((digits for digits in range(MAX_DIGITS) if size * 10**digits >= 9.5), MAX_DIGITS)
 
 
 def write_count(number: int, noun: str) -> str:
-    """Return a number with its noun, which is in the plural unless the number is 1."""
+    """Return a count and its noun, in the plural unless the count is 1."""
     return f"{number:,} {noun}" + "s" * (number != 1)
 
 

@@ -1,7 +1,7 @@
-"""Random generators named by the key of a mission and the name of a part.
+"""Random generators, seeded by the key of a mission and the name of a part.
 
-A part's stream depends only on these two. So adding a part never shifts the draws of other parts,
-and a single row of a table can be replayed.
+A part's stream depends on nothing else, so adding a part never shifts the draws of other parts,
+and any recorded mission can be replayed alone.
 """
 
 import hashlib
@@ -20,9 +20,9 @@ Size = int | tuple[int, ...] | None
 class Generator(np.random.Generator):
     """numpy's generator, with normal and exponential deviates that are equal on all machines.
 
-    The same holds for ``random``, ``uniform``, ``integers``, ``choice``, ``permutation``,
-    ``permuted``, ``shuffle`` and ``bytes``, which need only arithmetic. Other distributions use
-    the C library, and the last digits of its results depend on the processor.
+    This also holds for ``random``, ``uniform``, ``integers``, ``choice``, ``permutation``,
+    ``permuted``, ``shuffle`` and ``bytes``, which need only arithmetic. Other distributions use the
+    C library, and the last digits of its results depend on the processor.
     """
 
     def __reduce__(self) -> Any:
@@ -90,7 +90,7 @@ def deal(key: str, cards: int) -> Iterator[int]:
     """
     for deck in count():
         rng = generator(f"{key}/{deck}", "deck")
-        moved: dict[int, int] = {}  # numbers that are not in their initial place
+        moved: dict[int, int] = {}  # cards not in their initial position, by position
         for top in range(cards):
             place = top + int(rng.random() * (cards - top))
             yield moved.get(place, place)

@@ -1,8 +1,9 @@
 """Normal and exponential deviates by the ziggurat method, bitwise equal on every processor.
 
-They equal the deviates from numpy's generators, except that for rare draws, numpy and numba use the
-logarithm and exponential of their libraries. numpy's tables are accessible only through numba's
-private copy; a test compares the draws of both."""
+The deviates equal numpy's, except for rare draws in which numpy and numba call the logarithm and
+exponential of their math libraries. numpy's tables are accessible only through numba's private
+copy; a test compares the draws with numpy's.
+"""
 
 from numba.np.random import _constants as layers
 from numpy.random import BitGenerator
@@ -18,14 +19,13 @@ WIDTHS, INSIDE = layers.wi_double, layers.ki_double
 
 
 def next_word(bits: BitGenerator) -> int:
-    """Draw 64 random bits; compiled code uses another version."""
+    """Draw 64 random bits; compiled code uses a different implementation."""
     word: int = bits.random_raw()
     return word
 
 
 @compilable
 def _draw_share(bits: BitGenerator) -> float:
-    """Draw a number in [0, 1)."""
     return float(next_word(bits) >> 11) * _LEAST
 
 

@@ -1,4 +1,4 @@
-"""A script that starts one command for a mission, and ends the command with all descendants.
+"""A script that starts one command for a mission, and ends the command with all its descendants.
 
 ``process.py`` runs the script without ``site``, which halves the start time. The argument is the
 descriptor of a socket. The script receives one line of JSON, the order, and sends the mission's
@@ -6,12 +6,12 @@ sockets and news about the command, one line of JSON each. When the other end of
 for any reason, the command and its descendants are killed.
 
 In isolation, the command gets a new network, process tree, mounts and shared memory. The first
-process in these namespaces is a child of this process, and collects the orphans among the
-command's descendants. When it ends, the kernel kills all of them. Without isolation, this process
-adopts the orphans.
+process in these namespaces is a child of this process, and reaps the orphans among the command's
+descendants. When that process ends, the kernel kills all processes in the namespaces. Without
+isolation, this process adopts the orphans.
 
 bubblewrap 0.8.0 makes such namespaces in 19 ms, but cannot replace this script. Its loopback
-interface lacks the multicast with which ROS 2 discovers nodes, and sockets must be created in the
+interface lacks multicast, which ROS 2 needs to discover nodes, and sockets must be created in the
 network before the command starts.
 
 Only the standard library is imported, because the namespaces must exist before anything else, and
@@ -163,7 +163,7 @@ def lead(order: dict[str, Any], ports: dict[str, int], failing: int, reporting: 
 
 
 def execute(command: list[str], ports: dict[str, int], folder: str) -> None:
-    """Replace this process by the command; raise a RefusedCommand if that fails."""
+    """Replace this process with the command; raise a RefusedCommand if that fails."""
     os.environ.update(HOME=folder, TMPDIR=folder, PWD=folder)
     for changed in (signal.SIGINT, signal.SIGPIPE, signal.SIGXFSZ):  # Python changes these handlers
         signal.signal(changed, signal.SIG_DFL)
@@ -196,13 +196,13 @@ def end_orphans() -> None:
         for orphan in children():
             os.kill(orphan, signal.SIGKILL)
         try:
-            os.waitpid(-1, 0)  # killing a process may make its children orphans, too
+            os.waitpid(-1, 0)  # killing a process may orphan its children
         except ChildProcessError:
             return
 
 
 def remove(folder: str) -> None:
-    """Remove a folder, even if the command removed permissions."""
+    """Remove a folder, even if the command made it read-only."""
     import shutil  # delayed like tempfile
 
     for place, folders, _ in os.walk(folder):
@@ -287,7 +287,7 @@ def mount(source: bytes, target: bytes, kind: bytes | None, flags: int = 0) -> N
 
 
 def raise_loopback() -> None:
-    """Bring up the loopback interface with multicast, with which ROS 2 discovers nodes."""
+    """Bring up the loopback interface with multicast, which ROS 2 needs to discover nodes."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
         request = struct.pack("16sh", b"lo", 0)
         flags = struct.unpack("16sh", fcntl.ioctl(any_socket, GET_FLAGS, request))[1]
@@ -305,7 +305,7 @@ def make_sockets(kinds: dict[str, str]) -> tuple[dict[str, socket.socket], dict[
         if stream:
             item.listen()
         if kind == "port":
-            free.append(item)  # closed once all are bound, so all ports differ
+            free.append(item)  # closed once all are bound, so that all ports differ
         else:
             kept[name] = item
     for item in free:

@@ -13,9 +13,10 @@ _READ_BYTES = 4096
 _LONGEST_LINE = 1 << 20
 """Maximum length [bytes] of a line."""
 READ_FROM, WRITE_TO = "EVOROS_IN", "EVOROS_OUT"
-"""Environment variables with a program's descriptors, which leave standard output free."""
+"""Environment variables that name the descriptors of a program's pipes; standard output stays
+free."""
 ENDING_S = 1.0
-"""Maximum time [s] between the closing of a process's pipes and the exit, on a busy machine."""
+"""Maximum time [s] that a process needs to exit after its pipes close, on a busy machine."""
 
 
 class Pipes:
@@ -71,7 +72,7 @@ class Pipes:
         return data
 
     def has_come(self) -> bool:
-        """Return True if there is something to read; raise PilotLost if the output is closed."""
+        """Return True if there is output to read; raise PilotLost if the output is closed."""
         try:
             if os.read(self._receiving, 1):
                 return True

@@ -1,4 +1,4 @@
-"""An external process for one mission, from start-up to its last output and its end."""
+"""An external process for one mission, from start-up to exit."""
 
 import json
 import os
@@ -35,14 +35,14 @@ class OutsideProcess:
     ports: Mapping[str, int]
     _control: socket.socket
     _log: IO[bytes]
-    _ended: int | None = field(default=None)  # exit status in the form of waitpid
+    _ended: int | None = field(default=None)  # exit status as returned by waitpid
 
     def fileno(self) -> int:
         """Return a descriptor that becomes readable when the process exits."""
         return self._control.fileno()
 
     def running(self, wait_s: float = 0.0) -> bool:
-        """Return True if the process still runs after waiting up to a time [s]."""
+        """Return True if the process still runs after ``wait_s`` [s]."""
         if self._ended is None and select.select([self._control], [], [], wait_s)[0]:
             news, _ = _receive(self._control)
             self._ended = int(news.get("ended", signal.SIGKILL))
@@ -110,7 +110,7 @@ def start_process(
         log = stack.enter_context(TemporaryFile(buffering=0))
         with theirs:
             keeper = _start_keeper(theirs, pass_fds, environment or {}, log)
-        folders: list[str] = []  # folders outside namespaces
+        folders: list[str] = []  # temporary folders, if the command is not isolated
         stack.callback(_clean_up, keeper, folders)
         stack.enter_context(ours)  # closing the socket makes the keeper kill everything
         with suppress(BrokenPipeError, ConnectionResetError):  # the keeper was killed
@@ -144,7 +144,7 @@ def _start_keeper(
 
 
 def _clean_up(keeper: "subprocess.Popen[bytes]", folders: Sequence[str]) -> None:
-    """Wait until the keeper has killed everything; do its work if it was killed."""
+    """Wait until the keeper has killed everything, or do so here if the keeper was killed."""
     if keeper.poll() is None:  # otherwise the process id may be in use again
         _await_end(keeper)
     if keeper.wait() != 0:
@@ -178,7 +178,8 @@ def _list_residents(home: str) -> Iterator[int]:
 def _receive(control: socket.socket, sockets: int = 0) -> tuple[dict[str, Any], list[int]]:
     """Receive a line of news, and up to ``sockets`` descriptors; empty if the keeper exited.
 
-    The next line stays in the socket, because the command may exit before its start is read.
+    The next line stays in the socket, because the command may exit before the news of its start is
+    read.
     """
     data, descriptors = b"", []
     while not data.endswith(b"\n"):

@@ -24,43 +24,44 @@ class Rival:
     design: int
     trials: int
     fitness: float  # fitness in these trials
-    low: float  # interval, simultaneous for all rivals; NaN if unknown
+    low: float  # lower end of an interval that holds for all rivals at once; NaN if unknown
     high: float
     led: bool  # True: best of a generation; False: runner-up of the last generation
 
 
 @dataclass(frozen=True)
 class Finalist:
-    """A design in the final choice, and its scores there."""
+    """A finalist, with its fitness before and in the final choice."""
 
     design: int
     fitness: float  # fitness during evolution
     trials: int  # number of trials in the final choice
-    final_fitness: float  # fitness in these trials
+    final_fitness: float  # fitness in the final choice
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """The champion's fitness, success and rivals on draws that did not select it."""
+    """The champion's fitness, success and rivals on fresh draws."""
 
     design: int
     recorded_fitness: float  # the fitness by which the champion was selected
     recorded_trials: int
     validated_fitness: float  # NaN without validation trials
     validated_trials: int
-    confidence: float  # applies to each interval
+    confidence: float  # confidence level of each interval
     fitness_low: float  # interval over all fresh draws; NaN if unknown
     fitness_high: float
     precision: float | None  # required half-width of the interval
-    # Estimated trials for the precision if it was missed; None if it was reached or is far beyond.
+    # Estimated number of trials that would reach a missed precision; None if the precision was
+    # reached or is far out of reach.
     precision_trials: int | None
     worlds: Mapping[str, Rate]
     rivals: Sequence[Rival]
-    # Upper bound on any rival's advantage at this confidence; NaN if unknown.
+    # Upper confidence bound on the best rival's advantage; NaN if unknown.
     rival_advantage: float
     finalists: Sequence[Finalist]  # best first; empty without a final choice
-    # Completion rates of missions with a failed part other than a sensor, by part and effect, for
-    # example ``steering: stuck``.
+    # Completion rates of missions in which a part other than a sensor failed, by part and effect
+    # (``steering: stuck``).
     failed_parts: Mapping[str, Rate] = field(default_factory=dict)
 
     @property
@@ -73,7 +74,7 @@ class Certificate:
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """The fields of ``status.json``."""
+        """The certificate's fields in ``status.json``."""
         fields = {
             "best_fitness": self.recorded_fitness,
             "best_validated_fitness": self.validated_fitness,

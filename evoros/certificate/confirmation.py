@@ -1,4 +1,4 @@
-"""Confirm each generation's best designs in another simulator or with another controller."""
+"""Confirms each generation's best designs in another simulator or with another controller."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ from evoros.simulator.protocol import A_SIMULATOR, Simulator
 class Confirmation:
     """Repeats the missions of each generation's best new designs in ``simulator``.
 
-    The confirmed fitness replaces the screened one, so that a search cannot exploit effects that
-    its simple simulator leaves out. Confirmations use ``controller``, for example the real
-    robot's software, instead of the run's controller.
+    The confirmed fitness replaces the screened one, so that a search cannot exploit the
+    simplifications of its simulator. Confirmations use ``controller``, for example the real robot's
+    software, instead of the run's controller.
     """
 
     simulator: Annotated[Simulator, A_SIMULATOR]
@@ -30,8 +30,9 @@ class Confirmation:
 
         ``screened`` has the fitness of all new designs in the run's own simulator, and ``confirm``
         returns the fitness of some designs in the confirming simulator. Designs rank by confirmed
-        fitness if known, and by screened fitness otherwise. If a design drops in rank, the next one
-        is confirmed in turn. No design is confirmed twice. Ties keep the order of ``screened``.
+        fitness if known, and by screened fitness otherwise. If a confirmed design drops out of the
+        top, the design that moves up is confirmed next. No design is confirmed twice. Ties keep the
+        order of ``screened``.
         """
         confirmed: dict[int, float] = {}
         while True:

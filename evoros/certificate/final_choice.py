@@ -1,4 +1,4 @@
-"""The choice of the champion among a run's best designs, on fresh draws."""
+"""The choice of the champion from a run's best designs, on fresh draws."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ AN_ALLOCATION = instance_of(Allocation, "an allocation (a subclass of evoros.par
 @dataclass(frozen=True)
 @checked
 class FinalChoice:
-    """Tries the best designs on separate draws after the last generation, allocated by ``method``.
+    """Tries the best designs on fresh draws after the last generation; ``method`` allocates trials.
 
     The champion is the best of the designs that stayed in the contest longest (best-arm
-    identification). The draws serve no other purpose. Scores of the evolution do not count, because
-    those scores selected the finalists.
+    identification). The draws serve no other purpose. Scores from the evolution do not count,
+    because they selected the finalists.
     """
 
     method: Annotated[Allocation, AN_ALLOCATION]

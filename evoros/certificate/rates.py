@@ -1,10 +1,10 @@
 """Confidence intervals of a rate, of the difference between two rates, and of bounded scores.
 
-Student's interval over five trials without a failure is much too narrow, because the spread of
-such scores does not reveal future failures. The interval of a mean adds the minimum score to the
-observed scores for its lower end, and the maximum score for its upper end. The scores are weighted
-by random weights (n + 1,) that sum to 1 (uniform Dirichlet distribution). The ends are quantiles of
-the weighted mean.
+Student's interval over five trials without a failure is much too narrow, because identical scores
+say nothing about rare failures. The interval of a mean adds the minimum score to the observed
+scores for its lower end, and the maximum score for its upper end. The scores are weighted by random
+weights (n + 1,) that sum to 1 (uniform Dirichlet distribution). The ends are quantiles of the
+weighted mean.
 
 Source: Gaffke, Three test statistics for a nonparametric one-sided hypothesis on the mean of a
 nonnegative variable, Mathematical Methods of Statistics 14, 2005; Learned-Miller and Thomas, A new
@@ -23,7 +23,7 @@ from evoros.base.arrays import Array
 
 Bounds = tuple[float, float]
 DIGITS = 6
-"""Decimal places of the results, so that all processors give the same results."""
+"""Decimal places to which results are rounded, so that they are the same on all processors."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(200)
 _CHANCES = (_NODES + 1) ** 2 * (2 - _NODES) / 4  # denser at both ends, where quantiles are steep
 _WEIGHTS = _WEIGHTS * 3 * (1 - _NODES**2) / 4  # chain rule of the change of variable
@@ -76,12 +76,12 @@ def _bound_below(first: tuple[int, int], second: tuple[int, int], tail: float) -
 
 
 def share_level(confidence: float, tests: int) -> float:
-    """Return the confidence per test at which all tests hold together with ``confidence``."""
+    """Return the confidence needed per test so that all tests together have ``confidence``."""
     return 1 - (1 - confidence) / tests  # Bonferroni
 
 
 LOWER_SHARE = 0.8
-"""Fraction of the error rate spent at the lower end, because failures are rare and costly."""
+"""Fraction of the error rate assigned to the lower end; it is large because failures are costly."""
 _GRID = np.linspace(0.0, 7.0, 80)
 _STEPS, _AREAS = np.sinh(_GRID), np.cosh(_GRID) * (_GRID[1] - _GRID[0])
 _AREAS[0] /= 2
@@ -94,8 +94,8 @@ def bound_mean(
 
     ``scores`` are independent, lie between ``lowest`` and ``highest``, and may have any
     distribution. Their means may differ by kind (for example by world) if the number of each kind
-    is fixed; the interval then covers the mean over the kinds. Without scores, it extends from
-    ``lowest`` to ``highest``. With ``repeats``, each score counts that number of times.
+    is fixed; the interval then covers the mean over the kinds. Without scores, the interval extends
+    from ``lowest`` to ``highest``. Each score counts ``repeats`` times.
     """
     values = np.asarray(scores, float)
     error = 1 - confidence
@@ -121,7 +121,7 @@ def _find_quantile(values: Array, end: float, chance: float, repeats: int) -> fl
     if len(distinct) == 1 or distinct[0] < end:
         return float(distinct[0])
     counts = repeats * np.bincount(places).astype(np.float64)
-    counts[0] -= repeats - 1  # the end counts once
+    counts[0] -= repeats - 1  # the end value counts only once
     scale = float(distinct[-1] - end)
     shares = (distinct - end) / scale
 

@@ -27,7 +27,7 @@ class Validation:
     trials: Annotated[int | None, TRIALS] = None  # None: optimizer.validation_trials
     precision: Annotated[float | None, PRECISION] = None  # half-width of the fitness interval
     max_trials: Annotated[int, COUNT] = 200
-    confidence: Annotated[float, CONFIDENCE] = 0.95  # applies to each interval
+    confidence: Annotated[float, CONFIDENCE] = 0.95  # confidence level of each interval
     rivals: Annotated[int, WHOLE] = 0  # number of other designs to validate
 
     def __post_init__(self) -> None:
@@ -51,9 +51,9 @@ MOST_REPEATS = 10_000
 def list_looks(validation: Validation, trials: int, missions: int, room: Bounds) -> list[int]:
     """Return the numbers of trials after which the precision is tested, up to ``max_trials``.
 
-    Each is at least ``trials``, and large enough for a narrow interval with ``room`` below and
-    above the fitness (0 if unknown) and ``missions`` scores per trial. All arguments must be known
-    before the trials.
+    Each number is at least ``trials``, and large enough that the interval can be as narrow as the
+    precision demands. ``room`` has the distances from the fitness to its minimum and maximum (0 if
+    unknown), and each trial has ``missions`` scores. All arguments must be known before the trials.
     """
     looks = [max(trials, validation.max_trials)]
     while True:
@@ -105,7 +105,7 @@ def check_precision(validation: Validation, missions: int, bounds: Sequence[floa
 
 
 def find_least_width(room: Bounds, count: int, confidence: float) -> float:
-    """Return the interval width for ``count`` equal scores, with ``room`` below and above."""
+    """Return the interval's width for ``count`` equal scores at these distances from the limits."""
     errors = (1 - confidence) * LOWER_SHARE, (1 - confidence) * (1 - LOWER_SHARE)
     parts = zip(room, errors, strict=True)
     return sum(width * (1 - float(error ** (1 / count))) for width, error in parts)
@@ -123,7 +123,7 @@ def estimate_trials(
     confidence: float,
     precision: float,
 ) -> int | None:
-    """Estimate the number of trials for a precision, from the scores of ``trials``.
+    """Estimate the number of trials that a precision needs, from the scores of ``trials`` trials.
 
     ``limits`` are the minimum and maximum score. The result is None if the precision is out of
     reach.

@@ -55,7 +55,7 @@ def _sort_jobs(jobs: Jobs, explain: Explain) -> tuple[list[Job], list[RefusedJob
     checks = _Checks(explain)
     with withhold_messages():
         named: list[Job] = []
-        for job in jobs:  # names first, because building a job may compile for a minute
+        for job in jobs:  # class names first, because building a job may take a minute
             if isinstance(job, RefusedJob):
                 refused.append(job)
             elif fault := checks.find_misnamed(job):
@@ -76,14 +76,14 @@ def _sort_jobs(jobs: Jobs, explain: Explain) -> tuple[list[Job], list[RefusedJob
 
 @dataclass
 class _Checks:
-    """Results of the checks so far, shared by similar jobs."""
+    """The results of checks so far, which similar jobs share."""
 
     explain: Explain
-    faults: dict[str, str] = field(default_factory=dict)  # keys: all values except the seed
-    built: dict[str, Experiment] = field(default_factory=dict)  # keys: all values outside SEARCH
+    faults: dict[str, str] = field(default_factory=dict)  # keyed by all values except the seed
+    built: dict[str, Experiment] = field(default_factory=dict)  # keyed by all values outside SEARCH
 
     def find_misnamed(self, job: Job) -> str:
-        """Describe a class that a new job cannot instantiate; empty if there is none."""
+        """Describe the first class that a new job cannot instantiate; empty if there is none."""
         try:
             if not (job.folder / MISSIONS).exists():
                 check_classes(job.config.values, job.config.choices)
@@ -130,7 +130,7 @@ def _describe(config: Configuration, ignored: Sequence[str]) -> str:
 def describe_faults(
     ready: Sequence[tuple[str, ...]], refused: Sequence[RefusedJob]
 ) -> Iterator[str]:
-    """Describe each fault once, after the overrides shared by the jobs that have it.
+    """Describe each fault once, after the overrides that the jobs with this fault share.
 
     ``ready`` has the overrides of the jobs without a fault. Overrides of all jobs are omitted.
     """
@@ -164,9 +164,7 @@ def find_treatment(config: Configuration) -> str:
     """Return the part of the configuration text that all runs of one treatment share."""
     from evoros.analysis.tables.factors import IGNORED
 
-    apart = tuple(
-        f"{key}:" for key in IGNORED if key != "treatment"
-    )  # a treatment's levels are factors
+    apart = tuple(f"{key}:" for key in IGNORED if key != "treatment")  # treatments are compared
     return "".join(block for block in _BLOCK.split(config.text) if not block.startswith(apart))
 
 

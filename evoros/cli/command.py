@@ -31,7 +31,7 @@ class Options:
     multirun: bool  # True for a sweep
     config_dir: str | None  # folder of the user's own groups, experiments and classes
     version: bool
-    shows: bool  # True if Hydra only prints help, the configuration or the like
+    shows: bool  # True if Hydra only prints help, the configuration or similar
 
 
 def parse_options(arguments: Sequence[str]) -> Options:
@@ -44,8 +44,6 @@ def parse_options(arguments: Sequence[str]) -> Options:
 
 
 class _Refuse(Action):
-    """Refuses a Hydra option that evoros does not support."""
-
     def __call__(self, parser: ArgumentParser, *_: Any) -> None:
         raise InputError(
             f"{self.option_strings[0]}: not an option of evoros; use experiment= for a study"

@@ -1,4 +1,4 @@
-"""The subcommand ``inspect``: shows how a robot or world is read, and writes its YAML file."""
+"""The subcommand ``inspect``: shows how evoros reads a robot or world, and writes its YAML file."""
 
 from argparse import SUPPRESS, RawDescriptionHelpFormatter
 from collections.abc import Iterator, Mapping, Sequence
@@ -52,7 +52,7 @@ class Request:
     group: str
     file: Path
     name: str
-    values: Mapping[str, Any]  # values of further keys
+    values: Mapping[str, Any]  # values of other keys
     drive: str = ""  # choice from the group drive; empty for the default
 
 
@@ -161,7 +161,8 @@ def _parse(words: Sequence[str], name: str | None) -> list[Request]:
 def _describe(request: Request, chosen: Sequence[str], folder: Path) -> "tuple[OwnFile, str, str]":
     """Describe the YAML file of a part, and choose the simulator that it needs.
 
-    A world without a course gets one that suits the robot; the last string describes where it is.
+    A world without a course gets one that suits the robot; the last string describes where the
+    course is.
     """
     from evoros.config.own_files import ROBOT, OwnFile, is_bundled
     from evoros.formats.sdf.reading import SdfOptions
@@ -235,7 +236,7 @@ def _write(path: Path, content: bytes, replace: bool = False) -> None:
 
 
 def _format(inspection: "Inspection", shown: Sequence[str]) -> str:
-    here = f"{Path.cwd()}/"  # left out, to shorten paths below the current folder
+    here = f"{Path.cwd()}/"  # removed to shorten paths below the current folder
     messages = [text.replace(here, "") for text in inspection.messages if text not in shown]
     rows = [*inspection.rows, *(("note", message) for message in messages)]
     width = max(len(name) for name, _ in rows)

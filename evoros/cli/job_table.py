@@ -70,5 +70,5 @@ def shorten_names(names: Sequence[str], room: int) -> list[str]:
     if common > len(CUT):
         names = [CUT + name[common:] for name in names]
     kept = room - len(CUT)
-    end = kept // 3  # names end in a distinguishing hash
+    end = kept // 3  # a name's last characters are a hash that distinguishes it
     return [name if len(name) <= room else name[: kept - end] + CUT + name[-end:] for name in names]

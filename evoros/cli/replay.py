@@ -1,4 +1,4 @@
-"""The subcommand ``replay``: runs one recorded mission again."""
+"""The subcommand ``replay``: reruns one recorded mission."""
 
 from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence

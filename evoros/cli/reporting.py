@@ -121,7 +121,7 @@ def explain_end(
 
 
 def _start_again(folder: Path, resume: str, told: str) -> str:
-    """Return the next step after fixing the part named by a message; empty if no run was recorded.
+    """Return what to do after fixing the part that a message names; empty if no run was recorded.
 
     A resumed run accepts a fixed part if no result of that part has been recorded.
     """
@@ -154,7 +154,7 @@ def report_result(command: str, in_sweep: bool, folder: Path, result: JobResult)
 
 
 def judge_result(folder: Path, result: JobResult) -> int:
-    """Return the exit status of a job, including the verdicts of a finished evaluation."""
+    """Return a job's exit status, which reflects the verdicts of a finished evaluation."""
     if result.status != console.DONE:
         return result.status
     from evoros.storage.verdicts import read_verdicts

@@ -13,7 +13,7 @@ NAME = "evoros status"
 ABOUT = """Show the state of all runs and evaluations below a folder; on a terminal, update it until
 all have ended."""
 UPDATE_S = 2.0
-"""Interval between updates [s], wall clock."""
+"""Wall-clock interval [s] between updates."""
 
 
 @reports_errors(NAME)

@@ -92,7 +92,7 @@ def list_help() -> list[str]:
 
 
 def find_misuse(arguments: Sequence[str]) -> str:
-    """Explain how to correct a wrong subcommand or another subcommand's option; empty if none."""
+    """Explain how to correct a wrong subcommand or another subcommand's option; may be empty."""
     for folder in (text[7:] for text in arguments if text.startswith("resume=")):
         return f"resume: a subcommand, not a key; type: {_write_resume(folder)}"
     word, *others = arguments or [""]

@@ -48,7 +48,8 @@ def jobs_at_once(workers: int) -> int:
 
 
 JOBS_TOGETHER = KEPT
-"""Number of jobs whose missions are launched together; a worker caches as many experiments."""
+"""Number of jobs whose missions are launched together; each worker caches this number of
+experiments."""
 
 
 class SharedPool:
@@ -63,7 +64,7 @@ class SharedPool:
 
     @contextmanager
     def open(self, executor: Executor) -> Iterator[Pool]:
-        """Stand in for the executor's ``open``, so that all jobs share one pool.
+        """Replace the executor's ``open``, so that all jobs share one pool.
 
         Raises:
             KeyboardInterrupt: ``close`` was called, which interrupts all jobs using the pool.
@@ -71,7 +72,7 @@ class SharedPool:
         try:
             yield self.start(executor)
         except Exception:
-            if self._stopping:  # the error results from cancelled or refused calls
+            if self._stopping:  # the pool cancelled or refused the job's calls
                 raise KeyboardInterrupt from None
             raise
 
@@ -83,7 +84,7 @@ class SharedPool:
         return 1 if self._pool is None else jobs_at_once(self._pool.workers)
 
     def start(self, executor: Executor) -> Pool:
-        """Start the pool if needed; raises the errors of ``Executor.open``."""
+        """Start the pool if needed; raise the errors of ``Executor.open``."""
         with self._lock:
             if self._stopping:
                 raise KeyboardInterrupt
@@ -189,7 +190,7 @@ class Sweep:
         while len(self._running) > count:
             for future in wait(self._running, return_when=FIRST_COMPLETED).done:
                 self._conclude(self._running[future], future.result())
-                del self._running[future]  # comes last, so that a signal cannot suppress the report
+                del self._running[future]  # last, so that a signal cannot suppress the report
 
     def _conclude(self, folder: Path, result: JobResult) -> None:
         self.results.append((folder, result))
@@ -314,7 +315,7 @@ def build_job(config_dir: str | None, job: Job) -> Session | None:
 def begin_all(jobs: Iterable[Job], sweep: Sweep, interrupts: Interrupts) -> int:
     """Start jobs until a signal arrives, wait for them, and return the number started."""
     begun = 0
-    with closing(sweep), suppress(KeyboardInterrupt):  # each job reports its resume command
+    with closing(sweep), suppress(KeyboardInterrupt):  # each job reports how to resume it
         for job in jobs:
             sweep.begin(job)  # if enough jobs are running, blocks until one ends
             begun += 1

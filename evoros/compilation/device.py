@@ -31,7 +31,7 @@ class Memory(Protocol):
         """The start address on the device."""
 
     def write(self, content: Bytes) -> None:
-        """Write ``content``, from the start address on."""
+        """Write ``content`` at the start address."""
 
     def read(self, start: int, end: int) -> Bytes:
         """Return the bytes from ``start`` up to, but not including, ``end``."""
@@ -51,7 +51,7 @@ class Device(Protocol):
         """Allocate ``size`` bytes; raise DeviceFull if there is too little memory."""
 
     def launch(self, kernel: Any, rows: int, width: int, count: int) -> None:
-        """Run the missions in ``count`` rows of ``width`` bytes, from address ``rows``."""
+        """Run the missions in the ``count`` rows of ``width`` bytes at the address ``rows``."""
 
 
 class HostMemory:
@@ -62,7 +62,7 @@ class HostMemory:
         self.address: int = self._bytes.__array_interface__["data"][0]
 
     def write(self, content: Bytes) -> None:
-        """Write ``content``, from the start address on."""
+        """Write ``content`` at the start address."""
         self._bytes[: len(content)] = content
 
     def read(self, start: int, end: int) -> Bytes:
@@ -92,5 +92,5 @@ class Host:
         yield HostMemory(size)
 
     def launch(self, kernel: Any, rows: int, width: int, count: int) -> None:
-        """Run the missions in ``count`` rows of ``width`` bytes, from address ``rows``."""
+        """Run the missions in the ``count`` rows of ``width`` bytes at the address ``rows``."""
         kernel(rows, width, 0, count)

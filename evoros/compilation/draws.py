@@ -1,4 +1,4 @@
-"""Registers ``evoros.base.rng.Generator`` with numba, so that compiled draws are equal."""
+"""Registers ``evoros.base.rng.Generator`` with numba, so that compiled draws are the same."""
 
 from typing import Any
 
@@ -36,7 +36,7 @@ def _next_word(bits: Any) -> Any:
     return lambda bits: next_uint64(bits)
 
 
-# Not strict, because numba would otherwise compare the annotations, too.
+# Not strict, because numba would otherwise also compare the annotations.
 @overload_method(GeneratorType, "standard_normal", strict=False, inline="always")  # type: ignore[untyped-decorator]
 def _standard_normal(rng: Any, size: Any = None) -> Any:
     if is_nonelike(size):

@@ -12,12 +12,12 @@ HELD = [getattr(signal, name) for name in NAMES if hasattr(signal, name)]
 """The signals for which programs install Python handlers; Windows lacks some of them."""
 
 Release: TypeAlias = Callable[[Callable[[], object]], None]
-"""Calls a function without deferring handlers, and raises the exceptions of handlers."""
+"""Calls a function without deferring handlers, and raises exceptions from handlers."""
 
 
 @contextmanager
 def hold_interrupts() -> Iterator[Release]:
-    """Defer signal handlers to the end, except during calls through the yielded function.
+    """Defer signal handlers until the end, except during calls through the yielded function.
 
     A handler such as the one for Ctrl-C may raise anywhere in the Python code of the main thread.
     numba runs Python code to convert arguments and results, and crashes if that code raises.

@@ -1,8 +1,8 @@
 """Kernels: the mission loop and its rules as one program, for this processor or for a GPU.
 
-The code is what numba generates for the same functions, before its optimization for this
-processor. No sum or product is contracted or reordered, and no library is called, so results are
-bitwise equal on every target.
+The code is numba's code for the same functions, before optimization for this processor. No sum or
+product is contracted or reordered, and no library is called, so results are bitwise equal on every
+target.
 """
 
 import hashlib
@@ -36,7 +36,7 @@ _BITS = types.NumPyRandomBitGeneratorType("bit_generator")
 
 
 class NumberedRule(types.Callable):  # type: ignore[misc]
-    """The type of a rule's number among the rules of a kind, callable in compiled code."""
+    """The numba type of a rule that is identified by its number among the rules of a kind."""
 
     def __init__(self, kind: str, signature: Signature) -> None:
         self.symbol, self.signature = f"evoros.{kind}", signature
@@ -308,7 +308,7 @@ def optimize(module: Any, machine: Any) -> None:
 
 
 def find_foreign(module: Any) -> list[str]:
-    """Return the functions called that are undefined or not exact."""
+    """Return the called functions that are undefined or inexact."""
     names = [function.name for function in module.functions if function.is_declaration]
     return [name for name in names if not name.startswith("llvm.") or _NOT_EXACT.match(name)]
 

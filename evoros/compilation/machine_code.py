@@ -27,7 +27,7 @@ NJIT_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 """Compiled code cannot raise errors, so a division by zero gives inf or NaN."""
 SETTINGS: dict[str, Any] = {
     "LOOP_VECTORIZE": 0,  # loops are short, and kernels use the same code
-    # Environment variables would change the code that other processes load.
+    # Otherwise, one process's environment variables would change the code that all processes load.
     **dict.fromkeys(("DISABLE_JIT", "BOUNDSCHECK"), 0),
 }
 BORROWING: dict[str, Any] = {"_nrt": False}
@@ -79,7 +79,7 @@ def compile_function(function: Any, signature: Any, on_disk: bool, **options: An
         dispatcher = njit(signature, cache=True, **NJIT_OPTIONS, **options)(function)
     if on_disk and dispatcher.stats.cache_misses:
         for path in sorted(Path(FunctionCache(function).cache_path).iterdir()):
-            with suppress(FileNotFoundError):  # a draft that another process removed
+            with suppress(FileNotFoundError):  # another process may have removed the draft
                 sync(path)
     return dispatcher
 
@@ -107,7 +107,7 @@ def lower(dispatcher: Any, signature: Any) -> Lowered:
 
 @contextmanager
 def compiling() -> Iterator[bool]:
-    """Make numba use the cache folder of evoros; yields True if there is a folder."""
+    """Make numba use the cache folder of evoros; yield True if there is one."""
     folder = cache_folder()
     with announce("compiling"), _COMPILING, warnings.catch_warnings():
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
@@ -164,7 +164,7 @@ def _list_imported(text: bytes) -> set[str]:
     for source, imported, module in _IMPORT.findall(text):
         package = (source or module).decode()
         names |= {f"{package}.{name}" for name in re.findall(r"\w+", imported.decode())}
-        while "." in package:  # parent packages are imported, too
+        while "." in package:  # Python also imports the parent packages
             names.add(package)
             package = package.rpartition(".")[0]
     return names

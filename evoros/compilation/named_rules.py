@@ -1,4 +1,4 @@
-"""Adapters that pass rules the arguments that the rules name.
+"""Adapters that pass each rule only the arguments that it names.
 
 The mission loop calls all rules of a kind with the same flat arrays. An adapter unpacks the
 parameters and the memory, and omits arguments that the rule does not have.
@@ -44,7 +44,7 @@ class NamedRule:
         return self.interpreted(*arguments)
 
     def adapt(self, rule: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a function of all arguments that calls ``rule``, a form of this rule.
+        """Wrap ``rule``, the Python or compiled form of this rule, to take all arguments.
 
         The function is made from source, because numba cannot compile ``**`` in a call (it refuses
         DICT_MERGE), and closures that pick from ``*arguments`` take 0.87 s instead of 0.20 s to

@@ -25,7 +25,6 @@ _ARRAY, _NUMBER, _WHOLE, _NAMED = range(4)
 
 @cache
 def _list_fields(kind: Any) -> tuple[tuple[int, int], ...]:
-    """Return the kind and the number of words of each field."""
     sorts = []
     for field in kind.types:
         if isinstance(field, types.Array):

@@ -59,7 +59,7 @@ class CompiledRule(types.WrapperAddressProtocol):  # type: ignore[misc]
 
     def __init__(self, dispatcher: Any, signature: Any, borrows: bool) -> None:
         self._signature = signature
-        self.borrows = borrows  # True if the rule makes no arrays
+        self.borrows = borrows  # True if the rule allocates no arrays
         self._dispatcher = dispatcher
         result = dispatcher.get_compile_result(signature)
         self._address = result.library.get_pointer_to_function(
@@ -161,7 +161,7 @@ def _compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
         # unnoticed.
         kept = on_disk and is_bundled(rule_function)
         if signature in _OF_MISSIONS:
-            with suppress(Exception):  # a user's rule may make arrays
+            with suppress(Exception):  # a user's rule may allocate arrays
                 borrowing = compile_function(_adapt(rule), signature, kept, **BORROWING)
                 return CompiledRule(borrowing, signature, True)
         try:
@@ -215,8 +215,8 @@ _FUNCTIONS = {
 def substitute(function: Any, helpers: bool = False) -> Any:
     """Return a copy of a user's function that uses the elementary functions of evoros.
 
-    With ``helpers``, the same is done for the functions that it calls from its module. Compiled
-    rules instead need helpers that are registered with numba.
+    With ``helpers``, the functions that it calls from its module are treated in the same way.
+    Compiled rules instead need helpers that are registered with numba.
     """
     if not isfunction(function) or is_bundled(function):
         return function

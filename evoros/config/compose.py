@@ -1,6 +1,6 @@
 """Compose configurations from ``conf/``, the user's folder and overrides.
 
-No part is built here. All errors are one-line InputErrors (``messages.py``).
+No part is instantiated here. All errors are one-line InputErrors (``messages.py``).
 """
 
 import copyreg
@@ -69,7 +69,7 @@ def _hash(text: str, digits: int) -> str:
 
 
 def _name_folder(overrides: ListConfig) -> str:
-    """Name a folder by overrides with unresolved references, so that it contains no secrets."""
+    """Name a folder after overrides, with unresolved references, so that it reveals no secrets."""
     return job_name([str(override) for override in OmegaConf.to_container(overrides) or ()])
 
 
@@ -171,7 +171,7 @@ def initialize() -> AbstractContextManager[None]:
 
 
 def search_path(config_dir: str | Path) -> str:
-    """Return the override that adds a user's folder, and make its modules importable.
+    """Return the override that adds a user's folder, and make the folder's modules importable.
 
     Warn about files that are not used because a bundled file has the same name.
     """
@@ -205,7 +205,7 @@ def parse(overrides: Sequence[str]) -> list[Override]:
 
 
 def text_of(override: Override) -> str:
-    """Return the override as typed."""
+    """Return an override as it was typed."""
     return override.input_line or ""
 
 
@@ -214,7 +214,7 @@ def add_config_dir(path: str | Path) -> Path:
     folder = expand_home(path).resolve()
     if not folder.is_dir():
         raise InputError(f"--config-dir {path}: folder not found; create it or correct the path")
-    if str(folder) not in sys.path:  # spawned workers inherit the path
+    if str(folder) not in sys.path:  # spawned workers inherit sys.path
         # The folder must precede the checkout, where packages such as analysis/ would hide modules.
         places = [Path(entry).resolve() for entry in sys.path]
         index = places.index(PACKAGE.parent) if PACKAGE.parent in places else len(places)

@@ -28,19 +28,19 @@ VERSION_BASE: Mapping[str, Any] = {} if IS_LATER else {"version_base": "1.3"}
 class Configuration:
     """A composed configuration of a run, without Hydra's part.
 
-    ``choices`` has entries such as ``failure: spatial``; the key of a group in another package
-    names the package, as in ``filter@failure.effect: stuck``.
+    ``choices`` has entries such as ``failure: spatial``; if a group is placed in another package,
+    its key names that package, as in ``filter@failure.effect: stuck``.
     """
 
     text: str  # content of config.yaml; references to keys and to secrets stay unresolved
     values: Mapping[str, Any] = field(repr=False)  # references resolved; may hold secrets
     choices: Mapping[str, str] = field(default_factory=dict)  # chosen file of each group
     overrides: Sequence[str] = ()  # typed overrides with unresolved references
-    designs: Any = None  # key ``designs`` of an evaluation; not in ``text`` and ``values``
+    designs: Any = None  # key ``designs`` of an evaluation; not in ``text`` or ``values``
     like: str | None = None  # key ``like`` of an evaluation
     evaluates: bool = False  # True if the run evaluates given designs
     config_dir: str | None = None  # the user's configuration folder
-    sweep: str | None = None  # folder of the sweep of this job
+    sweep: str | None = None  # folder of this job's sweep
 
     def build(self) -> Experiment:
         """Build the experiment; this imports and calls the classes named by the configuration.
@@ -58,7 +58,7 @@ class Configuration:
         return experiment
 
     def rebuild(self, experiment: Experiment, keys: Sequence[str]) -> Experiment:
-        """Build the experiment from one that differs only in these keys.
+        """Build the experiment from ``experiment``, which differs only in the values of ``keys``.
 
         Raises:
             InputError: a value cannot be used; ``build`` gives a more specific message.
@@ -72,7 +72,7 @@ class Configuration:
 
 
 def build(values: Mapping[str, Any], choices: Mapping[str, str]) -> Any:
-    """Build the class named by ``values``, and nested classes; ``choices`` serves messages."""
+    """Instantiate the class named by ``values``, and nested ones; ``choices`` is for messages."""
     targets = check_classes(values, choices)
     try:
         return instantiate(dict(values), _convert_="all", **allow(targets))
@@ -81,7 +81,7 @@ def build(values: Mapping[str, Any], choices: Mapping[str, str]) -> Any:
 
 
 def check_classes(values: Mapping[str, Any], choices: Mapping[str, str]) -> tuple[str, ...]:
-    """Check the classes in a configuration without building any, and return their names."""
+    """Check the classes in a configuration without instantiating any, and return their names."""
     targets = check_targets(values, NAMED_FOLDERS)
     _check_arguments(values, "", choices)
     return targets
@@ -197,7 +197,8 @@ ROOMS = (
     "simulator",
     "world",
 )
-"""Packages of evoros with classes of parts, whose construction has no side effects."""
+"""Packages of evoros with parts that a configuration may name; creating these has no side
+effects."""
 
 
 def check_targets(
@@ -205,7 +206,7 @@ def check_targets(
 ) -> tuple[str, ...]:
     """Require that each class named by a configuration is in evoros or one of the folders.
 
-    Only modules of the folders are imported. Return the names of the classes. ``where`` is the file
+    Return the names of the classes. Only modules in the folders are imported. ``where`` is the file
     of a recorded configuration.
     """
     named = dict(_list_targets(values, ""))

@@ -16,7 +16,7 @@ from evoros.config.messages import describe_error
 from evoros.config.references import register_resolver
 from evoros.files.resources import bundled_folder
 
-WIDTH = 100  # maximum number of columns of help
+WIDTH = 100  # maximum width of help [characters]
 
 
 def show(

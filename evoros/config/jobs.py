@@ -55,8 +55,8 @@ class Jobs:
     """The jobs of a command: a single job, or one for each combination of a sweep's values.
 
     ``primary`` is the command's primary file in conf/; ``sweep`` is the folder of the sweep, None
-    for a single job. ``read_run`` reads the run named by ``like=``; if it is None, that key is
-    unknown. ``plugins`` has the chosen launcher and sweeper of Hydra, if any.
+    for a single job. ``read_run`` reads the run named by ``like=``; if ``read_run`` is None, the
+    key ``like`` is unknown. ``plugins`` has the chosen launcher and sweeper of Hydra, if any.
     """
 
     def __init__(
@@ -178,13 +178,12 @@ class Jobs:
 def place_job(
     config: Configuration, folder: Path, overrides: tuple[str, ...] = (), *, in_sweep: bool = False
 ) -> Job:
-    """Return the job of a configuration, perhaps in the folder of a sweep."""
+    """Return the job for a configuration; with ``in_sweep``, its folder is in the sweep folder."""
     sweep = str(folder.absolute().parent) if in_sweep else None
     return Job(replace(config, sweep=sweep), _shorten(folder), overrides)
 
 
 def _read_path(config: DictConfig, key: str) -> Path:
-    """Read a path of Hydra's part."""
     try:
         return Path(OmegaConf.select(config.hydra, key))
     except OmegaConfBaseException as error:

@@ -115,7 +115,7 @@ def _create_task(jobs: Jobs, run: RunJob) -> _Task:
 
 
 def _places(jobs: Jobs) -> list[str]:
-    """Return overrides with the sweep's and the user's folder, which launchers need."""
+    """Return the overrides that tell a launcher the sweep's folder and the user's folder."""
     places = [override("hydra.sweep.dir", str(jobs.sweep))]
     if jobs.config_dir is not None:
         places.append(search_path(jobs.config_dir))

@@ -1,4 +1,4 @@
-"""Composes an evaluation like a recorded run, whose configuration is its primary file."""
+"""Composes an evaluation from a recorded run, whose configuration serves as the primary file."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -74,7 +74,7 @@ def store_recorded(
 
 
 def is_below(key: str, places: Iterable[str]) -> bool:
-    """Return True if a dotted key equals a place or is below it."""
+    """Return True if a dotted key equals one of ``places`` or is below one."""
     return any(key == place or key.startswith(f"{place}.") for place in places)
 
 

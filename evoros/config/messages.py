@@ -27,7 +27,7 @@ from evoros.files.plugins import conf_folders, explain_missing
 
 HELP = "see evoros --help for groups and keys"
 LONGEST = 1000
-"""Maximum length [characters] of a path or a library's message; the middle is left out."""
+"""Maximum length [characters] of a path or a library's message; longer ones lose their middle."""
 
 
 def describe_error(error: BaseException) -> str:
@@ -166,7 +166,7 @@ def describe_unknown(config: DictConfig, key: str) -> str:
 
 
 def name_owners(group: str, name: str) -> str:
-    """Name the bundled choices of a group whose class has a parameter ``name``; may be empty."""
+    """List the bundled choices of a group whose class has a parameter ``name``; may be empty."""
     found = []
     place = f"{group.replace('.', '/')}/*.yaml"
     files = (file for folder in conf_folders() for file in folder.glob(place))
@@ -178,7 +178,7 @@ def name_owners(group: str, name: str) -> str:
 
 
 def _no_such_key(key: str, parent: Any, above: str, rest: Sequence[str]) -> str:
-    """Describe a key of which ``above`` exists, as ``parent``, but ``rest`` does not."""
+    """Describe a missing key: ``above`` exists and has the value ``parent``, but lacks ``rest``."""
     siblings, last = _list_keys(parent), rest[-1]
     corrected = _correct(parent, rest)
     below = [f"{name}.{last}" for name in siblings if last in _list_keys(_select(parent, name))]
@@ -237,7 +237,7 @@ def _no_such_choice(error: MissingConfigException) -> str:
 
 
 def _flat(error: BaseException | None) -> str:
-    """Return the message of an error in one line, without Hydra's context lines."""
+    """Return an error's message on one line, without Hydra's context lines."""
     noise = ("Config search path", "provider=", "Set the environment", "full_key:", "object_type=")
     lines = [line.strip() for line in str(error).splitlines()]
     kept = single_line(" ".join(line for line in lines if not line.startswith(noise)))

@@ -1,4 +1,4 @@
-"""Plans the YAML file of a design with the sensors that a robot has."""
+"""Plans the YAML file of a design that has the sensors found on a robot."""
 
 import re
 from collections.abc import Collection, Mapping, Sequence
@@ -25,7 +25,7 @@ _MASK = "evoros.filter.mask.Mask"
 def plan_design(
     name: str, title: str, sensors: Sequence[OwnSensor], links: Collection[str]
 ) -> tuple[OwnFile | None, list[str]]:
-    """Plan the file of a design with these sensors; return it with notes on what was changed.
+    """Plan the file of a design with these sensors; return it with notes on changes.
 
     The file is None if no sensor has a type supported by evoros. ``links`` are the robot's links.
     """

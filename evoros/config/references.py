@@ -1,8 +1,8 @@
-"""Resolves references in a configuration, so that its record has the values used.
+"""Resolves references in a configuration, so that the recorded configuration has the values used.
 
-References ``${key}`` remain. So do references to possible secrets: environment variables with a
-secret's name, strings from any variable at a key with a secret's name or at a key passed to other
-programs, and addresses with a password.
+References ``${key}`` remain. References to possible secrets also remain: environment variables
+named like secrets, strings from any variable at a key that is named like a secret or passed to
+other programs, and addresses with a password.
 """
 
 import json
@@ -22,16 +22,16 @@ from evoros.files.private import SECRET
 IS_LATER = hasattr(utils, "execution_whitelist")
 """True if Hydra is 1.4 or later."""
 _KEY = re.compile(r"\$\{\w[\w.]*\}")
-"""Reference to another key, which the analysis can follow."""
+"""A reference to another key, which an analysis can resolve."""
 _OF_OTHERS = re.compile(r"\$\{(?!oc\.|now:|hydra:)[\w.-]+:")
-"""Call of a resolver outside OmegaConf and Hydra."""
+"""A call of a resolver outside OmegaConf and Hydra."""
 _OUTSIDE = re.compile(
     r"(^|\.)(environment|command|nodes)(\.|$)|^controller\.arguments\b|^observers\."
 )
-"""Keys with values passed to other programs."""
+"""Keys whose values are passed to other programs."""
 _ADDRESS = re.compile(r"://[^/\s]*@")
 _HIDDEN = "${evoros.secret:}"
-"""Call of an unknown resolver, which keeps references to a secret from being resolved."""
+"""A call of an unknown resolver, which keeps references to a secret from being resolved."""
 _Place = tuple[Any, Any, str, str]
 """A mapping or list; the key or index, dotted key and string of a reference in it."""
 
@@ -83,7 +83,7 @@ def _settle(config: DictConfig) -> None:
         above, key, _, _ = place
         try:
             value = _read(place)
-        except Exception:  # a secret, or unresolvable, which ``resolve`` reports
+        except Exception:  # a secret, or an unresolvable reference, which ``resolve`` reports
             secrets.append(place)
             above[key] = _HIDDEN
         else:

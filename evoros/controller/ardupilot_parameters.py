@@ -65,7 +65,7 @@ def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str,
 
 
 def list_range_finders(robot: Robot) -> list[tuple[int, RangeSensor]]:
-    """List the (mount, sensor) pairs sent to the autopilot: the first with a single range."""
+    """List the (mount, sensor) pairs sent to the autopilot, the first ones with a single range."""
     return [
         (mount, sensor)
         for mount, sensor in enumerate(robot.mounted_sensors())
@@ -129,8 +129,8 @@ class ArduPilotSettings(LiveController):
     )
     # simulated time within which the mode AUTO must be reached
     warm_up_s: Annotated[float, checks.POSITIVE] = 60.0
-    start_limit_s: Annotated[float, checks.POSITIVE] = 30.0  # wall clock
-    answer_limit_s: Annotated[float, checks.POSITIVE] = 10.0  # wall clock
+    start_limit_s: Annotated[float, checks.POSITIVE] = 30.0  # wall-clock time
+    answer_limit_s: Annotated[float, checks.POSITIVE] = 10.0  # wall-clock time
     isolate: Annotated[bool, checks.FLAG] = True
     share_core: Annotated[bool, checks.FLAG] = True
 

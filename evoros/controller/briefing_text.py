@@ -62,7 +62,7 @@ def _describe_beams(sensor: RangeSensor) -> dict[str, Any]:
 
 
 def _describe_channels(sensor: Sensor) -> dict[str, Any]:
-    """Describe a sensor's channels; several ranges are given by bearing, positive to the left."""
+    """Describe a sensor's channels; several ranges get their bearings, positive to the left."""
     if sees(sensor):
         bearings = sensor_bearings(sensor)
         return {"bearings_rad": bearings} if len(bearings) > 1 else {}

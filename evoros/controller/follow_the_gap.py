@@ -41,7 +41,7 @@ class Parameters(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """The directions from right to left: 1 free, 0 blocked."""
+    """The headings from right to left: 1 if free, 0 if blocked."""
 
     free: Array
 
@@ -53,10 +53,10 @@ class FollowTheGap(Layer):
 
     Each reading below ``range_m`` blocks the directions in which a disc of ``radius_m`` would hit
     the obstacle. A gap is a run of free directions within 90 deg of straight ahead; if there is
-    none, the range is reduced. The heading is the mean of the gap's direction nearest to the
-    waypoint, weighted by the distance of the nearest obstacle, and the gap's middle, weighted by
-    ``centring_m``. The speed rises from ``min_speed_mps`` at contact to ``speed_mps`` with
-    ``slowing_m`` of free space ahead.
+    none, the range is reduced. The heading is a mean of two directions in the gap: the direction
+    nearest to the waypoint, weighted by the distance to the nearest obstacle, and the middle,
+    weighted by ``centring_m``. The speed rises from ``min_speed_mps`` at contact to ``speed_mps``
+    with ``slowing_m`` of free space ahead.
     """
 
     mode = "avoiding"

@@ -61,7 +61,7 @@ class Parameters(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Two integrals, the last output, and the last time, each (1,)."""
+    """Two integrals, the last output and the last time, each of shape (1,)."""
 
     crosstrack: Array  # [rad]
     integral: Array  # [deg]
@@ -76,8 +76,8 @@ class L1(Layer):
 
     The law was designed for speeds above ``least_speed_mps``. On a slow robot with a delayed pose,
     the heading swings by some 30 deg, as in the serpentine of the 2018 paper (Evo-ROS); with an
-    exact pose, the robot drives straight. The yaw rate comes from a gyroscope, so a localization
-    does not delay it. The law guides the centre of the rear axle, because that point moves in the
+    exact pose, the robot drives straight. The yaw rate comes from a gyroscope, so localization does
+    not delay it. The law guides the centre of the rear axle, because that point moves in the
     direction of the heading.
     """
 
@@ -112,7 +112,7 @@ class L1(Layer):
             output_limit=self.output_limit_deg,
             lock=robot.drive.steering_limit / self.output_limit_deg,
             min_speed=self.least_speed_mps,
-            # The integrals are out of date once avoidance has driven for a while.
+            # The integrals are out of date once the avoidance layer has driven for a while.
             interruption=max(self.interruption_s, 1.5 * period),
             axle=robot.drive.rear_axle_x_m,
         )
@@ -185,7 +185,7 @@ def steer(
 ) -> float:
     """Return the output [deg] of the yaw rate controller for a lateral acceleration [m/s2].
 
-    As in ArduPilot, the error is in degrees per second, but the demand in radians per second.
+    As in ArduPilot, the error is in degrees per second, but the demand is in radians per second.
     """
     scale = 1.0 / max(speed, parameters.min_speed)
     rate = acceleration * scale

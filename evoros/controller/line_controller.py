@@ -57,8 +57,8 @@ class LineController(LiveController):
     )  # additional environment variables of the command
     files: Annotated[Sequence[str], TEXTS] = ()  # additional files that the command depends on
     command_timeout_s: Annotated[float | None, NOT_NEGATIVE] = None  # simulated time; None: never
-    start_limit_s: Annotated[float, POSITIVE] = 30.0  # wall clock
-    answer_limit_s: Annotated[float, POSITIVE] = 10.0  # wall clock
+    start_limit_s: Annotated[float, POSITIVE] = 30.0  # wall-clock time
+    answer_limit_s: Annotated[float, POSITIVE] = 10.0  # wall-clock time
     isolate: Annotated[bool, FLAG] = True
 
     @contextmanager

@@ -33,7 +33,7 @@ pose in ``pose``; later calls must not read ``pose``.
 class EvolvedValue(NamedTuple):
     """A controller's number that evolves, and its range."""
 
-    path: str  # relative to the part that declares it, for example weights.3
+    path: str  # path relative to the declaring part, for example weights.3
     low: float
     high: float
     group: str = ""  # genes with the same group name are inherited together
@@ -175,7 +175,7 @@ class LiveController(AnyController):
 
     @property
     def told_sensors(self) -> int | None:
-        """The number of a design's first sensors that the program is told about; None: all."""
+        """The number of a design's first sensors that are described to the program; None: all."""
         return None
 
     @property

@@ -18,10 +18,10 @@ A_LAYER = instance_of(Layer, "a controller layer (a subclass of evoros.parts.Lay
 @dataclass(frozen=True)
 @checked
 class Rover(Controller):
-    """Two layers: ``avoidance`` decides when it sees an obstacle, otherwise ``navigation``.
+    """Two layers: ``avoidance`` decides if it sees an obstacle, and ``navigation`` otherwise.
 
-    ``localization`` changes the pose that both layers see, in the mapping's order; if empty, the
-    pose is exact.
+    The entries of ``localization`` change the pose that both layers see, in order. Without entries,
+    the pose is exact.
     """
 
     avoidance: Annotated[Layer, A_LAYER]

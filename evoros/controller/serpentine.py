@@ -20,8 +20,8 @@ AMPLITUDES = Rule("an angle from 0 to less than 180 deg", lambda v: is_number(v)
 class Serpentine(Layer):
     """Steers towards the waypoint's bearing plus a sine of time.
 
-    The steering angle is ``gain`` times the heading error, wrapped to [-180, 180) deg, and limited
-    to full lock. The paper gives a sweep of 60 deg, that is, ``amplitude_deg`` to either side. The
+    The steering angle is ``gain`` times the heading error (wrapped to [-180, 180) deg), limited to
+    full lock. The paper gives a sweep of 60 deg, that is, ``amplitude_deg`` to either side. The
     phase is drawn for each mission.
     """
 

@@ -49,7 +49,7 @@ class WeightedVoting(Layer):
         deadlock_difference: float
         deadlock_sum: float
         direction: Array  # vote of each reading: 1 left, -1 right, 0 none
-        last: Array  # 1 for the last reading of each sensor
+        last: Array  # 1 for each sensor's last reading, else 0
 
     def start(self, robot: Robot, period: float, rng: Generator) -> Parameters:
         """Return the parameters, with the vote of each reading.

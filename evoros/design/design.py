@@ -21,7 +21,7 @@ class Design:
 
     @classmethod
     def join(cls, parts: Mapping[str, "Design"]) -> "Design":
-        """Return the design composed of ``parts``, by robot name; "" is the first robot."""
+        """Return the design composed of ``parts``, keyed by robot name; "" is the first robot."""
         agents = dict(parts)
         return replace(agents.pop(""), agents=agents)
 

@@ -1,4 +1,4 @@
-"""Genes in 0..1: their values, and how these replace configured values."""
+"""Genes in 0..1, their values, and the replacement of configured values."""
 
 import dataclasses
 import re
@@ -12,7 +12,7 @@ from evoros.base.errors import InputError
 
 Part = TypeVar("Part")
 BOUNDS = ("low", "high")
-"""Keys of a gene's bounds."""
+"""Configuration keys of a gene's bounds."""
 
 # Robot values may evolve only if no file sets them. Evolving worlds, failures or the simulator
 # would make the test easier instead of the robot better.
@@ -80,7 +80,7 @@ def check_gene_names(design: object, names: Iterable[str]) -> None:
 
 
 def group_genes(genes: Mapping[str, Gene]) -> dict[str, list[str]]:
-    """Return the names of the varying genes by group; a gene without a group is one."""
+    """Return the names of the varying genes by group; a gene without a group forms one."""
     groups: dict[str, list[str]] = {}
     for name, gene in genes.items():
         if gene.low < gene.high:
@@ -159,7 +159,7 @@ def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
 def _check_bound(name: str, gene: Gene, end: float, parts: Mapping[str, object]) -> None:
     """Check that a gene may take a bound while all other values are as configured."""
     refusals = {place: _refuse(gene, place, parts) for place in (end, 1.0 - end)}
-    if refusals[end] and refusals[1.0 - end]:  # the key may be wrong
+    if refusals[end] and refusals[1.0 - end]:  # both bounds fail, so the key may be wrong
         raise InputError(f"design.genes.{name}: {refusals[end]}")
     if refusals[end]:
         place = f"design.genes.{name}.{BOUNDS[int(end)]}"

@@ -31,12 +31,12 @@ _MIRRORED = (1.0, -1.0, 1.0, -1.0, 1.0)
 
 @dataclass(frozen=True)
 class View:
-    """The view past the robot that sensors have from places in a region."""
+    """Tests whether sensors at places in a region see past the robot."""
 
     frame: Array  # the link's x, y, z [m] and yaw [rad]
     place: Callable[[Mapping[str, float]], SensorPose]
     sensors: Sequence[BlindShares]
-    mirrored: bool  # True if the mirror image of a place must be free, too
+    mirrored: bool  # True if the mirror image of a place must also be free
 
     def find_free(self, places: Iterable[Mapping[str, float]]) -> NDArray[np.bool_]:
         """Return, for each place, True if the robot blocks no sensor's view there."""
@@ -63,7 +63,7 @@ class FreePlaces:
     view: View
 
     def adapt(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return values in free cells for values anywhere in the region.
+        """Map values anywhere in the region to values in free cells.
 
         A robot part smaller than a cell may block the view from a place inside a free cell. The
         nearest corner of the cell, which is free, then replaces that place.
@@ -95,10 +95,10 @@ def find_free_places(
     sensors: Sequence[Sensor],
     mirrored: bool,
 ) -> FreePlaces | None:
-    """Find the cells in which the robot blocks none of ``sensors``, nor their mirror images.
+    """Find the cells where the robot blocks none of ``sensors`` and none of their mirror images.
 
     Returns:
-        None if all cells or none are free, so no cell is excluded.
+        None if all cells are free or if none is, so that no cell is excluded.
     """
     types = [sensor for sensor in sensors if sees(sensor)]
     axes = {name: ranges[name] for name in CELLS if np.ptp(ranges.get(name, (0.0, 0.0))) > 0.0}
@@ -113,7 +113,6 @@ def find_free_places(
 
 
 def _join_corners(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the cells that have only free corners."""
     for axis in range(free.ndim):
         corners = free.swapaxes(0, axis)
         free = (corners[1:] & corners[:-1]).swapaxes(0, axis)

@@ -119,10 +119,10 @@ GENES, FIXED = checks.mapping_of(Gene, "genes"), checks.mapping_of(FixedSensor, 
 class SensorDesign:
     """The sensor types, the regions where sensors are placed, and other evolved values.
 
-    The number of placed sensors evolves, too, if ``number`` is [low, high]. If ``mirrored``, each
+    The number of placed sensors also evolves if ``number`` is [low, high]. If ``mirrored``, each
     placed sensor has a twin across the robot's x axis. Types of ``fixed`` sensors are not placed.
-    If ``exclusive``, each region carries one sensor, and further sensors that choose the region
-    are dropped.
+    If ``exclusive``, each region carries one sensor, and further sensors that choose the region are
+    dropped.
     """
 
     sensors: Annotated[Mapping[str, Sensor], checks.mapping_of(Sensor, "sensors")]

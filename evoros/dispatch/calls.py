@@ -38,14 +38,14 @@ class CallAnswer(NamedTuple):
 CALL_S = 0.1
 """Time [s] after which a worker returns a call's remaining missions.
 
-A call thus takes hardly longer than its last mission, so the executor's time limit suits both.
+A call thus takes little longer than its last mission, so one time limit suits calls and missions.
 """
 CALLS_PER_S = 250
 """Maximum rate [1/s] of calls in the main process; with many workers, calls are longer."""
 FIRST = 1
 """Number of missions in a call before any timing is known."""
 GROWTH = 8
-"""Maximum ratio of a call's missions to the missions of any earlier call."""
+"""Maximum factor by which a call may have more missions than any earlier call."""
 MEMORY = 0.9
 """Weight of a call relative to the next call, in the running average."""
 
@@ -71,7 +71,7 @@ def unpack(packed: Shared) -> Scenario:
 
 
 def call_time(workers: int) -> float:
-    """Return the time [s] after which a worker starts no further mission of a call."""
+    """Return the time [s] after which a worker starts no further missions of a call."""
     return max(CALL_S, workers / CALLS_PER_S)
 
 
@@ -119,7 +119,7 @@ class Pace:
         self.most = max(self.most, finished)
 
     def expect(self, missions: int) -> float:
-        """Return the expected time [s] of missions; 0 before any timing is known."""
+        """Return the expected time [s] for ``missions``; 0 before any timing is known."""
         return missions * self.seconds / self.missions if self.missions else 0.0
 
     def fit(self, seconds: float) -> int:

@@ -51,9 +51,10 @@ class MissionRecord(Protocol):
 
 
 CALLS_PER_WORKER = 3
-"""Number of calls submitted ahead per worker: enough to keep a worker busy, and few to lose."""
+"""Number of calls submitted ahead per worker: enough to keep it busy, few to repeat after a
+crash."""
 NEW_WORKERS_S = 1.0
-"""Maximum time [s] until workers that join get calls."""
+"""Maximum time [s] until workers that join receive calls."""
 MISSIONS_OUT = 50_000
 """Maximum number of missions in calls, which bounds the memory of the main process."""
 
@@ -95,7 +96,8 @@ class Dispatcher:
     def run(self, scenario: Scenario, missions: Iterable[Mission]) -> Iterator[list[MissionResult]]:
         """Run the missions, and yield their outcomes in any order as calls finish.
 
-        A failed call is repeated one mission at a time, so that an error belongs to one mission.
+        A failed call is repeated one mission at a time, so that an error can be attributed to one
+        mission.
 
         Raises:
             RunStopped: a mission crashed or hung despite its retries, and ``lost`` is ``STOP``.
@@ -112,7 +114,7 @@ class Dispatcher:
             batch.cancel()
 
     def run_for_trajectories(self, scenario: Scenario, missions: Sequence[Mission]) -> list[Array]:
-        """Run the missions and return their trajectories in order; a lost mission's has no rows.
+        """Run the missions and return their trajectories in order, without rows for lost missions.
 
         Raises:
             RunStopped: see ``run``.

@@ -27,8 +27,8 @@ from evoros.drive.protocol import (
 from evoros.drive.rolling import Pair
 from evoros.formats.urdf.tree import Urdf
 
-DEFAULT_STEERING_RAD = 0.5  # if the steering joints state no limits
-MAX_DEFAULT_STEERING_RAD = 0.8  # even if the joints state wider limits
+DEFAULT_STEERING_RAD = 0.5  # used if the steering joints state no limits
+MAX_DEFAULT_STEERING_RAD = 0.8  # applies even if the joints state wider limits
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class Ackermann:
         hand = -1.0 if self.steers_rear else 1.0
         angles = [hand * elementary.atan(tangent / side) for side in (left, right)]
         return (
-            # Rounding may exceed the limit in the last bit.
+            # Rounding may make the result exceed the limit in the last bit.
             (min(max(angles[0], -limit), limit), min(max(angles[1], -limit), limit)),
             (
                 steered * (math.sqrt(left * left + tangent * tangent) - stub),

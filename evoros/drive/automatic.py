@@ -78,7 +78,7 @@ def refuse_articulated(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
 def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
     """Reject a robot whose wheels, rollers or controller also move it sideways.
 
-    If a robot has plain wheels and only a Gazebo plugin pushes it sideways, this is just logged.
+    If a robot has plain wheels and only a Gazebo plugin pushes it sideways, this is only logged.
     """
     pairs = pair_up([wheel for wheel in wheels if wheel.steering is None])
     turning = [joint for joint in urdf.joints.values() if joint.type in TURNING]
@@ -166,7 +166,7 @@ def _find_rollers(urdf: Urdf, joint: Joint) -> str:
 def find_diagonal(urdf: Urdf, wheels: Sequence[Candidate]) -> list[str]:
     """Return the joints of wheels whose friction in Gazebo is at 45 deg, as with rollers.
 
-    Some robots with plain wheels use this setting too, because it makes them turn better in Gazebo.
+    Some robots with plain wheels also use this setting, because they then turn better in Gazebo.
     """
     joints = [wheel.joint for wheel in wheels]
     return [
@@ -198,7 +198,7 @@ def _name_sideways_plugin(plugins: Sequence[Plugin]) -> str:
 
 
 def _find_drives() -> Mapping[str, type[DriveDescription]]:
-    """Return the drives in this folder that can be detected, by the name of their file."""
+    """Return the drives in this folder that can be detected, keyed by file name."""
     drives = {}
     for file in iter_modules([str(Path(__file__).parent)]):
         module = import_module(f"{__package__}.{file.name}")
@@ -215,7 +215,7 @@ DRIVES = _find_drives()
 
 
 def _choose_kind(pairs: Sequence[Pair]) -> str:
-    """Name the drive that pairs of wheels form if their steering is locked; empty if none."""
+    """Return the kind of drive that pairs of wheels form with locked steering; empty if none."""
     given: Mapping[str, Sequence[str]] = {"caster_links": ()}
     return next((name for name, kind in DRIVES.items() if kind.recognise([], pairs, given)), "")
 
@@ -232,7 +232,7 @@ GIVEN = (
 class AutomaticDescription(DriveDescription):
     """Detects wheels, steering joints and casters, except for values that the user gives."""
 
-    steering_joints = ()  # unknown until choose, as are the wheels
+    steering_joints = ()  # unknown until ``choose``, like the wheels
     wheel_joints = ()
     kind: Annotated[str, one_of("auto", *DRIVES)] = "auto"
     left_wheel_joints: Annotated[Sequence[str], JOINTS] = ()  # front to rear; empty: detected

@@ -27,12 +27,12 @@ _JOINT_TAG = re.compile(r"joint", re.IGNORECASE)
 _SEPARATOR = re.compile(r"[,\s]+")  # separator of a plugin's joint names
 _WHEEL = re.compile(r"wheel|whl|tire|tyre|hub(?!cap)", re.IGNORECASE)
 _STEERING = re.compile(r"steer|hinge|knuckle|kingpin|ackermann", re.IGNORECASE)
-MAX_LACK = 0.15  # maximum roundness (deviation from round) of a part that may be a wheel
+MAX_LACK = 0.15  # maximum deviation from roundness of a part that may be a wheel
 MIN_RADIUS_M = 0.01
-"""Radius up to which a part is not taken for a wheel unless the user names it."""
-DEFAULT_SPEED_MPS = 0.5  # if the wheels state no velocity limit
-MAX_DEFAULT_SPEED_MPS = 1.0  # even if the wheels state a higher velocity limit
-DEFAULT_BICYCLE_STEERING_RAD = 0.9  # if nothing steers; gives a turning radius of 0.79 tracks
+"""Radius [m] up to which a part counts as a wheel only if the user names it."""
+DEFAULT_SPEED_MPS = 0.5  # used if the wheels state no velocity limit
+MAX_DEFAULT_SPEED_MPS = 1.0  # applies even if the wheels state a higher limit
+DEFAULT_BICYCLE_STEERING_RAD = 0.9  # used if nothing steers; the turning radius is 0.79 tracks
 
 
 def read_wheel(urdf: Urdf, name: str) -> Candidate:
@@ -47,7 +47,7 @@ def read_wheel(urdf: Urdf, name: str) -> Candidate:
 
 
 def _list_round(urdf: Urdf) -> Iterator[tuple[Joint, float, Wheel]]:
-    """Yield (joint, |cosine| of its axis and the lateral axis, wheel) of round non-casters."""
+    """Yield (joint, |cosine| of its axis to the lateral axis, wheel) for round non-casters."""
     for joint in urdf.joints.values():
         if not _is_caster(urdf, joint, list(urdf.joints_above(joint.child))):
             wheel = measure_link(urdf, joint.child)
@@ -94,7 +94,7 @@ def find_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> list[Joint]:
 
 
 def is_called_wheel(joint: Joint) -> bool:
-    """Return True if a joint or its child link has the name of a wheel."""
+    """Return True if a joint or its child link is named like a wheel."""
     return bool(_WHEEL.search(joint.name) or _WHEEL.search(joint.child))
 
 
@@ -136,7 +136,8 @@ def _find_steering(urdf: Urdf, above: Sequence[Joint]) -> Joint | None:
 def _inside_another(urdf: Urdf, candidate: Candidate, others: Mapping[str, Candidate]) -> bool:
     """Return True if the candidate is only a part of another candidate's wheel.
 
-    A chain's wheel is on its last turning joint, or else on its first fixed joint.
+    In a chain of joints, the wheel is on the last turning joint or, if none turns, on the first
+    fixed joint.
     """
     above = list(urdf.joints_above(candidate.joint.child))[1:]
     for other in others.values():
@@ -166,9 +167,9 @@ def _are_opposite(left: Candidate, right: Candidate) -> bool:
 
 
 def select_driven(urdf: Urdf, candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Select the wheels that a drive plugin names, or else the actuated or turning ones.
+    """Select the wheels that a drive plugin names or, without a plugin, actuated or turning wheels.
 
-    Steered wheels count as driven. Fixed wheels are included if the others form no drive.
+    Steered wheels count as driven. Fixed wheels are included if the other wheels form no drive.
     """
     by_name = {wheel.joint.name: wheel for wheel in candidates}
     named = [
@@ -207,7 +208,7 @@ def default_bicycle(pairs: Sequence[Pair]) -> dict[str, float]:
 
 
 def find_flaw(urdf: Urdf, joint: Joint) -> str:
-    """Return why a turning joint carries no wheel, in brackets; empty if its part may be one."""
+    """Return why a turning joint carries no wheel, in brackets; empty if it may carry one."""
     if abs(float(urdf.axis_of(joint)[UP])) > NEARLY_ALIGNED:
         return " (vertical axis)"
     part = measure_link(urdf, joint.child, 0.0)

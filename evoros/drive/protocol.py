@@ -32,7 +32,7 @@ class Drive(Protocol):
 
         In a turn, the speed of the turning point is at most ``max_speed_mps / (1 + |curvature| *
         speed_limit_offset_m)``. The offset is 0 if the limit applies to the turning point, and half
-        the track if it applies to each of two wheels.
+        the track if the limit applies to each of two wheels.
         """
 
     @property
@@ -51,7 +51,7 @@ class Drive(Protocol):
     def rear_axle_x_m(self) -> float:
         """x [m] of the turning point, which moves along the robot's heading.
 
-        It is on the unsteered axle, the rear one of most robots, unless that axle slides.
+        This point is on the unsteered axle, the rear one of most robots, unless that axle slides.
         """
 
     @property
@@ -103,7 +103,7 @@ class DriveDescription(ABC):
 
     @classmethod
     def build(cls, found: Mapping[str, Any], given: Mapping[str, Any]) -> Self:
-        """Return a drive with the fields found on a robot, overridden by the given ones."""
+        """Return a drive with the fields found on a robot, overridden by ``given``."""
         names = {field.name for field in fields(cls)}  # type: ignore[arg-type]
         return cls(**{**found, **{name: given[name] for name in names & given.keys()}})
 

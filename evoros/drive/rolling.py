@@ -37,7 +37,7 @@ class Candidate:
     """A joint whose child link looks like a wheel on the ground."""
 
     joint: Joint
-    wheel: Wheel  # root link's frame
+    wheel: Wheel  # frame: root link
     turns: bool  # False if the joint is fixed
     steering: Joint | None  # joint that turns the wheel about the vertical
 
@@ -93,7 +93,7 @@ def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
 
 
 def shape_points(shape: Shape, pose: Pose) -> Array:
-    """Return points (n, 3) whose hull is the shape's, approximately if the shape is round."""
+    """Return points (n, 3) whose hull is the shape's, or approximates it if the shape is round."""
     if shape.kind == "convex":
         local = np.array(shape.corners)
     elif shape.kind == "box":

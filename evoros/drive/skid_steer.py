@@ -35,7 +35,7 @@ def compute_turning_resistance(wheel_x_m: Sequence[float], tracks_m: Sequence[fl
     All wheels carry the same load and have isotropic Coulomb friction. In a turn at the rate w
     about the middle of the wheels, the wheel at x slides sideways at ``x w`` and, because its rim
     moves faster than the ground, lengthwise at ``s``. On an axle with the mean track, ``s = q w``;
-    on others, ``s = (q + (mean - track) / 2) w``. Each force opposes its slip, so the turning
+    on other axles, ``s = (q + (mean - track) / 2) w``. Each force opposes its slip, so the turning
     moment of the wheels vanishes if
 
     sum_i [(track_i / 2) s_i - x_i^2 w] / sqrt(s_i^2 + x_i^2 w^2) = 0.
@@ -80,9 +80,8 @@ class SkidSteer:
     rear_axle_x_m: Annotated[float, NUMBER]  # x of the wheels' middle, in the robot's frame
     steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
     max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
-    # Effective track divided by the geometric one:
-    wheel_separation_multiplier: Annotated[float, POSITIVE]  # assumed by commands
-    turning_resistance: Annotated[float, AT_LEAST_ONE]  # actual
+    wheel_separation_multiplier: Annotated[float, POSITIVE]  # effective/geometric track in commands
+    turning_resistance: Annotated[float, AT_LEAST_ONE]  # actual effective/geometric track
 
     @property
     def steering_limit(self) -> float:
@@ -128,9 +127,10 @@ class SkidSteerDescription(DriveDescription):
     steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
     max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
     wheel_separation_multiplier: Annotated[float | None, POSITIVE] = None
-    """Effective track that commands assume, divided by the geometric one; None: the actual one."""
+    """Effective track that commands assume, divided by the geometric track; None: the actual
+    ratio."""
     turning_resistance: Annotated[float | None, AT_LEAST_ONE] = None
-    """Actual effective track divided by the geometric one; None: ``compute_turning_resistance``."""
+    """Actual effective / geometric track; None: the result of ``compute_turning_resistance``."""
     caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction
 
     @property

@@ -31,7 +31,7 @@ PLACE = Rule(
 @dataclass(frozen=True)
 @checked
 class Agent:
-    """An additional robot, with its home at the same place in all worlds.
+    """An additional robot, which has the same home in all worlds.
 
     Parts that are None are shared with the first robot. With a ``design``, that design evolves
     together with the first robot's design; otherwise one design evolves for both robots.
@@ -42,7 +42,7 @@ class Agent:
     robot: Annotated[Robot | None, instance_of(Robot, "a robot")] = None
     design: Annotated[SensorDesign | None, instance_of(SensorDesign, "a sensor design")] = None
     controller: Annotated[Controller | LiveController | None, A_CONTROLLER] = None
-    # True if this robot's missions count for the fitness, too
+    # True if this robot's missions also count for the fitness
     scored: Annotated[bool, FLAG] = False
 
     def join(self, name: str, first: Member) -> Member:

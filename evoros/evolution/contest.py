@@ -24,15 +24,15 @@ class Contest:
     allocation: Allocation
     trials: int  # value of the experiment's key ``trials``
     earlier: Mapping[int, list[float]]
-    combine: Combine = mean  # the experiment's rule for combining scores
-    scores: dict[int, list[float]] = field(default_factory=dict)  # designs with trials only
+    combine: Combine = mean  # the experiment's rule to combine scores
+    scores: dict[int, list[float]] = field(default_factory=dict)  # only designs with trials
     rounds: list[Mapping[int, int]] = field(default_factory=list)
 
     def next_round(self) -> dict[int, range]:
         """Return the numbers of each design's next trials, or {} at the end of the contest.
 
         Raises:
-            InputError: the allocation gives a design too many trials, or a new design none.
+            InputError: the allocation gives a design too many trials, or a new design no trials.
         """
         standings = [
             Standing(i, tuple(self.scores.get(i, ())), tuple(earlier), self.combine)
@@ -63,7 +63,8 @@ class Contest:
     def fitness(self) -> dict[int, float]:
         """Return the fitness of each design with trials, over all its generations.
 
-        It is capped so that no design ranks above designs that stayed in the contest longer.
+        The fitness is capped so that no design ranks above designs that stayed in the contest
+        longer.
         """
         lives = {i: [*self.earlier[i], *new] for i, new in self.scores.items()}
         fitness = {i: self.combine(life, self.compared) for i, life in lives.items()}
@@ -71,7 +72,7 @@ class Contest:
 
     @property
     def compared(self) -> int:
-        """The number of trials by which designs are compared, which all in the last round have."""
+        """The number of trials by which designs are compared; all in the last round have it."""
         last = self.rounds[-1] if self.rounds else ()
         return min((len(self.earlier[i]) + len(self.scores[i]) for i in last), default=0)
 

@@ -78,7 +78,7 @@ STATED = Condition(Case())
 
 
 def check_case(group: str, names: Iterable[str]) -> None:
-    """Check that names are distinct as file names on every disk."""
+    """Check that names differ in more than case, which some disks ignore."""
     known: dict[str, str] = {}
     for name in names:
         other = known.setdefault(name.casefold(), name)
@@ -286,13 +286,13 @@ class Experiment:
 
     @property
     def states_cases(self) -> bool:
-        """True if missions may have given failure cases or condition parts."""
+        """True if missions may run under stated failure cases or other conditions."""
         required = any(map(need_conditions, self.requirements.values()))
         stating = isinstance(self.failure, SystematicFailure | AdaptiveFailure)
         return required or stating or self.worst_cases is not None
 
     def start_search(self) -> Search:
-        """Start the experiment's search, which the seed determines."""
+        """Start the experiment's search, with random draws that the seed determines."""
         rng = generator(f"{self.seed}", "optimizer")
         rule = Rule(
             "a search (an object with ask, tell and champions)", lambda v: hasattr(v, "ask")

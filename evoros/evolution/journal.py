@@ -1,4 +1,4 @@
-"""The records of an evolution (missions, generations, champion), and what receives them."""
+"""The records of an evolution (missions, generations, champion), and their receivers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -95,7 +95,7 @@ class Watcher(Protocol):
     """Follows the progress of a run without affecting its results."""
 
     def begin(self, generation: int, missions: int, known: int) -> None:
-        """Report that ``missions`` missions come next, of which ``known`` are already recorded."""
+        """Report that ``missions`` missions come next, ``known`` of which are already recorded."""
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
         """Report that a mission has finished and is recorded."""
@@ -131,10 +131,10 @@ class Journal(MissionRecord, Protocol):
         """Return the stored trajectory of a mission."""
 
     def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
-        """Delete all trajectories except for ``missions``; return the missions without one."""
+        """Delete all trajectories except for ``missions``; return the missions that lack one."""
 
     def write_champions(self, champions: Champions) -> None:
-        """Replace the recorded champions, if there are or were several."""
+        """Replace the recorded champions, if the run has or had several."""
 
     def has_champion(self, champion: Champion) -> bool:
         """Return True if the journal has this champion with all trajectories."""

@@ -31,7 +31,7 @@ from evoros.terminal.log import LOGGER
 
 @dataclass
 class Judgement:
-    """Judges a champion by its trials on fresh draws and those for other validated designs."""
+    """Judges a champion on fresh draws, compared with the other validated designs."""
 
     validated: Validated
     champion: Individual
@@ -109,10 +109,10 @@ class Judgement:
     def list_rivals(self, leaders: Container[int]) -> list[Rival]:
         """Return the other validated designs with simultaneous intervals.
 
-        The upper ends share the error rate that the lower end of the champion's interval leaves.
-        The difference thus bounds the advantage of any rival at the given confidence, for any
-        number of rivals. The same holds for the rivals' lower ends and the champion's upper end.
-        ``leaders`` are the best designs of generations.
+        The upper ends of the rivals' intervals share the error rate that the lower end of the
+        champion's interval leaves. The difference of these ends thus bounds any rival's advantage
+        at the given confidence, whatever the number of rivals. The same holds for the rivals' lower
+        ends and the champion's upper end. ``leaders`` are the best designs of generations.
         """
         combine = self.experiment.scoring.combine
         others = {i: one for i, one in self.validated.fresh.items() if i != self.champion.id}
@@ -175,7 +175,7 @@ def choose_champion(scores: Scores, last: Generation) -> Choice:
 def certify(validated: Validated, last: Generation, choice: Choice) -> Certificate:
     """Validate the champion to the required precision, and compare it with its rivals.
 
-    Rivals are all other designs that were validated, on the same draws.
+    The rivals are all other designs, validated on the same draws.
     """
     experiment = validated.trials.experiment
     validation, combine = experiment.validation, experiment.scoring.combine
@@ -250,7 +250,6 @@ def list_champions(scores: Scores, individuals: Sequence[Individual]) -> Champio
 
 
 def _name_genes(experiment: Experiment) -> dict[str, dict[str, str]]:
-    """Map each robot and design key to a gene name."""
     return {
         name: {gene.key: title for title, gene in space.genes.items()}
         for name, space in experiment.space.spaces.items()

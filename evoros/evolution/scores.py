@@ -190,7 +190,7 @@ class Opposition:
     def __init__(self, experiment: Experiment) -> None:
         failure = experiment.failure
         self._key = f"{experiment.seed}/adversary"
-        self._meets_all = isinstance(experiment.allocation, Once)  # then the order does not matter
+        self._meets_all = isinstance(experiment.allocation, Once)  # then their order is irrelevant
         self._order: Sequence[int] = ()  # index of the case for each trial
         self._adversary = None
         if isinstance(failure, AdaptiveFailure):
@@ -338,6 +338,6 @@ class Scores:
 def find_best(candidates: Sequence[Candidate], confirmed: Container[int]) -> Candidate:
     """Return the fittest confirmed candidate, or the fittest if none is confirmed.
 
-    Candidates may include unconfirmed ones only if a search may lose its best so far.
+    None is confirmed only if the search has lost its best design.
     """
     return max(candidates, key=lambda row: (row.individual.id in confirmed, row.fitness))

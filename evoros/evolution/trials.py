@@ -48,7 +48,7 @@ class Measuring:
                 self.trials.setdefault((purpose, design_id), []).extend(trials)
 
     def keep(self, individuals: Container[int]) -> None:
-        """Discard the trials of all other individuals."""
+        """Discard the trials of all but these individuals."""
         self.trials = {key: kept for key, kept in self.trials.items() if key[1] in individuals}
 
     def score(self, purpose: str, design_id: int, design: Design, fitness: float) -> Score:
@@ -217,8 +217,8 @@ class Validated:
     def validate(self, generation: int, individual: Individual) -> None:
         """Validate an individual, unless it is already validated or the run does not validate.
 
-        A fitness that is not a mean depends on the number of trials, so it is validated with no
-        fewer trials than the number by which designs were compared.
+        A fitness that is not a mean depends on the number of trials, so it is validated on at least
+        the number of trials by which designs were compared.
         """
         experiment = self.trials.experiment
         count = experiment.plan.validation_trials

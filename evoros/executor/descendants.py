@@ -70,7 +70,7 @@ def _has(process: Path, mark: str) -> bool:
 
 
 class Sweeper:
-    """A process that kills all processes marked ``MAIN`` if this one ends before ``release``."""
+    """Kills the processes marked ``MAIN`` if the current process ends before ``release``."""
 
     def __init__(self) -> None:
         self._lock, self._users = Lock(), 0

@@ -63,11 +63,11 @@ def available_cores() -> int:
 
 
 def read_quota(group: Path) -> int:
-    """Return the cores of a container's quota, rounded up; ``sys.maxsize`` if it has none."""
-    with suppress(OSError, ValueError):  # raised by "max" instead of a number
+    """Return a container's CPU quota in cores, rounded up; ``sys.maxsize`` without a quota."""
+    with suppress(OSError, ValueError):  # an unlimited quota is the word "max"
         quota, period = map(int, (group / "cpu.max").read_text().split())
         return math.ceil(quota / period)
-    with suppress(OSError, ValueError):  # version 1 of control groups; -1 is no quota
+    with suppress(OSError, ValueError):  # cgroups version 1, where -1 means no quota
         texts = ((group / "cpu" / f"cpu.cfs_{name}_us").read_text() for name in ("quota", "period"))
         quota, period = map(int, texts)
         return math.ceil(quota / period) if quota > 0 else sys.maxsize

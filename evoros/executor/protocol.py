@@ -46,11 +46,11 @@ class Pool(Protocol):
 
 
 ALONE = float("inf")
-"""The ``share`` of a part that needs a call to itself."""
+"""The ``share`` of a part that must be alone in its call."""
 
 
 class Batches(Protocol):
-    """Settings for running missions together in workers, as a frozen value that pickles."""
+    """Settings for running missions together in workers, as a frozen, picklable value."""
 
     @property
     def option(self) -> str:
@@ -106,7 +106,7 @@ class Executor(ABC):
         """Start the workers; leaving the context ends all calls, even if they hang.
 
         Raises:
-            InputError: the settings of the executor must be changed.
+            InputError: the executor's settings cannot be used.
             RunStopped: there are no workers; the run can continue once there are.
         """
 

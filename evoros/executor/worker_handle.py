@@ -26,9 +26,9 @@ from evoros.executor.protocol import MISSING, PILOT_LOST, RAISED, RETURNED, Answ
 from evoros.executor.worker_main import prepare, run_call
 
 START_LIMIT_S = 120.0
-"""Maximum time [s] until a process is ready; the process only imports the main script."""
+"""Maximum time [s] until a process is ready; until then, it only imports the main script."""
 EXIT_S = 10.0
-"""Maximum time [s] from the closing of a process's pipe to its end."""
+"""Maximum time [s] that a process needs to exit after its pipe closes."""
 LOOK_S = 1.0
 """Time [s] between two checks that the process of a call still runs."""
 

@@ -38,8 +38,8 @@ def prepare(folders: Sequence[str] = ()) -> int:
 def run_call(payload: bytes, contents: Sequence[protocol.Shared] = ()) -> protocol.Answer:
     """Run a pickled call, and cache ``contents`` for this call and later ones.
 
-    A call that cannot be imported or unpickled fails alone, because this is done here and not in
-    the pool.
+    A call that cannot be imported or unpickled fails alone, because the call is unpickled here and
+    not by the pool.
     """
     _KEPT.add(contents)
     kind = protocol.RETURNED
@@ -91,7 +91,7 @@ def end_with(sentinel: int) -> None:
         fcntl.fcntl(sentinel, fcntl.F_SETSIG, signal.SIGKILL)
         flags = fcntl.fcntl(sentinel, fcntl.F_GETFL)
         fcntl.fcntl(sentinel, fcntl.F_SETFL, flags | os.O_ASYNC)
-    # Other systems need a thread, and so does a main process that already ended.
+    # Other systems need a thread, as does a main process that has already ended.
     Thread(target=_kill_group_after, args=(sentinel,), daemon=True).start()
 
 

@@ -36,7 +36,7 @@ class PartFailure(Failure):
     part: Annotated[str, one_of(*SPOILED)] = "steering"
     probability: Annotated[float, PROBABILITY] = 1.0
     onset: Annotated[Onset, AN_ONSET] = field(default_factory=TimeOnset)
-    effect: Annotated[Filter, A_FILTER] = field(default_factory=Stuck)  # changes its signal
+    effect: Annotated[Filter, A_FILTER] = field(default_factory=Stuck)  # changes the part's signal
 
     def __post_init__(self) -> None:
         # A wheel has full strength until it fails, so repeating earlier values changes nothing.

@@ -84,27 +84,27 @@ class Trigger:
 
     @classmethod
     def at_place(cls, x_m: float, y_m: float, radius_m: float) -> Self:
-        """Return the event that the robot's origin comes within ``radius_m`` of a place."""
+        """Return an event that occurs once the robot's origin is within ``radius_m`` of a place."""
         return cls(PLACE, (x_m, y_m, radius_m))
 
     @classmethod
     def on_course(cls, share: float) -> Self:
-        """Return the event that the robot has covered this fraction (0 to 1) of its route."""
+        """Return an event that occurs after this fraction (0 to 1) of the robot's route."""
         return cls(COURSE, (share,))
 
     @classmethod
     def after_distance(cls, distance_m: float) -> Self:
-        """Return the event that the robot has covered this length of its route."""
+        """Return an event that occurs once the robot has covered this length of its route."""
         return cls(DISTANCE, (distance_m,))
 
     @classmethod
     def at_waypoint(cls, number: int) -> Self:
-        """Return the event that the robot reaches a waypoint, numbered from 1; home is the last."""
+        """Return an event that occurs at waypoint ``number``, counted from 1; home is the last."""
         return cls(WAYPOINT, (float(number),))
 
     @classmethod
     def by_use(cls, amount: float, per_s: float, per_m: float) -> Self:
-        """Return the event that ``amount`` is used up, at these rates per second and per metre."""
+        """Return an event that occurs once ``amount`` is used up, at rates per second and metre."""
         return cls(USE, (amount, per_s, per_m))
 
 
@@ -131,7 +131,7 @@ PARTS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Fault:
-    """A filter on a signal of the mission that starts at an onset.
+    """A filter that acts on one of a mission's signals from an onset on.
 
     The fault's name and number select a random stream. A sensor fault has one onset per sensor; any
     other fault has one onset.
@@ -142,7 +142,7 @@ class Fault:
     name: str = ""  # empty: the filter's name
     signal: str = READINGS  # affected signal
     trigger: Trigger = AT_START
-    part: str = ""  # name in the column failed_parts; empty: from the signal
+    part: str = ""  # name in the column failed_parts; empty: follows from the signal
     values: tuple[int, ...] = ()  # indices of the affected values; empty: all
     number: int = 0  # index among faults of the same signal and name, set by the mission
 
@@ -195,7 +195,7 @@ def draw_faults(
 
 
 def make_faults(failure: Failure, case: Case, sensors: int) -> tuple[Fault, ...]:
-    """Return the fault of a case in a robot with ``sensors`` sensors; none if all are intact.
+    """Return the fault of a case in a robot with ``sensors`` sensors; none if none fails.
 
     Raises:
         InputError: the failure model has no effect.
@@ -263,7 +263,7 @@ class Adversary(Protocol):
     def list_cases(self) -> Sequence[Case]:
         """Return the cases of the next generation, one per trial; called once per generation.
 
-        Trials use them in a random order unless every design meets all of them.
+        Trials use the cases in random order unless every design meets all cases.
         """
 
     def tell(self, scores: Mapping[int, Mapping[int, float]]) -> None:
@@ -281,4 +281,4 @@ class AdaptiveFailure(Failure):
 
     @abstractmethod
     def start(self, sensors: int, trials: int, rng: Generator) -> Adversary:
-        """Return the initial cases of a run with ``trials`` per generation."""
+        """Return the initial cases of a run with ``trials`` trials per generation."""

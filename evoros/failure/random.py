@@ -18,7 +18,8 @@ from evoros.filter.silence import Silence
 class RandomFailure(Failure):
     """Failures of ``count`` uniformly chosen sensors, at uniform times from earliest_s to latest_s.
 
-    A robot with fewer sensors loses all. The defaults are the 2018 paper's ``random`` (Evo-ROS).
+    A robot with fewer sensors loses all. The defaults match the treatment ``random`` of the 2018
+    paper (Evo-ROS).
     """
 
     count: Annotated[int, COUNT] = 1  # number of failing sensors
@@ -33,7 +34,8 @@ class RandomFailure(Failure):
         """Return one fault with the onsets of all chosen sensors; none if there are no sensors.
 
         The number of draws does not depend on the number of sensors. With the same generator, all
-        robots get the same times, and those with the same number of sensors the same choices.
+        robots get the same times, and robots with the same number of sensors also get the same
+        choices.
         """
         onset = np.full(channels.size, math.inf)
         intact = list(range(channels.size))

@@ -26,7 +26,7 @@ class SpatialFailure(Failure):
 
     Each sensor fails independently, with the probability of the smallest radius about the chosen
     sensor that includes it (Euclidean distance). No sensor outside the last radius fails. The
-    defaults are the treatment ``spatial`` of the 2018 paper (Evo-ROS).
+    defaults match the treatment ``spatial`` of the 2018 paper (Evo-ROS).
     """
 
     radii_m: Annotated[Sequence[float], checks.NOT_NEGATIVES] = (0.03, 0.06, 0.09)  # increasing

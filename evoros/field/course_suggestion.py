@@ -56,7 +56,7 @@ SHORTER = 2.0  # leg length in acceptance radii, used if longer legs form no loo
 HOMES, CORNERS, TRIES = 12, 60, 4000
 LARGE_ENOUGH_M = 24.0  # size of a loop below which other homes are tried
 ROOM_M = 12.0  # size of a loop below which other attempts are made
-SHARES = np.linspace(0.0, 1.0, 9)  # fractions of a leg at which obstacles are looked up
+SHARES = np.linspace(0.0, 1.0, 9)  # fractions of a leg at which the clearance is checked
 THIN = 0.02
 """Ratio of a loop's area to its squared length below which the loop is nearly a line; a square has
 0.06."""
@@ -97,7 +97,6 @@ class _Route(NamedTuple):
 
 
 def _accept_within(radius_m: float) -> float:
-    """Return the acceptance radius [m] of waypoints for a robot of this radius [m]."""
     return round(min(1.0, max(0.3, radius_m)), 2)
 
 
@@ -221,7 +220,7 @@ def _find_route(
 def _find_loop(
     space: FreeSpace, points: Array, spacings: tuple[float, ...], rng: Generator
 ) -> _Route | None:
-    """Find a wide loop through the first of ``points`` (n, 2) [m] and 4 others, or else 3, 2 or 1.
+    """Find a wide loop through the first of ``points`` (n, 2) [m] and 4 others, or else fewer.
 
     The corners are at least the first of ``spacings`` [m] apart, or else the second. The value is
     the loop's length [m] plus its area [m2], so loops around something rank above routes that go
@@ -258,9 +257,9 @@ def _find_loop(
 def _find_turn(
     points: Array, lengths: Array, legs: NDArray[np.bool_], spacing: float
 ) -> _Route | None:
-    """Find the longest way of two legs that turns around a corner, and back; None if there is none.
+    """Find the longest way along two legs around a corner and back; None if there is none.
 
-    Its value is its length [m].
+    The value of the route is its length [m].
     """
     out, on = points - points[0], points[None] - points[:, None]
     along = np.abs((out[:, None] * on).sum(axis=2))
@@ -299,7 +298,7 @@ def _narrowest_gap(lengths: Array, picks: NDArray[np.int64]) -> Array:
 
 
 def find_steep_places(field: Shape, pose: Pose) -> list[Footprint]:
-    """Return rectangles that cover all cells of a height field with a steep edge."""
+    """Return rectangles that cover all height field cells with a steep edge."""
     heights = np.array(field.heights, dtype=np.float64)
     rows, columns = (count - 1 for count in heights.shape)
     length_x, length_y = field.size

@@ -79,5 +79,5 @@ def _write_note(kind: str, values: Mapping[str, object]) -> str:
 
 
 def _describe(part: object) -> dict[str, object]:
-    """Return a part's values and its type's name; module paths stay out of files."""
+    """Return a part's values and the name of its type, without the module path."""
     return {"type": type(part).__name__.lower(), **vars(part)}

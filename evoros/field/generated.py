@@ -106,7 +106,7 @@ class Field:
         return draw_world(self, draws)
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
-        """Draw the ground, the walls, if any, and the obstacles.
+        """Draw the ground, any walls, and the obstacles.
 
         Raises:
             InputError: the density leaves no room for all obstacles.

@@ -30,9 +30,9 @@ class Objects:
     """A distribution of upright cylinders: a narrow one behind each waypoint, and wide decoys.
 
     "Behind" is as seen from home. ``seed`` and the key of the random draws determine the bytes of
-    the SDF. The distance of a decoy from home is uniform in ``distance_m``. Its bearing is uniform
-    as well, but at least ``apart_deg`` away from every other object's. No decoy covers the
-    acceptance area of a waypoint.
+    the SDF. The distance of a decoy from home is uniform in ``distance_m``. The decoy's bearing is
+    also uniform, but at least ``apart_deg`` from the bearing of every other object. No decoy covers
+    the acceptance area of a waypoint.
     """
 
     kind: ClassVar[str] = "group of objects"

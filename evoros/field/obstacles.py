@@ -19,7 +19,7 @@ from evoros.geometry.polyhedron import solid_moments
 from evoros.geometry.shapes import MASS, Body, Pose, Shape
 
 _MIN_SIZE_M = 0.001
-"""Minimum size, and step to which sizes are rounded."""
+"""Minimum size [m], and the step [m] to which sizes are rounded."""
 
 SIZE = checks.Rule(
     f"a number of at least {_MIN_SIZE_M:g}, or [low, high] of such numbers with low <= high",

@@ -100,7 +100,7 @@ def separate(path: Path) -> None:
 def require_no_links(folder: Path) -> None:
     """Require that a folder contains only regular files and folders.
 
-    Links in a folder from somebody else might lead to the user's files. The folder itself may be a
+    Links in a folder from somebody else might point to the user's files. The folder itself may be a
     link.
     """
     folders = [folder]

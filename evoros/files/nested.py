@@ -14,7 +14,7 @@ DEPTH = 100
 """Maximum nesting depth of objects and lists."""
 EXPANDED = 10**7
 """Maximum length of all values with resolved references [characters]."""
-_IN_C: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # not in some builds of PyYAML
+_IN_C: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # missing in some builds of PyYAML
 _BYTE = re.compile(r"\\uDC[89A-F]", re.IGNORECASE)
 """YAML escape of a non-UTF-8 byte in a path; the C loader rejects it."""
 _REFERENCE = re.compile(r"\$\{(\.*)([^{}:]+)\}")

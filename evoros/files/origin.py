@@ -94,7 +94,7 @@ def _read_record() -> Origin | None:
 
 
 def _read_archive() -> Origin | None:
-    """Read the commit and the output of ``git describe``, empty without a tag, in archive.txt."""
+    """Read the commit and the ``git describe`` output (empty without a tag) from archive.txt."""
     lines: Sequence[str] = ()
     with suppress(OSError):
         lines = _ARCHIVE.read_text(encoding="utf-8").splitlines()
@@ -109,8 +109,8 @@ def _read_archive() -> Origin | None:
 def form_version(described: str, commit: str, dirty: bool) -> str:
     """Convert the output of ``git describe --long``, TAG-DISTANCE-..., to a PEP 440 version.
 
-    A tagged commit has the tag's version (``0.2.0``), any other a development version of the next
-    (``0.2.1.dev14+g0123456789``). Without a tag, the next version is ``FIRST``.
+    A tagged commit has the tag's version (``0.2.0``), any other commit has a development version of
+    the next release (``0.2.1.dev14+g0123456789``). Without a tag, the next version is ``FIRST``.
     """
     tag, distance, _ = described.rsplit("-", 2)
     version = tag.removeprefix("v") or FIRST

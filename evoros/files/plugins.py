@@ -1,4 +1,4 @@
-"""Plug-ins: what they add to the core, discovery, and messages about missing plug-ins.
+"""Plug-ins: their additions to the core, their discovery, and messages about missing ones.
 
 A bundled plug-in is a folder of ``evoros/plugins``. Other packages add plug-ins by entry points of
 the group ``evoros.plugins``. Both are packages with a variable ``PLUGIN``.
@@ -50,16 +50,16 @@ class Plugin:
     figures: Mapping[str, str] = field(default_factory=lambda: _NOTHING)
     """Modules of subcommands of ``evoros analyze`` by name; they replace modules of the core."""
     exports: frozenset[str] = frozenset()  # figures that only write files for other software
-    extras: tuple[str, ...] = ()  # extras of evoros with the libraries that it needs
+    extras: tuple[str, ...] = ()  # extras of evoros with the plug-in's libraries
 
     @property
     def folder(self) -> Path:
-        """The folder of its package."""
+        """The folder of the plug-in's package."""
         return Path(str(import_module(self.package).__file__)).resolve().parent
 
     @property
     def conf(self) -> Path:
-        """The folder of its configuration groups, which may be missing."""
+        """The folder of the plug-in's configuration groups, which may be missing."""
         return self.folder / "conf"
 
 

@@ -12,7 +12,7 @@ SECRET = re.compile(
     r"KEYS?(?![A-Z])|TOKEN|SECRET|PASSW|PASSPHRASE|CREDENTIAL|(?<![A-Z])(PASS|PWD|PIN|AUTH)(?![A-Z])",
     re.IGNORECASE,
 )
-"""Pattern in the names of variables and keys that hold secrets."""
+"""Matches the names of variables and keys that hold secrets."""
 _ID_DIGITS = 8
 
 
@@ -55,7 +55,7 @@ def private_folder(name: str) -> Path | None:
 
 
 def keep_fonts() -> None:
-    """Let matplotlib keep its list of fonts here if the user has no home to write in.
+    """Let matplotlib cache its font list in a private folder if the user has no writable home.
 
     Otherwise, every process would log a warning and spend seconds rebuilding the list.
     """
@@ -72,7 +72,7 @@ def _is_private(folder: Path) -> bool:
 
 
 def hash_secret(text: str) -> str:
-    """Return a hash that only this user can compute, after an identifier of the user's key."""
+    """Return an identifier of the user's key, and a hash that only this user can compute."""
     key = _read_key()
     name = blake2b(key, digest_size=_ID_DIGITS // 2).hexdigest()
     return name + blake2b(text.encode(), key=key, digest_size=16).hexdigest()

@@ -21,7 +21,7 @@ LARGEST = 16 * 2**30
 RATIO = 100
 """Maximum ratio of the unpacked to the packed size of a member."""
 ANY_RATIO = 2**20
-"""Maximum unpacked size of a member with any ratio [bytes]."""
+"""Unpacked size [bytes] up to which a member may have any ratio."""
 MARK = b"evoros sha256:"
 _GET_AGAIN = "get the file again from its source"
 _DAMAGES = (BadZipFile, LargeZipFile, EOFError, NotImplementedError, ValueError, zlib.error)
@@ -136,7 +136,7 @@ def _check_member(path: Path, name: str, member: ZipInfo) -> None:
 
 
 def _find_damage(archive: ZipFile) -> str:
-    """Name the first damaged member, to complete "must have ..."."""
+    """Describe the first damaged member, to complete "must have ..."."""
     for member in archive.infolist():
         try:
             archive.read(member)

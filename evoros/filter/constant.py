@@ -1,4 +1,4 @@
-"""A filter that replaces a signal by a fixed value."""
+"""A filter that replaces a signal with a fixed value."""
 
 import math
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from evoros.filter.protocol import ENDS, Channels, Filter, refuse_pose
 @dataclass(frozen=True)
 @checked
 class Constant(Filter):
-    """Replaces every value except NaN by one number, in the unit of the channel."""
+    """Replaces every value except NaN with one number, in the unit of the channel."""
 
     name = "Constant"
     effect = ENDS

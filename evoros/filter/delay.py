@@ -14,7 +14,7 @@ from evoros.filter.protocol import Channels, Filter
 @dataclass(frozen=True)
 @checked
 class Delay(Filter):
-    """Replaces each sample by the newest one that is at least ``delay_s`` old.
+    """Replaces each sample with the newest one that is at least ``delay_s`` old.
 
     The delay is rounded up to a multiple of the sampling period. Until the first sample is that
     old, its value is repeated.

@@ -37,7 +37,7 @@ class Dropout(Filter):
         return ENDS if self.probability == 1 else ALTERS
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Held]:
-        """Begin outside an outage."""
+        """Start outside an outage."""
         values = self.probability, max(1, channels.samples(self.duration_s)), self.lost == "last"
         return self.Parameters(*values, onset), hold_nothing(channels)
 
@@ -45,10 +45,10 @@ class Dropout(Filter):
     def rule(
         parameters: Parameters, memory: Held, rng: Generator, values: Array, time: float
     ) -> None:
-        """Drop samples; every channel always draws, so the onset of one does not shift others."""
+        """Drop samples; every channel always draws, so no onset shifts another channel's draws."""
         for i in range(len(values)):
             starts = rng.random() < parameters.probability and time >= parameters.onset[i]
-            # An outage continues with one sample fewer, or a new one starts.
+            # Either the outage has one sample fewer left, or a new outage starts.
             memory.counter[i] = max(memory.counter[i] - 1.0, 0.0) or starts * parameters.samples
             if memory.counter[i] > 0.0:
                 values[i] = memory.value[i] if parameters.repeats == 1.0 else math.nan

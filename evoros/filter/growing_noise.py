@@ -36,7 +36,7 @@ class GrowingNoise(Filter):
 
     @staticmethod
     def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
-        """Add the noise; every channel always draws, so the onset of one does not shift others."""
+        """Add the noise; every channel always draws, so no onset shifts another channel's draws."""
         sigma, growth, onset, low, high = parameters
         for i in range(len(values)):
             deviate = rng.standard_normal()

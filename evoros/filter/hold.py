@@ -1,4 +1,4 @@
-"""Sample and hold: a source slower than its reader."""
+"""Sample and hold, for a source that is slower than its reader."""
 
 import math
 from dataclasses import dataclass

@@ -41,7 +41,7 @@ class PoseNoise(Filter):
 
     @staticmethod
     def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
-        """Add the noise; every value always draws, so the onset of one does not shift others."""
+        """Add the noise; every value always draws, so no onset shifts another value's draws."""
         for i in range(len(values)):
             noise = parameters.sigma[i] * rng.standard_normal()
             if time >= parameters.onset[i]:

@@ -112,8 +112,8 @@ FILTER_ARGUMENTS = "parameters", "memory", "rng", UNUSED, "values", "time"
 value."""
 
 ENDS, ALTERS, GROWS = EFFECTS = "ends", "alters", "grows"
-"""Effects: readings stop depending on the surroundings, depend on them differently, or ever
-less."""
+"""Effects: readings stop depending on the surroundings, depend on them differently, or depend on
+them less and less."""
 
 FILTER_RULES = {"effect": one_of(*EFFECTS), "name": TEXT}
 
@@ -133,13 +133,15 @@ class Filter(ABC):
     name: str
     """The filter's name in the random streams of faults and in the column ``failed_by``.
 
-    Results depend on it, so it must not change if the class is renamed."""
+    Results depend on the name, so it must not change if the class is renamed.
+    """
     effect: str = ALTERS
     """The effect on readings, for figures: ``ENDS``, ``ALTERS`` or ``GROWS``."""
     rule: Callable[..., None]
     """The function that changes each sample; a static method, so that numba can compile it.
 
-    Its arguments are a subset of ``FILTER_ARGUMENTS``."""
+    The function's arguments are a subset of ``FILTER_ARGUMENTS``.
+    """
 
     @abstractmethod
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:

@@ -12,7 +12,7 @@ from evoros.filter.protocol import ENDS, Channels, Filter
 
 @dataclass(frozen=True)
 class Silence(Filter):
-    """Replaces every value after the onset by NaN, which means no reading."""
+    """Replaces every value after the onset with NaN, which means no reading."""
 
     name = "Silence"
     effect = ENDS

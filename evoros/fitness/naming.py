@@ -30,7 +30,7 @@ def bound_fitness(fitness: Fitness, worlds: int) -> tuple[float, ...]:
 
 
 def name_fitness(fitness: Fitness) -> FitnessName:
-    """Return the title, by default the words of the class name, and unit of a fitness function."""
+    """Return a fitness function's title (by default, the class name in words) and unit."""
     title = fitness.title.strip() or f"fitness ({_split_words(type(fitness).__name__)})"
     return FitnessName(title, fitness.unit.strip())
 

@@ -54,7 +54,7 @@ class Fitness(ABC):
 
 
 class AdditiveFitness(Fitness):
-    """A fitness function that scores missions separately, as separate samples for intervals.
+    """A fitness function that scores each mission, so that intervals can use missions as samples.
 
     The missions of a trial are drawn independently. With three worlds, each trial contributes three
     scores to a certificate.
@@ -75,9 +75,8 @@ class CombiningFitness(Fitness):
     def combine(self, scores: Sequence[float], trials: int | None = None) -> float:
         """Return the fitness of a design from the scores of at least one trial.
 
-        With ``trials``, return the fitness to expect from that number of these trials, or from all
-        of them if there are fewer, so that designs with different numbers of trials can be
-        compared.
+        With ``trials``, return the fitness expected from that number of these trials (or from all,
+        if there are fewer), so that designs with different numbers of trials can be compared.
         """
 
     def bound_combined(
@@ -85,6 +84,6 @@ class CombiningFitness(Fitness):
     ) -> tuple[float, float]:
         """Return the interval of the fitness for certificates; NaN if unknown.
 
-        All scores of trials are within ``limits``.
+        All trial scores lie within ``limits``.
         """
         return math.nan, math.nan

@@ -31,7 +31,7 @@ class Scoring:
 
     @property
     def combine(self) -> Combine:
-        """The function that combines trial scores: the mean, or the fitness function's own."""
+        """The function that combines trial scores: ``mean``, or the fitness function's method."""
         if isinstance(self.fitness, CombiningFitness):
             return partial(ask, FITNESS, self.fitness.combine, SCORE)
         return mean

@@ -1,4 +1,4 @@
-"""Worst-case fitness: the mean of a design's lowest trials."""
+"""Worst-case fitness: the mean of a design's lowest trial scores."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

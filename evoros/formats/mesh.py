@@ -1,6 +1,6 @@
 """Reads mesh files as convex shapes, cached in the user's cache folder, one file per mesh.
 
-If the cache is missing, damaged or read-only, reading just takes longer.
+If the cache is missing, damaged or read-only, reading only takes longer.
 """
 
 import hashlib
@@ -27,7 +27,7 @@ from evoros.terminal.activity import announce
 TOLD_M = 0.01  # minimum deviation that is reported
 WORK = 3e6
 """Maximum work per mesh (see ``divide_mesh``), which takes about 15 s on one core."""
-_VERSION = 2  # increases with changes to the algorithm
+_VERSION = 2  # increased with every change to the algorithm
 
 Corners = tuple[Vector, ...]
 
@@ -93,7 +93,7 @@ def read_hull(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> Shape:
 
 @lru_cache(maxsize=256)
 def find_hull_gap(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> float:
-    """Return the maximum distance [m] between a mesh file's convex hull and surface."""
+    """Return the maximum distance [m] between the convex hull and the surface of a mesh file."""
     from evoros.geometry.hull import find_gap  # imports scipy, which is slow
     from evoros.geometry.triangles import weld
 

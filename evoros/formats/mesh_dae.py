@@ -185,7 +185,7 @@ def _numbers(element: Element, kind: type) -> Array:
 
 
 def _fan(flat: Array, counts: Array | None) -> Array:
-    """Return the triangles of polygons with ``counts`` corners; None: a single polygon."""
+    """Return the triangles of polygons, given their numbers of corners (None: one polygon)."""
     if counts is None:
         counts = np.array([len(flat)])
     starts = np.cumsum(counts) - counts
@@ -227,7 +227,6 @@ def _transform(node: Element) -> Array:
 
 
 def _rotation(axis: Array, angle: float) -> Array:
-    """Return the rotation matrix (3, 3) about an axis by an angle [rad]."""
     size = length(axis)
     if size == 0.0:
         return np.eye(3)

@@ -9,7 +9,7 @@ from lxml.etree import _Element as Element
 
 from evoros.formats.strict_xml import local_tag, locate, name_of, parse_number, walk_up
 
-_NAMED = 3  # number of further names in a kind's line
+_NAMED = 3  # maximum number of further names in a line
 
 
 class Notes:
@@ -23,7 +23,8 @@ class Notes:
         """Note an omitted or completed element; ``problem`` is the predicate of the sentence.
 
         Notes of the same ``kind`` (by default, with the same tag and problem) are merged into one
-        line. It refers to the element by ``name``, by default the name of its model or robot.
+        line. That line refers to the element by ``name``, by default the name of its model or
+        robot.
         """
         kind = kind or f"{local_tag(element)} {problem}"
         line = f"{locate(element)} {problem}", name or name_of(element)
@@ -64,7 +65,7 @@ _LOOKS = ("gui", "light", "scene", "plugin")  # elements whose poses are not use
 
 
 def note_degrees(root: Element, notes: Notes) -> None:
-    """Note each ``<origin>`` of URDF and ``<pose>`` of SDF that rotates by over a full turn."""
+    """Note each ``<origin>`` of URDF and ``<pose>`` of SDF that turns by more than 360 deg."""
     for element in root.iter("origin", "pose"):
         words = _list_angles(element)
         # Words that are not numbers count as NaN, which does not exceed a full turn.

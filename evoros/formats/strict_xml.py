@@ -171,7 +171,7 @@ def parse_number(word: str) -> float:
 
 
 def read_numbers(element: Element, *counts: int) -> tuple[float, ...]:
-    """Return the numbers in an element; their number must be one of ``counts``."""
+    """Return an element's numbers, whose count must be one of ``counts``."""
     words = read_text(element).split()
     if len(words) not in counts:
         expected = f"{' or '.join(map(str, counts))} number{'' if counts == (1,) else 's'}"
@@ -204,7 +204,7 @@ def read_positive(element: Element, *counts: int) -> tuple[float, ...]:
 
 
 def read_child_numbers(element: Element, tag: str, default: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the numbers in the only child with this tag; ``default`` sets their number."""
+    """Return the numbers in the only child with this tag; ``default`` sets their count."""
     child = find_child(element, tag)
     return default if child is None else read_numbers(child, len(default))
 
@@ -253,7 +253,8 @@ MEANINGS: Mapping[str, Meaning] = {
     "sensor/update_rate": Meaning(negative=math.inf, zero=math.inf),  # measured at every step
     "range/max": Meaning(),
 }
-"""Fields by their names in URDF and SDF. In every field, ``HUGE`` and more mean infinity."""
+"""Meanings of special numbers by field, as named in URDF and SDF. In every field, ``HUGE`` and more
+mean infinity."""
 
 
 def interpret(field: str, value: float) -> float:
@@ -294,7 +295,7 @@ def touches_nothing(collision: Element) -> bool:
 
 
 def _read_bits(text: str) -> int:
-    """Return the integer in a string; if there is none, one with all bits set."""
+    """Return the integer in a string, or an integer with all bits set if there is none."""
     try:
         return int(text.strip(), 0)
     except ValueError:

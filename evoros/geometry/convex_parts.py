@@ -22,7 +22,7 @@ from evoros.geometry.triangles import Surface, find_normals, separate
 Plane = tuple[Array, float]
 """A plane's unit normal (3,), and its offset [m] from the origin along the normal."""
 
-_SUSPECTS = 64  # number of faces in hollows that are examined
+_SUSPECTS = 64  # maximum number of faces examined in hollows
 _FINE = 300  # number of faces above which fewer cuts are tried
 _CUT_WORK = 200  # number of faces whose handling takes as long as the fixed cost of a cut
 _GOOD = 0.95  # fraction of a hull that the pieces' hulls may fill after a good cut along a face

@@ -109,7 +109,7 @@ def lowest_point(body: Body) -> float:
 
 
 def find_heights(shape: Shape, pose: Pose) -> tuple[float, float]:
-    """Return the heights [m] of a shape's lowest and highest point; not for planes."""
+    """Return the heights [m] of the lowest and highest point of a shape other than a plane."""
     if shape.kind in ("convex", "heightfield"):
         heights = _extreme_points(shape, pose, -math.inf, math.inf)[:, 2]
         return float(heights.min()), float(heights.max())
@@ -126,7 +126,7 @@ def find_heights(shape: Shape, pose: Pose) -> tuple[float, float]:
 
 
 def project_bodies(bodies: Iterable[Body], below_m: float = math.inf) -> tuple[Footprint, ...]:
-    """Project all solid shapes between the ground and a height [m]; polyhedra are cut at both."""
+    """Project all solid shapes from the ground up to ``below_m`` [m], cutting polyhedra at both."""
     areas = []
     for shape, pose in chain.from_iterable(body.placed for body in bodies):
         if shape.kind != "plane":

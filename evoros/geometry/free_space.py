@@ -132,7 +132,7 @@ WALLED = 0.7
 LARGE_SHARE, ONE_SHARE, LEAST_SHARE = 0.2, 0.5, 0.01
 """Minimum size of an enclosed region that counts: the first, as a fraction of all free cells, or
 the second, as a fraction of all enclosed cells. Regions below the third, as a fraction of all free
-cells, are ignored. Sheds in a field and houses in a town do not count."""
+cells, are ignored. These limits exclude sheds in a field and houses in a town."""
 
 
 def find_enclosed(free: Cells) -> Cells | None:

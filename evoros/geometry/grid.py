@@ -31,7 +31,7 @@ class Grid:
 
     @classmethod
     def around(cls, footprints: Sequence[Footprint], reach: float) -> "Grid":
-        """Cover all points within ``reach`` [m] of a footprint; one cell without footprints."""
+        """Cover all points within ``reach`` [m] of a footprint; without any, make one cell."""
         if not footprints:
             return cls(np.zeros(2), CELL_M, (1, 1))
         low, high = find_bounds(*footprints)

@@ -76,7 +76,7 @@ def _thicken(points: Array) -> Array:
 def simplify(hull: Hull) -> tuple[Hull, float]:
     """Return a hull of at most ``MOST_CORNERS`` of the corners, and its maximum deviation [m].
 
-    Corners are added, farthest first, until the others lie within ``COARSENESS``.
+    Corners are added, farthest first, until the remaining ones lie within ``COARSENESS``.
     """
     if len(hull.corners) <= 500:
         hull = _without_flat_corners(hull)

@@ -1,4 +1,4 @@
-"""Divides any surface into convex parts: hulls if they fit, pieces of solids, plates of sheets."""
+"""Divides any surface into convex parts: hulls that fit, pieces of solids, or plates for sheets."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -83,7 +83,7 @@ def _cut(triangles: Array, height: float) -> Array:
     above = triangles[:, :, 2] > height
     crossing = triangles[above.any(axis=1) & ~above.all(axis=1)]
     above = crossing[:, :, 2] > height
-    # Two edges cross: both edges of the corner that is alone on one side.
+    # The two edges that cross belong to the corner that is alone on its side.
     alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), (~above).argmax(axis=1))
     rows = np.arange(len(crossing))
     start = crossing[rows, alone]
@@ -105,7 +105,7 @@ def _limit_pieces(most: int, extent: float) -> int:
     return min(most, max(_FEWEST, math.ceil(2 * extent / TOLERANCE_M)))
 
 
-_FEWEST = 12  # minimum of a limit on the number of pieces of a surface
+_FEWEST = 12  # smallest limit on the number of a surface's pieces
 _PLATES = 128  # maximum number of plates of a surface, unless its share is larger
 _SMALL, _LARGE = _Limits(256, 0, 64), _Limits(2048, 4096, 256)
 _LARGE_M = 5.0  # extent from which a mesh counts as a building or a landscape
@@ -122,7 +122,7 @@ class Parts:
     dropped: int  # number of parts that are too small to count
     deviation: float  # maximum distance [m] from the surface to the surfaces of the parts
     work: float  # number of faces examined in cuts, or the equivalent
-    is_cut_short: bool  # more work would give better parts
+    is_cut_short: bool  # True: more work would give better parts
 
 
 def divide_mesh(triangles: Array, work: float = math.inf) -> Parts:

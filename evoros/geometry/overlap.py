@@ -1,11 +1,11 @@
-"""Penetration depth of two solid shapes, and the lift that clears one of the other.
+"""Penetration depth of two solid shapes, and the lift that moves one clear of the other.
 
 Two convex solids overlap if the origin lies in their Minkowski difference, and the nearest face of
 the difference gives the shortest translation that separates the solids. The hull of the difference
 starts from some points of each shape. It is refined by the farthest points along the normals of the
 relevant faces, as in the expanding polytope algorithm (van den Bergen, Proximity queries and
 penetration depth computation on 3D game objects, Game Developers Conference, 2001). Round shapes
-are therefore exact, too.
+are therefore also exact.
 """
 
 import math
@@ -100,7 +100,7 @@ def _unit_circle() -> Array:
 
 
 def overlap_depth(first: Solid, second: Solid) -> float:
-    """Return the depth [m] of the overlap of two solids, to 0.1 mm or 2 %; at most 0 if apart."""
+    """Return the overlap depth [m] of two solids, accurate to 0.1 mm or 2 %; at most 0 if apart."""
     points = _differences(first, second)
     depth = 0.0
     for _ in range(_ROUNDS):
@@ -117,8 +117,8 @@ def overlap_depth(first: Solid, second: Solid) -> float:
 def clearance(first: Solid, second: Solid) -> Clearance | None:
     """Return the lifts of the first solid at which it overlaps the second; None if there are none.
 
-    Their limits are the heights at which the vertical line through the origin crosses the hull of
-    the Minkowski difference.
+    The limits are the heights at which the vertical line through the origin crosses the hull of the
+    Minkowski difference.
     """
     points = _differences(first, second)
     lifts = None

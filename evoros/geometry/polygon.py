@@ -71,7 +71,7 @@ def find_separation(polygon: Array, points: Array, enough: float) -> tuple[float
 
 @compilable
 def _off_edge(px: float, py: float, dx: float, dy: float, squared: float) -> tuple[float, float]:
-    """Return the vector [m] from the nearest point of an edge to p; p is relative to its start.
+    """Return the vector [m] from the nearest point of an edge to p, given from the edge's start.
 
     ``squared`` is the squared length [m2] of the edge (dx, dy), which may be 0.
     """

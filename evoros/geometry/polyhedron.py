@@ -33,7 +33,7 @@ class Polyhedron(NamedTuple):
     faces: Array  # (f, 4): a point p is inside if faces[:, :3] @ p <= faces[:, 3] [m]
 
 
-@lru_cache(maxsize=2**15)  # the parts of a furnished building
+@lru_cache(maxsize=2**15)  # enough for the parts of a furnished building
 def convex_polyhedron(corners: tuple[Vector, ...]) -> Polyhedron:
     """Return the convex hull of points [m] that do not lie in a common plane."""
     points = np.array(corners, dtype=np.float64)
@@ -53,10 +53,7 @@ def hull_planes(points: Array) -> tuple[Array, Array]:
 
 
 def _hull(points: Array) -> Any:
-    from scipy.spatial import (
-        ConvexHull,
-        QhullError,
-    )  # slower than loading most worlds
+    from scipy.spatial import ConvexHull, QhullError  # slower than loading most worlds
 
     try:
         return ConvexHull(points)
@@ -109,7 +106,7 @@ def solid_properties(corners: tuple[Vector, ...]) -> tuple[float, Array, Array]:
     """
     solid = convex_polyhedron(corners)
     inside = solid.corners.mean(axis=0)
-    tetrahedra = solid.corners[solid.triangles] - inside  # the fourth corner of each is inside
+    tetrahedra = solid.corners[solid.triangles] - inside  # relative to the inner fourth corner
     volumes = determinant(tetrahedra) / 6.0
     volume = float(volumes.sum())
     centre = product(volumes, tetrahedra.sum(axis=1)) / 4.0 / volume
@@ -125,7 +122,7 @@ def solid_properties(corners: tuple[Vector, ...]) -> tuple[float, Array, Array]:
 def placed_corners(
     corners: Sequence[Vector] | Array, rotation: Array, position: Sequence[float]
 ) -> Array:
-    """Return corners (k, 3) [m] in the frame in which ``rotation`` and ``position`` are given."""
+    """Return corners (k, 3) [m], rotated and then moved, in the frame of ``position``."""
     placed: Array = product(np.asarray(corners, dtype=np.float64), rotation.T) + np.asarray(
         position
     )
@@ -242,7 +239,7 @@ def decompose(rings: Sequence[Ring]) -> list[Ring]:
 def solid_moments(shape: Shape, mass: float) -> Vector:
     """Return the principal moments [kg m2] of a homogeneous solid of this mass [kg].
 
-    They are about the shape's axes through its centre of mass, which are principal axes except for
+    The axes are the shape's, through its centre of mass. They are principal axes except for
     polyhedra.
     """
     if shape.kind == "box":

@@ -79,7 +79,6 @@ def cast_rays(
 
 @compilable
 def _turn(frame: Frame, vector: Point) -> Point:
-    """Express a vector of the rays' frame in an obstacle's frame."""
     m00, m01, m02, m10, m11, m12, m20, m21, m22 = frame
     x, y, z = vector
     return m00 * x + m01 * y + m02 * z, m10 * x + m11 * y + m12 * z, m20 * x + m21 * y + m22 * z

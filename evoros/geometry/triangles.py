@@ -41,7 +41,8 @@ class Surface:
 def weld(triangles: Array) -> Surface:
     """Return the surface of triangles (n, 3, 3) [m]; corners within a micrometre are merged."""
     corners = triangles.reshape(-1, 3)
-    # Whole micrometres would split coordinates that end in half ones, as 1/16 inch does.
+    # Rounding to whole micrometres would split coordinates that end in half a micrometre, as 1/16
+    # inch does.
     first, indices = unique_rows(np.round(corners * 1.03e6))
     points, faces = corners[first], indices.reshape(-1, 3)
     distinct_corners = (faces != np.roll(faces, 1, axis=1)).all(axis=1)

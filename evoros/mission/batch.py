@@ -19,7 +19,7 @@ from evoros.mission.rollout import OpenMission, Rollout, open_mission, take_fail
 from evoros.mission.scenario import Scenario
 from evoros.simulator.protocol import RuleSimulator
 
-Named = tuple[str, Any]  # a kind of rule and a rule
+Named = tuple[str, Any]  # the kind of a rule, and the rule
 
 
 class NoKernel(EvorosError):
@@ -38,7 +38,7 @@ class Batcher:
     def run(
         self, asked: Sequence[tuple[Scenario, Sequence[Mission]]]
     ) -> list[list[Rollout] | NoKernel]:
-        """Run missions of scenarios in one launch, with the results of ``run_mission``.
+        """Run missions of several scenarios in one launch; ``run_mission`` gives equal results.
 
         For a scenario with a rule that kernels cannot run, return the reason instead.
 

@@ -76,8 +76,8 @@ class LoopInputs(NamedTuple):
     observe: ObserveRule
     sense: SenseRule
     advance: AdvanceRule
-    parameters: Array  # the simulation's
-    memory: Array  # the simulation's
+    parameters: Array  # simulation parameters
+    memory: Array  # simulation memory
     filters: tuple[FilterStage, ...]
     localization: tuple[FilterStage, ...]
     layers: tuple[LayerStage, ...]
@@ -115,14 +115,14 @@ class Arrays(NamedTuple):
     """The float64 arrays of the loop, each ordered by robot."""
 
     routes: Array  # (legs, 2) waypoints in order [m], constant
-    states: Array  # (robots * STATE_SIZE,) true states; then the reports of walkers
+    states: Array  # (robots * STATE_SIZE,) true states, then walkers' reports
     poses: Array  # (robots * STATE_SIZE,) localized states
     legs: Array  # (robots * LEG_SIZE,)
     commands: Array  # (robots * COMMAND_SIZE,) controller output
     driven: Array  # (robots * COMMAND_SIZE,) drive input; ``commands`` itself without faults
     signals: Array  # simulation output: true ranges [m], signals of other sensors
     readings: Array  # (channels,) filtered readings of all sensors
-    decisions: Array  # (robots + layers,) for each robot: decisions by no layer, then by each
+    decisions: Array  # (robots + layers,) number of decisions by no layer and by each
     counts: Array  # (COUNTS, robots)
     clocks: Array  # time [s] since the start, then since each trigger's event (-1: not yet)
     triggers: Array  # (triggers, TRIGGER_SIZE), see ``evoros.mission.triggers``

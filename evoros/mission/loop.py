@@ -50,7 +50,7 @@ from evoros.mission.triggers import update_clocks
 
 
 def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays) -> LoopResult:
-    """Run a mission, or the part of it that ``timing`` states.
+    """Run a mission, or the part that ``timing`` specifies.
 
     This is one long function because compiled code copies the rules that it passes to another.
     """

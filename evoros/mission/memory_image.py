@@ -62,7 +62,7 @@ _, AGENTS, TIMING, ARRAYS, ENDING, _ = accumulate(_SIZES, initial=0)
 
 
 def read_record(kind: Any, address: int) -> Any:
-    """Return the record at an address; available in compiled code alone."""
+    """Return the record at an address; available only in compiled code."""
     raise NotImplementedError
 
 
@@ -106,7 +106,7 @@ def lower_loop() -> machine_code.Lowered:
 _ALIGNED = 16  # bytes
 _WORD_BITS = 64
 GIVEN, KEPT, FILLED = range(3)
-"""Groups of pieces, in order: copied to the device, copied both ways, and copied back alone (the
+"""Groups of pieces, in order: copied to the device, copied both ways, and only copied back (the
 trajectories)."""
 
 Words = NDArray[np.int64]
@@ -247,4 +247,4 @@ _ROW_ADDRESSES = [
     for record, start in zip(RECORDS.values(), accumulate(_SIZES, initial=0), strict=False)
     for place in find_addresses(record)
 ]
-"""The indices of those words in a row that are addresses of arrays."""
+"""The indices of the words in a row that are addresses of arrays."""

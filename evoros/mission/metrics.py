@@ -38,7 +38,7 @@ def measure(index: int, setup: Setup, result: LoopResult) -> Outcome:
     participant, faults = setup.robots[index].participant, setup.robots[index].faults
     counts, tick = setup.arrays.counts[:, index], setup.timing.tick
     ended, first = int(counts[inputs.ENDED]), int(counts[inputs.FIRST_COLLISION])
-    cut_off = ended == inputs.RUNNING  # the mission did not wait for it
+    cut_off = ended == inputs.RUNNING  # the mission did not wait for this robot
     time = (result.ticks if cut_off else int(counts[inputs.END_TICK])) * tick
     rows = setup.arrays.trajectory[: result.rows if cut_off else int(counts[inputs.END_ROW]) + 1]
     track = rows[:, _find_columns(setup.agents, index)]
@@ -122,7 +122,7 @@ def compute_progress(position: Array, visited: int, route: Array, acceptance: fl
 
     Each of the n waypoints counts 1/n once reached. The next one counts 1/n divided by the distance
     [m] to its acceptance circle, at most 1/n. Until all are reached, the result is at most 0.99.
-    With ten waypoints, this is the study's ``10 visited + 10 / max(distance - 1, 1)`` percent.
+    With ten waypoints, this is the 2018 study's ``10 visited + 10 / max(distance - 1, 1)`` percent.
     """
     if visited == len(route):
         return 1.0

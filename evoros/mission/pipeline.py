@@ -118,7 +118,6 @@ def list_sensor_targets(robot: Robot, readings: Array, tick: float) -> list[Targ
 
 
 def _describe_channels(robot: Robot, sensors: slice) -> protocol.Channels:
-    """Describe the channels of consecutive sensors, which are of one type."""
     sensor, count = robot.mounted_sensors()[sensors.start], sensors.stop - sensors.start
     channels = sensor.channels
     return protocol.Channels(

@@ -34,7 +34,7 @@ def find_growing(values: Mapping[str, Any]) -> str:
 
 
 def count_growing(values: Mapping[str, Any], key: str) -> int:
-    """Return the value of such a key in a nested configuration."""
+    """Return the value of a growing key in a nested configuration."""
     if key == TRIALS:
         return int(values[TRIALS])
     if key == GENERATIONS:
@@ -148,7 +148,7 @@ class Plan:
     def evaluation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
         """Return the missions of a design in an evaluation.
 
-        No run uses the same draws, except its validation if ``evaluation_draws`` is VALIDATION.
+        No run uses the same draws, except for validation if ``evaluation_draws`` is VALIDATION.
         """
         if self.evaluation_draws == VALIDATION:
             return self.validation(generation, design_id, design, self.revalidation_trials)
@@ -172,9 +172,9 @@ class Plan:
     ) -> list[Mission]:
         """Return an evaluation's missions with a case or a setting, on its first draws.
 
-        ``number`` counts cases and settings from 1, and ``repeats`` the missions of one in each
-        world from 0. Trial ``MOST_REPEATS * number + repeat`` has the draws and the parity of the
-        evaluation's trial ``repeat``.
+        ``number`` numbers the cases and settings from 1. ``repeats`` numbers, from 0, the missions
+        with a case or setting in each world. Trial ``MOST_REPEATS * number + repeat`` has the draws
+        and the parity of the evaluation's trial ``repeat``.
         """
         missions = self._missions(0, design_id, design, EVALUATION, "0", repeats)
         first = number * MOST_REPEATS
@@ -184,12 +184,12 @@ class Plan:
 
     @property
     def _selected(self) -> int:
-        """The first number after the trials of the selection."""
+        """The number that follows the trials for selection."""
         return max(self.trials, self.most_trials)
 
     @property
     def _confirmed(self) -> int:
-        """The first number after the trials of selection, validation and confirmation."""
+        """The number that follows the trials for selection, validation and confirmation."""
         return 2 * self._selected + self.validation_trials
 
     def _missions(
@@ -203,7 +203,7 @@ class Plan:
         place: int = 0,
         skipped: int = 0,
     ) -> list[Mission]:
-        """Return missions in all worlds; ``place`` trials of the ``group`` were earlier."""
+        """Return missions in all worlds; ``place`` trials of the ``group`` came earlier."""
         key = f"{self.seed}/{purpose}/{group}"
         cases = islice(self._deal_cases(key, len(design.mounts)), place, None)
         missions = []

@@ -180,7 +180,7 @@ class OpenMission:
 
     @property
     def ended(self) -> str:
-        """The ending of the first robot's mission; empty: it is running."""
+        """The ending of the first robot's mission; empty while it is running."""
         ended = int(self._setup.arrays.counts[ENDED, 0])
         return "" if ended == RUNNING else ENDINGS[ended]
 
@@ -209,8 +209,8 @@ class OpenMission:
 def run_mission(scenario: Scenario, mission: Mission, run: Run = run_call) -> Rollout:
     """Run a mission.
 
-    A failed simulation is an outcome, because it would fail again. A design that a part refuses is
-    an outcome, too, because other designs can still be evaluated.
+    A failed simulation gives an outcome, because a retry would also fail. A design that a part
+    refuses gives an outcome, because other designs can still be evaluated.
 
     Raises:
         InputError: a part refuses to start for a reason other than an evolved value.

@@ -1,46 +1,97 @@
-"""Cross-checks a robot description with yourdfpy, which shares no code with this package.
+"""Compares a robot description with yourdfpy, which shares no code with this package.
 
-Only ``evoros inspect`` uses this module. Runs do not, because yourdfpy
-- takes 2.1 s of processor time to import (trimesh, networkx, scipy), while a command needs the
-  robot within 0.8 s for its first line;
+yourdfpy does not replace this package's reader, because it
+- takes up to two seconds of processor time to import, so its result is kept in the user's cache;
 - uses the platform's sine and cosine: 80 of 359 origins of 27 public robots differ in the last bits
   (up to 6e-16), so missions would differ between processors;
 - drops line numbers, ``<gazebo>``, ``<transmission>`` and ``<ros2_control>``, and assumes an
   inertia of 1 kg m2 if there is none.
 """
 
+import hashlib
 import io
+import json
 import logging
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from importlib.metadata import version
+from typing import NamedTuple
 
 import numpy as np
 from lxml import etree
 
+from evoros.base.errors import single_line
+from evoros.files.disk import write_atomically
+from evoros.files.private import private_folder
 from evoros.formats.urdf.tree import read_tree
 from evoros.robot.model import Robot
+
+_LOG = logging.getLogger(__name__)
 
 TOLERANCE_M = 1e-6
 
 
-def read_again(robot: Robot) -> str:
-    """Compare all link positions and the mass with yourdfpy; return the result as a sentence.
+class SecondReading(NamedTuple):
+    """The positions [m] of all links in the frame of the root link, and the mass [kg]."""
 
-    Joints are at zero, as in missions, and shapes are ignored.
+    root: str
+    positions: Mapping[str, tuple[float, float, float]]
+    mass_kg: float
+
+
+def report_second_reading(robots: Iterable[Robot]) -> None:
+    """Compare each robot with yourdfpy; warn of differences, and log the other results."""
+    for robot in {robot.base_urdf.text: robot for robot in robots}.values():
+        agrees, result = read_again(robot)
+        _LOG.log(logging.DEBUG if agrees else logging.WARNING, "%s: %s", robot.name, result)
+
+
+def read_again(robot: Robot) -> tuple[bool, str]:
+    """Compare all link positions with yourdfpy; return False if they differ, and a sentence.
+
+    Joints are at zero, as in missions, and shapes are ignored. A description that yourdfpy cannot
+    read counts as equal.
     """
-    import yourdfpy  # the import takes two seconds
-
-    elements = robot.base_urdf.copy_elements()
-    etree.strip_elements(elements, "visual", "collision", "mimic")
-    logging.getLogger("yourdfpy").setLevel(logging.ERROR)
-    urdf = yourdfpy.URDF.load(io.BytesIO(etree.tostring(elements)), load_meshes=False)
+    try:
+        read = _load(robot)
+    except Exception as error:  # any error of another package's reader
+        return True, f"yourdfpy cannot read the file ({type(error).__name__}: {single_line(error)})"
     poses = read_tree(robot.urdf_elements(), robot.name).poses
-    base = poses[urdf.base_link].inverse()
+    base = poses[read.root].inverse()
     gaps = {
-        name: float(np.linalg.norm(urdf.get_transform(name)[:3, 3] - (base @ poses[name]).position))
-        for name in urdf.link_map
+        name: float(np.linalg.norm(np.subtract(position, (base @ poses[name]).position)))
+        for name, position in read.positions.items()
     }
     farthest = max(gaps, key=lambda name: gaps[name])
+    if gaps[farthest] > TOLERANCE_M:
+        distance = f"{1e3 * gaps[farthest]:.3g} mm"
+        return False, f"yourdfpy disagrees on the position of {farthest} by {distance}"
+    links = f"the positions of all {len(gaps)} links"
+    return True, f"yourdfpy agrees on {links}, and reads {read.mass_kg:.3g} kg"
+
+
+def _load(robot: Robot) -> SecondReading:
+    """Return yourdfpy's reading, from the cache if this version has read the same text before."""
+    elements = robot.base_urdf.copy_elements()
+    etree.strip_elements(elements, "visual", "collision", "mimic")
+    text, folder = etree.tostring(elements), private_folder("second_readings")
+    digest = hashlib.sha256(f"{version('yourdfpy')} ".encode() + text).hexdigest()
+    file = None if folder is None else folder / f"{digest}.json"
+    with suppress(OSError, ValueError, TypeError):  # absent or damaged
+        return SecondReading(**json.loads(file.read_bytes() if file else ""))
+    read = _read(text)
+    if file is not None:
+        with suppress(OSError):
+            write_atomically(file, json.dumps(read._asdict()))
+    return read
+
+
+def _read(text: bytes) -> SecondReading:
+    import yourdfpy  # the import takes up to two seconds
+
+    logging.getLogger("yourdfpy").setLevel(logging.ERROR)
+    urdf = yourdfpy.URDF.load(io.BytesIO(text), load_meshes=False)
+    positions = {name: tuple(urdf.get_transform(name)[:3, 3].tolist()) for name in urdf.link_map}
     inertials = (link.inertial for link in urdf.robot.links)
     mass = sum(inertial.mass or 0.0 for inertial in inertials if inertial is not None)
-    if gaps[farthest] > TOLERANCE_M:
-        return f"yourdfpy disagrees on the position of {farthest} by {1e3 * gaps[farthest]:.3g} mm"
-    return f"yourdfpy agrees on the positions of all {len(gaps)} links, and reads {mass:.3g} kg"
+    return SecondReading(urdf.base_link, positions, float(mass))

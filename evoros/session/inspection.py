@@ -201,7 +201,7 @@ def _describe_robot(robot: Robot, places: Places) -> list[Row]:
         ("drive", _describe_drive(robot)),
         ("outline", f"{length:.3f} m long, {width:.3f} m wide, {robot.height_m:.3f} m high"),
         ("mass", f"{mass:.3g} kg"),
-        ("check", read_again(robot)),
+        ("check", read_again(robot)[1]),
         ("sensors", f"on {robot.mount_link}, {robot.mount_z_m:.3f} m above its origin"),
         ("regions", _describe_places(places)),
     ]

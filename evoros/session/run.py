@@ -17,6 +17,7 @@ from evoros.mission import plan
 from evoros.preflight.drive import report_drive
 from evoros.preflight.own_code import report_repeatability
 from evoros.preflight.preflight import preflight
+from evoros.robot.second_reading import report_second_reading
 from evoros.session import work
 from evoros.session.design_tables import NamedDesign, read_recorded_designs, write_designs
 from evoros.session.evaluation import Evaluation, build_evaluation, list_faults, read_sources
@@ -86,6 +87,7 @@ class Session:
                     *(folder.path, task.amount, experiment.seed, worlds),
                     write_count(pool.workers, "worker"),
                 )
+                report_second_reading(member.robot for member in experiment.members)
                 report_drive(experiment, pool)
                 if not len(folder.rows):
                     for scenario, mission in task.list_first():

@@ -1,5 +1,6 @@
 """Robots are compared with independent readers of URDF: yourdfpy and PyBullet."""
 
+import logging
 import math
 import pickle
 import subprocess
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yourdfpy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
@@ -19,7 +21,9 @@ from evoros.base.arrays import YAW_RATE, Array
 from evoros.formats.urdf.tree import UrdfDocument, read_tree
 from evoros.geometry.shapes import Pose
 from evoros.preflight.trial_drive import find_turning_point
-from evoros.robot.second_reading import read_again
+from evoros.robot import second_reading
+from evoros.robot.model import Robot
+from evoros.robot.second_reading import read_again, report_second_reading
 from evoros.sensor.sonar import Sonar
 from evoros.simulator.planar import Planar
 
@@ -93,16 +97,59 @@ def test_our_kinematics_are_those_of_yourdfpy(name: str) -> None:
         np.testing.assert_allclose(matrix(pose), model.get_transform(link, tree.root), atol=1e-12)
 
 
-def test_a_second_reading_agrees_until_a_link_is_moved() -> None:
+@pytest.fixture
+def new_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return tmp_path / "evoros" / "second_readings"
+
+
+def with_moved_wheel() -> Robot:
+    """A robot whose wheel is 2 mm from where the simulator puts it."""
     robot = rover()
-    assert "agrees on the positions of all" in read_again(robot)
     moved = robot.base_urdf.copy_elements()
     origin = moved.find("joint[@name='rear_left_wheel_joint']/origin")
     assert origin is not None
     x, y, z = map(float, origin.get("xyz", "").split())
     origin.set("xyz", f"{x} {y + 0.002} {z}")
-    other = replace(robot, base_urdf=UrdfDocument.from_elements(moved), engine_urdf=robot.base_urdf)
-    assert read_again(other) == ("yourdfpy disagrees on the position of rear_left_wheel by 2 mm")
+    return replace(robot, base_urdf=UrdfDocument.from_elements(moved), engine_urdf=robot.base_urdf)
+
+
+@pytest.mark.usefixtures("new_cache")
+def test_a_second_reading_agrees_until_a_link_is_moved() -> None:
+    agrees, result = read_again(rover())
+    assert agrees
+    assert "agrees on the positions of all" in result
+    moved = (False, "yourdfpy disagrees on the position of rear_left_wheel by 2 mm")
+    assert [read_again(with_moved_wheel()) for _ in range(2)] == [moved, moved]
+
+
+def test_yourdfpy_reads_a_description_once(
+    new_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = read_again(rover())
+    with monkeypatch.context() as patch:
+        patch.setattr(yourdfpy.URDF, "load", None)  # a call would raise
+        assert read_again(rover()) == first
+        agrees, result = read_again(with_moved_wheel())
+        assert agrees
+        assert result.startswith("yourdfpy cannot read the file (TypeError")
+        patch.setattr(second_reading, "version", lambda _: "another")
+        assert read_again(rover())[1].startswith("yourdfpy cannot read")
+    (kept,) = new_cache.iterdir()
+    kept.write_text("{")
+    assert read_again(rover()) == first
+
+
+@pytest.mark.usefixtures("new_cache")
+def test_a_difference_is_a_warning_and_agreement_is_only_in_the_log(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.DEBUG)
+    report_second_reading([rover(), rover(), with_moved_wheel()])
+    lines = [
+        (record.levelname, record.getMessage().split(": ")[1][:18]) for record in caplog.records
+    ]
+    assert lines == [("DEBUG", "yourdfpy agrees on"), ("WARNING", "yourdfpy disagrees")]
 
 
 def matrix(pose: Pose) -> Array:

@@ -1,4 +1,4 @@
-"""Inverse trigonometric functions by the arctangent of a fraction, and the length of a vector.
+"""Inverse trigonometric functions, computed from arctangents, and the length of a vector.
 
 Beyond an angle of pi/8, the point is first turned back by pi/4 or pi/2. With z = r**2, atan(r) = r
 + r z A(z). A is a Chebyshev approximation by ``mpmath.chebyfit`` on 0 <= z <= 0.1716, with eleven

@@ -47,7 +47,7 @@ def _log_near_1(f: float, k: float, rest: float) -> float:
 
 @compilable
 def _log_of_none(x: float) -> float:
-    """Return log(x) if x is not both positive and finite."""
+    """Return log(x) for an x that is not positive and finite."""
     if x == 0.0:
         return -math.inf
     return math.nan if x < 0.0 else x

@@ -27,7 +27,7 @@ HALF_PI, HALF_PI_REST = 1.5707963267948966, 6.123233995736766e-17
 # exact.
 PART_1, PART_2, PART_3 = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21
 
-_MANY = 1e6  # [rad]: smaller angles have at most 20 bits of quarter turns
+_MANY = 1e6  # [rad]: the number of quarter turns in smaller angles has at most 20 bits
 _CLOSE = 2.0**-60  # [rad] per quarter turn: with a smaller remainder, three parts are not enough
 _ALL_WHOLE = 2.0**52
 """Products at or above this size are whole turns, because they have at most 50 significant bits."""

@@ -40,7 +40,7 @@ _DRIVES = re.compile(
 )
 _KINDS = ("revolute", "continuous", "prismatic", "screw", "universal", "ball", "gearbox",
           "revolute2", "hinge", "hinge2", "slider", "piston")  # fmt: skip
-_FREE_RAD = 100.0  # minimum range of a joint that counts as endless, such as a wheel's
+_FREE_RAD = 100.0  # minimum range of a joint that counts as endless, such as a wheel's joint
 _WHEEL = re.compile(r"wheel|tire|tyre|roue|rad_|caster", re.IGNORECASE)
 _DOOR = re.compile(r"door|gate|hatch|window|drawer|elevator", re.IGNORECASE)
 _UPRIGHT = 0.8  # minimum cosine between the vertical and the axis of a door or of steering
@@ -147,7 +147,7 @@ def _turns_freely(joint: Element) -> bool:
 
 
 def _rolls(joint: Element) -> bool:
-    """Return True if a joint is a wheel's: its axis is horizontal and it carries no panel.
+    """Return True if a joint turns a wheel: its axis is horizontal, and it carries no panel.
 
     Doors turn about the vertical, and a horizontal hinge carries a thin box next to its axis.
     """
@@ -180,7 +180,7 @@ def _height_of(axis: tuple[float, ...], *frames: Element | None) -> float:
 
 
 def _is_panel(link: Element | None) -> bool:
-    """Return True if a collision of a link is a thin box; others may be its handle."""
+    """Return True if one of a link's collisions is a thin box; others may be a door's handle."""
     sizes = [] if link is None else link.iterfind("collision/geometry/box/size")
     lengths = (sorted(read_positive(size, 3)) for size in sizes)
     return any(thin < _THIN * middle for thin, middle, _ in lengths)

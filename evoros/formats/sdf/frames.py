@@ -27,7 +27,7 @@ class RelativePose:
 class _Frame:
     relative: RelativePose
     scope: Path  # path in which the base's name is looked up
-    placement: str = ""  # frame inside the model that is placed at the pose, instead of the origin
+    placement: str = ""  # frame in the model to place at the pose, instead of the model's origin
 
 
 class Frames:

@@ -140,7 +140,7 @@ _MAKERS: Mapping[str, Callable[..., tuple[Shape, ...]]] = {
     "ellipsoid": _make_ellipsoid,
     "cone": _make_cone,
 }
-"""Functions that build the other kinds of solids from their sizes [m]."""
+"""Functions that build a solid of each kind from its sizes [m]."""
 
 
 def _read_polylines(polylines: list[Element]) -> tuple[Shape, ...]:
@@ -209,9 +209,9 @@ def divide_meshes(
 ) -> None:
     """Divide meshes at their world poses, those nearest to the ``course`` (n, 2) [m] first.
 
-    A mesh keeps its coarse convex parts if they fit, if it is out of reach of the course, or once
-    the work for the world is used up. Without a course, every mesh is in reach,
-    and distances are measured from the origin.
+    A mesh keeps its coarse convex parts if they fit well enough, if it is out of reach of the
+    course, or once the work for the world is used up. Without a course, every mesh is in reach, and
+    distances are measured from the origin.
     """
     effort = reading.options.mesh_effort
     reach = math.inf if course is None else REACH_M * max(effort, 1.0)

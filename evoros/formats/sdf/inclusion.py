@@ -1,4 +1,4 @@
-"""Replaces every ``<include>`` of an SDF document by the model that it names."""
+"""Replaces every ``<include>`` of an SDF document with the model that it names."""
 
 import itertools
 import re
@@ -254,7 +254,7 @@ def _merge(include: Element, model: Element, container: Element) -> None:
 
 
 def _anchor(child: Element, frame: str) -> None:
-    """Make a part of a merged model relative to the frame that replaces the model."""
+    """Make a merged part's pose relative to the frame that replaces the model."""
     for element in child.iter("pose", "parent", "child"):
         for attribute in ("relative_to", "frame"):
             if element.get(attribute) == "__model__":

@@ -171,7 +171,7 @@ def _is_held(link: Element, solids: Sequence[Solid], reading: Reading) -> bool:
 def _read_shapes(
     collision: Element, link: Element, pose: Pose, path: Path, frames: Frames, reading: Reading
 ) -> tuple[Shape, ...]:
-    """Return the shapes of a collision with the world pose ``pose``, in its frame."""
+    """Return the shapes of a collision in its frame, whose world pose is ``pose``."""
     if strict_xml.touches_nothing(collision):
         problem = "is left out: its <contact> or <max_contacts> lets everything pass through it"
         reading.notes.add(collision, problem, "passable")
@@ -196,7 +196,7 @@ def _read_shapes(
 
 
 def _read_friction(collision: Element) -> float:
-    """Read the coefficient mu of ODE, otherwise of Bullet, by default 1 as in SDF."""
+    """Read the friction coefficient mu: ODE's, else Bullet's, else 1, the default of SDF."""
     surface = strict_xml.find_child(collision, "surface")
     if surface is None:
         return 1.0
@@ -208,7 +208,7 @@ def _read_friction(collision: Element) -> float:
         element = strict_xml.find_child(friction, engine)
         if element is not None:
             coefficients += _read_coefficient(strict_xml.find_child(element, tag))
-    _read_coefficient(friction.find("ode/mu2"))  # only checked: friction has no direction here
+    _read_coefficient(friction.find("ode/mu2"))  # only checked: mu applies in all directions
     return coefficients[0] if coefficients else 1.0
 
 
@@ -221,7 +221,7 @@ def _read_coefficient(element: Element | None) -> list[float]:
 
 
 def _read_density(collision: Element, link: Element) -> float:
-    """Return the density [kg/m3] of a collision, otherwise of its link, by default of water."""
+    """Return the density [kg/m3] of a collision: its value, else its link's, else water's."""
     for element in (collision.find("density"), link.find("inertial/density")):
         if element is not None:
             return strict_xml.read_positive(element, 1)[0]

@@ -141,8 +141,8 @@ def read_sdf(
 ) -> SdfWorld:
     """Read the content of an SDF file.
 
-    ``source`` is the name of the file in errors. Files that it refers to are searched for around
-    its path ``file``. Meshes near the points (n, 2) [m] of ``course`` are divided first.
+    ``source`` is the name of the file in errors. The files that it names are searched for around
+    the path ``file``. Meshes near the points (n, 2) [m] of ``course`` are divided first.
     """
     reading = Reading(file or FilePath(source).absolute(), options or SdfOptions(), source)
     root = parse_leniently(content, source)

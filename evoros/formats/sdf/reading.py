@@ -1,4 +1,4 @@
-"""Options and state of reading an SDF file, and the location of files that it refers to.
+"""The options and the state of an SDF reader, and the location of the files that SDF names.
 
 Files are named by model://, package://, file://, a Fuel address or a path; models of Gazebo Fuel
 are looked up in Fuel's local cache.
@@ -286,7 +286,7 @@ class Reading:
     contents: dict[Path, bytes] = field(default_factory=dict)  # all files except the world's
     models: dict[tuple[str, Path], Path | None] = field(
         default_factory=dict
-    )  # keys: address and folder
+    )  # keyed by address and folder
     meshes: dict[tuple[object, ...], tuple[Shape, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -306,7 +306,7 @@ class Reading:
         """Return the root of an XML file, which the caller may modify."""
         if path not in self._roots:
             root = parse_leniently(self.read(path), str(path))
-            root.set(SOURCE, str(path))  # a copy would lose the name of the file
+            root.set(SOURCE, str(path))  # a copied element loses its file's name
             modernize(root, self.notes)
             self._roots[path] = root
         return deepcopy(self._roots[path])

@@ -1,8 +1,8 @@
 """Writes bodies as an SDF file that this package's reader and Gazebo can read.
 
 Lengths and angles are rounded to nine decimals, so that a file that was read is written unchanged.
-SDF files cannot contain polyhedra and heights, which are written to separate files: polyhedra to
-one OBJ file, each height field to an image.
+SDF files cannot contain polyhedra or height fields, so polyhedra are written to one OBJ file, and
+each height field to an image.
 """
 
 import math

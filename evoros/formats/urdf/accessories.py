@@ -22,8 +22,9 @@ _DECORATION = frozenset(("visual", "material", "gazebo", "transmission", "ros2_c
 def is_needed(text: str, absent: Sequence[str], calls: Sequence[str]) -> bool:
     """Return True if an expanded description needs packages that are missing.
 
-    None is needed if only decorations name files of these packages. If the description calls macros
-    of theirs, all packages or all macros must have names of sensors, which designs replace.
+    No package is needed if only decorations name its files. If the description calls macros of the
+    missing packages, either these packages or the macros must all be named like sensors, which
+    designs replace.
     """
     if calls and not any(all(map(_SENSOR.search, names)) for names in (absent, calls)):
         return True
@@ -34,7 +35,7 @@ def is_needed(text: str, absent: Sequence[str], calls: Sequence[str]) -> bool:
 
 
 def names_sensor(link: Element) -> bool:
-    """Return True if a link has the name of a sensor."""
+    """Return True if a link is named like a sensor."""
     return bool(_SENSOR.search(str(link.get("name"))))
 
 
@@ -47,7 +48,7 @@ def _names_absent(element: Element) -> bool:
 
 
 def leave_out_loose(root: Element, source: str) -> None:
-    """Leave out joints to links missing from a ``<robot>``, and parts connected only by them."""
+    """Leave out joints to links missing from a ``<robot>``, and parts that only they connect."""
     parents: dict[str, str] = {}
     names = dict.fromkeys(map(str, root.xpath("link/@name")))
     loose: list[str] = []

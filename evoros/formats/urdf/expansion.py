@@ -113,7 +113,7 @@ _MESH_SCHEMES = ("package://", "model://", "file://")
 
 
 def resolve_files(root: Element, file: Path, packages: PackageIndex) -> None:
-    """Replace the names of existing meshes and textures by addresses (``file:///...``).
+    """Replace the names of existing meshes and textures with addresses (``file:///...``).
 
     Visual and collision elements that name a file of an ignored package are removed. A missing
     mesh keeps its name, because some parts do not need their mesh.

@@ -18,7 +18,7 @@ from evoros.base.errors import InputError
 from evoros.files.resources import bundled_folder, expand_home
 
 _LEVELS_UP = 3  # number of folders above the file's package that are searched; more in a workspace
-_LEVELS_DOWN = 4  # number of levels searched below each of these folders
+_LEVELS_DOWN = 4  # number of folder levels searched below each folder
 _MAX_FOLDERS = 5_000  # maximum number of folders searched
 _SKIPPED = ("build", "install", "log", "node_modules", "site-packages")
 _MANIFESTS = ("package.xml", "manifest.xml")
@@ -35,7 +35,7 @@ _NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 
 @dataclass(frozen=True)
 class PackageIndex:
-    """Locations of the packages that a robot's file may name, and the folders that it may read."""
+    """Locations of the packages that a robot's file may name, and the folders that may be read."""
 
     roots: tuple[Path, ...]  # folders that hold files or packages; the bundled robots come last
     folders: Mapping[str, Path]  # packages by stated name; the nearest of equal names counts
@@ -102,9 +102,9 @@ class _Search:
     """Collects packages by name; the first one of a name is kept."""
 
     def __init__(self, given: Sequence[Path]) -> None:
-        self.stated: dict[str, Path] = {}  # keys: names in package.xml or in an index
-        self.bearing: dict[str, Path] = {}  # keys: folder names
-        self._given = given  # subfolders of these need no package.xml
+        self.stated: dict[str, Path] = {}  # keyed by name in package.xml or in an index
+        self.bearing: dict[str, Path] = {}  # keyed by folder name
+        self._given = given  # folders whose subfolders need no package.xml
         self._seen: set[Path] = set()
 
     def look_below(self, place: Path) -> None:

@@ -36,8 +36,7 @@ _QUANTITIES = {
     "rate": ("angular_velocity", "rate"),
     "acceleration": ("linear_acceleration", "accel"),
 }
-"""Elements for each quantity of an IMU in new and in old files, by the prefix of the filters'
-names."""
+"""The XML element of each IMU quantity in new and old files, keyed by its filters' name prefix."""
 _AXES = ("x", "y", "z")
 
 
@@ -49,7 +48,7 @@ class Noise(NamedTuple):
 
 
 def read_ray_noise(*elements: Element) -> Noise:
-    """Read the Gaussian noise of ranges from the first of several elements that has some."""
+    """Read the Gaussian noise of ranges from the first of several elements that has noise."""
     noises = (find_child(element, "noise") for element in elements)
     noise = next((element for element in noises if element is not None), None)
     if noise is None:
@@ -102,7 +101,7 @@ def _find_axes(imu: Element, now: str, before: str) -> Iterator[Element | None]:
 
 
 def _read_values(noise: Element | None) -> tuple[dict[str, float], list[str]]:
-    """Return the values of a noise that evoros supports, and the names of the others."""
+    """Return the supported values of a noise element, and the names of all other values."""
     if noise is None:
         return {}, []
     kind = find_child(noise, "type")

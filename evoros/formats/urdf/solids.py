@@ -41,7 +41,7 @@ _KINDS = _EMPTY, _STRANGE, _BOXES, _ROUND, _ABSENT = (
     "absent meshes of turning links are replaced by cylinders:",
     "absent meshes are left out:",
 )
-"""Notes on solids, followed by names."""
+"""Kinds of notes on solids; names follow each note."""
 
 
 class SolidsReader:

@@ -21,7 +21,7 @@ _NO_SURFACES = ("plugin", "sensor")
 
 @dataclass(frozen=True)
 class Plugin:
-    """A plugin of Gazebo: its file and class, and the content of its children by tag."""
+    """A Gazebo plugin: its file and class, and the content of its children by tag."""
 
     name: str
     texts: Mapping[str, tuple[str, ...]]
@@ -82,7 +82,7 @@ class Urdf:
     source: str
     name: str
     root: str
-    joints: Mapping[str, Joint]  # keys: joint names
+    joints: Mapping[str, Joint]  # keyed by joint name
     poses: Mapping[str, Pose]  # link poses in the root's frame
     shapes: Mapping[str, tuple[Shape, ...]]  # collision shapes by link, in the link's frame
     visuals: Mapping[str, tuple[Shape, ...]]  # visual shapes by link, in the link's frame
@@ -207,7 +207,6 @@ def _find_root(robot: Element, links: Mapping[str, Element], joints: Mapping[str
 def _compute_poses(
     robot: Element, root: str, links: Mapping[str, Element], joints: Mapping[str, Joint]
 ) -> dict[str, Pose]:
-    """Compute the forward kinematics at zero joint positions, from the root down."""
     joints_below: dict[str, list[Joint]] = {}
     for joint in joints.values():
         joints_below.setdefault(joint.parent, []).append(joint)

@@ -1,7 +1,7 @@
 """Expands one xacro file, in a separate program that ``xacro_expansion`` starts.
 
 The program reads a request (JSON) from standard input and answers in JSON on standard output. A
-xacro file is code, because its expressions reach Python. The limits set here and an environment
+xacro file is code, because its expressions can run Python. The limits set here and an environment
 without the user's variables keep a faulty file, but not a hostile one, from harming the run.
 
 xacro from before 2014 is converted to its current form. Up to ROS Indigo, the tags of xacro needed
@@ -42,7 +42,7 @@ _FOREIGN = ("gazebo", "transmission", "ros2_control", "sensor")
 
 
 def add_prefixes(root: Any) -> Iterator[str]:
-    """Add ``xacro:`` to the tags of a document that lack it; yield each of them."""
+    """Add ``xacro:`` to the tags of a document that lack it; yield each such tag."""
     for tag, attributes in LEGACY_TAGS.items():
         for element in root.getElementsByTagName(tag):
             if all(map(element.hasAttribute, attributes)):
@@ -51,7 +51,7 @@ def add_prefixes(root: Any) -> Iterator[str]:
 
 
 def rename(element: Any, tag: str) -> None:
-    """Give an element a tag of xacro."""
+    """Give an element an xacro tag."""
     element.tagName = element.nodeName = f"xacro:{tag}"
 
 

@@ -25,7 +25,7 @@ from evoros.formats.urdf.xacro_packages import IGNORED
 
 _LOG = logging.getLogger(__name__)
 _UNDEFINED = re.compile(r"is not defined|unknown macro name|Undefined block")
-"""Errors of files from before 2014, when xacro read definitions first."""
+"""Matches errors in files from before 2014, when xacro read definitions first."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
 
 
 def choose_instead(absences: Absences, options: ReadOptions) -> str:
-    """Return the keys to set instead of getting the missing items."""
+    """Return the keys that can be set instead of providing the missing items."""
     if options.packages_key != ReadOptions.packages_key:  # worlds have no ignored packages
         return "delete the elements that name them"
     packages = absences.names("package")
@@ -158,7 +158,6 @@ def _list_calls(answer: Mapping[str, Any]) -> list[str]:
 def _request_expansion(
     request: dict[str, object], file: Path, time_limit_s: float
 ) -> dict[str, Any]:
-    """Send a request to a child process and return its answer."""
     rule = f"xacro must expand within {time_limit_s:g} s and {xacro_child.MEMORY_BYTES >> 20} MiB"
     fix = "look for an endless or huge expression, include or macro"
     try:
@@ -179,8 +178,9 @@ def _request_expansion(
 def _run_child(request: str, folder: Path, patience_s: float) -> tuple[int, str, str]:
     """Run the child process and return its status, output and messages.
 
-    The child may share the processor with others, so ``patience_s`` [s] exceeds its time limit. On
-    a timeout, the processes that it has started also end, because they would keep the pipes open.
+    The child may share the processor with others, so ``patience_s`` [s] exceeds the child's time
+    limit. On a timeout, the processes that it has started also end, because they would keep the
+    pipes open.
     """
     with subprocess.Popen(
         [sys.executable, "-I", xacro_child.__file__],
