@@ -1,6 +1,7 @@
 """The bearings that a robot's sensors see."""
 
 import math
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ def find_seen(robot: Robot, distance_m: float) -> Mask:
     nothing.
     """
     middle = (robot.outline.min(axis=0) + robot.outline.max(axis=0)) / 2
-    points, borders = (distance_m * directions + middle for directions in (_DIRECTIONS, _BORDERS))
+    points, borders = (distance_m * _list_directions(shift) + middle for shift in (0.0, -0.5))
     seen = np.zeros((len(robot.mounts), COUNT), dtype=bool)
     poses = robot.sensor_poses
     for place, sensor in enumerate(robot.mounted_sensors()):
@@ -72,9 +73,8 @@ def _turn(offsets: Array, yaw: float) -> tuple[Array, Array]:
     return ahead, cos * offsets[:, 1] - sin * offsets[:, 0]
 
 
-def _list_directions(bearings_deg: Array) -> Array:
-    angles = np.radians(bearings_deg)
+@cache
+def _list_directions(shift_deg: float) -> Array:
+    """Return unit vectors along the shifted bearings, when first asked, because numba is slow."""
+    angles = np.radians(BEARINGS_DEG + shift_deg)
     return np.column_stack((cos_all(angles), sin_all(angles)))
-
-
-_DIRECTIONS, _BORDERS = _list_directions(BEARINGS_DEG), _list_directions(BEARINGS_DEG - 0.5)
