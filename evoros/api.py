@@ -121,7 +121,7 @@ def evaluate(
 class Evaluator:
     """A context manager that scores designs and keeps its workers between calls.
 
-    The configuration's optimizer is ignored. Arguments are as in ``run``. Calls of its methods
+    The configuration's optimizer is ignored. Arguments are as in ``run``. The evaluator's methods
     display progress.
 
     Raises:

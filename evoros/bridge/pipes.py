@@ -13,8 +13,7 @@ _READ_BYTES = 4096
 _LONGEST_LINE = 1 << 20
 """Maximum length [bytes] of a line."""
 READ_FROM, WRITE_TO = "EVOROS_IN", "EVOROS_OUT"
-"""Environment variables that name the descriptors of a program's pipes; standard output stays
-free."""
+"""Environment variables with the descriptors of a program's pipes; standard output stays free."""
 ENDING_S = 1.0
 """Maximum time [s] that a process needs to exit after its pipes close, on a busy machine."""
 

@@ -93,9 +93,9 @@ def bound_mean(
     """Return an interval that contains the mean score with at least the confidence.
 
     ``scores`` are independent, lie between ``lowest`` and ``highest``, and may have any
-    distribution. Their means may differ by kind (for example by world) if the number of each kind
-    is fixed; the interval then covers the mean over the kinds. Without scores, the interval extends
-    from ``lowest`` to ``highest``. Each score counts ``repeats`` times.
+    distribution. Their expected values may differ by kind (for example by world) if the number of
+    each kind is fixed; the interval then covers the mean over the kinds. Without scores, the
+    interval extends from ``lowest`` to ``highest``. Each score counts ``repeats`` times.
     """
     values = np.asarray(scores, float)
     error = 1 - confidence

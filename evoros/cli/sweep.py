@@ -48,8 +48,7 @@ def jobs_at_once(workers: int) -> int:
 
 
 JOBS_TOGETHER = KEPT
-"""Number of jobs whose missions are launched together; each worker caches this number of
-experiments."""
+"""Number of jobs whose missions are launched together; each worker caches their experiments."""
 
 
 class SharedPool:

@@ -31,7 +31,7 @@ SETTINGS: dict[str, Any] = {
     **dict.fromkeys(("DISABLE_JIT", "BOUNDSCHECK"), 0),
 }
 BORROWING: dict[str, Any] = {"_nrt": False}
-"""Options for code that makes no arrays, for which numba need not count references."""
+"""Options for code that allocates no arrays, so that numba need not count references."""
 
 LOCATOR = f"{__name__}.SharedLocator"
 RULE_ROOMS = (
@@ -95,7 +95,7 @@ class Lowered(NamedTuple):
     """The LLVM code of a compiled function."""
 
     name: str
-    module: Any  # LLVM module with all functions that the function calls
+    module: Any  # LLVM module with the function and all functions that it calls
 
 
 def lower(dispatcher: Any, signature: Any) -> Lowered:

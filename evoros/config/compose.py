@@ -45,7 +45,8 @@ def job_name(overrides: Sequence[str]) -> str:
 
     Only the last part of a key or a path is kept; a hash of the value follows a path:
     ``designs=outputs/study/a`` -> designs-a-2cffc1. The name has only letters, digits, ``-``, ``_``
-    and ``.``; it is ``baseline`` without overrides. A long name is cut and ends in its hash.
+    and ``.``; it is ``baseline`` without overrides. A long name is cut, and ends in a hash of the
+    name.
     """
     parts = [_part(override) for override in overrides]
     name = "_".join(part for part in parts if part)

@@ -197,8 +197,7 @@ ROOMS = (
     "simulator",
     "world",
 )
-"""Packages of evoros with parts that a configuration may name; creating these has no side
-effects."""
+"""Packages with parts that a configuration may name; creating a part has no side effects."""
 
 
 def check_targets(

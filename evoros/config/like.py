@@ -88,7 +88,7 @@ def _refuse_experiments(typed: Collection[Override]) -> None:
 
 
 def _place(given: Override) -> str:
-    """Return the dotted key of an override's value or file."""
+    """Return the dotted key that an override sets, or at which its file is placed."""
     return given.package or given.key_or_group.replace("/", ".")
 
 

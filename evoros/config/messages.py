@@ -68,7 +68,8 @@ def describe_error(error: BaseException) -> str:
 def describe_build_error(error: BaseException) -> str:
     """Describe the failed construction of an object, preceded by its configuration key.
 
-    Hydra 1.3 wraps the error in one that names the key; later versions add a note to the error.
+    Hydra 1.3 wraps the error in an error that names the key; later versions add a note to the
+    error.
     """
     texts = [str(error), *getattr(error, "__notes__", ())]
     match = re.search(r"full_key: (\S+)", "\n".join(texts))

@@ -119,7 +119,7 @@ class ArduPilotSettings(LiveController):
 
     binary: Annotated[str, checks.TEXT]
     avoidance: Annotated[Layer, checks.instance_of(Layer, "a controller layer")]
-    period_s: Annotated[float, PERIOD] = _MAX_PERIOD_S  # time between two states
+    period_s: Annotated[float, PERIOD] = _MAX_PERIOD_S  # time between two state messages
     avoidance_period_s: Annotated[float, checks.POSITIVE] = 0.1
     localization: Annotated[Mapping[str, Localizer], LOCALIZATION] = field(default_factory=dict)
     parameters: Annotated[Mapping[str, float], _PARAMETERS] = field(default_factory=dict)

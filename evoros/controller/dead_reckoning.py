@@ -23,7 +23,7 @@ class Parameters(NamedTuple):
     """Constants of the estimator; indices refer to the array of all sensor readings."""
 
     axle: float  # x of the rear axle [m]
-    speeds: Array  # index of each odometry's speed; the yaw rate follows
+    speeds: Array  # index of each odometry's speed, before its yaw rate
     rates: Array  # index of each IMU's first rate
     verticals: Matrix  # (IMUs, 3) vertical axis in each IMU's frame
 

@@ -17,10 +17,10 @@ from evoros.filter.protocol import Filter
 from evoros.robot.model import Robot
 
 LAYER_ARGUMENTS = "parameters", "memory", "state", "leg", "readings", "time", "command"
-"""A layer's rule fills ``command`` and returns True, or returns False to leave the decision to
-later layers.
+"""A layer's rule fills ``command`` and returns True, or returns False to defer to later layers.
 
-``state`` is the localized state, and ``time`` is in seconds."""
+``state`` is the localized state, and ``time`` is in seconds.
+"""
 
 ESTIMATOR_ARGUMENTS = "parameters", "memory", "rng", "readings", "pose", "time"
 """An estimator's rule fills ``pose`` (POSE_SIZE,) from the readings of all sensors.
@@ -165,7 +165,7 @@ class Pilot(Protocol):
 class LiveController(AnyController):
     """An external controller: a program, ROS nodes or an autopilot.
 
-    It has no rule to compile, receives the whole route, and reports its mode.
+    An external controller has no rule to compile, receives the whole route, and reports its mode.
     """
 
     @property

@@ -68,7 +68,7 @@ class Gene:
 
 
 def check_gene_names(design: object, names: Iterable[str]) -> None:
-    """Raise an InputError if a name cannot be a table column next to the sensor columns."""
+    """Raise an InputError if a gene's name cannot be a table column among the sensor columns."""
     for name in names:
         if not checks.NAME.holds(name):
             raise checks.invalid(

@@ -78,7 +78,7 @@ def call_time(workers: int) -> float:
 def run_for_outcomes(
     packed: Shared, missions: Sequence[Mission], seconds: float, keep: bool
 ) -> CallAnswer:
-    """Run missions in order until the time [s] is over; return the finished outcomes.
+    """Run missions in order until ``seconds`` have passed; return the finished outcomes.
 
     With ``keep``, the answer includes their trajectories.
 

@@ -51,8 +51,7 @@ class MissionRecord(Protocol):
 
 
 CALLS_PER_WORKER = 3
-"""Number of calls submitted ahead per worker: enough to keep it busy, few to repeat after a
-crash."""
+"""Number of calls submitted ahead per worker: enough to keep it busy, few to repeat on a crash."""
 NEW_WORKERS_S = 1.0
 """Maximum time [s] until workers that join receive calls."""
 MISSIONS_OUT = 50_000

@@ -59,7 +59,10 @@ class Ackermann:
     caster_links: tuple[str, ...] = ()
     slide_m: Annotated[float, NUMBER] = 0.0
     """Distance from the fixed axle forward to the turning point, which moves along the heading.
-    Only the planar simulator uses it, because wheels that roll in an engine do not slide."""
+
+    Only the planar simulator uses this distance, because wheels that roll in an engine do not
+    slide.
+    """
     steers_rear: bool = False  # forklifts: the rear wheels turn right in a left turn
 
     def __post_init__(self) -> None:
@@ -119,7 +122,9 @@ class AckermannDescription(DriveDescription):
     caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction
     turning_x_m: Annotated[float | None, NUMBER] = None
     """x of the turning point, which moves along the heading; None: on the fixed axle.
-    If the rear slides outwards in turns, this point is ahead of the fixed axle."""
+
+    If the rear slides outwards in turns, this point is ahead of the fixed axle.
+    """
 
     @property
     def wheel_joints(self) -> tuple[str, ...]:  # type: ignore[override]

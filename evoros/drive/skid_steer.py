@@ -127,8 +127,7 @@ class SkidSteerDescription(DriveDescription):
     steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
     max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
     wheel_separation_multiplier: Annotated[float | None, POSITIVE] = None
-    """Effective track that commands assume, divided by the geometric track; None: the actual
-    ratio."""
+    """Track assumed by commands, divided by the geometric track; None: the actual ratio."""
     turning_resistance: Annotated[float | None, AT_LEAST_ONE] = None
     """Actual effective / geometric track; None: the result of ``compute_turning_resistance``."""
     caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction

@@ -194,12 +194,12 @@ class Experiment:
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The parts of missions, with the run's own simulator."""
+        """The scenario of missions in the run's own simulator."""
         return Scenario(self.members, self.world, self.failure, self.simulator, self.walkers)
 
     @cached_property
     def confirming(self) -> Scenario:
-        """The parts of confirming missions; equal to ``scenario`` without a confirmation.
+        """The scenario of confirming missions; equal to ``scenario`` without a confirmation.
 
         Raises:
             InputError: the time step of the confirming simulator does not fit the periods.
@@ -259,7 +259,7 @@ class Experiment:
 
     @property
     def conditions(self) -> dict[str, Condition]:
-        """The requirements' conditions that replace parts of the experiment, by ``text``."""
+        """The requirements' conditions that replace parts of the experiment, keyed by ``text``."""
         return list_conditions(self.requirements)
 
     @cached_property

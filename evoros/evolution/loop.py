@@ -69,8 +69,8 @@ class Judgement:
     def reach_precision(self, recorded: float) -> int | None:
         """Add trials until the interval is narrow enough, or up to ``max_trials``.
 
-        The looks depend on the ``recorded`` fitness, which is independent of these draws. Returns
-        the estimated number of trials if the precision was missed.
+        The looks depend on the ``recorded`` fitness, which is independent of the validation draws.
+        Returns the estimated number of trials if the precision was missed.
         """
         validation, precision = self.experiment.validation, self.experiment.validation.precision
         assert precision is not None

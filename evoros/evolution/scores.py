@@ -74,8 +74,7 @@ class Ledger:
         self._told = NumberLog(1 + measures)  # fitness and measures, as reported to the search
         self._shown = NumberLog(2)  # generation, and number of earlier trials
         self.finalists: dict[int, Individual] = {}
-        """The best finished individuals, and all whose fitness may change; empty without a final
-        choice."""
+        """The best finished individuals, and any whose fitness may change; empty if not needed."""
 
     def add_screened(self, scores: Mapping[int, Sequence[float]]) -> None:
         """Add the scores of further trials."""
@@ -338,6 +337,6 @@ class Scores:
 def find_best(candidates: Sequence[Candidate], confirmed: Container[int]) -> Candidate:
     """Return the fittest confirmed candidate, or the fittest if none is confirmed.
 
-    None is confirmed only if the search has lost its best design.
+    No candidate is confirmed only if the search has lost its best design.
     """
     return max(candidates, key=lambda row: (row.individual.id in confirmed, row.fitness))

@@ -90,7 +90,7 @@ class BatchPool(Protocol):
     def join(
         self, function: Callable[..., Any], run: object, share: float, shared: "Shared", asked: Any
     ) -> "Future[Any]":
-        """Add a part, which fills a share of a call, to the next call of a worker.
+        """Add ``asked``, which fills ``share`` of a call, to a worker's next call.
 
         A worker calls ``function(batches, [asked, ...], shared, ...)`` with one part per run, and
         returns a list of the results. If the call fails, each part is called alone. The future
@@ -112,7 +112,7 @@ class Executor(ABC):
 
 
 KEPT = 16
-"""Maximum number of shared arguments cached in a process; the longest unused is dropped first."""
+"""Maximum number of shared arguments cached in a process; the one unused for longest is dropped."""
 
 MISSING, RETURNED, RAISED, PILOT_LOST = range(4)
 """Kinds of ``Answer``; after ``MISSING``, the call is repeated with its shared arguments."""
@@ -122,7 +122,8 @@ MISSING, RETURNED, RAISED, PILOT_LOST = range(4)
 class Shared:
     """Bytes that are an argument of many calls.
 
-    If passed directly, they are sent as a digest; the content goes only to a process that lacks it.
+    Bytes that are passed directly are sent as a digest; the content goes only to processes that
+    lack it.
     """
 
     digest: bytes  # SHA-256, so that comparisons need 32 bytes and not megabytes

@@ -163,7 +163,8 @@ class Worker:
     def _result(self, attempt: "Future[Any]", limit: float) -> Any:
         """Wait for the result of an attempt.
 
-        Pebble's limits follow the wall clock, which jumps when it is corrected and after a suspend.
+        Pebble's limits follow the wall clock, which jumps when it is set and when the machine
+        resumes.
 
         Raises:
             TimeoutError: the process took longer than ``limit`` [s] and was killed.

@@ -1,4 +1,4 @@
-"""Every set of failing sensors, each in one trial."""
+"""Failures of every set of sensors, one set per trial."""
 
 import math
 from collections.abc import Sequence

@@ -26,9 +26,7 @@ from evoros.filter.protocol import (
 
 INTACT = "intact"  # text of the case in which no sensor fails
 MODEL, NOMINAL, SCREENED, CONFIRMED = "model", "nominal", "screened", "confirmed"
-"""Purposes of trials: to estimate the risk under the failure model, to measure the undamaged
-design, to find bad cases, and to confirm them.
-"""
+"""Purposes of trials: estimate the risk, test the undamaged design, find and confirm bad cases."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +68,7 @@ class Case:
 
 
 START, PLACE, COURSE, DISTANCE, WAYPOINT, USE = TRIGGERS = range(6)
-"""Kinds of events: the mission starts; the robot reaches a place, covers a share or a length of its
-course, reaches a waypoint, or uses up a supply."""
+"""Kinds of mission events; the constructors of ``Trigger`` describe them."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +163,7 @@ class Failure(ABC):
 
     @property
     def parts(self) -> Sequence[str]:
-        """The parts, besides sensors, that can fail, by their names in the faults."""
+        """The names, as in faults, of the parts other than sensors that can fail."""
         return ()
 
     @abstractmethod

@@ -58,12 +58,10 @@ LARGE_ENOUGH_M = 24.0  # size of a loop below which other homes are tried
 ROOM_M = 12.0  # size of a loop below which other attempts are made
 SHARES = np.linspace(0.0, 1.0, 9)  # fractions of a leg at which the clearance is checked
 THIN = 0.02
-"""Ratio of a loop's area to its squared length below which the loop is nearly a line; a square has
-0.06."""
+"""Area over squared length below which a loop is nearly a line; a square has 0.06."""
 STRAIGHT = 0.7  # maximum absolute cosine of the angle of a turn
 MEETING_M, MISSING = 2.0, 0.2
-"""Distance within which loops should have an obstacle, and weight of loops that have none, because
-they do not exercise avoidance."""
+"""Distance within which a loop should meet an obstacle; weight of a loop that meets none."""
 DETOUR = 3.0  # required growth of a loop per metre between home and the origin
 HEIGHT_M = 0.02  # height of the robot's frame above the ground at the start
 CRUISE_MPS = 0.15  # average speed, with avoidance, that the time limit assumes
@@ -78,9 +76,10 @@ def suggest_course(
     """Suggest home and up to four waypoints connected by clear straight legs.
 
     ``footprints`` are the obstacles that the robot can touch. The course stays on ``ground`` (None:
-    unbounded), and starts at ``home`` if given. It lies in the largest enclosed free region if that
-    has room. In an empty unbounded world, it is a small square around the origin. If there is no
-    room for two mutually visible points, None is returned. The result is deterministic.
+    unbounded), and starts at ``home`` if given. If there is room, the course lies in the largest
+    enclosed free region; in an empty unbounded world, the course is a small square around the
+    origin. The result is deterministic, and None if there is no room for two mutually visible
+    points.
     """
     found = _find_widest_route(footprints, robot_radius_m, ground, home)
     if found is None:
@@ -145,7 +144,7 @@ def _find_widest_route(
         route = _find_route(FreeSpace(space.low, free), home, spacings, np.random.default_rng(0))
         if route is None:
             continue
-        # A line with less room on each side is no improvement on a loop, no matter how long it is.
+        # However long it is, a line with less room on each side is no better than a loop.
         is_open = best is None or len(route.corners) >= min(len(best.corners), LOOP)
         if is_open and (best is None or route.value > best.value):
             where = _describe(attempt, float(free.sum()))
@@ -175,7 +174,7 @@ def _find_free(
     middle, wanted = (low + high) / 2, np.array(home or (0.0, 0.0))
     if home is None and np.abs(middle).max() < attempt.reach_m / 2:
         middle = wanted  # worlds are usually built around their origin
-    else:  # the area's nearest place to home or the origin
+    else:  # the place in the area that is nearest to home or the origin
         ends = np.minimum(low + attempt.reach_m, middle), np.maximum(high - attempt.reach_m, middle)
         middle = np.clip(wanted, *ends)
     low = np.maximum(low - attempt.around_m, middle - attempt.reach_m)

@@ -58,7 +58,7 @@ def make_folder(path: Path) -> None:
 
 
 def create_draft(path: Path) -> tuple[Path, BinaryIO]:
-    """Open a new file next to ``path``, to be moved there; delete a leftover draft first."""
+    """Open a new file next to ``path`` that will replace it; delete a leftover draft first."""
     draft = path.with_name(f".{path.name}.part")
     draft.unlink(missing_ok=True)
     return draft, draft.open("x+b")

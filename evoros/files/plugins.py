@@ -41,7 +41,8 @@ class Subcommand:
 class Plugin:
     """A plug-in, and its additions by the names that users type.
 
-    The YAML files in the folder ``conf`` of its package are choices of configuration groups.
+    The YAML files in the folder ``conf`` of the plug-in's package are choices of configuration
+    groups.
     """
 
     package: str  # ``__name__`` of the package
@@ -98,8 +99,10 @@ BUNDLED: Mapping[str, Sequence[str]] = {
     "trackers": ("observers=mlflow", "observers=tensorboard", "observers=wandb"),
     "watch": ("watch",),
 }
-"""Command-line words by the bundled plug-in that provides them, which may not be installed:
-``GROUP=CHOICE``, a subcommand, or ``analyze FIGURE``."""
+"""Command-line words of each bundled plug-in, which may not be installed.
+
+A word is ``GROUP=CHOICE``, a subcommand, or ``analyze FIGURE``.
+"""
 
 
 def explain_missing(word: str) -> str:

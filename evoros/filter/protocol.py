@@ -17,8 +17,11 @@ from evoros.compilation.named_rules import UNUSED, Started
 
 SIGNALS = "readings", "pose", "command", "drive", "strength"
 READINGS, POSE, COMMAND, DRIVE, STRENGTH = SIGNALS
-"""The signals of a mission in order: sensor readings, the localized pose, the controller's command,
-the command as the actuators carry it out, and the wheel strengths."""
+"""The signals of a mission, in the order in which they are computed.
+
+The signals are the sensor readings, the localized pose, the controller's command, the command as
+the actuators carry it out, and the wheel strengths.
+"""
 
 
 @dataclass(frozen=True)
@@ -108,12 +111,10 @@ def hold_nothing(channels: Channels) -> Held:
 
 
 FILTER_ARGUMENTS = "parameters", "memory", "rng", UNUSED, "values", "time"
-"""Arguments that a filter's rule may take. The rule changes ``values`` in place; NaN means no
-value."""
+"""Arguments of a filter's rule, which changes ``values`` in place; NaN means no value."""
 
 ENDS, ALTERS, GROWS = EFFECTS = "ends", "alters", "grows"
-"""Effects: readings stop depending on the surroundings, depend on them differently, or depend on
-them less and less."""
+"""Effects on readings: independent of the surroundings, altered, or increasingly independent."""
 
 FILTER_RULES = {"effect": one_of(*EFFECTS), "name": TEXT}
 

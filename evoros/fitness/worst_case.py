@@ -24,11 +24,12 @@ RESAMPLES = 10_000
 class WorstCase(CombiningFitness):
     """Averages the lowest ``share`` of a design's trials, each scored by ``of``.
 
-    With random failures, this estimates the conditional value at risk. With a systematic failure
-    model and one trial per case, it is the mean over the worst cases. A few trials seldom include
-    the worst draws, so the estimate is biased upward. For normally distributed scores and a share
-    of a quarter, the bias is 0.24 standard deviations with 4 and 5 trials, 0.14 with 8, and 0.03
-    with 40. ``combine`` therefore compares designs at the smallest number of trials.
+    With random failures, the average estimates the conditional value at risk. With a systematic
+    failure model and one trial per case, the average is the mean over the worst cases. A few trials
+    seldom include the worst draws, so the estimate is biased upward. For normally distributed
+    scores and a share of a quarter, the bias is 0.24 standard deviations with 4 and 5 trials, 0.14
+    with 8, and 0.03 with 40. ``combine`` therefore compares designs at the smallest number of
+    trials.
     """
 
     of: Annotated[Fitness, A_FITNESS]
@@ -70,10 +71,10 @@ def bound_lowest(
 ) -> Bounds:
     """Return the interval of the mean of the lowest share of a distribution within ``limits``.
 
-    Like ``certificate.rates``, this adds the minimum score for the lower end and the maximum score
-    for the upper end, and weights all scores randomly, to allow for failures that did not occur.
-    For a share of 1 and scores equal to either limit, the result is the Clopper-Pearson interval.
-    Otherwise the coverage is conjectured, and ``benchmarks/coverage`` tests it.
+    Like ``certificate.rates``, the function adds the minimum score for the lower end and the
+    maximum score for the upper end, and weights all scores randomly, to allow for failures that did
+    not occur. For a share of 1 and scores equal to either limit, the result is the Clopper-Pearson
+    interval. Otherwise the coverage is conjectured, and ``benchmarks/coverage`` tests it.
     """
     ordered, error = np.sort(np.asarray(scores, dtype=np.float64)), 1 - confidence
     count = len(ordered)

@@ -1,6 +1,6 @@
 """Reads XML strictly: anything that cannot be understood is an error with file, line and element.
 
-``MEANINGS`` is the only list of numbers with a special meaning, such as no limit. It follows
+``MEANINGS`` is the only list of numbers with a special meaning, such as no limit. The list follows
 SDFormat 1.12 (``joint.sdf``, ``surface.sdf``, ``collision.sdf``, ``sensor.sdf``, ``ray.sdf``; up to
 1.5, the defaults of limits are -1 and +-1e16), ``JointAxis.cc`` and ``parser_urdf.cc`` of sdformat,
 and ``SurfaceParams.cc`` and ``Sensor.cc`` of Gazebo Classic.
@@ -253,8 +253,7 @@ MEANINGS: Mapping[str, Meaning] = {
     "sensor/update_rate": Meaning(negative=math.inf, zero=math.inf),  # measured at every step
     "range/max": Meaning(),
 }
-"""Meanings of special numbers by field, as named in URDF and SDF. In every field, ``HUGE`` and more
-mean infinity."""
+"""Meanings of special numbers by field, as named in URDF and SDF; ``HUGE`` is always infinite."""
 
 
 def interpret(field: str, value: float) -> float:
@@ -279,8 +278,8 @@ def read_meaning(element: Element, field: str, text: str | None = None) -> float
 def touches_nothing(collision: Element) -> bool:
     """Return True if nothing collides with a ``<collision>``.
 
-    Either it allows no contacts, or its masks share none of the 16 bits of other collisions, or it
-    has no mask and sets ``collide_without_contact``.
+    Such a collision allows no contacts, has masks that share none of the 16 bits of other
+    collisions, or has no mask and sets ``collide_without_contact``.
     """
     contacts, contact = collision.findtext("max_contacts"), collision.find("surface/contact")
     if contacts is not None and _read_bits(contacts) == 0:

@@ -28,12 +28,15 @@ _SUMMARY = types.void(A2, A2, A2, A2, A2, I8, A1)
 
 LAST_X, LAST_Y, LAST_TOUCH, ALONG = range(4)
 WAY_SIZE = 4
-"""Memory of ``add_driven``: the last position [m], 1 if it was in contact (else 0), and the signed
-distance [m] along the heading, driven in contact, that has not been counted yet.
+"""Size of the memory of ``add_driven``.
+
+The memory holds the last position [m], 1 if it was in contact (else 0), and the signed distance [m]
+along the heading that was driven in contact and is not counted yet.
 """
 SHAKE_M = 0.01
-"""Upper bound [m] on a robot's jitter while it drives against a wall. Within 10 s, MuJoCo moves the
-robot by up to 5 mm along its heading, and PyBullet by 1 mm.
+"""Upper bound [m] on a robot's jitter while it drives against a wall.
+
+Within 10 s, MuJoCo moves the robot by up to 5 mm along its heading, and PyBullet by 1 mm.
 """
 
 
@@ -98,7 +101,7 @@ def _summarize(
 def add_driven(way: Array, x: float, y: float, yaw: float, touching: bool) -> float:
     """Advance the last position of ``way`` (WAY_SIZE,) and return the distance driven [m].
 
-    A robot in lasting contact also slides sideways, turns about the contact and shakes. Its
+    A robot in lasting contact also slides sideways, turns about the contact and shakes. The robot's
     distance is therefore measured along the heading only, and counted once it exceeds ``SHAKE_M``.
     """
     dx, dy = x - way[LAST_X], y - way[LAST_Y]

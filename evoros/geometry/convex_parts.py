@@ -39,7 +39,7 @@ class Piece:
 
     @property
     def concavity(self) -> float:
-        """The edge [m] of a cube as large as the part of the hull outside the solid."""
+        """The edge [m] of a cube with the volume that the hull has outside the solid."""
         lacking = self.hull.volume() - self.solid.volume()
         return float(np.cbrt(lacking)) if lacking > _ROUNDING * self.hull.volume() else 0.0
 

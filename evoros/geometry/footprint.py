@@ -31,9 +31,9 @@ def project_shape(
     """Project a shape other than a plane, at ``pose`` in the world, onto the ground.
 
     A convex polyhedron is projected only between the two heights [m], any other shape as a whole.
-    The projection is exact, except for a cylinder that neither stands nor lies. Its end discs
-    project to ellipses, which are replaced by polygons that exceed them by at most 0.13 % of the
-    radius.
+    The projection is exact, except for a cylinder that neither stands nor lies. The end discs of
+    such a cylinder project to ellipses, which are replaced by polygons that exceed them by at most
+    0.13 % of the radius.
     """
     if shape.kind in ("convex", "heightfield"):
         return Footprint(convex_hull(_extreme_points(shape, pose, low_m, high_m)[:, :2]))
@@ -217,9 +217,7 @@ def _polygon_distances(polygon: Array, points: Array) -> Array:
 
 # A footprint is a row of FOOTPRINT_SIZE values; one separate array holds all corners.
 CENTRE_X, CENTRE_Y, CIRCLE, RADIUS, START, END = range(6)
-"""Columns: centre and radius [m] of the bounding circle, ``Footprint.radius`` [m], index of the
-first corner, and index after the last corner.
-"""
+"""Columns: bounding circle's centre and radius, footprint radius [m], corners' start and end."""
 FOOTPRINT_SIZE = 6
 
 

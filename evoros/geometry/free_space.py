@@ -124,15 +124,16 @@ DIRECTIONS = (
 )
 """Sixteen directions, about 22.5 deg apart."""
 SHELTERED = 13
-"""Minimum number of blocked directions at a position that counts as inside walls; deep in an
-outside corner, twelve are blocked.
-"""
+"""Minimum number of blocked directions at a position inside walls; an outside corner has twelve."""
 WALLED = 0.7
 """Minimum fraction of obstacles on an enclosed region's border; the rest is doors and gaps."""
 LARGE_SHARE, ONE_SHARE, LEAST_SHARE = 0.2, 0.5, 0.01
-"""Minimum size of an enclosed region that counts: the first, as a fraction of all free cells, or
-the second, as a fraction of all enclosed cells. Regions below the third, as a fraction of all free
-cells, are ignored. These limits exclude sheds in a field and houses in a town."""
+"""Minimum sizes of an enclosed region.
+
+The region must cover the first share of all free cells, or the second share of all enclosed cells,
+and in any case the third share of all free cells. Sheds in a field and houses in a town are thus
+too small.
+"""
 
 
 def find_enclosed(free: Cells) -> Cells | None:

@@ -15,7 +15,7 @@ CELL_M = 1.0
 MAX_CELLS = 250_000
 """Maximum number of cells; a world with obstacles far apart gets larger cells instead."""
 
-# The grid as a flat array of GRID_SIZE values
+# A flat array of GRID_SIZE values describes the grid.
 ORIGIN_X, ORIGIN_Y, CELL, COLUMNS, ROWS = range(5)
 """Corner [m], edge of a cell [m], number of columns, number of rows."""
 GRID_SIZE = 5

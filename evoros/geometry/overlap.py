@@ -2,10 +2,10 @@
 
 Two convex solids overlap if the origin lies in their Minkowski difference, and the nearest face of
 the difference gives the shortest translation that separates the solids. The hull of the difference
-starts from some points of each shape. It is refined by the farthest points along the normals of the
-relevant faces, as in the expanding polytope algorithm (van den Bergen, Proximity queries and
-penetration depth computation on 3D game objects, Game Developers Conference, 2001). Round shapes
-are therefore also exact.
+starts from some points of each shape. The hull is then refined by the farthest points along the
+normals of the relevant faces, as in the expanding polytope algorithm (van den Bergen, Proximity
+queries and penetration depth computation on 3D game objects, Game Developers Conference, 2001).
+Round shapes are therefore also exact.
 """
 
 import math
@@ -21,8 +21,7 @@ from evoros.geometry.polyhedron import box_corners, convex_polyhedron, hull_plan
 from evoros.geometry.shapes import Pose, Shape
 
 _EXACT_M = 1e-4
-"""Tolerance [m]: a depth is exact if no point of the shapes lies farther than this beyond the
-face."""
+"""Tolerance [m]: a depth is exact if no point of the shapes is farther beyond the face."""
 
 _EXACT = 0.02  # the same for deep overlaps, as a fraction of the depth
 

@@ -36,7 +36,7 @@ def polygon_distance(first: Array, second: Array, cutoff: float) -> float:
 
 @compilable
 def find_edge(polygon: Array, i: int) -> tuple[float, float, float, float]:
-    """Return the start x, y [m] and the vector x, y [m] of edge ``i``."""
+    """Return the start (x, y) [m] and the direction vector (x, y) [m] of edge ``i``."""
     following = i + 1 if i + 1 < len(polygon) else 0
     x = polygon[i, 0]
     y = polygon[i, 1]

@@ -303,8 +303,9 @@ def _solid_tensor(shape: Shape, mass: float) -> Array:
 def point_tensor(mass: float, offset: Array) -> Array:
     """Return the inertia tensor (3, 3) [kg m2] of a point mass at ``offset`` (3,) [m].
 
-    Add it to a body's tensor about the centre of mass to get the tensor about a point ``offset``
-    away (parallel axis theorem)."""
+    Add this tensor to a body's tensor about the centre of mass to get the tensor about a point
+    ``offset`` away (parallel axis theorem).
+    """
     tensor: Array = mass * (product(offset, offset) * np.eye(3) - np.outer(offset, offset))
     return tensor
 

@@ -7,11 +7,12 @@ from evoros.base.compilable import compilable
 
 # An obstacle is a row of OBSTACLE_SIZE values in the world frame.
 KIND, AT_X, AT_Y, AT_Z, BOUND, ROTATION = range(6)
-"""Kind, centre [m], radius [m] of the circle around the footprint, rotation matrix by rows (3,
-3)."""
+"""Kind; centre and bounding radius of the footprint [m]; rotation matrix by rows (3, 3)."""
 EXTENT = ROTATION + 9
-"""Half lengths of a box; radius and half length of a cylinder; radius of a sphere [m]; a
-polyhedron's first row in the array of faces, and the row after its last."""
+"""Half lengths [m] of a box; radius and half length of a cylinder; radius of a sphere.
+
+For a polyhedron, the index of its first row in the array of faces, and of the row after its last.
+"""
 OBSTACLE_SIZE = EXTENT + 3
 BOX, CYLINDER, SPHERE, CONVEX = 0.0, 1.0, 2.0, 3.0
 Frame = tuple[float, float, float, float, float, float, float, float, float]
@@ -21,8 +22,7 @@ Point = tuple[float, float, float]
 MARGIN_M = 1e-9
 """Upper bound [m] on the rounding error of a distance."""
 FACE_SIZE = 4
-"""Size of a polyhedron's face: outward normal (3,), and distance [m] from the origin of the
-polyhedron's frame along that normal."""
+"""Size of a face: outward normal (3,), and distance [m] from the polyhedron's origin along it."""
 
 
 @compilable
@@ -49,8 +49,8 @@ def cast_rays(
 ) -> float:
     """Return the minimum distance [m] from a sensor to an obstacle, or ``best`` if that is smaller.
 
-    If ``ranges`` is not empty, it holds a distance for each ray, which is lowered if the obstacle
-    is nearer, and ``best`` is ignored.
+    If ``ranges`` is not empty, it holds a distance for each ray; the function lowers the distances
+    of rays that hit the obstacle earlier, and ignores ``best``.
 
     ``faces`` (f, FACE_SIZE) holds the faces of all polyhedra. The rays (n, 3) are unit vectors in
     the frame rotated by ``turn_frame``; ``origin`` is relative to the obstacle's centre, in the

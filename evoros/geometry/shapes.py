@@ -144,10 +144,10 @@ class MeshFile:
 class Shape:
     """A solid, a plane or a height field at the origin of its frame.
 
-    The meaning of ``size`` [m] depends on the kind: a box has full lengths along x, y and z, a
-    cylinder a radius and a length along z, a sphere a radius. A plane is infinite, and its ``size``
-    is the normal. A convex polyhedron has ``corners`` and no size. A height field has lengths along
-    x and y, and ``heights``.
+    The meaning of ``size`` [m] depends on the kind: a box has full lengths along x, y and z; a
+    cylinder, a radius and a length along z; and a sphere, a radius. A plane is infinite, and its
+    ``size`` is the normal. A convex polyhedron has ``corners`` and no size. A height field has
+    lengths along x and y, and ``heights``.
     """
 
     kind: Annotated[str, checks.one_of(*_SIZES)]

@@ -14,7 +14,7 @@ FUNCTION = Rule("a function; set _target_ to the function, and _partial_ to true
 @dataclass(frozen=True)
 @checked
 class Function(Measure):
-    """A measure computed by a function of an ``Evaluated`` that returns a finite number."""
+    """A measure computed by a function that maps an ``Evaluated`` to a finite number."""
 
     function: Annotated[Callable[[Evaluated], float], FUNCTION]
     title: Annotated[str, TEXT]

@@ -28,8 +28,7 @@ class Evaluated:
 
     design: Design
     robots: Mapping[str, Robot]
-    """Robots that have separate designs, by name ("" is the first robot), with their sensors and
-    evolved values."""
+    """Robots with separate designs, equipped and keyed by name; "" is the first robot."""
     trials: Sequence[Sequence[Outcomes]]  # outcomes of the robots in each world, trial by trial
     fitness: float
     # scores a trial with the experiment's fitness function

@@ -19,8 +19,8 @@ class WorstFailure(Measure):
 
     Missions are regrouped: the first trial has the worst mission of each world, the second trial
     the second-worst mission, and so on. The mean of a quarter falls much less with the number of
-    trials than the minimum does. It equals the minimum for up to four trials, and the fitness for
-    one trial.
+    trials than the minimum does. The mean equals the minimum for up to four trials, and the fitness
+    for one trial.
     """
 
     title = "score under the worst failures, mean of the lowest 25 %"

@@ -27,8 +27,11 @@ RUNNING, COMPLETED, COLLISION, TIME_LIMIT = range(4)
 """Endings of a robot's mission. RUNNING means that the whole mission ended first."""
 
 VISITED, COLLISIONS, FIRST_COLLISION, TOUCHING, DECIDED, ENDED, END_TICK, END_ROW = range(8)
-"""Rows of ``Arrays.counts``: waypoints reached; collisions, and the tick of the first (-1: none);
-1 while in contact; mode of the last decision; ending, with its tick and trajectory row."""
+"""Rows of ``Arrays.counts``.
+
+The rows are the waypoints reached; the collisions, and the tick of the first (-1: none); 1 while in
+contact; the mode of the last decision; and the ending, with its tick and trajectory row.
+"""
 COUNTS = 8
 
 
@@ -155,8 +158,7 @@ Run = Callable[[LoopCall], LoopResult]
 OBSERVE, SENSE, ADVANCE = range(3)
 """Indices of the engine's call addresses in the simulation parameters."""
 TIME, ANSWER = range(2)
-"""Indices into the memory of a layer that calls Python; that layer's only parameter is an
-address."""
+"""Indices into the memory of a layer that calls Python; the only parameter is an address."""
 
 CALLBACK = CFUNCTYPE(None)
 Expose: TypeAlias = Callable[[Callable[[], object]], float]

@@ -52,7 +52,8 @@ from evoros.mission.triggers import update_clocks
 def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays) -> LoopResult:
     """Run a mission, or the part that ``timing`` specifies.
 
-    This is one long function because compiled code copies the rules that it passes to another.
+    The loop is one long function because compiled code copies the rules that it passes to another
+    function.
     """
     observe, sense, advance = inputs.observe, inputs.sense, inputs.advance
     parameters, memory, layers = inputs.parameters, inputs.memory, inputs.layers

@@ -106,8 +106,7 @@ def lower_loop() -> machine_code.Lowered:
 _ALIGNED = 16  # bytes
 _WORD_BITS = 64
 GIVEN, KEPT, FILLED = range(3)
-"""Groups of pieces, in order: copied to the device, copied both ways, and only copied back (the
-trajectories)."""
+"""Groups of pieces: copied to the device, copied both ways, and only copied back (trajectories)."""
 
 Words = NDArray[np.int64]
 
@@ -151,9 +150,9 @@ class _Pieces:
 
 
 class Image:
-    """The image of missions whose rules are numbered.
+    """The image of several missions, whose rules are given by number.
 
-    ``size`` is its length [bytes], and ``rows`` is the offset of the missions' rows.
+    ``size`` is the image's length [bytes], and ``rows`` is the offset of the missions' rows.
     """
 
     def __init__(self, calls: Sequence[LoopCall], numbers: Mapping[Any, int]) -> None:

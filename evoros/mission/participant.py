@@ -113,7 +113,7 @@ def start_layers(layers: Sequence[protocol.StartedLayer]) -> list[LayerStage]:
 
 
 class Ask:
-    """The rule of the layer for the first mode, which asks the pilot."""
+    """The rule of the first mode's layer, which asks the pilot."""
 
     def __init__(self, pilot: protocol.Pilot, modes: int) -> None:
         self._exchange = pilot.exchange

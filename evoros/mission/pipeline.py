@@ -244,7 +244,7 @@ class Actuation:
     def order(
         self, faults: Mapping[str, Sequence[FilterStage]], driven: Array, strength: Array
     ) -> list[FilterStage]:
-        """Return the stages of faults in order, with the copies between them.
+        """Return the fault stages in order, with the stages that copy values between them.
 
         ``driven`` (COMMAND_SIZE,) is the drive's input. ``strength`` is used if a wheel fails.
         """

@@ -112,8 +112,8 @@ class Plan:
     ) -> list[Mission]:
         """Return missions on fresh draws, which no selection uses and all designs share.
 
-        Their trials are numbered after those for selection; trials beyond ``validation_trials`` are
-        numbered after those for confirmation.
+        The trials are numbered after the trials for selection; trials beyond ``validation_trials``
+        are numbered after the trials for confirmation.
         """
         count = self.validation_trials if count is None else count
         trials = range(self._selected, self._selected + min(count, self.validation_trials))

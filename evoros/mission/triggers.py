@@ -15,12 +15,18 @@ from evoros.geometry.clearance import WAY_SIZE, add_driven
 ROBOT, KIND, FIRST, SECOND, THIRD, USED, WAY = range(7)
 BEGUN = WAY + WAY_SIZE
 TRIGGER_SIZE = BEGUN + 1
-"""Columns of ``Arrays.triggers``: index of the robot; kind of event and its three numbers; use so
-far; memory of the driven path; time of the event [s], infinity before it occurs."""
+"""Number of columns of ``Arrays.triggers``.
+
+The columns are the index of the robot, the kind of event and its three numbers, the use so far, the
+memory of the driven path, and the time of the event [s], infinity before it occurs.
+"""
 
 NEAR, ALONG, SPENT = range(3)
-"""Kinds of events, with their numbers: near a place (x, y, distance), at a position on the route
-(complete legs, distance on the next), or a supply used up (amount, use per second, per metre)."""
+"""Kinds of events.
+
+The numbers of an event are x, y and distance of a place; complete legs and the distance on the next
+leg of the route; or the amount of a supply and its use per second and per metre.
+"""
 
 
 def make_row(

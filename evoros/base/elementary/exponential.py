@@ -22,8 +22,7 @@ EXPONENTIAL = (
 )
 _HIGHEST, _LOWEST = 709.782712893384, -745.1332191019412  # exp is infinite above, 0 below
 _LARGE, _HUGE = 50.0, 700.0
-"""Beyond the first, 1 is negligible next to e**x; beyond the second, e**x may overflow although
-e**x / 2 is finite."""
+"""1 is negligible next to e**x beyond the first; e**x may overflow beyond the second."""
 
 
 @inlined

@@ -34,12 +34,15 @@ from evoros.geometry.polyhedron import decompose, placed_corners
 from evoros.geometry.shapes import Pose, Shape, Vector
 
 _MINUTE = 1.2e7
-"""Work on meshes (see ``divide_mesh``) that takes about a minute on one core. Work is counted
-instead of time, so that a world is the same on every machine.
+"""Work on meshes (see ``divide_mesh``) that takes about a minute on one core.
+
+Work is counted instead of time, so that a world is the same on every machine.
 """
 REACH_M = 30.0
-"""Range of the bundled sensors. Meshes farther from the course keep coarse parts, unless
-``mesh_effort`` exceeds 1."""
+"""Distance from the course beyond which meshes keep coarse parts; the bundled sensors' range.
+
+The limit does not apply if ``mesh_effort`` exceeds 1.
+"""
 
 
 _KINDS = (

@@ -1,8 +1,8 @@
 """Reads the bodies of an SDF file (versions 1.0 to 1.12) with a ``<world>`` or only models.
 
-The reader accepts files that Gazebo accepts. It uses an element, ignores it because it cannot
-matter to evoros, notes an omission or assumption in one line (a warning of the logger
-``evoros.sdf``), or rejects it. It never silently drops an element that may matter.
+The reader accepts files that Gazebo accepts. Each element is used, ignored because it cannot matter
+to evoros, noted in one line as an omission or assumption (a warning of the logger ``evoros.sdf``),
+or rejected. No element that may matter is dropped silently.
 
 A ``<state>`` moves models and links to world poses, as in Gazebo. Links connected by joints become
 one body. A link without mass gets 1 kg, the default of SDF.

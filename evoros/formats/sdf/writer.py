@@ -79,8 +79,8 @@ def write_sdf(
 ) -> str:
     """Return the content of an SDF file with a world of these bodies, each as a model.
 
-    The file begins with ``comment``, in which XML does not allow ``--``. It names the files of
-    ``write_surfaces`` with the same ``stem``, which is ``name`` by default.
+    The file begins with ``comment``, in which XML does not allow ``--``. The content names the
+    files that ``write_surfaces`` returns for the same ``stem``, which is ``name`` by default.
     """
     note = f"<!-- {comment} -->\n" if comment else ""
     gravity = ""

@@ -142,7 +142,7 @@ def list_named_files(root: Element) -> Iterator[Element]:
 
 
 def collect_absent_meshes(root: Element, absences: Absences, packages: PackageIndex) -> None:
-    """Collect the missing meshes of collisions.
+    """Collect the missing meshes of collision elements.
 
     If any mesh or package is missing, visual meshes of links without collisions are included: they
     are needed if the link is a wheel or the body.

@@ -22,8 +22,7 @@ _LEVELS_DOWN = 4  # number of folder levels searched below each folder
 _MAX_FOLDERS = 5_000  # maximum number of folders searched
 _SKIPPED = ("build", "install", "log", "node_modules", "site-packages")
 _MANIFESTS = ("package.xml", "manifest.xml")
-"""Manifest files of a package; the older one, from before 2012, states no name, so
-the folder's name is used."""
+"""Manifest files of a package; the older file, from before 2012, does not state the name."""
 _IGNORED = {"COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE"}
 _SPACES = ("src", "install", "devel")
 """Folders of a workspace that contain packages."""
@@ -61,7 +60,7 @@ def index_packages(
     Packages are found in the declared folders, in ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``,
     and in the folders above the package that contains the file, up to ``_LEVELS_UP`` levels or the
     root of the workspace. Installed packages come last. If the file is in no package, only its
-    folder and a workspace are searched. The name of a package is the one in its package.xml.
+    folder and a workspace are searched. A package has the name stated in its package.xml.
     """
     around = [f for f in file.parents if any((f / name).is_file() for name in _MANIFESTS)][:1]
     given = list(map(_require_folder, declared))

@@ -144,8 +144,11 @@ class DescribedSensor:
     link: str
     pose: Pose  # link frame
     settings: Mapping[str, float]
-    """Values stated in the description: ``period_s``, ``range_min_m``, ``range_max_m``,
-    ``fov_deg``, the number of rays, and fields of filters such as ``noise.sigma_m``."""
+    """Values stated in the description, keyed like the fields of a sensor and of its filters.
+
+    For example, ``period_s``, ``range_min_m``, ``range_max_m``, ``fov_deg``, the number of rays,
+    and ``noise.sigma_m``.
+    """
     notes: tuple[str, ...] = ()  # differences from the description
     place: str = ""  # file and line
 

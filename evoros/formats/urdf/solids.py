@@ -232,7 +232,7 @@ def find_turning(robot: Element) -> set[str]:
 def _match_inertia(link: Element, turns: bool) -> Shape | None:
     """Return the box, or the wheel if the link ``turns``, with the inertia that a link states.
 
-    A wheel's axis is the one whose other two moments are the most alike.
+    The wheel's axis is chosen so that the moments about the other two axes are most alike.
     """
     inertial = link.find("inertial")
     if inertial is None:
