@@ -1,7 +1,9 @@
 """The parts that the configuration names, for suites that check all parts of a group."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cache
+from dataclasses import MISSING, fields
+from functools import cache, reduce
+from operator import getitem
 from typing import Any, TypeVar
 
 import pytest
@@ -10,6 +12,7 @@ from hydra.utils import instantiate
 
 from evoros.config.compose import initialize
 from evoros.files.plugins import conf_folders
+from evoros.testing.part import bits
 
 BadValues = Mapping[str, Sequence[Mapping[str, Any]]]
 T = TypeVar("T")
@@ -42,7 +45,23 @@ def configured(group: str, choice: str, *overrides: str) -> Any:
     """The part of a choice, with overrides of its keys; frozen, and therefore shared."""
     with initialize():
         chosen = compose(overrides=[f"+{group}={choice}", *overrides])
-    return instantiate(chosen, _convert_="all")[group]
+    return reduce(getitem, group.split("/"), instantiate(chosen, _convert_="all"))
+
+
+def find_other_defaults(group: str) -> list[str]:
+    """The choices named after their class's module that change a default of the class."""
+    parts = {choice: configured(group, choice) for choice in kinds(group)}
+    same = {choice: part for choice, part in parts.items() if _module(part) == choice}
+    return [choice for choice, part in same.items() if bits(part) != bits(_with_defaults(part))]
+
+
+def _module(part: object) -> str:
+    return type(part).__module__.rpartition(".")[2]
+
+
+def _with_defaults(part: Any) -> Any:
+    needed = (one.name for one in fields(part) if one.default is one.default_factory is MISSING)
+    return type(part)(**{name: getattr(part, name) for name in needed})
 
 
 def every(

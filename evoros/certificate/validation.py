@@ -141,5 +141,5 @@ def estimate_trials(
     while many - few > 1:
         middle = (few + many) // 2
         few, many = (few, middle) if is_narrow(middle) else (middle, many)
-    digits = -(len(str(many * trials)) - 2)
-    return math.ceil(many * trials / 10**-digits) * 10**-digits if digits < 0 else many * trials
+    unit = 10 ** max(0, len(str(many * trials)) - 2)  # two significant digits
+    return -(-many * trials // unit) * unit

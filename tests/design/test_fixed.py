@@ -40,6 +40,10 @@ def test_a_design_may_have_nothing_else() -> None:
     assert [mount.sensor for mount in space.decode(np.empty(0)).mounts] == ["own"]
 
 
+def test_a_pose_is_the_origin_of_the_default_link_unless_it_is_given() -> None:
+    assert FixedSensor("own").bind(ROBOT, "") == Mount("own", ROBOT.mount_link, 0, 0, 0, 0, 0)
+
+
 def test_a_type_that_does_not_exist_is_an_error() -> None:
     with pytest.raises(InputError, match=r"fixed\.back\.sensor: must be near or far, not 'own'"):
         replace(MIXED, fixed={"back": MAST})

@@ -19,7 +19,8 @@ from evoros.design.space import DesignSpace, SensorDesign
 from evoros.design.team import TeamSpace
 from evoros.optimizer.ga import GeneticAlgorithm
 from evoros.optimizer.protocol import Goals, Score
-from evoros.sensor.protocol import Mount
+from evoros.robot.seen import find_seen
+from evoros.sensor.protocol import Mount, add_prices
 from evoros.sensor.sonar import Sonar
 
 WIDE = {"front": FRONT, "side": SIDE}
@@ -169,6 +170,20 @@ def test_the_middle_has_different_places_where_regions_are_exclusive(name: str) 
         assert space.middle.tolist() == [0.5] * space.size
     team = TeamSpace({"": space, "second": space})
     assert team.middle.tolist() == [*space.middle, *space.middle]
+    second = {space.size + gene: count for gene, count in space.levels.items()}
+    assert team.levels == {**space.levels, **second}
+
+
+@pytest.mark.parametrize("name", ["six_sonars", "challenge_lidar", "priced_pairs"])
+def test_a_design_sees_and_costs_what_its_slots_and_its_fixed_sensors_do(name: str) -> None:
+    space = SPACES[name]
+    genome = np.random.default_rng(2).random(space.size)
+    slots, fixed = TeamSpace({"": space}).view(genome, 2.0)
+    mounts = space.decode(genome).mounts
+    seen = find_seen(space.robot.with_sensors(mounts, space.design.sensors), 2.0)
+    assert sum(view.counts for view in [*slots, fixed]).tolist() == seen.sum(axis=0).tolist()
+    price = add_prices(mounts, space.design.sensors)
+    assert sum(view.price for view in [*slots, fixed]) == pytest.approx(price)
 
 
 def varies_elsewhere(space: DesignSpace, gene: int, base: Array) -> bool:

@@ -8,7 +8,9 @@ from concurrent.futures import CancelledError, Future
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from time import perf_counter
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -22,7 +24,7 @@ from evoros.base.errors import InputError, RunStopped, SimulationError, WorkerLo
 from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.dispatch import calls, dispatcher
-from evoros.dispatch.calls import FIRST, GROWTH, Pace
+from evoros.dispatch.calls import BATCH_S, FIRST, GROWTH, Asked, Pace, find_share
 from evoros.dispatch.dispatcher import CALLS_PER_WORKER, Dispatcher, MissionResult
 from evoros.evolution.experiment import Experiment
 from evoros.executor.processes import Processes
@@ -367,6 +369,7 @@ def test_calls_ahead_follow_the_number_of_workers() -> None:
 def test_missions_are_planned_as_calls_are_submitted(monkeypatch: pytest.MonkeyPatch) -> None:
     """So that neither memory nor the start of a run grows with the number of missions."""
     monkeypatch.setattr(dispatcher, "MISSIONS_OUT", 12)
+    monkeypatch.setattr(calls, "CALL_S", 1e9)
     planned, ended = 0, 0
 
     def plan() -> Iterator[Mission]:
@@ -379,7 +382,7 @@ def test_missions_are_planned_as_calls_are_submitted(monkeypatch: pytest.MonkeyP
     for results in Dispatcher(pool, STOP).run(experiment().scenario, plan()):
         ended += len(results)
         assert planned <= ended + 12
-    assert max(pool.sizes) <= 12 // (2 * CALLS_PER_WORKER)
+    assert max(pool.sizes) == 12 // (2 * CALLS_PER_WORKER)
     assert planned == ended == len(missions())
 
 
@@ -401,6 +404,31 @@ def test_the_first_mission_of_a_scenario_in_a_process_is_not_timed() -> None:
     calls.unpack.cache_clear()
     timed = [calls.run_for_outcomes(packed, missions()[:3], 1e9, False).timed for _ in range(2)]
     assert timed == [2, 3]
+
+
+class Together:
+    """Runs the missions of several runs together, in no time."""
+
+    def run(self, groups: Sequence[tuple[Scenario, Sequence[Mission]]]) -> list[list[Any]]:
+        return [[((), None)] * len(wanted) for _, wanted in groups]
+
+
+def test_runs_share_the_time_of_a_batch_by_their_missions(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(calls._batchers, "device", Together())  # type: ignore[arg-type]
+    batches: Any = SimpleNamespace(device="device", missions=8)
+    asked = [Asked(missions()[:1], 1e9, False), Asked(missions()[1:4], 1e9, False)]
+    begun = perf_counter()
+    answers = calls.run_batches(batches, asked, *[calls.pack(harmless(99))] * 2)
+    assert [answer.timed for answer in answers] == [1, 3]
+    assert answers[1].seconds == pytest.approx(3 * answers[0].seconds)
+    assert sum(answer.seconds for answer in answers) <= perf_counter() - begun
+
+
+def test_a_batch_is_full_with_its_missions_or_after_its_time() -> None:
+    pace, batches = Pace(), cast(Any, SimpleNamespace(missions=400))
+    assert [find_share(pace, count, batches) for count in (100, 400)] == [0.25, 1.0]
+    pace.note(10, 10, BATCH_S)
+    assert [find_share(pace, count, batches) for count in (5, 10, 30)] == [0.5, 1.0, 3.0]
 
 
 @given(mission_s=st.floats(1e-5, 30.0), call_s=st.floats(0.05, 5.0), before_s=st.floats(1e-5, 30.0))

@@ -16,6 +16,7 @@ from evoros.base.errors import EvorosError, InputError
 from evoros.cli.command import evaluate
 from evoros.config.compose import compose
 from evoros.design.design import Design
+from evoros.evolution.agent import Agent
 from evoros.evolution.experiment import Experiment
 from evoros.fitness.scoring import Scoring
 from evoros.geometry.footprint import distances, project_bodies
@@ -189,6 +190,11 @@ def test_designs_of_their_own_are_genes_side_by_side() -> None:
         space.decode(genome[:-1])
 
 
+def test_neither_the_fitness_nor_stated_failures_concern_a_further_robot_by_default() -> None:
+    member = Agent([1.0, 2.0, 0.0]).join("other", build().members[0])
+    assert (member.scored, member.meets_cases) == (False, False)
+
+
 def test_the_fitness_is_the_mean_over_the_robots_that_are_scored() -> None:
     experiment = build()
     outcomes, _ = run_mission(experiment.scenario, middle_mission(experiment))
@@ -203,6 +209,10 @@ def test_the_fitness_is_the_mean_over_the_robots_that_are_scored() -> None:
     assert experiment.scoring.score_trial([lost]) == alone.worst(lost[:1])
 
 
+GENE = (
+    "+agents.oncoming.design.genes.range={_target_: evoros.design.genes.Gene, "
+    "key: controller.avoidance.range_m, low: 1, high: 4}"
+)
 BAD = [
     (["agents.oncoming.home=[0.3,0,0]"], r"agents.oncoming.home: must be clear of the first robot"),
     (["agents.oncoming.home=[1,2]"], r"home: must be three numbers"),
@@ -213,6 +223,10 @@ BAD = [
     (["+world.yard.course.home_x_m=1"], r"world.yard: some keys of the world are missing"),
     ([*OWN_DESIGN, "agents.oncoming.scored=false"], r"agents.oncoming.scored: must be true"),
     (["+robot@agents.oncoming.robot=mule"], r"agents.oncoming.design: must be set"),
+    (
+        [*OWN_DESIGN[:1], "agents.oncoming.design.number=0", GENE, "agents.oncoming.scored=false"],
+        r"agents.oncoming.scored: must be true",
+    ),
     (["simulator.time_step=0.03"], r"controller.period_s"),
     (["agents.oncoming=7"], r"agents: must be a mapping"),
     (["agents.oncoming.rout=[[1,1]]"], r"rout"),

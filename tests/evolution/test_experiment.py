@@ -14,11 +14,15 @@ from evoros.cli.main import evoros
 from evoros.config.compose import compose
 from evoros.design.genes import MAX_EXHAUSTIVE, Gene, enumerate_corners
 from evoros.evolution.experiment import Experiment, check_case
+from evoros.fitness.equation_one import EquationOne
+from evoros.fitness.protocol import Fitness
+from evoros.fitness.worst_case import WorstCase
 from evoros.mission.mission import TRAJECTORY, Outcome
 from evoros.mission.rollout import run_mission
 from evoros.optimizer.protocol import Score
 from evoros.storage.reading import load_run
 from evoros.terminal.console import DONE
+from evoros.testing.subjects import example_outcome
 
 
 @pytest.mark.parametrize(
@@ -222,6 +226,13 @@ def test_evolved_values_that_a_part_refuses_only_when_it_starts(tmp_path: Path) 
 @cache
 def build_tiny() -> Experiment:
     return compose(["experiment=tiny", "executor=serial"], config_dir=USER_PARTS).build()
+
+
+@pytest.mark.parametrize("fitness", [EquationOne(), WorstCase(EquationOne())])
+def test_a_trial_has_the_stated_number_of_scores(fitness: Fitness) -> None:
+    experiment = replace(build_tiny(), fitness=fitness)
+    trial = [(example_outcome(0.5),) for _ in experiment.world]
+    assert len(experiment.scoring.score_missions(trial)) == experiment.scored_missions
 
 
 @pytest.mark.parametrize("name", ["a/b", "", "a b", "ü", "..", "a;b", "a,b", 'a"b', 7, None])

@@ -1,9 +1,10 @@
 """The loop of an evolution writes to a journal of any kind."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers import USER_PARTS, finished_run
 
@@ -11,10 +12,14 @@ from evoros import load_run
 from evoros.base.arrays import Array
 from evoros.config.compose import compose
 from evoros.dispatch.dispatcher import MissionResult
+from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Champion, Champions, Generation
 from evoros.evolution.loop import evolve
+from evoros.measure.coverage import Coverage
 from evoros.mission.mission import Mission, MissionKey, Outcomes
+from evoros.mission.plan import CONFIRMATION
 from evoros.mission.scenario import Scenario
+from evoros.optimizer.map_elites import MapElites
 
 
 @dataclass
@@ -22,6 +27,7 @@ class Memory:
     """A journal and an observer in memory, with all that happened in order."""
 
     outcomes: dict[MissionKey, Outcomes] = field(default_factory=dict)
+    purposes: dict[MissionKey, str] = field(default_factory=dict)
     generations: list[Generation] = field(default_factory=list)
     champion: Champion | None = None
     tracks: Mapping[str, Array] = field(default_factory=dict)
@@ -36,6 +42,7 @@ class Memory:
 
     def record(self, results: Sequence[MissionResult]) -> None:
         self.outcomes |= {mission.key: outcome for mission, outcome in results}
+        self.purposes |= {mission.key: mission.purpose for mission, _ in results}
         self.events.append("recorded")
 
     def keep_log(self, mission: Mission, log: str) -> None:
@@ -55,7 +62,7 @@ class Memory:
         self.events.append("generation written")
 
     def write_champions(self, champions: Champions) -> None:
-        assert len(champions.designs) == 1
+        self.designs = list(champions.designs)
 
     def has_champion(self, champion: Champion) -> bool:
         return self.champion is not None and self.champion.id == champion.id
@@ -78,9 +85,7 @@ class Memory:
 @pytest.mark.parametrize("more", [(), ("confirmation=strict", "optimizer.population_size=6")])
 def test_a_journal_in_memory_has_what_a_run_folder_has(more: Sequence[str], tmp_path: Path) -> None:
     run = load_run(finished_run(tmp_path / "run", *more))
-    experiment = compose(
-        ["experiment=tiny", "executor=serial", *more], config_dir=USER_PARTS
-    ).build()
+    experiment = build(*more)
     memory = Memory()
     generations = experiment.optimizer.generations
     with experiment.executor.open() as pool:
@@ -101,8 +106,14 @@ def test_a_journal_in_memory_has_what_a_run_folder_has(more: Sequence[str], tmp_
         assert run.trajectory(world).to_numpy().shape == track.shape
 
 
+def build(*overrides: str) -> Experiment:
+    typed = ["experiment=tiny", "executor=serial", *overrides]
+    return compose(typed, config_dir=USER_PARTS).build()
+
+
 def test_what_the_journal_has_is_not_run_again() -> None:
-    experiment = compose(["experiment=tiny", "executor=serial"], config_dir=USER_PARTS).build()
+    """The trajectories of the champion are those of missions that count for its fitness."""
+    experiment = build("confirmation=strict")
     memory = Memory()
     with experiment.executor.open() as pool:
         first = evolve(experiment, memory, memory, 2, pool)
@@ -114,3 +125,27 @@ def test_what_the_journal_has_is_not_run_again() -> None:
     known = [event.split() for event in memory.events if event.endswith("known")]
     assert known
     assert all(words[0] == words[2] for words in known)
+    champion = memory.champion
+    assert champion is not None
+    for world, track in memory.tracks.items():
+        steps = np.diff(track[:, 1:3], axis=0)
+        length = sum(np.sqrt((steps * steps).sum(axis=1)).tolist())
+        (counted,) = (
+            outcome.distance_m
+            for key, (outcome,) in memory.outcomes.items()
+            if key[1:3] == (champion.id, world) and memory.purposes[key] == CONFIRMATION
+        )
+        assert length == counted
+
+
+@pytest.mark.parametrize("record", ["champion", "champions"])
+def test_trajectories_of_all_champions_are_kept_if_wanted(record: str) -> None:
+    search = MapElites(population_size=4, generations=1, validation_trials=0)
+    descriptors = {"coverage": Coverage()}
+    experiment = replace(build(f"record={record}"), optimizer=search, descriptors=descriptors)
+    memory = Memory()
+    with experiment.executor.open() as pool:
+        evolve(experiment, memory, memory, 1, pool)
+    assert len(memory.designs) > 1
+    wanted = memory.designs if record == "champions" else []
+    assert {design for _, design, *_ in memory.trajectories} == set(wanted)

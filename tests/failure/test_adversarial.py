@@ -1,6 +1,8 @@
 """Failures that evolve against the designs of a run."""
 
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helpers import USER_PARTS, content, cut, resume
@@ -55,6 +57,17 @@ def test_what_harms_designs_prevails() -> None:
     last = adversary.list_cases()
     assert sum(3 in case.sensors for case in last) >= 6
     assert min(map(score, last)) < -75.0
+
+
+def test_a_mutant_gains_loses_moves_or_retimes_a_failure_equally_often() -> None:
+    adversary: Any = AdversarialFailure(most=3).start(4, 1, generator("any", "mutants"))
+    case, kinds = Case.of([(0, 50.0), (1, 60.0)]), Counter[str]()
+    for _ in range(1200):
+        sensors = adversary._mutate(case).sensors
+        kept = "retimed" if sensors == case.sensors else "moved"
+        kinds[{1: "lost", 2: kept, 3: "gained"}[len(sensors)]] += 1
+    assert all(abs(count - 300) < 75 for count in kinds.values())  # five standard deviations
+    assert len(kinds) == 4
 
 
 def test_it_is_validated_by_drawn_failures_alone() -> None:

@@ -1,29 +1,26 @@
 """Failures: which sensors fail how often, when, and that equal keys mean equal draws."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
-from bundled_parts import configured, every, kinds
+from bundled_parts import configured, every, find_other_defaults, kinds
 from helpers import ROOT
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
-from evoros.base.errors import InputError
 from evoros.base.rng import generator
+from evoros.failure.battery import BatteryFailure
 from evoros.failure.combined import CombinedFailure
 from evoros.failure.independent import IndependentFailure
 from evoros.failure.none import NoFailure
 from evoros.failure.onset.course import CourseOnset
-from evoros.failure.onset.place import PlaceOnset
 from evoros.failure.onset.protocol import Onset
 from evoros.failure.onset.time import TimeOnset
-from evoros.failure.onset.use import UseOnset
-from evoros.failure.onset.waypoint import WaypointOnset
 from evoros.failure.part import SPOILED, PartFailure
 from evoros.failure.protocol import Failure, Fault, Trigger
 from evoros.failure.random import RandomFailure
@@ -33,6 +30,7 @@ from evoros.filter.protocol import Channels
 from evoros.filter.silence import Silence
 from evoros.filter.stuck import Stuck
 from evoros.testing import AdaptiveFailureSuite, FailureSuite, SystematicFailureSuite
+from evoros.testing.part import DescriptionSuite
 
 BAD: dict[str, list[dict[str, Any]]] = {
     "random": [
@@ -139,29 +137,23 @@ class TestDrawnFailures(FailureSuite):
     )
 
 
-BAD_ONSETS: list[tuple[Any, dict[str, Any]]] = [
-    (TimeOnset, {"earliest_s": -1.0}), (TimeOnset, {"earliest_s": 90.0}),
-    (PlaceOnset, {"radius_m": 0.0}), (PlaceOnset, {"x_m": math.nan}),
-    (PlaceOnset, {"delay_s": -1.0}), (CourseOnset, {"earliest": 0.8}),
-    (CourseOnset, {"latest": 1.1}), (CourseOnset, {"unit": "km"}),
-    (WaypointOnset, {"number": 0}), (WaypointOnset, {"number": 1.5}),
-    (UseOnset, {"amount": -1.0}), (UseOnset, {"per_m": 0.0}), (UseOnset, {"per_s": -1.0}),
-]  # fmt: skip
+BAD_ONSETS: dict[str, list[dict[str, Any]]] = {
+    "time": [{"earliest_s": -1.0}, {"earliest_s": 90.0}],
+    "course": [{"earliest": 0.8}, {"latest": 1.1}, {"unit": "km"}],
+    "use": [{"per_m": 0.0}],
+}
 
 
-@pytest.mark.parametrize(("kind", "values"), BAD_ONSETS)
-def test_an_onset_refuses_bad_values_in_one_line(kind: type, values: dict[str, Any]) -> None:
-    kind()
-    with pytest.raises(InputError, match=rf"{kind.__name__}\.\w+: must") as caught:
-        kind(**values)
-    assert "\n" not in str(caught.value)
+class TestOnsets(DescriptionSuite):
+    protocol = Onset
+    choose = every("failure/onset", bad_values=BAD_ONSETS)
 
 
-@pytest.mark.parametrize("kind", dict.fromkeys(kind for kind, _ in BAD_ONSETS))
-def test_an_onset_is_an_event_and_a_time_after_it(kind: Callable[[], Onset]) -> None:
-    trigger, delay = kind().draw(generator("mission", "failure"))
+@pytest.mark.parametrize("name", kinds("failure/onset"))
+def test_an_onset_is_an_event_and_a_time_after_it(name: str) -> None:
+    trigger, delay = configured("failure/onset", name).draw(generator("mission", "failure"))
     assert 0 <= delay < math.inf
-    assert (trigger == Trigger()) == (kind is TimeOnset)
+    assert (trigger == Trigger()) == (name == "time")
 
 
 def test_a_drawn_onset_shifts_no_later_draw() -> None:
@@ -192,13 +184,8 @@ def test_drawn_failures_begin_in_the_window_of_the_paper(name: str) -> None:
 
 
 def test_defaults_are_what_the_configuration_says() -> None:
-    assert configured("failure", "none") == NoFailure()
-    assert configured("failure", "random") == RandomFailure()
-    spatial = configured("failure", "spatial")
-    assert isinstance(spatial, SpatialFailure)
-    assert tuple(spatial.radii_m) == SpatialFailure().radii_m
-    assert tuple(spatial.probabilities) == SpatialFailure().probabilities
-    assert spatial.effect == Silence()
+    assert find_other_defaults("failure") == ["combined"]  # which by default combines nothing
+    assert find_other_defaults("failure/onset") == []
 
 
 def test_effect_and_parts_are_chosen_on_the_command_line() -> None:
@@ -426,6 +413,16 @@ def test_failures_of_the_same_kind_are_drawn_independently() -> None:
         same.append(np.argmin(a.onset) == np.argmin(b.onset))
     assert near_share(np.array(same), 1 / 4)
     assert abs(np.corrcoef(np.array(times).T)[0, 1]) < 5 / math.sqrt(DRAWS)
+
+
+# Battery
+
+
+def test_a_battery_lasts_for_its_charge() -> None:
+    (fault,) = BatteryFailure(2.0, 0.0, 15.0, 60.0).draw(row(), generator("key", "failure"))
+    amount, per_s, per_m = fault.trigger.values
+    assert amount / per_s == 2.0 * 3600 / 15.0  # [s] idle
+    assert amount / per_m == 120.0  # [m], if only driving took energy
 
 
 # Names of faults

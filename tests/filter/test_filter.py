@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bundled_parts import every, kinds
+from bundled_parts import every, find_other_defaults, kinds
 from helpers import ROOT
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -67,10 +67,11 @@ def same(a: Array, b: Array) -> bool:
 # Every filter that has a YAML
 
 
-def test_every_filter_module_has_a_configuration_of_its_name() -> None:
+def test_every_filter_module_has_a_configuration_of_its_name_and_defaults() -> None:
     package = ROOT / "evoros" / "filter"
     modules = {path.stem for path in package.glob("*.py")} - {"__init__", "protocol"}
     assert modules == set(kinds("filter"))
+    assert find_other_defaults("filter") == []
 
 
 class TestBundledFilters(FilterSuite):

@@ -1,7 +1,8 @@
+import math
 from dataclasses import replace
 
 import pytest
-from bundled_parts import every
+from bundled_parts import every, find_other_defaults
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -100,8 +101,15 @@ def test_other_trials_of_such_a_design_still_count() -> None:
     missions = [Mission(0, 0, Design(()), "a", trial, "selection", "a") for trial in range(2)]
     outcomes = [Outcome.failure(LOST, "why", LIMIT, 0), outcome_of(1.0, time=0.0)]
     known = dict(zip([mission.key for mission in missions], zip(outcomes), strict=True))
-    assert Scoring(EquationOne()).compute_fitness(missions, known) == (1 + 8) / 2
+    scoring = Scoring(EquationOne())
+    assert scoring.compute_fitness(missions, known) == (1 + 8) / 2
+    assert scoring.summarize(missions, known)["fitness_sd"] == pytest.approx(7 / math.sqrt(2))
+    assert math.isnan(scoring.summarize(missions[:1], known)["fitness_sd"])
 
 
 class TestBundledFitness(FitnessSuite):
     choose = every("fitness", bad_values={"worst_case": [{"share": x} for x in (0.0, 1.5, True)]})
+
+
+def test_configurations_repeat_the_defaults() -> None:
+    assert find_other_defaults("fitness") == []

@@ -22,6 +22,10 @@ class CarefulURDFDriver2(Fitness):
         return 0.0
 
 
+class PlanB(CarefulURDFDriver2):
+    pass
+
+
 @dataclass(frozen=True)
 class Distance(CarefulURDFDriver2):
     title = "distance driven"
@@ -33,6 +37,7 @@ class Distance(CarefulURDFDriver2):
     [
         (Distance(), "distance driven [m]"),
         (CarefulURDFDriver2(), "fitness (careful URDF driver 2)"),
+        (PlanB(), "fitness (plan b)"),
         (EquationOne(), "fitness (Eq. 1)"),
         (EquationOne(sensor_penalty=0.3), "fitness (Eq. 1 less penalties)"),
         (EquationOne(price_weight=0.1), "fitness (Eq. 1 less penalties)"),

@@ -15,7 +15,7 @@ from evoros.base.errors import InputError
 from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.trials import Measuring, equip_robots, list_values, read_score
+from evoros.evolution.trials import Measuring, equip_robots
 from evoros.fitness.equation_one import EquationOne
 from evoros.fitness.scoring import Scoring
 from evoros.measure.cost import Cost
@@ -30,7 +30,6 @@ from evoros.measure.spread import Spread
 from evoros.measure.worst_failure import WorstFailure
 from evoros.measure.worst_world import WorstWorld
 from evoros.mission.mission import Outcome
-from evoros.optimizer.protocol import Score
 from evoros.preflight.preflight import check_measures
 from evoros.robot.seen import BEARINGS_DEG, find_seen
 from evoros.sensor.lidar import Lidar
@@ -236,17 +235,6 @@ def test_what_is_no_number_in_a_run_is_told_once_and_counts_as_the_worst(
     scores = [measuring.score("selection", 1, design, fitness) for fitness in (3.0, 12.0, 4.0)]
     assert [score.descriptor for score in scores] == [(2.0,), (12.0,), (2.0,)]
     assert len([r for r in caplog.records if "descriptors.one" in r.message]) == 1
-    measuring = Measuring(experiment)
-    measuring.check_variety({1: Score(1.0, (), (2.0,)), 2: Score(2.0, (), (2.0,))})
-    assert "should differ" in caplog.text
-
-
-def test_a_score_is_read_again_from_its_values() -> None:
-    experiment = replace(bundled(), objectives={"a": Cost(), "b": Coverage()})
-    score = Score(3.5, (-7.25, 0.1), ())
-    columns = dict(zip(("objectives.a", "objectives.b"), (7.25, 0.1), strict=True))
-    assert list_values(experiment, score) == list(columns.values())
-    assert read_score(experiment, {"fitness": 3.5, **columns}) == score
 
 
 def test_a_design_that_a_part_refuses_has_its_sensors() -> None:

@@ -12,19 +12,30 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from helpers import with_parts
 from mission_cases import run_interpreted, watch
 
-from evoros.base.arrays import DRIVE_SPEED, SPEED, STEERING, YAW, Array
+from evoros.base.arrays import (
+    COMMAND_SIZE,
+    DRIVE_SPEED,
+    LEG_SIZE,
+    SPEED,
+    STATE_SIZE,
+    STEERING,
+    YAW,
+    Array,
+)
 from evoros.base.errors import PilotLost, SimulationError
 from evoros.config.compose import compose
 from evoros.controller.protocol import Briefing, LiveController
 from evoros.evolution.experiment import Experiment
 from evoros.mission.compiled_loop import run_call
+from evoros.mission.inputs import _bind_layer
 from evoros.mission.loop import run_loop
 from evoros.mission.mission import SIMULATION_FAILURE, Mission
 from evoros.mission.rollout import run_mission
@@ -164,6 +175,25 @@ def test_a_live_controller_drives_compiled_missions_as_interpreted_ones(simulato
     assert set(whole[:, 6].tolist()) == {0.0, 1.0, 2.0}
     assert repr(outcome) == repr(stepped)
     assert whole.tobytes() == track.tobytes()
+
+
+def test_a_layer_in_python_is_given_the_values_of_its_robot() -> None:
+    """The values of all robots are the whole arrays."""
+    sizes = {"poses": STATE_SIZE, "legs": LEG_SIZE, "commands": COMMAND_SIZE}
+    arrays = {name: np.arange(3.0 * size) for name, size in sizes.items()}
+    arrays["readings"], agents = np.arange(6.0), SimpleNamespace(readings=[0, 1, 3, 6])
+    given: list[list[float]] = [[], [], [], []]
+
+    def rule(_: Any, __: Any, *values: Any) -> float:
+        for known, value in zip(given, (*values[:3], values[4]), strict=True):
+            known.extend(value)
+        return 0.0
+
+    for robot in range(3):
+        all_arrays: Any = SimpleNamespace(**arrays)
+        _bind_layer(cast(Any, (rule, (), ())), cast(Any, agents), all_arrays, robot, np.zeros(2))()
+    whole = [arrays[name].tolist() for name in ("poses", "legs", "readings", "commands")]
+    assert given == whole
 
 
 def fail(error: BaseException) -> None:

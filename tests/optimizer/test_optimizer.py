@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from bundled_parts import ByName, configured, every, kinds
+from bundled_parts import ByName, configured, every, find_other_defaults, kinds
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proposal_sites import is_of
@@ -14,7 +14,15 @@ from proposal_sites import is_of
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.optimizer.ga import GeneticAlgorithm
-from evoros.optimizer.protocol import Candidate, Goals, Individual, Optimizer, Score, Space
+from evoros.optimizer.protocol import (
+    AskedSearch,
+    Candidate,
+    Goals,
+    Individual,
+    Optimizer,
+    Score,
+    Space,
+)
 from evoros.optimizer.random_search import RandomSearch
 from evoros.optimizer.sobol import Sobol
 from evoros.testing import OptimizerSuite
@@ -101,6 +109,41 @@ class TestBundledOptimizers(OptimizerSuite):
     # Each design that the estimator proposes takes 10 ms.
     few = ("optimizer.population_size=6", "optimizer.random_first=6")
     choose = every("optimizer", bad_values=BAD, overrides={"tpe": few})
+
+
+def test_configurations_repeat_the_defaults() -> None:
+    assert find_other_defaults("optimizer") == []
+
+
+@dataclass
+class Listing:
+    """A search that asks for individuals with these ids, and returns those with others."""
+
+    ids: list[int]
+    best: list[int]
+
+    def ask(self) -> list[Individual]:
+        return [Individual(i, np.full(1, 0.5), (), "initial") for i in self.ids]
+
+    def champions(self) -> list[Individual]:
+        return [Individual(i, np.full(1, 0.5), (), "initial") for i in self.best]
+
+
+@given(st.lists(st.integers(0, 3), max_size=3), st.lists(st.integers(0, 3), max_size=2))
+def test_a_search_asks_for_distinct_individuals_and_returns_no_others(
+    ids: list[int], best: list[int]
+) -> None:
+    search = AskedSearch(cast(Any, Listing(ids, best)), 1)
+    if len(set(ids)) < len(ids):
+        with pytest.raises(InputError, match="distinct ids"):
+            search.ask()
+        return
+    search.ask()
+    if best and set(best) <= set(ids):
+        assert [one.id for one in search.champions()] == best
+        return
+    with pytest.raises(InputError, match="a non-empty list of individuals from ask"):
+        search.champions()
 
 
 @pytest.mark.parametrize("name", BY_LIBRARY)
