@@ -105,14 +105,14 @@ MODULES = {
 # Every optimizer of the configuration
 
 
+def test_configurations_repeat_the_defaults() -> None:
+    assert find_other_defaults("optimizer") == []
+
+
 class TestBundledOptimizers(OptimizerSuite):
     # Each design that the estimator proposes takes 10 ms.
     few = ("optimizer.population_size=6", "optimizer.random_first=6")
     choose = every("optimizer", bad_values=BAD, overrides={"tpe": few})
-
-
-def test_configurations_repeat_the_defaults() -> None:
-    assert find_other_defaults("optimizer") == []
 
 
 @dataclass

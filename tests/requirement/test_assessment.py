@@ -34,8 +34,11 @@ from evoros.requirement.verdict import (
     Trial,
     Verdict,
     conclude,
+    write_percent,
 )
+from evoros.testing.part import DescriptionSuite
 from evoros.testing.subjects import example_outcome
+from evoros.worst_cases.worst_cases import WorstCases
 
 WORLDS = ["hall", "yard"]
 STUDY = run_path(str(Path(__file__).parents[2] / "benchmarks/requirements/levels.py"))
@@ -164,6 +167,25 @@ def test_each_case_is_shown_before_a_survival_is_met() -> None:
     finish(assessment)
     whole = assessment.judge(known(assessment, None), [], unmeasured)["one"].whole
     assert (whole.result, whole.further) == (UNDECIDED, SURVIVAL.fewest_trials - 5)
+
+
+class TestSurvival(DescriptionSuite):
+    part, protocol = Survival(1), Survival
+
+
+def test_a_survival_fails_sensors_at_the_times_of_the_search_for_worst_cases() -> None:
+    search = WorstCases()
+    assert (Survival(1).times_s, Survival(1).max_cases) == (search.times_s, search.max_cases)
+
+
+@pytest.mark.parametrize(("unit", "scale"), [(PERCENT, 100.0), ("", 1.0)])
+def test_shares_are_written_in_percent_and_other_numbers_as_they_are(
+    unit: str, scale: float
+) -> None:
+    verdict = Verdict(MET, 8, 0.75, 0.5, 0.875, 0.95, 0.5, unit, (0, "hall"))
+    shares = [float(number) / scale for number in verdict._write_numbers()]
+    assert shares == pytest.approx([0.75, 0.5, 0.875], abs=0.01)
+    assert write_percent(0.125) == "12.5 %"
 
 
 RESULT = st.sampled_from([MET, VIOLATED, UNDECIDED])
