@@ -1,1 +1,1 @@
-"""Optimizers, which search the unit cube by ask and tell."""
+"""Optimizers, which search the unit cube through an ask-and-tell interface."""

@@ -61,7 +61,7 @@ class CatCma(Optimizer):
 
 @dataclass(frozen=True)
 class _Genes:
-    """Gene indices by kind, and the number of levels of each integer and categorical gene."""
+    """The indices of the genes of each kind, and the number of levels of each discrete gene."""
 
     size: int
     continuous: list[int]

@@ -69,7 +69,7 @@ class CmaEs(Optimizer):
 
 @dataclass
 class Strategies:
-    """A sequence of strategies from the package ``cmaes``, each used until it converges."""
+    """A sequence of strategies from the package ``cmaes``; each is used until it converges."""
 
     name: str
     population_size: int

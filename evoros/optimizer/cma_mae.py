@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ribs.schedulers import Scheduler
 
 MARGIN = 1e-9
-"""Minimum excess of the first generation's fitness over the initial thresholds."""
+"""Minimum margin by which the first generation's fitness exceeds the initial thresholds."""
 
 
 @dataclass(frozen=True)
@@ -26,11 +26,11 @@ MARGIN = 1e-9
 class CmaMae(Optimizer):
     """Covariance matrix adaptation MAP-annealing, from the package ``ribs``.
 
-    Several strategies share a generation, and look for designs that exceed the threshold of their
-    cell. A threshold starts at the worst fitness of the first generation, and rises by
-    ``learning_rate`` times the excess. A rate of 0 gives CMA-ES on the fitness; with a rate of 1,
-    a strategy leaves a cell as soon as the cell's elite is good. Genes beyond their range are
-    reflected into it.
+    Several strategies contribute designs to each generation, and look for designs whose fitness
+    exceeds the threshold of their cell. A threshold starts at the worst fitness of the first
+    generation, and rises by ``learning_rate`` times the excess. A rate of 0 amounts to CMA-ES on
+    the fitness; at a rate of 1, a strategy leaves a cell as soon as the cell has a good elite.
+    Genes outside their range are reflected back into the range.
 
     M. Fontaine and S. Nikolaidis, "Covariance Matrix Adaptation MAP-Annealing", GECCO 2023,
     arXiv:2205.10752.
@@ -54,7 +54,7 @@ class CmaMae(Optimizer):
             raise invalid(self, "population_size", self.population_size, rule)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness and descriptors; ``rng`` seeds its random generators."""
+        """Start a search guided by fitness and descriptors; ``rng`` seeds its random generators."""
         require_genes(space)
         with require_extra("search", "optimizer=cma_mae"):
             from ribs.emitters import EvolutionStrategyEmitter

@@ -31,21 +31,22 @@ class GeneticAlgorithm(Optimizer):
     """Tournaments, single-point crossover between blocks, mutation of aspects, and one elite.
 
     In each generation, tournaments in the population fill a parent pool of the same size.
-    Consecutive parents cross over or are cloned. The population and the children form the
-    candidate pool, in which each candidate except the elite may mutate. New designs are evaluated.
-    The elite and the winners of tournaments in the candidate pool form the next population.
+    Consecutive parents cross over or are cloned. The population and the children form the candidate
+    pool, in which each candidate except the elite may mutate. The new designs are evaluated. The
+    elite and the winners of tournaments in the candidate pool form the next population.
 
-    ``elite`` is ``best_so_far`` or ``best_child``. The latter keeps the best new design of the
-    generation, as in the original study, and can lose the best design so far.
+    The parameter ``elite`` is ``best_so_far`` or ``best_child``. The latter keeps the best new
+    design of the generation, as in the original study, and can lose the best design so far.
     """
 
     population_size: Annotated[int, COUNT] = 30
-    generations: Annotated[int, COUNT] = 25  # including the random first generation
+    generations: Annotated[int, COUNT] = 25  # including the random initial generation
     mutation_probability: Annotated[float, PROBABILITY] = 0.15  # per candidate
     crossover_probability: Annotated[float, PROBABILITY] = 0.25  # per pair of parents
     tournament_size: Annotated[int, replace(COUNT, limit=1000)] = 2
     validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
-    # fraction of the range from which a mutation redraws a gene
+    # width of the interval around a gene from which a mutation redraws it, as a fraction of the
+    # range
     mutation_step: Annotated[float, FRACTION] = 1.0
     elite: Annotated[str, one_of("best_so_far", "best_child")] = "best_so_far"
 
@@ -56,7 +57,7 @@ class GeneticAlgorithm(Optimizer):
 
 
 class _GeneticSearch:
-    """A started search; the elite comes first in the population and in the pool."""
+    """A started search, in which the elite is the first of the population and of the pool."""
 
     def __init__(self, settings: GeneticAlgorithm, space: Space, rng: Generator) -> None:
         self._settings, self._space, self._rng = settings, space, rng
@@ -132,7 +133,7 @@ class _GeneticSearch:
         genome[tail] = other.genome[tail]
         for parent in (head, other):
             if self._space.same(genome, parent.genome):
-                return parent, "clone"  # an equal design needs no evaluation
+                return parent, "clone"  # an equal design needs no new evaluation
         return self._create(genome, (head.id, other.id), "crossover"), "crossover"
 
     def _mutate(
@@ -152,12 +153,12 @@ class _GeneticSearch:
         for parent in (population[i] for i in individual.parents):
             if self._space.same(genome, parent.genome):
                 return parent, "clone"  # the mutation has undone the crossover
-        # A mutated child that has not been evaluated stays one individual, with two operators.
+        # A mutated child that has not been evaluated remains one individual with two operators.
         both = f"{individual.operator}+mutation"
         return replace(individual, genome=freeze(genome), operator=both), both
 
     def _draw_some(self, count: int) -> list[int]:
-        """Draw each of ``count`` indices with probability 1/count, and repeat if none was drawn."""
+        """Draw each of ``count`` indices with probability 1/count; repeat until one is drawn."""
         while True:
             picked = np.flatnonzero(self._rng.random(count) * count < 1)
             if len(picked):

@@ -38,7 +38,7 @@ class History:
         """Record scores; return True if any earlier score changed.
 
         Raises:
-            InputError: a score is missing or has NaN; nothing is recorded.
+            InputError: a score is missing or contains NaN; nothing is recorded.
         """
         check_scores(scores, self.asked)
         known = {index: self.scores[index] for index in scores if index in self.scores}
@@ -56,7 +56,7 @@ class History:
         return [self.individuals[index] for index in ranked]
 
     def tabulate(self, shown: Iterable[int], survivors: Iterable[int]) -> list[Candidate]:
-        """Return table rows for the earlier individuals ``shown``, then for the current generation.
+        """Return table rows for earlier individuals ``shown`` and for the current generation.
 
         The column ``survived`` is 1 for ``survivors`` and 0 otherwise.
         """
@@ -75,7 +75,7 @@ class History:
 
 
 def freeze(genome: Array) -> Array:
-    """Return a read-only copy, clipped to the unit cube."""
+    """Return a read-only copy of a genome, clipped to the unit cube."""
     frozen = genome.clip(0.0, 1.0).astype(float)
     frozen.flags.writeable = False
     return frozen
@@ -92,7 +92,7 @@ class Sampler(Protocol):
         """Return the genomes (size,) of the next generation, to be clipped to 0..1."""
 
     def learn(self, history: History, changed: bool) -> None:
-        """Learn from the generation's scores; ``changed`` is True if any earlier score changed."""
+        """Learn from the generation's scores; ``changed`` is True if earlier scores changed."""
 
 
 class FitnessSearch:
@@ -171,7 +171,7 @@ class ArchiveSearch(FitnessSearch):
         return table
 
     def _fill(self, anew: bool) -> None:
-        """Add the current generation to the archive; after earlier scores changed, refill it."""
+        """Add the current generation to the archive; refill it if earlier scores changed."""
         individuals = self._history.asked
         if anew:
             self._archive.clear()

@@ -1,4 +1,4 @@
-"""Helpers for searches that use libraries: seeds, and gene values for levels."""
+"""Helpers for searches that wrap a library: seeds, and conversion of levels to gene values."""
 
 import numpy as np
 from numpy.random import Generator
@@ -19,5 +19,5 @@ def list_categories(space: Space) -> list[int]:
 
 
 def place_level(level: Array | int, count: Array | int) -> Array:
-    """Return the gene value at the middle of a level out of ``count``."""
+    """Return the gene value in the middle of one of ``count`` levels."""
     return np.asarray((np.asarray(level) + 0.5) / np.asarray(count), dtype=float)

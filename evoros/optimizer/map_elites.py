@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class MapElites(Optimizer):
     """MAP-Elites with the iso+line operator, from the package ``ribs``.
 
-    The first generation is random. Later generations displace elites by normal noise and along the
+    The first generation is random. Later generations perturb elites with normal noise and along the
     line to another elite, and redraw each sensor's region and type with ``redraw_probability``.
 
     J.-B. Mouret and J. Clune, "Illuminating Search Spaces by Mapping Elites", arXiv:1504.04909; V.
@@ -35,13 +35,14 @@ class MapElites(Optimizer):
     validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
     cells: Annotated[int, CELLS] = 10  # number of cells along each descriptor
     noise: Annotated[float, NOT_NEGATIVE] = 0.05  # standard deviation as a fraction of the ranges
-    # standard deviation as a fraction of the distance to the other elite
+    # standard deviation of the displacement along the line, relative to the distance to the other
+    # elite
     line_noise: Annotated[float, NOT_NEGATIVE] = 0.2
     redraw_probability: Annotated[float, PROBABILITY] = 0.05  # per categorical gene
     packages = ("ribs",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness and descriptors; ``rng`` seeds its random generators."""
+        """Start a search guided by fitness and descriptors; ``rng`` seeds its random generators."""
         require_genes(space)
         with require_extra("search", "optimizer=map_elites"):
             from ribs.emitters import IsoLineEmitter

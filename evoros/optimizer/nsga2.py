@@ -1,4 +1,4 @@
-"""NSGA-II, a search by several objectives."""
+"""NSGA-II, a multi-objective search."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ POPULATION = replace(
 @dataclass(frozen=True)
 @checked
 class Nsga2(protocol.Optimizer):
-    """NSGA-II, from the package ``pymoo``; it keeps non-dominated designs.
+    """NSGA-II, from the package ``pymoo``, which keeps the non-dominated designs.
 
     The operators are simulated binary crossover and polynomial mutation. A larger distribution
     index keeps children closer to their parents. All genes are treated as continuous.
@@ -46,7 +46,7 @@ class Nsga2(protocol.Optimizer):
     def start(
         self, space: protocol.Space, goals: protocol.Goals, rng: Generator
     ) -> protocol.Search:
-        """Start a search by the objectives; ``rng`` seeds its random generators."""
+        """Start a search guided by the objectives; ``rng`` seeds its random generators."""
         protocol.require_genes(space)
         if len(goals.objectives) < 2:
             raise InputError(
@@ -95,7 +95,7 @@ class _Nsga2Search:
         return table
 
     def _set_costs(self) -> None:
-        """Set the costs of the offspring, and of the population, whose scores may have changed."""
+        """Set the costs of the offspring and, as scores may have changed, of the population."""
         from pymoo.core.evaluator import Evaluator
         from pymoo.problems.static import StaticProblem
 

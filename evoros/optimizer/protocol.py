@@ -20,7 +20,7 @@ class Individual:
     """A genome in the unit cube of the search space, with its origin."""
 
     id: int  # unique in a run, increasing in the order of creation
-    genome: Array  # (space.size,) 0..1
+    genome: Array  # (space.size,) from 0 to 1
     parents: tuple[int, ...]
     operator: str  # operator that created the individual, such as initial, crossover or mutation
 
@@ -36,9 +36,9 @@ class Score:
 
 @dataclass(frozen=True)
 class Goals:
-    """The measures in a score besides the fitness."""
+    """The measures that a score contains in addition to the fitness."""
 
-    objectives: tuple[str, ...] = ()  # names
+    objectives: tuple[str, ...] = ()  # names of the objectives
     descriptors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """The minimum and maximum of each descriptor, by name; a design may lie outside them."""
 
@@ -68,12 +68,12 @@ class Search(Protocol):
     def tell(self, scores: Mapping[int, Score]) -> Sequence[Candidate]:
         """Record scores by id, and return the generation's table.
 
-        ``scores`` contains all individuals from ``ask``, and earlier individuals with changed
-        scores.
+        ``scores`` covers all individuals from ``ask``, and earlier individuals whose scores have
+        changed.
         """
 
     def champions(self) -> Sequence[Individual]:
-        """Return the design, front or archive that the search keeps, best first."""
+        """Return the design, front or archive that the search has found, best first."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Block:
         return tuple(i for part in self.aspects for i in (*part.categorical, *part.continuous))
 
     def move(self, index: Callable[[int], int]) -> "Block":
-        """Return this block with gene indices mapped by ``index``."""
+        """Return this block with each gene index mapped through ``index``."""
         aspects = (
             Aspect(
                 part.name, tuple(map(index, part.continuous)), tuple(map(index, part.categorical))
@@ -109,7 +109,7 @@ class Block:
 
 
 class Space(Protocol):
-    """The search space of an optimizer, a unit cube with groups of genes."""
+    """The search space of an optimizer, a unit cube whose genes are grouped."""
 
     @property
     def size(self) -> int:
@@ -134,14 +134,14 @@ class Space(Protocol):
 class View(NamedTuple):
     """The bearings seen by a sensor and by its twin, if any."""
 
-    counts: NDArray[np.int64]  # (360,) number of sensors that see each bearing of ``robot/seen.py``
+    counts: NDArray[np.int64]  # (360,) sensors that see each bearing of ``robot/seen.py``
     price: float  # total price of the sensor and its twin
-    place: str = ""  # name of a place that can carry only one sensor; empty if unrestricted
+    place: str = ""  # name of a place that can carry only one sensor; empty if several fit
 
 
 @runtime_checkable
 class CoveringSpace(Space, Protocol):
-    """A search space that can compute what placed sensors see."""
+    """A search space that can compute which bearings its sensors see."""
 
     @property
     def slots(self) -> tuple[Block, ...]:
@@ -156,10 +156,10 @@ class CoveringSpace(Space, Protocol):
 
     @property
     def number_gene(self) -> int | None:
-        """The gene with a level for each possible number; None if the number does not evolve."""
+        """The gene with a level for each possible number of slots; None if the number is fixed."""
 
     def view(self, genome: Array, distance_m: float) -> tuple[list[View], View]:
-        """Return the views of each slot, mounted or not, and of the fixed sensors.
+        """Return a ``View`` for each genome and slot, mounted or not, and one of the fixed sensors.
 
         Raises:
             InputError: several robots have separate designs.
@@ -215,27 +215,27 @@ KEY = "optimizer"
 
 @dataclass(frozen=True)
 class AskedSearch:
-    """Forwards calls to a search, and raises an InputError for an invalid return value."""
+    """Forwards calls to a search, and raises an InputError if a return value is invalid."""
 
     search: Search
     size: int  # number of genes
-    known: set[int] = field(default_factory=set)  # all ids so far
+    known: set[int] = field(default_factory=set)  # ids of all individuals so far
 
     def ask(self) -> Sequence[Individual]:
-        """Return the individuals of the next generation."""
+        """Return the individuals of the next generation that need evaluation."""
         text = f"a list of individuals with distinct ids and {self.size} genes from 0 to 1"
         asked: Sequence[Individual] = ask(KEY, self.search.ask, Rule(text, self._are_points))
         self.known.update(one.id for one in asked)
         return asked
 
     def tell(self, scores: Mapping[int, Score]) -> Sequence[Candidate]:
-        """Return the table of the generation."""
+        """Record scores by id, and return the generation's table."""
         rule = Rule("a non-empty list of candidates from ask()", self._are_candidates)
         table: Sequence[Candidate] = ask(KEY, self.search.tell, rule, scores)
         return table
 
     def champions(self) -> Sequence[Individual]:
-        """Return the champions, best first."""
+        """Return the design, front or archive that the search has found, best first."""
         rule = Rule("a non-empty list of individuals from ask()", self._are_known)
         best: Sequence[Individual] = ask(KEY, self.search.champions, rule)
         return best

@@ -1,4 +1,4 @@
-"""Set cover by integer programming, for sensors that see a sector even after failures."""
+"""Set cover by integer programming: sensors that see a whole sector even after some fail."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,10 +28,11 @@ Indices: TypeAlias = NDArray[np.intp]
 class SetCover(protocol.Optimizer):
     """Covers a sector ahead, and evolves the rest of the design with the genetic algorithm.
 
-    From random candidate places, an integer program selects the cheapest set that still sees every
-    bearing of the sector after any ``failed`` sensors fail, with the fewest sensors at that price.
-    Ties are broken at random, ``covers`` times. The genetic algorithm then chooses among the
-    resulting sets, called bodies, and evolves all genes that do not belong to sensors.
+    From random candidate places, an integer program selects the cheapest set from which every
+    bearing of the sector is still seen after any ``failed`` sensors fail; among equally cheap sets,
+    one with the fewest sensors. Ties are broken at random, which is repeated ``covers`` times. The
+    genetic algorithm then chooses among the resulting sets, called bodies, and evolves all genes
+    that do not belong to sensors.
 
     M. S. Daskin, "Network and Discrete Location", Wiley 1995, Chapter 4 (set covering, and backup
     coverage); the solver is HiGHS.
@@ -40,11 +41,11 @@ class SetCover(protocol.Optimizer):
     population_size: Annotated[int, COUNT] = 30
     generations: Annotated[int, COUNT] = 25
     validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
-    # Width of the sector; None: the maximum that the sensors can cover.
+    # Width of the sector; None: the widest sector that the sensors can cover.
     width_deg: Annotated[float | None, number_between(1.0, ALL_AROUND)] = None
     # number of failed sensors that the cover tolerates
     failed: Annotated[int, replace(WHOLE, limit=3)] = 1
-    distance_m: Annotated[float, POSITIVE] = 2.0  # measured from the middle of the robot
+    distance_m: Annotated[float, POSITIVE] = 2.0  # range to be seen, from the robot's middle
     candidates: Annotated[int, replace(COUNT, limit=2000)] = 200  # random candidate places
     covers: Annotated[int, replace(COUNT, limit=1000)] = 8  # number of covers to choose from
     packages = ("scipy",)
@@ -52,7 +53,7 @@ class SetCover(protocol.Optimizer):
     def start(
         self, space: protocol.Space, goals: protocol.Goals, rng: Generator
     ) -> protocol.Search:
-        """Start a search over the drawn covers and all other genes.
+        """Start a search over the drawn covers and all genes that do not belong to sensors.
 
         Raises:
             InputError: the sensors cannot cover the sector, or the space is not a
@@ -99,11 +100,11 @@ class SetCover(protocol.Optimizer):
         prices = np.array([view.price for view in views])
         places = [view.place for view in views]
         low, high = space.number
-        low = min(low, 1) if any(places) else low  # several slots may choose one place
+        low = min(low, 1) if any(places) else low  # several slots may share a place
         return Program(counts, needed, prices, (low, high), places)
 
     def _find_width(self, program: "Program") -> float:
-        """Return the width of the sector [deg], by default the maximum in whole degrees."""
+        """Return the width of the sector [deg]; by default, the maximum in whole degrees."""
         if self.width_deg is not None:
             return self.width_deg
         low, high = 1, ALL_AROUND + 1
@@ -130,8 +131,8 @@ class Program:
     counts: Array  # (360, n) number of sensors at each candidate that see each bearing
     needed: Array  # (360,) number of sensors that must see each bearing
     prices: Array  # (n,) price of each candidate
-    number: tuple[int, int]  # minimum and maximum number of candidates in a cover
-    places: Sequence[str] = ()  # the candidates' places; each named place can carry one sensor
+    number: tuple[int, int]  # minimum and maximum number of sensors in a cover
+    places: Sequence[str] = ()  # by candidate; a named place can carry only one sensor
 
     def solve(self, width_deg: float, costs: Array, limit: float = np.inf) -> Indices | None:
         """Return the indices (n,) of the cover with the lowest ``costs``; None if infeasible.
@@ -154,7 +155,7 @@ class Program:
 
 
 def _fill(space: protocol.CoveringSpace, places: Array) -> Array:
-    """Return a genome with ``places`` (k, genes of a slot) in its first slots, and 0 elsewhere."""
+    """Return a genome with ``places`` (k, genes per slot) in its first slots and 0 elsewhere."""
     genome = np.zeros(space.size)
     for slot, genes in zip(space.slots, places, strict=False):
         genome[list(slot.genes)] = genes
@@ -164,7 +165,7 @@ def _fill(space: protocol.CoveringSpace, places: Array) -> Array:
 def _compose(space: protocol.CoveringSpace, places: Array) -> Array:
     """Return a genome that mounts sensors only at ``places``."""
     low, high = space.number
-    if 0 < len(places) < low:  # the other slots repeat a place that can carry only one sensor
+    if 0 < len(places) < low:  # the remaining slots repeat a place that can carry only one sensor
         places = np.concatenate((places, *[places[-1:]] * (low - len(places))))
     genome = _fill(space, places)
     if space.number_gene is not None:
@@ -181,13 +182,13 @@ class _Remaining:
 
     @cached_property
     def _others(self) -> list[int]:
-        """The genes of the whole space that the cover does not determine."""
+        """The genes of the whole space that the cover leaves open."""
         taken = {gene for slot in self.space.slots for gene in slot.genes}
         return [i for i in range(self.space.size) if i not in taken | {self.space.number_gene}]
 
     @cached_property
     def _index(self) -> dict[int, int]:
-        """Maps the genes in ``_others`` to their indices in this space."""
+        """The index in this space of each gene in ``_others``."""
         return {gene: place for place, gene in enumerate(self._others, bool(self.bodies))}
 
     @property
@@ -196,7 +197,7 @@ class _Remaining:
 
     @cached_property
     def blocks(self) -> tuple[protocol.Block, ...]:
-        """A block for the choice of body, and the blocks of the other genes."""
+        """A block for the choice of body, and the blocks of all other genes."""
         body = protocol.Block("body", (protocol.Aspect("body", (), (0,)),))
         kept = [block for block in self.space.blocks if set(block.genes) <= self._index.keys()]
         moved = (block.move(self._index.__getitem__) for block in kept)
@@ -204,7 +205,7 @@ class _Remaining:
 
     @cached_property
     def levels(self) -> Mapping[int, int]:
-        """The number of bodies as levels of gene 0, and the levels of the other genes."""
+        """The levels by gene: one per body for gene 0, and the levels of all other genes."""
         levels = self.space.levels
         others = {self._index[gene]: n for gene, n in levels.items() if gene in self._index}
         return {0: len(self.bodies), **others} if len(self.bodies) > 1 else others
@@ -223,7 +224,7 @@ class _Remaining:
 
 @dataclass(frozen=True)
 class _CoverSearch:
-    """A search in the remaining space that translates genomes to the whole space."""
+    """A search in the remaining space that maps genomes to the whole space."""
 
     remaining: _Remaining
     search: protocol.Search

@@ -1,4 +1,4 @@
-"""A scrambled Sobol' sequence, which fills the space more evenly than random designs."""
+"""A scrambled Sobol' sequence, which covers the space more evenly than random designs."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ class Sobol(Optimizer):
     packages = ("scipy",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search along a sequence that is scrambled by ``rng``."""
+        """Start a search along a sequence that ``rng`` scrambles."""
         if space.size > MOST_GENES:
             raise InputError(
                 f"design: must have at most {MOST_GENES} genes for optimizer=sobol, not "

@@ -1,4 +1,4 @@
-"""The tree-structured Parzen estimator, which models the densities of good and of other designs."""
+"""The tree-structured Parzen estimator, which models the densities of good and other designs."""
 
 import logging
 import warnings
@@ -27,8 +27,8 @@ class Tpe(Optimizer):
     """The multivariate tree-structured Parzen estimator, from the package ``optuna``.
 
     Regions and sensor types are categorical, and whole numbers are integers. The designs of a
-    generation are proposed one by one, as if the earlier designs of the generation had a bad
-    fitness.
+    generation are proposed one by one, on the assumption that the generation's earlier designs have
+    poor fitness.
 
     J. Bergstra et al., "Algorithms for Hyper-Parameter Optimization", NIPS 2011; S. Watanabe,
     "Tree-Structured Parzen Estimator", arXiv:2304.11127.

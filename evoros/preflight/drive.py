@@ -1,6 +1,6 @@
-"""Detects a time step that is too coarse, by a short drive of the robot before the run.
+"""Detects a time step that is too coarse by driving the robot briefly before the run.
 
-Every proposed change has been tested by such a drive.
+Every change that is proposed has been tested in such a drive.
 """
 
 import dataclasses
@@ -39,16 +39,16 @@ from evoros.world.floors import GROUND
 from evoros.world.model import World
 
 TOLERANCE = 0.05  # relative to the commanded motion
-SKIDDING_TOLERANCE = 0.1  # wider if wheels slip: the model has equal loads, point contacts
+SKIDDING_TOLERANCE = 0.1  # wider if wheels slip: the model assumes equal loads and points
 MAX_SUNK_M, MAX_TILT_DEG = 0.01, 5.0
-ALIKE = 0.05  # maximum difference between deviations that are reported as one
+ALIKE = 0.05  # maximum difference between deviations that are reported together
 FIRM_GRIP_MPS2 = 8.0
 """The lateral acceleration above which wheels slip on common ground."""
 RIGHT = ", in which the robot moves as commanded"
 
 
 class Setting(NamedTuple):
-    """A robot on empty ground, and its speed [m/s] straight ahead."""
+    """A robot on empty ground, and the speed [m/s] at which it drives straight ahead."""
 
     robot: Robot
     world: World
@@ -67,7 +67,7 @@ class Setting(NamedTuple):
 
 
 def moves_right(setting: Setting, simulator: Simulator, before: TrialDrive) -> bool:
-    """Return True if a robot drives all manoeuvres as commanded, trying the worst first."""
+    """Return True if a robot performs all manoeuvres as commanded; the worst is tried first."""
     trial = setting.in_engine(simulator)
     worst_first = sorted(MANOEUVRES, key=lambda move: -abs(before.shares[move] - 1.0))
     return not _describe_rest(trial.stand(), setting.speed) and not any(
@@ -76,7 +76,7 @@ def moves_right(setting: Setting, simulator: Simulator, before: TrialDrive) -> b
 
 
 def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) -> str:
-    """Suggest what to change if no finer step helps; ``trial`` used the configured step."""
+    """Suggest a change if no finer step helps; ``trial`` used the configured step."""
     drive, speed = setting.robot.drive, setting.speed
     shares = {move: 1.0 if move.lock else share for move, share in trial.shares.items()}
     only_turns = not setting.describe(trial._replace(shares=shares))
@@ -108,7 +108,7 @@ def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) 
 
 
 def _find_resistance(simulator: Simulator, setting: Setting, trial: TrialDrive) -> float | None:
-    """Return a turning resistance with which a skid-steer robot drives as commanded, or None."""
+    """Return a turning resistance at which a skid-steer robot drives as commanded, or None."""
     drive, shares = setting.robot.drive, [trial.shares[move] for move in TURNS]
     share = 0.5 * (max(shares) + min(shares))
     if not isinstance(drive, SkidSteer) or not skids(drive):
@@ -126,7 +126,7 @@ def _find_resistance(simulator: Simulator, setting: Setting, trial: TrialDrive) 
 
 
 def _find_limit(simulator: Simulator, setting: Setting, trial: TrialDrive) -> float | None:
-    """Return a lower limit [rad] up to which a skid-steer robot turns as commanded, or None."""
+    """Return a lower limit [rad] at which a skid-steer robot turns as commanded, or None."""
     drive = setting.robot.drive
     if not isinstance(drive, SkidSteer):
         return None
@@ -145,7 +145,7 @@ def choose_mujoco(key: str) -> str:
 
 
 def advise_mujoco(keys: Iterable[str], setting: Setting, simulator: Simulator) -> str:
-    """Drive in MuJoCo at its default step, with other settings kept; describe the motion."""
+    """Drive in MuJoCo at its default step with all other settings kept; describe the motion."""
     choice = " ".join(map(choose_mujoco, keys))
     if find_spec("mujoco") is None:
         return f"use {choice} (MuJoCo is not installed: pip install mujoco-core)"
@@ -218,18 +218,18 @@ FINE_ITERATIONS = 50  # minimum number of solver iterations at finer steps
 
 
 def report_drive(experiment: Experiment, pool: Pool) -> None:
-    """Let a worker drive the robot in each engine, and warn if it does not move as commanded.
+    """Have a worker drive the robot in each engine, and warn if it does not move as commanded.
 
-    A worker is used because an engine may crash its process. Rule simulators are left out, because
-    robots always move as commanded in them.
+    A worker is used because an engine may crash its process. Rule simulators are skipped, because
+    robots always move as commanded there.
     """
     if all(isinstance(simulator, RuleSimulator) for simulator in _simulators(experiment).values()):
         return
     try:
         warnings = pool.submit(check_drive, experiment).result()
-    except CancelledError:  # the pool was closed, because the run is interrupted
+    except CancelledError:  # the pool was closed because the run was interrupted
         raise
-    except Exception as error:  # any error from an engine or a user's simulator
+    except Exception as error:  # an engine or a user's simulator may raise anything
         warnings = [
             f"a short drive before the run failed ({single_line(error)}); missions may fail, too"
         ]
@@ -268,7 +268,7 @@ def _check_subject(subject: Subject) -> Iterator[str]:
 
 
 def _guard(keys: Iterable[str], warnings: Iterator[str]) -> Iterator[str]:
-    """Yield the warnings of some engines, and a final one if an engine rejects the robot."""
+    """Yield the warnings about some engines; end with a warning if an engine rejects the robot."""
     try:
         yield from warnings
     except SimulationError as error:
@@ -282,7 +282,7 @@ def choose_speed(member: Member) -> float:
 
 
 def _tell_doubt(simulators: Mapping[str, Simulator], setting: Setting) -> Iterator[str]:
-    """Yield the warning for engines that are inaccurate for a drive at any time step."""
+    """Yield the warning about engines that simulate a drive inaccurately at any time step."""
     first = next(iter(simulators.values()))
     faults = setting.describe(setting.in_engine(first).run())
     shown = f"{faults}, and no step corrects that" if faults else "cannot be driven accurately"
@@ -337,7 +337,7 @@ def empty_world(world: World) -> World:
 
 
 def _refine(simulator: Any) -> Iterator[Simulator]:
-    """Yield the simulator with successively halved steps, which still divide all periods."""
+    """Yield the simulator with repeatedly halved steps; each step divides all periods."""
     if not dataclasses.is_dataclass(simulator):
         return
     part: Any = simulator

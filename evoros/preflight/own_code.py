@@ -1,7 +1,7 @@
-"""Tries a user's code before a run, where errors are detected.
+"""Tries a user's code before a run, at a stage where errors can be reported.
 
-Each rule is called once in Python, because compiled rules check neither indices nor divisions. One
-mission with live controllers is run twice, to detect controllers that are not deterministic.
+Each rule is called once in Python, because compiled rules check neither indices nor divisions. With
+live controllers, one mission is run twice to detect nondeterministic controllers.
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ TRUTH = Rule("True or False", lambda v: isinstance(v, bool | int | np.bool_))
 
 
 def try_rules(inputs: LoopInputs, readings: int) -> None:
-    """Call users' rules of sensors, filters and layers with readings and signals of 1."""
+    """Call users' rules for sensors, filters and layers with readings and signals of 1."""
     for stage in (*inputs.filters, *inputs.localization, *inputs.actuation):
         source, values = np.ones_like(stage.source), np.ones_like(stage.values)
         memory = stage.parameters.copy(), stage.memory.copy()
@@ -64,9 +64,9 @@ def _call(rule: Any, *arguments: Any) -> Any:
 
 
 def report_repeatability(scenario: Scenario, mission: Mission, pool: Pool) -> None:
-    """Let workers run a mission with live controllers twice, and log the difference.
+    """Have workers run a mission with live controllers twice, and log any difference.
 
-    Other controllers are left out, because rules and simulators of evoros are deterministic.
+    Other controllers are skipped, because evoros's rules and simulators are deterministic.
     """
     if not scenario.is_live:
         return
@@ -74,7 +74,7 @@ def report_repeatability(scenario: Scenario, mission: Mission, pool: Pool) -> No
     futures = [pool.submit(run_for_trajectory, packed, mission) for _ in range(2)]
     try:
         first, second = (future.result() for future in futures)
-    except CancelledError:  # the pool was closed, because the run is interrupted
+    except CancelledError:  # the pool was closed because the run was interrupted
         raise
     except Exception:  # the run will report the error
         return

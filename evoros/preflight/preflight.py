@@ -1,4 +1,4 @@
-"""Checks input before a run: starts everything that a mission needs except the engine."""
+"""Checks the input before a run by starting everything that a mission needs except the engine."""
 
 import logging
 import math
@@ -34,7 +34,7 @@ from evoros.simulator.protocol import RuleSimulation, RuleSimulator, SimulationR
 
 
 def check_start(experiment: Experiment) -> Iterator[str]:
-    """Start the first mission of a design, and compile its rules to disk for the workers.
+    """Start the first mission of a design, and compile its rules into the cache that workers load.
 
     Yield the reasons why rules can only be interpreted. A part that cannot start raises an
     InputError.
@@ -96,7 +96,7 @@ def _open_controller(participant: Participant) -> Sequence[LayerStage]:
 
 
 def _choose_rules(scenario: Scenario, members: Sequence[Member]) -> Sequence[SimulationRules]:
-    """Return the distinct rules of motion in the worlds; an engine has one set for all worlds."""
+    """Return the distinct rules of motion; an engine uses one set of rules for all worlds."""
     simulator = scenario.simulator
     if not isinstance(simulator, RuleSimulator):
         return [ENGINE_RULES]
@@ -109,9 +109,9 @@ def _choose_rules(scenario: Scenario, members: Sequence[Member]) -> Sequence[Sim
 
 
 def _compile(rules: SimulationRules, setup: Setup) -> list[str]:
-    """Compile the rules and loops that missions use; return why some are interpreted.
+    """Compile the rules and loops that missions use; yield the reasons why some are interpreted.
 
-    With an engine, interpreted rules are hardly slower, and a live controller has no rules.
+    With an engine, interpreted rules are barely slower, and live controllers have no rules.
     """
     inputs = setup.collect_inputs(RuleSimulation(rules, np.zeros(0), np.zeros(0)))
     try_rules(inputs, len(setup.arrays.readings))
@@ -127,7 +127,7 @@ DESIGNS = 32
 
 
 def check_measures(experiment: Experiment) -> Iterator[str]:
-    """Yield a warning for each objective that is equal for all designs that were tried."""
+    """Yield a warning for each objective that has the same value for all designs tried."""
     measures = list_measures(experiment).items()
     named = {key: measure for key, measure in measures if measure.of_design}
     if not named or not experiment.space.size:
@@ -203,7 +203,7 @@ RobotCheck = Callable[[scene.Subject], Iterator[str]]
 
 
 def preflight(experiment: Experiment) -> None:
-    """Try every part of an experiment once, so that bad input does not stop the run later."""
+    """Try every part of an experiment once, so that invalid input cannot stop the run later."""
     for check in CHECKS:
         for warning in check(experiment):
             _LOG.warning("%s", warning)
@@ -229,13 +229,13 @@ def check_robots(experiment: Experiment) -> Iterator[str]:
 
 
 def check_fitness(experiment: Experiment) -> Iterator[str]:
-    """Require that the worlds have what the fitness needs."""
+    """Require that the worlds provide what the fitness needs."""
     experiment.fitness.check_worlds(experiment.world)
     yield from ()
 
 
 def check_length(experiment: Experiment) -> Iterator[str]:
-    """Require that the trajectory of a mission fits into memory."""
+    """Require that a mission's trajectory fits into memory."""
     design = scene.choose_middle(experiment.space)
     period = max(experiment.controller.period_s, MIN_RECORD_S)
     for name, world in experiment.world.items():
@@ -251,7 +251,7 @@ def check_length(experiment: Experiment) -> Iterator[str]:
 
 
 def check_bounds(subject: scene.Subject) -> Iterator[str]:
-    """Require that the parts accept the bounds of all evolved ranges."""
+    """Require that the parts accept the bounds of every evolved range."""
     for key, scenario in list_scenarios(subject).items():
         (member,) = scenario.members
         parts = {name: getattr(member, name) for name in ("robot", "controller", "design")}
@@ -276,7 +276,7 @@ def check_cases(subject: scene.Subject) -> Iterator[str]:
 
 
 def check_mount(subject: scene.Subject) -> Iterator[str]:
-    """Yield a line with the default mount's values that were chosen for the robot."""
+    """Yield a line with the values of the default mount that were chosen for the robot."""
     robot = subject.member.robot
     if not robot.chosen_mount:
         return
@@ -287,7 +287,7 @@ def check_mount(subject: scene.Subject) -> Iterator[str]:
 
 
 def check_told(subject: scene.Subject) -> Iterator[str]:
-    """Yield a warning for each live controller that receives fewer sensors than designs have."""
+    """Yield a warning for each live controller that receives too few of the sensors' readings."""
     count = subject.member.design.max_number * (2 if subject.member.design.mirrored else 1)
     controllers = {
         "controller": subject.member.controller,

@@ -1,4 +1,4 @@
-"""Checks courses for bodies in the way at home, narrow passages and constant avoidance."""
+"""Checks courses for bodies at the home position, narrow passages and constant avoidance."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -21,17 +21,17 @@ from evoros.world.model import World
 from evoros.world.standing import GAP_M, standing_obstacles
 
 _STANDING_IN = 0.1
-"""Fraction by which the outline shrinks when testing if a robot stands in an obstacle."""
+"""Fraction by which the outline shrinks for the test whether a robot stands in an obstacle."""
 
 _MOVE = "move the body, or home (course.home_x_m, course.home_y_m)"
 STEP_M = 0.25  # distance between sampled points of the route
 MAX_RATIO = 3.0
 """The maximum ratio of the avoidance range to the median free space along the route.
 
-The ratio is 2.5 in ``world=dense``, where the evolved designs of the studies still make progress.
+It is 2.5 in ``world=dense``, where the designs evolved in the studies still make progress.
 """
 FIT_RATIO = 2.0
-"""The ratio that messages suggest."""
+"""The ratio that warnings suggest."""
 CELL_M = 0.1  # cell size of the search grid
 MAX_CELLS = 400  # maximum number of cells along each side of the grid
 
@@ -71,7 +71,7 @@ def check_route(world: World, robot: Robot) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class RangeFault:
-    """An avoidance range that is too long for the free space of a course."""
+    """An avoidance range that exceeds the free space along a course."""
 
     key: str
     range_m: float
@@ -86,7 +86,7 @@ class RangeFault:
 def find_range_fault(
     world: World, robot: Robot, controller: object, max_ratio: float = MAX_RATIO
 ) -> RangeFault | None:
-    """Return the fault if a controller would always avoid obstacles, else None.
+    """Return the fault if a controller would avoid obstacles all the time, else None.
 
     ``max_ratio`` is the maximum ratio of avoidance range to median free space along the route.
     """
@@ -138,7 +138,7 @@ def _free_space(points: Array, obstacles: Sequence[Footprint]) -> Array:
 def _check_passages(
     course: Course, obstacles: Sequence[Footprint], half_width: float, robot: str
 ) -> Iterator[str]:
-    """Warn about waypoints without a path as wide as the robot; rounding never closes a path."""
+    """Warn about waypoints without a path as wide as the robot; rounding closes no path."""
     goals = np.array([course.home[:2], *course.waypoints])
     vertices = np.concatenate([goals, *(footprint.vertices for footprint in obstacles)])
     low, high = vertices.min(axis=0) - 2 * half_width - 1, vertices.max(axis=0) + 2 * half_width + 1
@@ -163,14 +163,14 @@ def _point(point: Sequence[float]) -> str:
 
 
 def check_home(subject: Subject) -> Iterator[str]:
-    """Yield a warning for each body that is, or will be, in the robot's way at home."""
+    """Yield a warning for each body that is, or will be, in the way of the robot at home."""
     for name, world in subject.scenario.world.items():
         for message in check_place(world, subject.member.robot):
             yield f"world.{name} ({world.source}): {message}"
 
 
 def check_place(world: World, robot: Robot) -> Iterator[str]:
-    """Yield a warning for each body in the way of a robot at the home of a world."""
+    """Yield a warning for each body in the way of a robot at a world's home."""
     course, bodies = world.course, world.obstacles
     place = f"at home ({course.home_x_m:g}, {course.home_y_m:g})"
     touched = _list_touched(robot.outline, course, bodies, robot.height_m)

@@ -1,4 +1,4 @@
-"""Checks worlds: distant waypoints, sensors above all obstacles, room for walkers, fault onsets."""
+"""Checks worlds: distant waypoints, sensors above obstacles, space for walkers, fault onsets."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,10 +30,10 @@ RANDOM_DESIGNS = 5
 
 
 class Subject(NamedTuple):
-    """One robot of an experiment, named as if it were the only one."""
+    """One robot of an experiment, treated as if it were the only one."""
 
     member: Member  # the member of the team, with its key
-    scenario: Scenario  # its worlds have this robot's course
+    scenario: Scenario  # scenario whose worlds have this robot's course
     confirming: Scenario
     trials: int
 
@@ -66,14 +66,14 @@ def choose_middle(space: DesignSpace | TeamSpace) -> Design:
 
 
 def try_designs(subject: Subject) -> Iterator[Member]:
-    """Yield the robot with designs at the middle, at both ends and inside the space."""
+    """Yield the robot with designs at the middle, at both ends and inside the search space."""
     space, rng = subject.space, generator("preflight", "designs")
     genomes = [space.middle, *(np.full(space.size, share) for share in (0.0, 1.0))]
     for genome in (*genomes, *rng.random((RANDOM_DESIGNS, space.size))):
         try:
             yield from subject.scenario.equip(space.decode(genome))
         except InputError:
-            continue  # the part will reject this design in its missions, too
+            continue  # missions will also reject this design
 
 
 def find_values(part: object, name: str, at: str) -> Iterator[tuple[str, float]]:
@@ -92,7 +92,7 @@ def find_values(part: object, name: str, at: str) -> Iterator[tuple[str, float]]
 
 
 def find_avoidance_range(controller: object) -> tuple[str, float] | None:
-    """Return the key and value [m] of the maximum ``range_m`` of a controller's layers."""
+    """Return the key and value [m] of the longest ``range_m`` among a controller's layers."""
     ranges = find_values(controller, "range_m", "controller")
     return max(ranges, key=lambda entry: entry[1], default=None)
 
@@ -164,7 +164,7 @@ def check_meshes(subject: Subject) -> Iterator[str]:
 def check_view(subject: Subject) -> Iterator[str]:
     """Yield a warning for each sensor type that looks over every obstacle.
 
-    Nothing is checked if a world is not level or is drawn for each mission.
+    Worlds that are uneven or drawn for each mission are not checked.
     """
     worlds = list(subject.scenario.world.values())
     if any(world.sampler is not None or not world.is_level for world in worlds):
@@ -189,7 +189,7 @@ def check_view(subject: Subject) -> Iterator[str]:
 
 
 def _list_upward(robot: Robot) -> dict[str, float]:
-    """Return the minimum height [m] of each sensor type, or -inf if one of its rays points down."""
+    """Return the lowest height [m] that each sensor type sees; -inf if a ray points down."""
     heights: dict[str, float] = {}
     for mount, frame in zip(robot.mounts, robot.sensor_frames, strict=True):
         sensor = robot.sensors[mount.sensor]
@@ -202,7 +202,7 @@ def _list_upward(robot: Robot) -> dict[str, float]:
 
 
 def check_room(experiment: Experiment) -> Iterator[str]:
-    """Require that there is room for the maximum number of walkers in each world."""
+    """Require enough space in each world for the maximum number of walkers."""
     scenario = experiment.scenario
     if scenario.any_walkers:
         most = {
@@ -226,7 +226,7 @@ def place_robots(scenario: Scenario, members: Sequence[Member]) -> dict[str, lis
 
 
 DRAWS = 20
-"""Number of missions whose faults are drawn."""
+"""Number of missions for which faults are drawn."""
 
 
 def check_onsets(subject: Subject) -> Iterator[str]:
@@ -242,7 +242,7 @@ def check_onsets(subject: Subject) -> Iterator[str]:
 
 
 def _list_triggers(subject: Subject) -> list[Trigger]:
-    """Return the distinct fault triggers of some missions; none if only sensors can fail."""
+    """Return the distinct fault triggers of some missions; empty if only sensors can fail."""
     if not subject.scenario.failure.parts:
         return []
     (member,) = subject.scenario.equip(choose_middle(subject.space))
@@ -254,7 +254,7 @@ def _list_triggers(subject: Subject) -> list[Trigger]:
 
 
 def find_problem(trigger: Trigger, world: World) -> str:
-    """Return the rule that an onset breaks in a world, with its value; empty if it can occur."""
+    """Return the rule that an onset violates in a world, with the value; empty if it can occur."""
     course = world.course
     lengths = measure_legs(course.home, course.route(True))
     if trigger.kind == WAYPOINT and trigger.values[0] > len(lengths):

@@ -29,9 +29,9 @@ from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
 T = TypeVar("T")
-_FAR_M = 1e4  # distance from the robot at which a course disturbs nothing
-NEAR_M = 1.0  # distance at which obstacles should be seen if nothing sets an avoidance range
-SEEN_SHARE = 1 / 3  # minimum fraction of readings that hit the narrowest obstacle
+_FAR_M = 1e4  # distance from the robot at which the course cannot affect the readings
+NEAR_M = 1.0  # distance at which obstacles should be visible if no layer sets an avoidance range
+SEEN_SHARE = 1 / 3  # minimum share of readings that must hit the narrowest obstacle
 _AWAY = Course(_FAR_M, _FAR_M, 0.0, 0.0, [[2 * _FAR_M, _FAR_M]], 1.0, 1.0, "forward", True)
 
 
@@ -67,7 +67,7 @@ def _is_masked(robot: Robot, mount: Mount) -> bool:
 
 
 def _propose_masks(robots: Sequence[Robot]) -> Iterator[str]:
-    """Propose a mask for each scanner type if the same beams see the robot in all designs."""
+    """Propose a mask for each scanner type whose same beams see the robot in all designs."""
     types: dict[str, set[tuple[int, str]]] = {}
     for robot in robots:
         for mount, seeing in zip(robot.mounts, find_seeing_beams(robot), strict=True):
@@ -129,7 +129,7 @@ def _measure_gap(sensor: RangeSensor) -> float:
 
 
 def _propose_rays(name: str, sensor: RangeSensor, gap: float) -> str:
-    """Return the override that brings neighbouring rays within a gap [rad] of each other."""
+    """Return the override that spaces neighbouring rays at most ``gap`` [rad] apart."""
     low, high = find_field(sensor)
     spaces = round((high - low) / _measure_gap(sensor))
     zones = getattr(sensor, "zones", 1)
@@ -155,7 +155,7 @@ def check_housings(subject: Subject) -> Iterator[str]:
 
     If only some designs overlap, a search can choose others.
     """
-    # The first three designs put all sensors at the middle or an end of their regions.
+    # The first three designs put all sensors at the middle or at one end of their regions.
     members = islice(try_designs(subject), 3, None)
     overlaps = [list(find_overlaps(list_housings(member.robot))) for member in members]
     if overlaps and all(overlaps):
@@ -167,7 +167,7 @@ def check_housings(subject: Subject) -> Iterator[str]:
 
 
 def check_designs(robots: Mapping[str, Robot]) -> Iterator[str]:
-    """Yield a warning for each named robot whose sensors overlap or see the robot."""
+    """Yield a warning for each robot, by name, whose sensors overlap or see the robot."""
     for name, robot in robots.items():
         overlaps = list(find_overlaps(list_housings(robot)))
         if overlaps:
@@ -214,7 +214,7 @@ def _find_ground(member: Member) -> Iterator[GroundSight]:
 
 
 def _measure_ground(robot: Robot) -> Array:
-    """Return the ranges [m] on empty ground, ignoring the robot itself."""
+    """Measure the ranges [m] on empty ground as if the robot were transparent."""
     world = World("empty", (GROUND,), _AWAY, "preflight", "")
     signals = np.zeros(robot.signal_count)
     bare = PlacedRobot(replace(robot, occluders=Occluders()), _AWAY.home)

@@ -19,10 +19,10 @@ from evoros.world.model import World
 
 REST_S, PIECE_S, RUN_UP_PIECES = 1.0, 0.25, 12
 DRIVE_S, MAX_DRIVE_S = 2.0, 10.0
-SETTLED = 0.02  # maximum change of speed in a piece of the run-up, relative to the command
+SETTLED = 0.02  # maximum change of speed within a piece of the run-up, relative to the command
 ARM_M = 0.1  # distance between the sensors that measure the robot's height and tilt
-STILL_RAD = 1e-4  # half of the turned angle below which a robot counts as not turning
-READABLE_M = 0.5  # maximum error of rays that see the ground
+STILL_RAD = 1e-4  # half the turned angle below which a robot counts as not turning
+READABLE_M = 0.5  # maximum error of the rays that measure the ground
 
 
 class Manoeuvre(NamedTuple):
@@ -43,15 +43,15 @@ MANOEUVRES = (STRAIGHT, BACK, *TURNS)
 
 
 class Rest(NamedTuple):
-    """The motion and posture of a robot that is commanded to stand."""
+    """The motion and posture of a robot that is commanded to stand still."""
 
     drift_mps: float
-    sunk_m: float  # depth below the height in the description; 0 if unknown
+    sunk_m: float  # depth below the height given in the description; 0 if unknown
     tilt_deg: float
 
 
 class TrialDrive(NamedTuple):
-    """The actual motion of a robot in an engine."""
+    """The motion of a robot in an engine, compared with the commands."""
 
     rest: Rest
     shares: Mapping[Manoeuvre, float]
@@ -80,11 +80,11 @@ class Trial:
         self._simulator, self._world, self._speed = simulator, world, speed
 
     def run(self) -> TrialDrive:
-        """Measure the robot at rest, then in all manoeuvres."""
+        """Measure the robot at rest, then during each manoeuvre."""
         return TrialDrive(self.stand(), {move: self.drive(move) for move in MANOEUVRES})
 
     def stand(self) -> Rest:
-        """Let the robot settle and stand."""
+        """Let the robot settle while commanded to stand still, and measure it."""
         with open_alone(self._simulator.open, self._robot, self._world) as simulation:
             driver = _Driver(simulation, self._simulator.time_step)
             driver.advance(0.0, 0.0, 0.5 * REST_S)
@@ -94,8 +94,8 @@ class Trial:
     def drive(self, manoeuvre: Manoeuvre) -> float:
         """Drive a manoeuvre; return the speed, or the yaw rate, as a fraction of the command.
 
-        Robots on slipping wheels turn by a quarter circle if that takes at most ``MAX_DRIVE_S``,
-        because the friction of an engine may depend on the heading.
+        Robots whose wheels slip turn by 90 deg if that takes at most ``MAX_DRIVE_S``, because an
+        engine's friction may depend on the heading.
         """
         drive = self._robot.drive
         steering = manoeuvre.lock * drive.steering_limit
@@ -116,7 +116,7 @@ def _limit_speed(drive: Drive, curvature: float) -> float:
 
 
 def find_turning_point(simulator: Simulator, robot: Robot, world: World, speed: float) -> float:
-    """Return x [m], in the robot's frame, of the point that moves along the heading in a turn.
+    """Return x [m], in the robot's frame, of the point that moves along the heading during a turn.
 
     The result is NaN if the robot does not turn. A SimulationError means that the engine rejects
     the robot.
@@ -130,7 +130,7 @@ def find_turning_point(simulator: Simulator, robot: Robot, world: World, speed: 
 
 
 def _measure_posture(simulation: Simulation, robot: Robot) -> tuple[float, float]:
-    """Return the sinking [m] and the tilt [deg] of the robot; zeros if its rays see no ground."""
+    """Return how far the robot has sunk [m] and its tilt [deg]; zeros if its rays see no ground."""
     readings = np.zeros(robot.beam_count)
     simulation.sense(readings)
     errors = readings - robot.sensor_poses[:, 2]
@@ -146,7 +146,7 @@ class _Driver:
         self._command = np.zeros(COMMAND_SIZE)
 
     def advance(self, speed: float, steering: float, duration: float) -> tuple[float, float]:
-        """Drive for a duration [s]; return the mean speed (backwards negative) and yaw rate."""
+        """Drive for a duration [s]; return the mean speed (negative backwards) and yaw rate."""
         self._command[[DRIVE_SPEED, STEERING]] = speed, steering
         duration = max(1, round(duration / self._step)) * self._step
         before = self._observe()

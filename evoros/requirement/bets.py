@@ -1,11 +1,11 @@
-"""Sequential tests by betting that the mean of bounded values exceeds a limit.
+"""Sequential betting tests of whether the mean of bounded values exceeds a limit.
 
 A gambler bets that the next value exceeds the limit, at odds that are fair if the mean equals the
-limit. If the mean is at most the limit, the probability that the capital ever reaches
-1 / (1 - confidence) is at most 1 - confidence (Ville's inequality). The test may therefore stop
-after any value. Source: Waudby-Smith and Ramdas, Estimating means of bounded random variables by
-betting, Journal of the Royal Statistical Society B 86, 2024, equation 20 and proposition 2. The
-capital here is divided among constant bets, which suit means at different distances from the limit.
+limit. If the mean is at most the limit, the probability that the capital ever reaches 1 / (1 -
+confidence) is at most 1 - confidence (Ville's inequality). The test may therefore stop after any
+value. Source: Waudby-Smith and Ramdas, Estimating means of bounded random variables by betting,
+Journal of the Royal Statistical Society B 86, 2024, equation 20 and proposition 2. Here, the
+capital is divided among constant bets, which suit means at different distances from the limit.
 """
 
 import math
@@ -19,21 +19,21 @@ from evoros.certificate.rates import share_level
 from evoros.requirement.verdict import MET, UNDECIDED, VIOLATED
 
 DIGITS = 6
-"""Decimal places of bounds, so that all processors give the same bounds."""
+"""Decimal places to which bounds are rounded, so that all processors give the same bounds."""
 BETS = ((1.0, 0.3), (0.9, 0.15), (0.7, 0.15), (0.5, 0.15), (0.3, 0.1), (0.15, 0.1), (0.05, 0.05))
 """Bets as fractions of the largest affordable bet, and the fraction of the capital for each."""
 MOST_FURTHER = 1_000_000
-"""Maximum estimate of further values; larger estimates are infinite."""
+"""Maximum estimated number of further values; larger estimates become infinite."""
 _HALVINGS = 30
 
 
 def count_to_proof(values: Array, limit: float, confidence: float) -> int:
-    """Return the number of values that prove that their mean exceeds the limit; 0 without proof.
+    """Return the number of values after which the mean provably exceeds the limit; 0 if never.
 
-    ``values`` (n,) are independent and from 0 to 1, and ``limit`` is between 0 and 1. The error
-    probability is at most 1 - confidence for any n.
+    The ``values`` (n,) are independent and lie between 0 and 1, and ``limit`` is between 0 and 1.
+    The error probability is at most 1 - confidence for any n.
     """
-    with np.errstate(all="ignore"):  # infinite capital is a proof
+    with np.errstate(all="ignore"):  # infinite capital also proves the claim
         capital = sum(
             part * np.multiply.accumulate(1 + share * (values / limit - 1)) for share, part in BETS
         )
@@ -42,10 +42,10 @@ def count_to_proof(values: Array, limit: float, confidence: float) -> int:
 
 
 def decide(values: Array, limit: float, confidence: float, tests: int = 1) -> tuple[str, int]:
-    """Return the result for a limit of the mean, and the number of values that decide it.
+    """Return the result for a limit on the mean, and the number of values that decide it.
 
     The result is MET, VIOLATED or UNDECIDED. If any of several ``tests`` may show a violation, they
-    share its error rate. All of them must be met together, so that meeting one in error needs no
+    share its error rate. All of them must be met together, so meeting one by mistake needs no
     correction (intersection-union test).
     """
     proofs = {
@@ -58,7 +58,7 @@ def decide(values: Array, limit: float, confidence: float, tests: int = 1) -> tu
 
 
 def estimate_further(values: Array, limit: float, confidence: float) -> float:
-    """Estimate the number of further values that would prove that the mean exceeds the limit.
+    """Estimate the number of further values needed to prove that the mean exceeds the limit.
 
     Further values are assumed to be distributed like the given ones, so that each bet multiplies
     its capital by the same factor on average. The result is infinite if no bet grows, for example
@@ -85,7 +85,7 @@ def estimate_further(values: Array, limit: float, confidence: float) -> float:
 
 
 def bound(values: Array, confidence: float, tests: int = 1) -> tuple[float, float]:
-    """Return a lower and an upper bound of the mean, each of which holds with the confidence.
+    """Return a lower and an upper bound on the mean; each holds with the given confidence.
 
     The upper bounds of all ``tests`` hold simultaneously.
     """
@@ -94,7 +94,7 @@ def bound(values: Array, confidence: float, tests: int = 1) -> tuple[float, floa
 
 
 def bound_from_below(values: Array, confidence: float) -> float:
-    """Return the maximum limit that the mean provably exceeds; at least 0."""
+    """Return the largest limit that the mean provably exceeds; at least 0."""
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         middle = (low + high) / 2

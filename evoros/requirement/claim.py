@@ -1,4 +1,4 @@
-"""Claims about the missions of a design, which sequential trials decide."""
+"""Claims about a design's missions, decided by sequential testing."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -28,7 +28,7 @@ from evoros.requirement.verdict import (
 )
 
 COMPLETION_TIME = "completion_time_s"
-"""The time of a completed mission; infinite for any other mission."""
+"""The time of a completed mission; infinite for all other missions."""
 COLUMNS = (
     *(field.name for field in fields(Outcome) if field.type in (bool, int, float)),
     COMPLETION_TIME,
@@ -38,10 +38,10 @@ _NATURAL = dict.fromkeys(("completed", "progress", "avoiding"), (0.0, 1.0))
 
 
 def read_quantity(outcomes: Outcomes, column: str, agents: Sequence[str]) -> float:
-    """Return a quantity of a mission; NaN if the mission was not run.
+    """Return a quantity of a mission; NaN if the mission could not be run.
 
-    ``column`` is one of ``COLUMNS``, prefixed by an agent's name and a dot for that robot. The time
-    of an event that never happened, such as a first collision, is infinite.
+    ``column`` is one of ``COLUMNS``, with an agent's name and a dot in front for that agent's
+    value. The time of an event that never happened, such as a first collision, is infinite.
     """
     name, _, of_robot = column.rpartition(".")
     outcome = outcomes[1 + agents.index(name) if name else 0]
@@ -54,7 +54,7 @@ def read_quantity(outcomes: Outcomes, column: str, agents: Sequence[str]) -> flo
 
 
 def require_column(key: str, column: str, agents: Sequence[str]) -> None:
-    """Require that missions have a column."""
+    """Require that missions have a given column."""
     name, _, of_robot = column.rpartition(".")
     if (name and name not in agents) or of_robot not in COLUMNS:
         known = ", ".join(COLUMNS) + (f"; of agents {', '.join(agents)}.COLUMN" if agents else "")
@@ -98,9 +98,9 @@ class Claim:
     """A limit on the mean of a quantity over trials, or on its value in a share of the missions.
 
     With ``share``, the limit must hold in at least this share of the missions, which constrains a
-    quantile of the quantity. Otherwise it constrains the mean of the quantity, clipped to the
-    bounds ``within``. A mission that could not be run has the worst value. With ``each``, the limit
-    must hold at every level of a factor.
+    quantile of the quantity. Otherwise, the limit constrains the mean of the quantity, clipped to
+    the bounds ``within``. A mission that could not be run counts with the worst value. With
+    ``each``, the limit must hold at every level of a factor.
     """
 
     of: Annotated[str | Measure, QUANTITY]
@@ -109,7 +109,7 @@ class Claim:
     share: Annotated[float | None, SHARE] = None
     within: Annotated[Sequence[float] | None, BOUNDS] = None
     world: Annotated[str | None, NAME] = None  # null: the missions of all worlds
-    each: Annotated[str | Mapping[str, Any] | None, EACH] = None  # a factor, or factor: levels
+    each: Annotated[str | Mapping[str, Any] | None, EACH] = None  # a factor, or {factor: levels}
     confidence: Annotated[float, CONFIDENCE] = 0.95
 
     def __post_init__(self) -> None:
@@ -192,7 +192,7 @@ class Claim:
     def decide(
         self, trials: Trials, agents: Sequence[str], measured: Measured, tests: int = 1
     ) -> str:
-        """Return the result of ``judge`` without its bounds, in much less time."""
+        """Return the result of ``judge`` without the bounds, which take most of the time."""
         values = self._average(self._read_trials(trials, agents, measured))
         return decide(values, self._required, self.confidence, tests)[0]
 
@@ -218,7 +218,7 @@ class Claim:
         return self._foresee(verdict, values, tests) if result == UNDECIDED else verdict
 
     def _foresee(self, verdict: Verdict, values: Array, tests: int) -> Verdict:
-        """Add the result that further trials would probably show, and their estimated number."""
+        """Add the result to be expected from further trials, and their estimated number."""
         violated = share_level(self.confidence, tests)
         further = {
             MET: estimate_further(values, self._required, self.confidence),
@@ -248,7 +248,7 @@ class Claim:
     def _read_missions(
         self, trial: Trial, agents: Sequence[str], measured: Measured
     ) -> dict[str, float]:
-        """Return each mission's goodness by world for a trial, from 0 (worst) to 1."""
+        """Return each mission's goodness, from 0 (worst) to 1, in a trial, by world."""
         if not isinstance(self.of, str):
             world = next(iter(trial)) if self.world is None else self.world
             chosen = trial if self.world is None else {world: trial[world]}
@@ -266,14 +266,14 @@ class Claim:
         return float(value >= self.limit if self.at_most is None else value <= self.limit)
 
     def _rate(self, value: float) -> float:
-        """Return the goodness of a value between the bounds, from 0 to 1."""
+        """Rate a value between the bounds from 0 (worst) to 1."""
         assert self.bounds is not None
         low, high = self.bounds
         share = (min(max(value, low), high) - low) / (high - low)
         return share if self.at_most is None else 1 - share
 
     def _scale(self, goodness: float) -> float:
-        """Return the mean of the quantity, or the share of missions, for a mean goodness."""
+        """Convert a mean goodness to the mean of the quantity, or to the share of missions."""
         if self.share is not None:
             return goodness
         assert self.bounds is not None

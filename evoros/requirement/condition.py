@@ -12,19 +12,19 @@ PARTS = ("failure", "walkers", "simulator", "controller")
 
 @dataclass(frozen=True)
 class Condition:
-    """A given case of failed sensors, or a part that replaces a part of the experiment.
+    """A given case of failed sensors, or a part that replaces one of the experiment's parts.
 
-    Without either, missions are run under the evaluation's conditions.
+    Without either, missions run under the evaluation's conditions.
     """
 
-    case: Case | None = None  # the only failures
+    case: Case | None = None  # failures that replace all others
     factor: str = ""  # one of PARTS
     name: str = ""  # name of the replacing part
     part: Any = field(default=None, compare=False, repr=False)
 
     @property
     def text(self) -> str:
-        """The value of the missions' column ``case``; empty for ``OWN``."""
+        """The value in the column ``case`` of the missions; empty for ``OWN``."""
         if self.case is not None:
             return self.case.text
         return f"{self.factor}={self.name}" if self.factor else ""

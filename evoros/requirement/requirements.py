@@ -18,20 +18,20 @@ from evoros.requirement.verdict import MET, UNDECIDED, VIOLATED, Verdict, conclu
 @dataclass(frozen=True)
 @checked
 class Survival:
-    """A minimum completion rate in each world, after any set of up to ``survives`` sensors fails.
+    """A minimum completion rate in each world after the failure of any set of ``survives`` sensors.
 
-    The completion rate must exceed ``stops_below`` in each world without a failure and for each
-    set that fails at any of ``times_s``.
+    The completion rate must exceed ``stops_below`` in each world with all sensors intact and for
+    each set that fails at any of ``times_s``.
     """
 
-    survives: Annotated[int, COUNT]  # maximum number of failed sensors
+    survives: Annotated[int, COUNT]  # maximum number of sensors that fail
     stops_below: Annotated[float, SHARE] = 0.5  # completion rate in a world
     times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (
         0.0,
         40.0,
         80.0,
-    )  # a set fails at one of these
-    max_cases: Annotated[int, COUNT] = 500  # maximum number of cases, each a set at a time
+    )  # failure times of the sets
+    max_cases: Annotated[int, COUNT] = 500  # maximum number of pairs of a set and a time
     confidence: Annotated[float, CONFIDENCE] = 0.95
 
     @property
@@ -56,7 +56,7 @@ class Survival:
         return self.claim_for(None).fewest_trials
 
     def list_cases(self, sensors: int) -> Iterator[Case]:
-        """Yield the cases of a robot with this number of sensors, the intact case first."""
+        """Yield the cases for a robot with this number of sensors, the intact case first."""
         if self.survives > sensors:
             raise InputError(
                 f"survives: must be at most {sensors}, the number of sensors, not {self.survives}"
@@ -93,7 +93,7 @@ def list_levels(
 ) -> list[Level]:
     """List the levels of a requirement for a design with this number of sensors.
 
-    Without ``sensors``, levels with failed sensors are left out.
+    If ``sensors`` is None, levels with failed sensors are left out.
     """
     if isinstance(requirement, Survival):
         return [
@@ -130,7 +130,7 @@ REQUIREMENTS = mapping_of(Requirement, "requirements (evoros.requirement.require
 
 
 def collect(**requirements: Mapping[str, Any]) -> dict[str, Requirement]:
-    """Create named requirements from their fields."""
+    """Create requirements from their fields, by name."""
     made = {name: _make(name, fields) for name, fields in requirements.items()}
     claims = {name: claim for name, claim in made.items() if isinstance(claim, Claim)}
     for (first, one), (second, other) in combinations(claims.items(), 2):
@@ -168,7 +168,7 @@ def _make(name: str, fields: Any) -> Requirement:
 def check_requirements(
     requirements: Mapping[str, Requirement], worlds: Sequence[str], agents: Sequence[str]
 ) -> None:
-    """Check that missions have the columns, worlds and parts of all requirements.
+    """Check that missions have the columns, worlds and parts that the requirements name.
 
     Raises:
         InputError: a requirement names an unknown column or world, or two requirements give the
@@ -189,7 +189,7 @@ def check_requirements(
 
 
 def list_conditions(requirements: Mapping[str, Requirement]) -> dict[str, Condition]:
-    """Return the conditions that replace parts of the experiment, by their ``text``.
+    """Return the conditions that replace parts of the experiment, by ``text``.
 
     Raises:
         InputError: two requirements give the same name to different parts.
@@ -225,24 +225,24 @@ def _contradict(one: Claim, other: Claim) -> bool:
 
 
 ROUND = 10
-"""Trials between two judgements of undecided requirements."""
+"""Number of trials between two judgements of undecided requirements."""
 
 
 @dataclass(frozen=True)
 class Judged:
-    """The verdict on a requirement, and on each of its levels if there are several."""
+    """The verdict on a requirement, and on each level if there are several."""
 
     whole: Verdict
     levels: Mapping[str, Verdict] = field(default_factory=dict)
 
 
 class Assessment:
-    """Tracks the trials that a design's requirements need, and judges the requirements.
+    """Tracks the trials that a design's requirements still need, and judges the requirements.
 
-    Trials under a level's condition decide the level, which then needs no further trials. A
-    violated level decides a whole survival requirement. So the outcomes determine the trials run.
-    ``trials`` is the maximum under each condition, and ``first`` the minimum under the evaluation's
-    conditions.
+    Each level is decided by the trials under its condition, and then needs no further trials. One
+    violated level decides a whole survival requirement. The number of trials therefore depends on
+    the outcomes: ``trials`` is the maximum under each condition, and ``first`` the minimum under
+    the evaluation's conditions.
 
     Raises:
         InputError: a requirement has no levels for a robot with this number of ``sensors``.
@@ -264,14 +264,14 @@ class Assessment:
         }
         self._results = {name: [UNDECIDED] * len(of) for name, of in self._levels.items()}
         self.wanted = {OWN: min(first, trials)}
-        """The number of trials wanted under each condition so far."""
+        """The number of trials requested so far under each condition."""
         for level in (level for of in self._levels.values() for level in of):
             self.wanted.setdefault(level.condition, min(ROUND, trials))
         self.conditions = list(self.wanted)
         self.finished = False
 
     def list_worlds(self, condition: Condition) -> list[str]:
-        """List the worlds that need missions under a condition."""
+        """List the worlds in which missions are needed under a condition."""
         levels = [one for of in self._levels.values() for one in of if one.condition == condition]
         named = {level.claim.world for level in levels}
         everywhere = condition == OWN or None in named
@@ -280,7 +280,7 @@ class Assessment:
     def advance(
         self, known: Mapping[Condition, Trials], agents: Sequence[str], measured: Measured
     ) -> None:
-        """Judge the undecided levels on all trials so far, and request more trials if needed."""
+        """Judge the undecided levels on all trials so far, and request more trials where needed."""
         for name, levels in self._levels.items():
             results = self._results[name]
             for place in self._list_open(name):
@@ -298,21 +298,21 @@ class Assessment:
         self.finished = not growing
 
     def _list_open(self, name: str) -> list[int]:
-        """List the indices of the levels that more trials may decide."""
+        """List the indices of the levels that more trials might decide."""
         results = self._results[name]
         if isinstance(self._requirements[name], Survival) and VIOLATED in results:
             return []
         return [place for place, result in enumerate(results) if result == UNDECIDED]
 
     def result(self, name: str) -> str:
-        """Return the result of a requirement so far."""
+        """Return a requirement's result so far."""
         results = self._results[name]
         return next((one for one in (VIOLATED, UNDECIDED) if one in results), MET)
 
     def judge(
         self, known: Mapping[Condition, Trials], agents: Sequence[str], measured: Measured
     ) -> dict[str, Judged]:
-        """Return the verdicts over all trials by requirement."""
+        """Return the verdicts over all trials, by requirement."""
 
         def judge(level: Level, tests: int) -> Verdict:
             return level.claim.judge(known[level.condition], agents, measured, tests)

@@ -9,31 +9,31 @@ from evoros.mission.mission import Outcomes
 
 MET, VIOLATED, UNDECIDED = "met", "violated", "undecided"
 PERCENT = "%"
-"""The printed unit of shares; in tables, shares are numbers from 0 to 1."""
+"""The unit in which shares are printed; in tables, shares are numbers from 0 to 1."""
 Trial = Mapping[str, Outcomes]
-"""The outcomes of a trial's missions by world."""
+"""The outcomes of a trial's missions, by world."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The result of testing a requirement in trials, with the worst mission."""
+    """The result of testing a requirement in trials, and the worst mission."""
 
     result: str  # MET, VIOLATED or UNDECIDED
     trials: int  # number of trials that decided the result, or of all trials
-    value: float  # mean or share over these trials
-    low: float  # each bound holds with the confidence
+    value: float  # mean or share over the trials
+    low: float  # lower bound; each bound holds with the given confidence
     high: float
     confidence: float
     limit: float  # required value
     unit: str  # PERCENT for a share from 0 to 1; otherwise empty
     worst: tuple[int, str]  # trial and world of the mission
     further: float = 0.0  # estimated trials to a decision; infinite if none is expected
-    tends: str = ""  # MET or VIOLATED, the expected result; empty if decided or unknown
-    decided_by: str = ""  # the level that decides, if there are several
+    tends: str = ""  # MET or VIOLATED, the result to be expected; empty if decided or unknown
+    decided_by: str = ""  # deciding level, if there are several
 
     @property
     def text(self) -> str:
-        """The numbers behind the result and, unless met, the worst mission."""
+        """The numbers behind the result and, unless the requirement is met, the worst mission."""
         value, low, high = self._write_numbers()
         unit = f" {self.unit}" if self.unit else ""
         text = (
@@ -53,7 +53,7 @@ class Verdict:
         return f"{text}; the worst mission is trial {trial} in {world}"
 
     def _write_numbers(self) -> list[str]:
-        """Format value and bounds with enough digits to distinguish the bounds from the limit."""
+        """Format value and bounds with enough digits to tell the bounds from the limit."""
         scale = 100 if self.unit == PERCENT else 1
         numbers = [scale * number for number in (self.value, self.low, self.high)]
         digits = count_digits(numbers[2] - numbers[1])
@@ -72,12 +72,12 @@ def write_percent(share: float) -> str:
 
 
 def conclude(levels: Mapping[str, Verdict]) -> Verdict:
-    """Return the verdict on a requirement from the verdicts on all its levels by name.
+    """Return the verdict on a requirement from the verdicts on its levels, by name.
 
-    The requirement is met if all levels are met, violated if one is violated, and otherwise
-    undecided. The numbers come from the level that decides: the first violated level, the last met
-    level, or the critical undecided level. If further trials are like the known ones, the critical
-    level is the first that would be violated, or else the last that would be met.
+    The requirement is met if all levels are met, violated if any level is violated, and otherwise
+    undecided. The numbers come from the deciding level: the first violated level, the level that
+    was met last, or the critical undecided level. The critical level is the first that would be
+    violated if further trials resembled those so far, or else the last that would be met.
     """
     verdicts = [
         verdict if len(levels) == 1 and not name else replace(verdict, decided_by=name)

@@ -1,4 +1,4 @@
-"""Rewrites a robot's body: its ground frame, joints outside the drive, and collision shapes."""
+"""Adapts a robot's body: its ground frame, the joints outside the drive, and collision shapes."""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
@@ -44,7 +44,7 @@ def hold_joints(elements: Element, urdf: Urdf, driven: Collection[str]) -> list[
 
 
 def _exclude_zero(element: Element, joint: Joint) -> list[str]:
-    """Return a list of the joint's name with the reason if it cannot be at zero, else []."""
+    """Return [the joint's name and the reason] if a joint cannot be at zero, else []."""
     if not joint.lower <= 0.0 <= joint.upper:
         return [f"{joint.name} (from {joint.lower:g} to {joint.upper:g})"]
     mimic = element.find("mimic")
@@ -78,7 +78,7 @@ def complete_body(
     reader: SolidsReader,
     wheels: Sequence[Wheel],
 ) -> list[str]:
-    """Replace missing or too small collision shapes of the body by the hull of its visuals."""
+    """Replace missing or undersized collision shapes of the body with the hull of its visuals."""
     body = _list_body(urdf, rolling)
     solid = collision_points(urdf, body)
     if len(solid) and not _is_small(solid, wheels):
@@ -116,7 +116,7 @@ def replace_lost_body(
     reader: SolidsReader,
     wheels: Sequence[Wheel],
 ) -> list[str]:
-    """Add a box around the wheels if missing meshes leave too little of the body."""
+    """Add a box around the wheels if missing meshes leave too little of the body's shape."""
     solid = collision_points(urdf, _list_body(urdf, rolling))
     if not reader.lacks_meshes or (len(solid) and not _is_small(solid, wheels)):
         return []
@@ -174,7 +174,7 @@ def _points(shapes: Sequence[tuple[Shape, Pose]]) -> Array:
 
 
 def show_as_collisions(elements: Element, urdf: Urdf, reader: SolidsReader) -> list[str]:
-    """Use the visuals of wheels and casters as collision shapes if these are missing."""
+    """Use the visuals of wheels and casters as collision shapes where these are missing."""
     changed = []
     for link in elements.findall("link"):
         name = str(link.get("name"))

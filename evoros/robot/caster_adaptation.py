@@ -1,4 +1,4 @@
-"""Finds the parts that a robot slides on, and adds missing masses and supports."""
+"""Finds the parts on which a robot slides, and adds missing masses and supports."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -23,8 +23,8 @@ from evoros.geometry.footprint import bottom_height
 from evoros.geometry.shapes import Pose, Shape
 
 CASTER_MASS_KG = 0.01  # mass of a caster that is split off or assumed
-CLEARANCE_M = 0.02  # height above the ground at which shapes are cut
-_MAX_DEPTH_M = 0.02  # maximum depth below the ground at which a shape is raised, not cut
+CLEARANCE_M = 0.02  # height above the ground at which shapes are cut to split off a sliding part
+_MAX_DEPTH_M = 0.02  # maximum depth below the ground at which a shape is raised rather than cut
 _ASSUMED_RADIUS_M = 0.01
 
 
@@ -32,14 +32,14 @@ class Casters(NamedTuple):
     """Links that slide on the ground."""
 
     links: tuple[str, ...]
-    exposed: Mapping[str, str]  # former link of each split-off body part, by new link
+    exposed: Mapping[str, str]  # original link of each split-off body part, by new link
     notes: tuple[str, ...]
 
 
 def find_casters(
     elements: Element, urdf: Urdf, rolling: Collection[str], given: Sequence[str]
 ) -> Casters:
-    """Find the non-wheel parts that reach the ground, and make them separate links."""
+    """Find the parts other than wheels that reach the ground, and make them separate links."""
     links = {str(link.get("name")): link for link in elements.findall("link")}
     casters, raised, split = list(given), [], {}
     gaps: dict[str, float] = {}
@@ -130,8 +130,8 @@ def add_supports(
 ) -> Casters:
     """Add a ball in front of or behind the axle of a two-wheeled robot that would tip over.
 
-    ``corners`` (n, 3) [m] are points of the body. If there are casters, a ball is added only on a
-    side that has none and that the weight leans to.
+    ``corners`` (n, 3) [m] are points of the body. If the robot has casters, a ball is added only on
+    a side that has no caster and to which the weight leans.
     """
     mass, centre = centre_of_mass(elements, urdf)
     places = [

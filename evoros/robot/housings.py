@@ -28,7 +28,7 @@ class Housing:
 class Overlap(NamedTuple):
     """Two housings that overlap."""
 
-    depth_m: float  # distance that one of them must move to clear the other
+    depth_m: float  # distance by which one housing must move to clear the other
     first: str
     second: str
 
@@ -50,7 +50,7 @@ def find_overlaps(housings: Sequence[Housing]) -> Iterator[Overlap]:
 
 
 def _measure_overlap(first: Housing, second: Housing) -> float:
-    """Return the distance [m] that one box must move to clear the other; at most 0 if clear.
+    """Return the distance [m] by which one box must move to clear the other; at most 0 if clear.
 
     By the separating axis theorem, disjoint boxes are separated along a face normal or a cross
     product of edges.

@@ -1,7 +1,7 @@
-"""Reads a robot from a URDF or xacro file, rewritten into the form that engines and drives need.
+"""Reads a robot from URDF or xacro, and rewrites it into the form that engines and drives need.
 
-Stated values are kept, and each assumption is logged. A description that is already in this form is
-not changed.
+Stated values are kept, and each assumption is logged. A description already in this form is left
+unchanged.
 """
 
 import logging
@@ -45,7 +45,7 @@ _LOG = logging.getLogger(__name__)
 
 GRAVITY_MPS2 = 9.81
 DENSEST_KG_M3 = 22_600.0  # density of osmium, the densest metal
-STEERING_STOP_RAD = 0.8  # limit of steering joints that state none
+STEERING_STOP_RAD = 0.8  # limit of steering joints for which none is stated
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +56,11 @@ class AdaptedRobot:
     urdf: Urdf
     drive: DriveDescription
     exposed_casters: Mapping[str, str]
-    """The link that each sliding body part was split from, by the part's new link."""
+    """The link from which each sliding body part was split off, by the part's new link."""
 
 
 def adapt(description: Element, source: str, drive: DriveDescription, missing: str) -> AdaptedRobot:
-    """Rewrite a copy of a ``<robot>`` element for a drive."""
+    """Return a copy of a ``<robot>`` element, rewritten for a drive."""
     tell_degrees(description, _LOG)
     elements, reader = deepcopy(description), SolidsReader(missing)
     reader.rewrite_collisions(elements)
@@ -100,7 +100,7 @@ def adapt(description: Element, source: str, drive: DriveDescription, missing: s
 def _adapt_drive(
     elements: Element, urdf: Urdf, drive: DriveDescription
 ) -> tuple[DriveDescription, list[Wheel], list[str]]:
-    """Choose the drive and rewrite its joints and wheels; return the wheels in the root's frame."""
+    """Choose the drive and adapt its joints and wheels; return the wheels in the root's frame."""
     automatic, notes = isinstance(drive, AutomaticDescription), Notes(*([] for _ in Notes._fields))
     chosen = drive.choose(urdf) if isinstance(drive, AutomaticDescription) else drive
     named = isinstance(drive, AutomaticDescription) and bool(drive.left_wheel_joints)
@@ -124,7 +124,7 @@ def _adapt_drive(
 
 
 def _extent(urdf: Urdf, wheels: Sequence[Wheel]) -> float:
-    """Return the diagonal [m] of the robot's bounding box, a bound on distances between masses."""
+    """Return the diagonal [m] of the robot's bounding box, the maximum distance between masses."""
     points = [wheel.centre[None] for wheel in wheels]
     points += [np.array([pose.position]) for pose in urdf.poses.values()]
     points.append(body_adaptation.collision_points(urdf, urdf.shapes))
@@ -141,7 +141,7 @@ def _complete_masses(
         if any(links[part].find("inertial") is not None for part in urdf.rigid_group(child)):
             continue
         shapes = [(shape, shape.pose) for shape in urdf.shapes[child]]
-        if name in drive.steering_joints:  # small part: a cube with the wheel radius as edge
+        if name in drive.steering_joints:  # small part: a cube whose edge is the wheel radius
             shapes = [(Shape("box", (wheels[0].radius,) * 3), Pose())]
         give_mass(links[child], shapes)
         given.append(child)
@@ -195,7 +195,7 @@ def _adapt_casters(
 def _complete_motors(
     elements: Element, urdf: Urdf, drive: DriveDescription, wheels: Sequence[Wheel]
 ) -> list[str]:
-    """Limit the effort of drive joints that state no limit to weight times wheel radius."""
+    """Limit the effort of drive joints without a stated limit to weight times wheel radius."""
     mass, _ = centre_of_mass(elements, urdf)
     radii = {name: wheel.radius for name, wheel in zip(drive.wheel_joints, wheels, strict=True)}
     radii |= dict.fromkeys(drive.steering_joints, wheels[0].radius)
@@ -228,15 +228,16 @@ def load_robot(
     wheels_touch: bool = True,
     self_occlusion: str = COLLISIONS,
 ) -> Robot:
-    """Load the robot that a xacro or URDF file describes.
+    """Load a robot from a xacro or URDF file.
 
     ``description`` is a path, which may be relative to the bundled robots, and ``arguments`` are
-    passed to xacro. Files that it names are also searched for in the folders ``packages``; elements
-    from ``ignored_packages`` are left out. ``environment`` holds the variables for ``$(env)``. If
-    ``mount`` is None, a default is derived from the robot. ``missing`` (``error``, ``leave_out`` or
-    ``box``) says what to do if a mesh is missing. If ``wheels_touch``, obstacles can touch wheels
-    and casters that stick out of the body. ``self_occlusion`` selects the shapes that block the
-    robot's own sensors, ``collisions`` or ``visuals``.
+    passed to xacro. Files named in the description are also searched for in the folders
+    ``packages``; elements from ``ignored_packages`` are left out. ``environment`` holds the
+    variables for ``$(env)``. If ``mount`` is None, a default is derived from the robot. ``missing``
+    (``error``, ``leave_out`` or ``box``) determines how a missing mesh is handled. If
+    ``wheels_touch``, obstacles can touch wheels and casters that stick out of the body.
+    ``self_occlusion`` selects the shapes that block the robot's own sensors, ``collisions`` or
+    ``visuals``.
     """
     mount = MountDefaults() if mount is None else mount
     options = ReadOptions(arguments or {}, packages, ignored_packages, environment or {}, missing)
@@ -336,7 +337,7 @@ def _find_body(
 
 
 def _find_sensor_links(urdf: Urdf, root: Element) -> dict[str, tuple[float, float, float, float]]:
-    """Map each upright link fixed to the root to its x, y, z [m] and yaw [rad]."""
+    """Return the x, y, z [m] and yaw [rad] of each upright link fixed to the root, by name."""
     described = {link.get("name") for link in root.findall("link")}
     sensor_links = {}
     for link, pose in urdf.poses.items():

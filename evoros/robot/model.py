@@ -1,4 +1,4 @@
-"""The robot model: outline, drive and sensors, also as URDF elements."""
+"""The robot model: outline, drive and sensors, and the conversion to URDF."""
 
 import math
 import re
@@ -68,25 +68,27 @@ class Robot:
     name: str
     base_urdf: UrdfDocument  # content of the robot's file, without sensors
     drive: Drive
-    outline: Array  # (k, 2) [m], convex footprint of the collision shapes, counter-clockwise
+    outline: Array  # (k, 2) [m], convex hull of the collision shapes in top view, counter-clockwise
     height_m: float  # top of the collision shapes above the ground
     mount_link: str
     mount_z_m: float
-    mount_pitch_deg: float | None  # None: the lowest ray of the sensors is level
+    mount_pitch_deg: float | None  # None: the pitch at which the sensors' lowest ray is level
     sensor_links: Mapping[str, tuple[float, float, float, float]]
     """Poses of the links that can carry sensors, in the robot's frame: x, y, z [m], yaw [rad]."""
     visuals: tuple[SolidShape, ...] = ()  # visual shapes of the links, without sensors
     solids: tuple[SolidShape, ...] = ()  # collision shapes of links that do not roll
-    chosen_mount: tuple[str, ...] = ()  # keys of the default mount that the configuration left open
+    chosen_mount: tuple[str, ...] = ()  # keys of the default mount for which values were chosen
     reserved_names: frozenset[str] = frozenset()  # names of links and joints
     exposed_links: frozenset[str] = frozenset()
     """Wheels and casters that stick out of the body; obstacles can touch them."""
     engine_urdf: UrdfDocument | None = None
-    """The description for engines if it differs from ``base_urdf``: joints outside the drive are
-    held, wheels are cylinders, meshes are convex parts, moving links have masses, and the root is
-    on the ground."""
+    """The description for engines, if it differs from ``base_urdf``.
+
+    Joints outside the drive are fixed, wheels are cylinders, meshes are convex parts, moving links
+    have masses, and the root is on the ground.
+    """
     occluders: Occluders = field(default_factory=Occluders)  # parts that block its sensors
-    mounts: tuple[Mount, ...] = ()  # mounts of one sensor type are contiguous
+    mounts: tuple[Mount, ...] = ()  # mounts of the same sensor type are contiguous
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
 
     @property
@@ -103,7 +105,7 @@ class Robot:
 
     @property
     def engine_text(self) -> str:
-        """The XML that engines load, without sensors."""
+        """The XML that engines load, which contains no sensors."""
         return (self.engine_urdf or self.base_urdf).text
 
     @property
@@ -112,7 +114,7 @@ class Robot:
         return etree.tostring(self.urdf_elements(), encoding="unicode") + "\n"
 
     def urdf_elements(self) -> Element:
-        """Create the elements that engines load, with a link and a joint for each mount."""
+        """Create the elements that engines load, plus a link and a joint for each mount."""
         root = (self.engine_urdf or self.base_urdf).copy_elements()
         for name, mount in self.named_mounts():
             root.extend(sensor_elements(name, mount, self.sensors[mount.sensor]))
@@ -138,7 +140,7 @@ class Robot:
 
     @cached_property
     def layout(self) -> tuple[slice, ...]:
-        """The slice of the flat readings that belongs to each mount: one value per channel."""
+        """The slice of the flat readings that belongs to each mount, one value per channel."""
         return _place([len(sensor.channels) for sensor in self.mounted_sensors()])
 
     @cached_property
@@ -149,7 +151,7 @@ class Robot:
 
     @cached_property
     def signal_layout(self) -> tuple[slice, ...]:
-        """The slice of the sensed values (true ranges, then other signals) of each mount."""
+        """The slice of each mount in the sensed values (true ranges, then other signals)."""
         sensors = self.mounted_sensors()
         sizes = [SIGNAL_SIZES.get(sensor.measures, 0) for sensor in sensors]
         signals = _place([self.beam_count, *sizes])[1:]
@@ -178,7 +180,7 @@ class Robot:
         return [self.sensors[mount.sensor] for mount in self.mounts]
 
     def describe_sensors(self) -> Channels:
-        """Describe the sensors as failures see them, each as one value."""
+        """Describe each sensor as a signal that can fail."""
         sensors = self.mounted_sensors()
         return Channels(
             low=np.array([min(channel.low for channel in sensor.channels) for sensor in sensors]),
@@ -188,7 +190,7 @@ class Robot:
         )
 
     def default_pitch(self, sensors: Iterable[Sensor]) -> float:
-        """Return the pitch [deg] of the default mount for these sensors."""
+        """Return the default mount's pitch [deg] for these sensors."""
         return level_pitch(sensors) if self.mount_pitch_deg is None else self.mount_pitch_deg
 
     @cached_property
@@ -203,7 +205,7 @@ class Robot:
         return poses
 
     def channel_yaws(self) -> list[float]:
-        """Return the yaw [rad] of each reading, left positive; NaN if its sensor casts no rays.
+        """Return the yaw [rad] of each reading, left positive; NaN for sensors without rays.
 
         If a sensor has several channels, each yaw is the mean direction of the channel's rays.
         """
@@ -273,8 +275,10 @@ def _place(sizes: Sequence[int]) -> tuple[slice, ...]:
 
 
 DIRECTION, ORIGIN, HOUSING, LIMIT = 0, 3, 6, 7
-"""Columns of a ray: unit vector (3,), origin (3,) [m], distance to the exit from the sensor's
-housing [m], maximum range [m].
+"""Columns of a ray.
+
+Unit vector (3,), origin (3,) [m], distance to the exit from the sensor's housing [m], and maximum
+range [m].
 """
 RAY_SIZE = 8
 
@@ -290,7 +294,7 @@ class RayTable(NamedTuple):
     """The rays of all range sensors of a robot, by beam."""
 
     rows: Array  # (r, RAY_SIZE)
-    starts: NDArray[np.int64]  # (n + 1,) index of each beam's first ray, then the number of rays
+    starts: NDArray[np.int64]  # (n + 1,) each beam's first ray, then the number of rays
 
 
 def sort_rays(sensor: RangeSensor) -> SortedRays:
@@ -330,7 +334,7 @@ def lay_out_rays(sensor: RangeSensor, rays: Array, frames: Array) -> Array:
     turned = turned + rays[:, 1:2] * axes[..., 1] + rays[:, 2:] * axes[..., 2]
     rows[..., DIRECTION : DIRECTION + 3] = turned
     rows[..., ORIGIN : ORIGIN + 3] = frames[:, None, :3, 3]
-    # Avoids division by 0; a ray parallel to one face exits through another.
+    # Avoids division by 0; a ray parallel to one face leaves through another.
     steep = np.maximum(np.abs(rays), 1e-12)
     rows[..., HOUSING] = (0.5 * np.array(sensor.size_m) / steep).min(axis=1)
     rows[..., LIMIT] = sensor.range_max_m

@@ -1,4 +1,4 @@
-"""Sensor mounting: the default mount, poses and frames."""
+"""Sensor mounting: the default mount, mounting poses and sensor frames."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,10 +20,10 @@ Places = Mapping[str, tuple[float, float, float, float]]
 @dataclass(frozen=True)
 @checked
 class MountDefaults:
-    """Default values for the mount parameters that a design region leaves open.
+    """Default values for the mount parameters that a design region does not set.
 
-    Values that are None are derived from the robot: the link with the largest area in top view, the
-    middle height of that link's collision shapes, and the pitch that levels the sensors' lowest
+    None means that a value is derived from the robot: the link with the largest area in top view,
+    the middle height of that link's collision shapes, and the pitch that levels the sensors' lowest
     ray.
     """
 
@@ -42,7 +42,7 @@ class FittedMount(NamedTuple):
 
 
 def fit_mount(mount: MountDefaults, places: Places, solids: Sequence[SolidShape]) -> FittedMount:
-    """Fill in the None values of ``mount`` for a robot's links and collision shapes."""
+    """Replace the None values of ``mount`` with values derived from links and collision shapes."""
     link = _find_carrier(places, solids) if mount.link is None else mount.link
     z = mount.z_m
     if z is None:
@@ -56,7 +56,7 @@ def fit_mount(mount: MountDefaults, places: Places, solids: Sequence[SolidShape]
 def level_pitch(sensors: Iterable[Sensor]) -> float:
     """Return the minimum pitch [deg], nose up, at which no ray of any sensor points down.
 
-    The pitch is 0 for sensors that also see backwards, because tilting them would point their rear
+    Sensors that also see backwards get a pitch of 0, because tilting them up would point their rear
     rays at the ground.
     """
     return max((_level_pitch(sensor) for sensor in sensors if sees(sensor)), default=0.0)

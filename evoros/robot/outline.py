@@ -31,7 +31,7 @@ _OVERHANG_M = 1e-3  # maximum overhang of a wheel that still counts as covered b
 
 @dataclass(frozen=True)
 class SolidShape:
-    """A shape of a link; ``pose`` is in the robot's frame, with the wheels straight ahead."""
+    """A link's shape; ``pose`` is in the robot's frame with the wheels straight ahead."""
 
     link: str
     shape: Shape
@@ -71,7 +71,7 @@ def compute_outline_at(solids: Sequence[SolidShape], height: float) -> Array | N
 def rolling_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
     """Return the shapes of a wheel or caster, in the robot's frame.
 
-    Spheres are replaced by the link's visual cylinders, if any, as on passive wheels.
+    Spheres are replaced with the link's visual cylinders, if any, as on passive wheels.
     """
     shapes, shown = urdf.shapes[link], urdf.visuals[link]
     balls = [shape for shape in shapes if shape.kind == "sphere"]
@@ -94,15 +94,17 @@ SWEEP = 17
 """Number of steering angles, from lock to lock, at which checks place steered wheels."""
 
 BURIED_M = 0.1
-"""Maximum length [m] of a ray inside the shape in which the ray starts; checks count a longer ray
-as hidden. Housings of sensors in descriptions, such as lidars, are smaller. """
+"""Maximum length [m] of a ray inside the shape in which the ray starts.
+
+Checks report a longer ray as hidden. Sensor housings in descriptions, such as lidars, are smaller.
+"""
 
 
 class Steering(NamedTuple):
     """The steering joint that turns a shape."""
 
     joint: int  # index in drive.steering_joints
-    pivot: tuple[float, float]  # x, y [m] of the joint's vertical axis, in the robot's frame
+    pivot: tuple[float, float]  # x, y [m] of the joint's vertical axis in the robot's frame
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,7 @@ class OccluderRows(NamedTuple):
 
     rows: Array  # (s, OBSTACLE_SIZE), as in evoros.geometry.ray
     faces: Array  # (f, FACE_SIZE), of all polyhedra
-    inside: Array  # (s,) [m], how far a ray that starts in the shape may pass through it
+    inside: Array  # (s,) [m], maximum length inside the shape of a ray that starts there
     rolls: Array  # (s,) 1 for wheels and casters, else 0
     numbers: Array  # (s,) index in Occluders.shapes
     heights: Array  # (s, 2) [m], of the lowest and highest points
@@ -131,10 +133,10 @@ class Occluders:
 
     @cached_property
     def fixed(self) -> OccluderRows:
-        """The unsteered shapes, as missions treat them.
+        """The unsteered shapes, as used in missions.
 
-        A ray that starts inside the chassis does not see the chassis, as with any other shape. A
-        ray that starts inside a wheel is blocked.
+        A ray that starts inside the chassis, or any other shape, does not see that shape. A ray
+        that starts inside a wheel is blocked.
         """
         return self._select(False, np.inf)
 
@@ -145,7 +147,7 @@ class Occluders:
 
     @cached_property
     def sweep_volumes(self) -> list[OccluderRows]:
-        """An upright cylinder around each steered shape that contains it at all angles."""
+        """An upright cylinder around each steered shape that contains the shape at all angles."""
         volumes = []
         for row, index in zip(self.steered.rows, self.steered.numbers, strict=True):
             pivot = self.steering_of(int(index)).pivot
@@ -199,7 +201,7 @@ class Occluders:
 
 
 def relative_row(row: Array, pivot: tuple[float, float]) -> Array:
-    """Return the row of a shape relative to the vertical axis through ``pivot`` [m]."""
+    """Return a shape's row relative to the vertical axis through ``pivot`` [m]."""
     moved = row.copy()
     moved[[AT_X, AT_Y]] -= pivot
     return moved
@@ -211,10 +213,10 @@ def find_occluders(
     rolling: Collection[str],
     visuals: Mapping[str, Sequence[Shape]] | None,
 ) -> Occluders:
-    """Find the shapes of a robot that its sensors can see.
+    """Find the shapes that can block the view of a robot's own sensors.
 
-    These are the collision shapes, or the ``visuals`` by link if given. The ``rolling`` links
-    (wheels and casters) always use their collision shapes.
+    These are the collision shapes or, if given, the ``visuals`` by link. The ``rolling`` links
+    (wheels and casters) are always represented by their collision shapes.
     """
     occluders = []
     for link, shapes in urdf.shapes.items():

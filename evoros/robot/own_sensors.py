@@ -1,4 +1,4 @@
-"""Sensors already in a robot's description, expressed on links that can carry sensors."""
+"""The sensors in a robot's description, expressed relative to links that can carry sensors."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -21,10 +21,10 @@ _ROLL_RAD = 1e-6
 
 @dataclass(frozen=True)
 class OwnSensor:
-    """A sensor of the description and its pose, rounded to micrometres and 1e-4 degrees."""
+    """A sensor in the description, with its pose rounded to micrometres and 1e-4 degrees."""
 
     described: DescribedSensor
-    link: str  # a link that can carry sensors
+    link: str  # link that can carry sensors
     position_m: tuple[float, float, float]  # relative to ``link``
     yaw_deg: float  # left positive
     pitch_deg: float  # nose up positive
@@ -33,14 +33,14 @@ class OwnSensor:
 
 @dataclass(frozen=True)
 class OwnSensors:
-    """The sensors in a description, and notes on differences from the description."""
+    """The sensors in a description, and notes on where they deviate from the description."""
 
     sensors: Sequence[OwnSensor]
     notes: Sequence[str]
 
 
 def find_own_sensors(robot: Robot) -> OwnSensors:
-    """Find the sensors in the description of ``robot``, excluding those that evoros mounts."""
+    """Find the sensors in a robot's description, except those that evoros has mounted."""
     read = read_sensors(robot.base_urdf.copy_elements())
     urdf = read_tree((robot.engine_urdf or robot.base_urdf).copy_elements(), robot.name)
     sensors, notes = [], list(read.left_out)
@@ -58,7 +58,7 @@ def find_own_sensors(robot: Robot) -> OwnSensors:
 
 
 def _mount(described: DescribedSensor, urdf: Urdf, robot: Robot) -> tuple[OwnSensor, float]:
-    """Return the sensor on the nearest link that can carry it, and its roll there [rad]."""
+    """Return the sensor on the nearest link that can carry it, and its roll [rad] on that link."""
     chain = (described.link, *(joint.parent for joint in urdf.joints_above(described.link)))
     link = next((name for name in chain if name in robot.sensor_links), robot.mount_link)
     pose = urdf.poses[link].inverse() @ urdf.poses[described.link] @ described.pose
@@ -69,7 +69,7 @@ def _mount(described: DescribedSensor, urdf: Urdf, robot: Robot) -> tuple[OwnSen
 
 
 def _find_masked(sensor: OwnSensor, robot: Robot) -> list[tuple[int, int]]:
-    """Return (first, last) of the lidar beams that see the robot at some steering angle."""
+    """Return (first, last) of each run of lidar beams that see the robot at some steering angle."""
     known = {field.name for field in fields(Lidar)}
     settings: dict[str, Any] = {k: v for k, v in sensor.described.settings.items() if k in known}
     mount = Mount(LIDAR, sensor.link, *sensor.position_m, sensor.yaw_deg, sensor.pitch_deg)

@@ -1,4 +1,4 @@
-"""The bearings that a robot's sensors see."""
+"""The bearings at which a robot's sensors see a point."""
 
 import math
 from functools import cache
@@ -21,11 +21,11 @@ Mask = NDArray[np.bool_]
 
 
 def find_seen(robot: Robot, distance_m: float) -> Mask:
-    """Return a mask (sensors, 360), True for each of ``BEARINGS_DEG`` that a range sensor sees.
+    """Return a mask (sensors, 360): True at the ``BEARINGS_DEG`` that each range sensor sees.
 
     Each bearing stands for a point at ``distance_m`` [m] from the middle of the robot's outline. In
-    top view, a sensor sees the points within its ranges and field of view; the robot hides none of
-    them. A beam narrower than ``RAY_DEG``, such as a single ray, also sees the point whose
+    top view, a sensor sees the points within its ranges and field of view; the robot's body hides
+    none of them. A beam narrower than ``RAY_DEG``, such as a single ray, also sees the point whose
     one-degree sector contains the beam's centre line at that distance. Sensors without rays see
     nothing.
     """
@@ -41,7 +41,7 @@ def find_seen(robot: Robot, distance_m: float) -> Mask:
 
 
 def choose_sector(bearing_deg: float, width_deg: float, both_sides: bool) -> Mask:
-    """Return a mask (360,) of a sector about a bearing, mirrored as well if ``both_sides``."""
+    """Return a mask (360,) of a sector about a bearing, plus its mirror image if ``both_sides``."""
     chosen: Mask = np.zeros(COUNT, dtype=bool)
     for middle in (bearing_deg, -bearing_deg) if both_sides else (bearing_deg,):
         off = np.abs((BEARINGS_DEG - middle + 180.0) % 360.0 - 180.0)
@@ -52,7 +52,8 @@ def choose_sector(bearing_deg: float, width_deg: float, both_sides: bool) -> Mas
 def _find_inside(sensor: RangeSensor, points: Array, borders: Array, yaw: float) -> Mask:
     """Return True for each point in a sensor's beam.
 
-    ``points`` (n, 2) and the ``borders`` (n, 2) that precede them are offsets [m] from the sensor.
+    ``points`` (n, 2) are offsets [m] from the sensor, as are the ``borders`` (n, 2), the edges
+    before the points.
     """
     low, high = find_field(sensor)
     ahead, left = _turn(points, yaw)
@@ -67,7 +68,7 @@ def _find_inside(sensor: RangeSensor, points: Array, borders: Array, yaw: float)
 
 
 def _turn(offsets: Array, yaw: float) -> tuple[Array, Array]:
-    """Return the forward and left components of offsets (n, 2) relative to a direction."""
+    """Return the components of offsets (n, 2) along a direction and to its left."""
     sin, cos = elementary.sin_cos(yaw)
     ahead = cos * offsets[:, 0] + sin * offsets[:, 1]
     return ahead, cos * offsets[:, 1] - sin * offsets[:, 0]

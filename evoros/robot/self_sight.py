@@ -1,7 +1,7 @@
 """Intersections of a robot's sensor rays with the robot itself.
 
-The body may surround part of the sensor's housing. A ray does not see the body within the housing,
-and ends where it would leave the housing into the body.
+The body may surround part of a sensor's housing. A ray does not see the body inside the housing,
+but ends where it would pass from the housing into the body.
 """
 
 import math
@@ -20,7 +20,7 @@ from evoros.robot.outline import OccluderRows
 from evoros.sensor.protocol import Mount, RangeSensor, sees
 
 SURFACE_M = 1e-3
-"""Depth [m] below a surface up to which a sensor counts as on it rather than inside the shape."""
+"""Depth [m] below a shape's surface up to which a sensor counts as on, not inside, the shape."""
 MAX_DIRECTIONS = 36
 """Maximum number of directions sampled per scanning sensor when many poses are checked."""
 
@@ -29,19 +29,19 @@ _OUTSIDE_M = 100.0
 
 
 class SelfSight(NamedTuple):
-    """The nearest part of the robot that a sensor sees, over the whole steering range."""
+    """The nearest part of the robot that one of its sensors sees over the whole steering range."""
 
     name: str  # name of the sensor's link
     mount: Mount
-    distance_m: float  # nearest part in any direction of the sensor
+    distance_m: float  # distance to the nearest part in any direction of the sensor
     link: str  # link of that part
-    hidden_share: float  # fraction of the sensor's rays that see the robot
+    hidden_share: float  # fraction of the sensor's rays that hit the robot
 
 
 def measure_clear_ranges(robot: Robot) -> Array:
-    """Return the range (n,) [m] that each beam reads if there are no obstacles.
+    """Return the range (n,) [m] that each beam reads without obstacles.
 
-    This is the sensor's maximum range, or the distance to the nearest unsteered part of the robot.
+    It is the sensor's maximum range or, if shorter, the distance to an unsteered part of the robot.
     """
     rays, starts = robot.ray_table
     farthest: Array = rays[starts[:-1], LIMIT]
@@ -53,7 +53,7 @@ def measure_clear_ranges(robot: Robot) -> Array:
 
 
 def find_seeing_beams(robot: Robot) -> list[NDArray[np.bool_]]:
-    """Return each mount's mask of beams that see the robot in missions at any steering angle."""
+    """Return a mask for each mount of the beams that see the robot at any steering angle."""
     swept = robot.occluders.sweep(robot.drive)
     swept = swept._replace(inside=np.where(swept.rolls > 0.0, 0.0, math.inf))
     rays, starts = robot.ray_table
@@ -87,7 +87,7 @@ def find_self_sights(robot: Robot) -> Iterator[SelfSight]:
 
 
 class BlindShares:
-    """The fractions of a sensor's channels that see ``robot``, for any poses of the sensor."""
+    """Computes the fraction of a sensor's channels that see ``robot`` at any pose of the sensor."""
 
     def __init__(self, robot: Robot, sensor: RangeSensor) -> None:
         rays, channels = sensor.rays(), np.asarray(sensor.channel_of())
@@ -128,7 +128,7 @@ def meet_shapes(
     distances: Array,
     numbers: Array,
 ) -> None:
-    """Update each ray's distance [m] and index of the shape hit, where a shape is nearer.
+    """Shorten each ray's distance [m] where a shape is nearer, and store the index of that shape.
 
     ``backward`` (k, 3) holds the reversed directions of the rays.
     """
@@ -152,7 +152,7 @@ def meet_shapes(
 
 @compilable
 def _passes(row: Array, heights: Array, ray: Array, x: float, y: float) -> bool:
-    """Return True if a ray from x, y [m], relative to a shape, certainly misses it."""
+    """Return True if a ray from x, y [m] (relative to a shape) certainly misses the shape."""
     dx, dy = ray[DIRECTION], ray[DIRECTION + 1]
     level = dx * dx + dy * dy
     bound = row[BOUND] + SURFACE_M
@@ -179,10 +179,10 @@ def meet_shape(
     inside: float,
     rolls: bool,
 ) -> float:
-    """Return the distance [m] at which ray ``i`` sees a shape of the robot, or infinity.
+    """Return the distance [m] at which ray ``i`` hits a shape of the robot, or infinity.
 
-    The ray's ``origin`` [m] is relative to the centre of the shape. The body that carries the
-    sensor may reach into the sensor's housing; wheels and casters (``rolls``) do not.
+    Its ``origin`` [m] is relative to the centre of the shape. The body that carries the sensor may
+    reach into the sensor's housing; wheels and casters (``rolls``) do not.
     """
     housing = 0.0 if rolls else rays[i, HOUSING]
     behind = 0.0 if rolls else SURFACE_M

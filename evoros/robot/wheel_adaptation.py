@@ -1,4 +1,4 @@
-"""Rewrites a robot's wheels and steering joints into the form that drives expect."""
+"""Adapts a robot's wheels and steering joints to the form that drives expect."""
 
 import math
 from typing import NamedTuple
@@ -18,12 +18,12 @@ from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.shapes import Pose, Shape
 
-_SAME = 1.0 - 1e-6  # minimum cosine between two axes that count as the same
+_SAME = 1.0 - 1e-6  # minimum cosine of the angle between axes that count as equal
 MOTOR_VELOCITY = 100.0  # [rad/s], upper bound on a joint's velocity limit
 
 
 class Notes(NamedTuple):
-    """The names of the joints and links that each assumption concerns."""
+    """The names of the joints and links to which each assumption applies."""
 
     turned_round: list[str]
     straightened: list[str]
@@ -38,10 +38,10 @@ class Notes(NamedTuple):
 def adapt_wheel(
     elements: Element, urdf: Urdf, name: str, fixed: bool, named: bool, notes: Notes
 ) -> Wheel:
-    """Make a joint's axis point left and its wheel a single cylinder; return the wheel.
+    """Point a joint's axis left and make its wheel a single cylinder; return the wheel.
 
-    If ``fixed``, a fixed joint is accepted and made to turn; if ``named``, any axis is accepted.
-    The wheel is returned in the root's frame.
+    If ``fixed``, a fixed joint is accepted and made continuous; if ``named``, an axis in any
+    direction is accepted. The returned wheel is in the root's frame.
     """
     joint = urdf.find_joint(name, *TURNING, *(("fixed",) if fixed else ()))
     rotation, shapes = urdf.poses[joint.child].rotation, group_shapes(urdf, joint.child)
@@ -122,7 +122,7 @@ def _frame_along(axis: Array) -> Array:
 def adapt_steering(
     elements: Element, urdf: Urdf, name: str, fixed: bool, stop: float, notes: Notes
 ) -> None:
-    """Make positive angles of a joint steer left, up to ``stop`` [rad] if it states no limits."""
+    """Make positive angles of a joint steer left, by at most ``stop`` [rad] if it has no limits."""
     joint = urdf.find_joint(name, *TURNING, *(("fixed",) if fixed else ()))
     rotation = urdf.poses[joint.child].rotation
     up: Array = rotation.T[:, UP]
@@ -169,5 +169,5 @@ def _rewrite(elements: Element, joint: Joint, kind: str, axis: Array) -> Element
 
 
 def find_joint(elements: Element, name: str) -> Element:
-    """Return the element of an existing joint."""
+    """Return the element of a joint, which must exist."""
     return next(joint for joint in elements.findall("joint") if joint.get("name") == name)

@@ -1,1 +1,1 @@
-"""Sensors: their rays or signals, rates and errors."""
+"""Sensors: their rays or signals, rates, noise and errors."""

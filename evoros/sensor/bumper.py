@@ -1,4 +1,4 @@
-"""A bumper: a switch that closes where something touches the robot."""
+"""A bumper, a switch that closes when something touches the robot."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,18 +25,18 @@ _CONTACT = """\
 class Bumper(ContactSensor):
     """A sensor that reads 1 if something has touched its zone of the robot since the last reading.
 
-    In top view, the zone is a strip, ``width_m`` wide, that runs in the direction that the bumper
-    faces and begins ``depth_m`` behind the mount. It covers the robot's outline around and ahead of
-    the mount, at any height. Contact with the ground does not count.
+    In top view, the zone is a strip of width ``width_m`` that begins ``depth_m`` behind the mount
+    and extends in the direction in which the bumper faces. It covers the part of the robot's
+    outline in the strip, at any height. Contact with the ground does not count.
     """
 
     width_m: Annotated[float, POSITIVE] = 0.4  # width of the zone
-    depth_m: Annotated[float, NOT_NEGATIVE] = 0.05  # distance behind the mount where it starts
+    depth_m: Annotated[float, NOT_NEGATIVE] = 0.05  # distance from the mount back to its start
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
     size_m: Annotated[Sequence[float], BOX] = (0.02, 0.4, 0.05)
     mass_kg: Annotated[float, POSITIVE] = 0.1
     price: Annotated[float, NOT_NEGATIVE] = 3.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # ordered
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in this order
 
     @property
     def channels(self) -> tuple[Channel]:

@@ -1,4 +1,4 @@
-"""SDF ``<sensor>`` elements that make Gazebo simulate sensors."""
+"""SDF ``<sensor>`` elements with which Gazebo simulates the sensors."""
 
 import math
 from collections.abc import Iterable
@@ -63,11 +63,11 @@ def gazebo_rays(
 ) -> str:
     """Return the SDF ``<sensor>``; ``name`` is its name and topic.
 
-    Of the filters in ``noise``, Gazebo simulates only Gaussian noise.
+    Gazebo simulates only the Gaussian noise among the filters in ``noise``.
     """
     fans = [("horizontal", horizontal), *([("vertical", vertical)] if vertical else [])]
     sigmas = [part.sigma_m for part in noise if isinstance(part, GaussianNoise)]
-    sigma = math.sqrt(sum(sigma * sigma for sigma in sigmas))  # sum of independent noises
+    sigma = math.sqrt(sum(sigma * sigma for sigma in sigmas))  # the noises are independent
     content = _LIDAR.format(
         fans="".join(_FAN.format(axis=axis, **fan._asdict()) for axis, fan in fans),
         range_min=sensor.range_min_m,

@@ -17,7 +17,7 @@ from evoros.sensor.protocol import BOX, MOTION, Channel, SignalSensor
 from evoros.sensor.signals import GRAVITY, ORIENTATION, TURNING, VELOCITY
 
 _AXES = ("x", "y", "z")
-_SMALL_RAD = 1e-9  # half angle of a rotation below which its axis is undefined
+_SMALL_RAD = 1e-9  # half angle of rotation below which the axis is undefined
 
 
 @dataclass(frozen=True)
@@ -25,24 +25,24 @@ _SMALL_RAD = 1e-9  # half angle of a rotation below which its axis is undefined
 class Imu(SignalSensor):
     """Angular rates and accelerations along the axes of the sensor's frame, x forward and z up.
 
-    A reading is the mean over the time since the last reading. The acceleration is the specific
+    Each reading is the mean over the time since the previous one. The acceleration is the specific
     force: at rest on level ground, it equals gravity and points up. The first reading contains the
-    current rate and, as acceleration, only gravity. The defaults are close to InvenSense's
+    current rate and, only gravity as the acceleration. The defaults are close to InvenSense's
     MPU-9250.
     """
 
     measures = MOTION
-    rate_max_radps: Annotated[float, POSITIVE] = 34.9  # 2000 deg/s in both directions
-    acceleration_max_mps2: Annotated[float, POSITIVE] = 157.0  # 16 g in both directions
+    rate_max_radps: Annotated[float, POSITIVE] = 34.9  # 2000 deg/s in either direction
+    acceleration_max_mps2: Annotated[float, POSITIVE] = 157.0  # 16 g in either direction
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
     size_m: Annotated[Sequence[float], BOX] = (0.015, 0.026, 0.003)
     mass_kg: Annotated[float, POSITIVE] = 0.003
     price: Annotated[float, NOT_NEGATIVE] = 10.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # ordered
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in this order
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """Three rates, then three accelerations."""
+        """Three angular rates, then three accelerations."""
         fastest, strongest = self.rate_max_radps, self.acceleration_max_mps2
         return (
             *(Channel(f"rate_{axis}", "radps", -fastest, fastest) for axis in _AXES),
@@ -54,12 +54,12 @@ class Imu(SignalSensor):
         strongest: float  # [m/s2]
 
     class Memory(NamedTuple):
-        """The state at the last reading; ``speeds`` and ``weight`` are along the sensor's axes."""
+        """The state at the last reading, with ``speeds`` and ``weight`` along the sensor's axes."""
 
         time: Array  # (1,) [s]; -infinity before the first reading
         facing: Array  # (4,) orientation
         speeds: Array  # (3,) velocity [m/s]
-        weight: Array  # (3,) gravity as the sensor feels it [m/s2]
+        weight: Array  # (3,) specific force at rest, opposite to gravity [m/s2]
 
     def start(self) -> tuple[Parameters, Memory]:
         """Return the limits, and a memory without a reading."""
@@ -70,7 +70,7 @@ class Imu(SignalSensor):
     def rule(
         parameters: Parameters, memory: Memory, signal: Array, values: Array, time: float
     ) -> None:
-        """Compute the rates from the orientations, and the accelerations from the velocities."""
+        """Compute angular rates from the orientations, and accelerations from the velocities."""
         facing = signal[ORIENTATION : ORIENTATION + 4]
         qw, qx, qy, qz = facing[0], facing[1], facing[2], facing[3]
         rates = to_axes(qw, qx, qy, qz, signal[TURNING], signal[TURNING + 1], signal[TURNING + 2])
@@ -85,7 +85,7 @@ class Imu(SignalSensor):
         for i in range(3):
             felt = weight[i]
             if moves:
-                # A constant velocity changes its direction in rotating axes.
+                # The components of a constant velocity change in rotating axes.
                 j = (i + 1) % 3
                 k = (i + 2) % 3
                 turned = rates[j] * (speeds[k] + memory.speeds[k])
@@ -134,7 +134,7 @@ def turn_between(
     dx = w * qx - x * qw - y * qz + z * qy
     dy = w * qy + x * qz - y * qw - z * qx
     dz = w * qz - x * qy + y * qx - z * qw
-    if dw < 0.0:  # The negated quaternion is the same rotation, but by the shorter way.
+    if dw < 0.0:  # the negated quaternion is the same rotation the shorter way round
         dw = -dw
         dx = -dx
         dy = -dy

@@ -23,10 +23,10 @@ RIM = 8
 @dataclass(frozen=True)
 @checked
 class Infrared(RangeSensor):
-    """A range sensor with a round cone: one ray in the middle and eight on the edge.
+    """A range sensor with a round cone, sampled by one central ray and eight rays on the edge.
 
-    The defaults, with ``conf/sensor/infrared.yaml``, are close to Sharp's GP2Y0A21. The real sensor
-    reads meaningless values below its minimum range; this model reads the minimum.
+    The defaults, with ``conf/sensor/infrared.yaml``, are close to Sharp's GP2Y0A21. Below its
+    minimum range, the real sensor gives meaningless readings; this model reads the minimum.
     """
 
     radiation = "infrared"  # radiation type in ROS messages
@@ -37,7 +37,7 @@ class Infrared(RangeSensor):
     size_m: Annotated[Sequence[float], BOX] = (0.0135, 0.0295, 0.013)
     mass_kg: Annotated[float, POSITIVE] = 0.0035
     price: Annotated[float, NOT_NEGATIVE] = 8.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # ordered
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in this order
 
     def channel_of(self) -> NDArray[np.int64]:
         """Return the only channel, 0, for each ray."""
@@ -53,6 +53,6 @@ class Infrared(RangeSensor):
     def gazebo(self, name: str) -> str:
         """Return the SDF ``<sensor>``; ``name`` is its name and topic.
 
-        Gazebo casts a horizontal fan of three rays; it has no noise that grows with the range.
+        Gazebo casts a horizontal fan of three rays, and has no noise that grows with the range.
         """
         return gazebo_rays(name, self, Fan(3, *find_field(self)))

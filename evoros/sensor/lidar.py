@@ -23,8 +23,8 @@ FIELD = Rule("an angle greater than 0 and at most 360", lambda v: is_number(v) a
 class Lidar(RangeSensor):
     """A range sensor with ``beams`` evenly spaced rays in its x-y plane.
 
-    Rays are ordered from the right edge of the field of view to the left edge, both included. At
-    360 deg there are no edges, so no direction is read twice. The defaults, with
+    Rays are ordered from the right edge of the field of view to the left edge, including both
+    edges. A field of 360 deg has no edges, so no direction is read twice. The defaults, with
     ``conf/sensor/lidar.yaml``, match small scanners for indoor robots.
     """
 
@@ -36,7 +36,7 @@ class Lidar(RangeSensor):
     size_m: Annotated[Sequence[float], BOX] = (0.07, 0.07, 0.04)
     mass_kg: Annotated[float, POSITIVE] = 0.17
     price: Annotated[float, NOT_NEGATIVE] = 99.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # ordered
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in this order
 
     def channel_of(self) -> NDArray[np.int64]:
         """Return a separate channel for each ray."""
@@ -48,7 +48,7 @@ class Lidar(RangeSensor):
         return np.column_stack((cos_all(angles), sin_all(angles), np.zeros(self.beams)))
 
     def _angles(self) -> Array:
-        """Return the bearings (beams,) [rad], left positive, mirror-symmetric to the last bit."""
+        """Return the bearings (beams,) [rad], left positive; mirrored ones are bitwise opposite."""
         spaces = self.beams if self.fov_deg == 360.0 else max(self.beams - 1, 1)
         half_space = math.radians(self.fov_deg) / spaces / 2
         steps: Array = np.arange(1.0 - self.beams, self.beams, 2.0)

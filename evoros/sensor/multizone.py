@@ -1,4 +1,4 @@
-"""A multizone range finder with a few adjacent zones, each reading its nearest hit."""
+"""A multizone range finder: a few adjacent zones, each of which reads its nearest hit."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -22,8 +22,8 @@ class Multizone(RangeSensor):
     """A range sensor whose field of view in the x-y plane is divided into equal ``zones``.
 
     It works like a camera with a single row of pixels, one per zone, ordered from right to left.
-    The zones leave no gaps, so a wide zone detects everything in it, but not the bearing. With
-    ``conf/sensor/multizone.yaml``, the defaults are close to the middle row of ST's VL53L5CX.
+    There are no gaps between zones: a wide zone detects everything inside, but not its bearing.
+    With ``conf/sensor/multizone.yaml``, the defaults are close to the middle row of ST's VL53L5CX.
     """
 
     radiation = "infrared"  # radiation type in ROS messages
@@ -37,7 +37,7 @@ class Multizone(RangeSensor):
     mass_kg: Annotated[float, POSITIVE] = 0.002
     base_price: Annotated[float, NOT_NEGATIVE] = 1.0
     zone_price: Annotated[float, NOT_NEGATIVE] = 1.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # ordered
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in this order
 
     @property
     def price(self) -> float:  # type: ignore[override]
@@ -54,7 +54,7 @@ class Multizone(RangeSensor):
         return np.column_stack((cos_all(angles), sin_all(angles), np.zeros(len(angles))))
 
     def _angles(self) -> Array:
-        """Return the bearings [rad], left positive, of the middles of equal parts of the field."""
+        """Divide the field of view into equal parts; return the bearings [rad] of the middles."""
         count = self.zones * self.rays_per_zone
         half_space = math.radians(self.fov_deg) / count / 2
         steps: Array = np.arange(1.0 - count, count, 2.0)
@@ -63,8 +63,8 @@ class Multizone(RangeSensor):
     def gazebo(self, name: str) -> str:
         """Return the SDF ``<sensor>``; ``name`` is its name and topic.
 
-        Gazebo publishes all rays, spread from edge to edge of the field, so each ray stays in its
-        zone. Of the filters, Gazebo simulates only Gaussian noise.
+        Gazebo publishes all rays, spread over the field from edge to edge, so each ray stays in its
+        zone. Of the filters, it simulates only Gaussian noise.
         """
         fan = Fan(self.zones * self.rays_per_zone, *find_field(self))
         return gazebo_rays(name, self, fan, noise=self.filters.values())

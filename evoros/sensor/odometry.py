@@ -17,11 +17,11 @@ from evoros.sensor.signals import DISTANCE, TURN
 @dataclass(frozen=True)
 @checked
 class Odometry(SignalSensor):
-    """Mean speed and yaw rate since the last reading, according to the wheel encoders.
+    """Mean speed and yaw rate since the last reading, computed from wheel encoders.
 
-    The speed is measured at the midpoint of the wheels that are not steered. Encoders measure
-    rolling, so slipping wheels make the readings wrong. The first reading is 0. Use ``Scale``
-    filters to model errors in wheel size or track width.
+    The speed is measured at the midpoint of the wheels that are not steered. Encoders measure how
+    far wheels roll, so wheel slip causes errors. The first reading is 0. Use ``Scale`` filters to
+    model errors in wheel size or track width.
     """
 
     measures = WHEELS
@@ -29,7 +29,7 @@ class Odometry(SignalSensor):
     size_m: Annotated[Sequence[float], BOX] = (0.01, 0.01, 0.01)
     mass_kg: Annotated[float, POSITIVE] = 0.01
     price: Annotated[float, NOT_NEGATIVE] = 15.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # ordered
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in this order
 
     @property
     def channels(self) -> tuple[Channel, Channel]:
@@ -44,12 +44,12 @@ class Odometry(SignalSensor):
         signal: Array  # (2,) signal at the last reading
 
     def start(self) -> tuple[None, Memory]:
-        """Return a memory in which nothing has rolled yet."""
+        """Return a memory in which no wheel has rolled yet."""
         return None, self.Memory(np.zeros(1), np.zeros(2))
 
     @staticmethod
     def rule(memory: Memory, signal: Array, values: Array, time: float) -> None:
-        """Divide the distance and the turn since the last reading by the elapsed time."""
+        """Divide the distance and the rotation since the last reading by the elapsed time."""
         elapsed = time - memory.time[0]
         for i in (DISTANCE, TURN):
             values[i] = (signal[i] - memory.signal[i]) / elapsed if elapsed > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""Base classes of sensors, with their mounts, names and the names of their readings.
+"""Base classes of sensors and mounts, and the names of mounted sensors and their readings.
 
 In a robot description, a mounted sensor is named by type and number, such as ``sonar_0``. If the
 robot already uses such a name, all mounted sensors get a prefix.
@@ -26,7 +26,7 @@ _PREFIX = "evoros_"
 
 
 def choose_prefix(taken: Iterable[str], types: Collection[str]) -> str:
-    """Return the shortest prefix with which no sensor name of these types is in ``taken``.
+    """Return the shortest prefix that makes the names of these sensor types differ from ``taken``.
 
     The prefix depends only on the robot and the types, so all designs use the same names.
     """
@@ -34,12 +34,12 @@ def choose_prefix(taken: Iterable[str], types: Collection[str]) -> str:
 
 
 def find_prefix(links: Iterable[str], types: Collection[str]) -> str:
-    """Return the prefix that sensors of these types have on a robot with these ``links``."""
+    """Return the prefix of these sensor types on a robot with these ``links``."""
     return _PREFIX * max(_highest_level(links, types), 0)
 
 
 def _highest_level(names: Iterable[str], types: Collection[str]) -> int:
-    """Return the maximum number of prefixes on a sensor name among ``names``; -1 if none is."""
+    """Return the maximum number of prefixes before a sensor name in ``names``; -1 without names."""
     pattern = rf"((?:{_PREFIX})*)(?:{'|'.join(map(re.escape, types))})_[0-9]+(?:_joint)?"
     matches = (re.fullmatch(pattern, name) for name in names) if types else ()
     return max((len(match[1]) // len(_PREFIX) for match in matches if match), default=-1)
@@ -74,12 +74,15 @@ BEAM = checks.Rule(
 RAY_DEG = 1.0
 """Width [deg] that coverage assumes for a single ray or a narrower beam.
 
-A ray has no width, but a sensor with one ray sees along it. Figures show it as a line.
+A ray has no width, but a sensor with a single ray sees in its direction. Figures show it as a line.
 """
 
 RANGE, MOTION, WHEELS, CONTACT = "range", "motion", "wheels", "contact"
-"""The kinds of measurements: distances along rays, motion of the mount, rolling of the wheels, and
-contacts of the robot. Simulators provide them; ``signals`` describes the last three."""
+"""The quantities that sensors can measure.
+
+These are distances along rays, motion of the mount, rolling of the wheels, and contacts of the
+robot. Simulators provide them; ``signals`` describes the last three.
+"""
 
 SIGNAL_SIZES = {MOTION: 14, WHEELS: 2, CONTACT: 1}
 """The number of values of each signal; ``signals`` describes them."""
@@ -92,37 +95,37 @@ SENSOR_ARGUMENTS = "parameters", "memory", "rng", "signal", "values", "time"
 class Channel(NamedTuple):
     """The name, unit and limits of one value in a sensor's reading."""
 
-    name: str  # quantity and column prefix, such as range
-    unit: str  # unit and column suffix, such as m; empty if there is none
-    low: float  # minimum reading, -inf if unlimited
-    high: float  # maximum reading; a range sensor also reads it if it sees nothing
+    name: str  # quantity, used as column prefix, such as range
+    unit: str  # unit, used as column suffix, such as m; empty if there is none
+    low: float  # minimum reading; -inf if unlimited
+    high: float  # maximum reading, which a range sensor also reads if it sees nothing
 
 
 class Sensor(ABC):
-    """A type of sensor: its measurement, channels, period, filters and body."""
+    """A type of sensor: measured quantity, channels, period, filters and body."""
 
     period_s: float
     """Time between two readings [s]."""
     measures: str
-    """The required measurement: ``range`` for a ``RangeSensor``, otherwise a signal."""
+    """The measured quantity: ``range`` for a ``RangeSensor``, otherwise a signal."""
     filters: Mapping[str, Filter] = MappingProxyType({})
-    """Filters by name, applied in order to the readings, with noise first."""
+    """Filters by name, in the order in which they are applied to the readings, noise first."""
     size_m: Sequence[float]
     """Side lengths (3,) [m] of the body, a box centred on the sensor frame that never collides."""
     mass_kg: float
-    """Mass of the body [kg], greater than 0, because simulators drop a body without mass."""
+    """Mass of the body [kg], greater than 0 because simulators drop massless bodies."""
     price: float = 0.0
-    """The price, at least 0, in a unit of the user's choice."""
+    """The price, at least 0, in any unit."""
 
     @property
     @abstractmethod
     def channels(self) -> Sequence[Channel]:
-        """The channels of one reading, at least one."""
+        """The channels of a reading; there is at least one."""
 
     def gazebo(self, name: str) -> str:
-        """Return the ``<sensor>`` element (SDF) of the champion's URDF.
+        """Return the SDF ``<sensor>`` element for the champion's URDF.
 
-        The default is an empty string: Gazebo itself does not simulate the sensor.
+        The default is an empty string, for sensors that Gazebo does not simulate itself.
         """
         return ""
 
@@ -130,12 +133,12 @@ class Sensor(ABC):
 class RangeSensor(Sensor):
     """A type of sensor that measures distances along rays, all with the same limits.
 
-    ``fov_deg``, if present, is the full width of the field of view; see ``find_field``.
+    ``fov_deg``, if defined, is the full width of the field of view; see ``find_field``.
     """
 
     measures = RANGE
     radiation: str = ""
-    """The radiation type in ROS messages, if it is not ultrasound: ``infrared``."""
+    """The radiation type in ROS messages: ``infrared``, or empty for ultrasound."""
     range_min_m: float
     """The minimum reading [m]."""
     range_max_m: float
@@ -165,9 +168,10 @@ class SignalSensor(Sensor):
     """A type of sensor that computes its readings from a signal instead of ranges."""
 
     rule: Callable[..., None]
-    """Fills the values, one per channel; a static method, so that numba can compile it.
+    """Fills the values, one per channel; a static method so that numba can compile it.
 
-    Its arguments are a subset of ``SENSOR_ARGUMENTS``."""
+    Its arguments are a subset of ``SENSOR_ARGUMENTS``.
+    """
 
     @abstractmethod
     def start(self) -> Started:
@@ -175,9 +179,9 @@ class SignalSensor(Sensor):
 
 
 class ContactSensor(SignalSensor):
-    """A type of sensor that detects contacts of the robot in a zone at its mount.
+    """A type of sensor that detects contacts of the robot in a zone near its mount.
 
-    In top view, the zone begins ``depth_m`` behind the mount, is unbounded forward, and is
+    In top view, the zone begins ``depth_m`` behind the mount, extends forward without limit, and is
     ``width_m`` wide. It includes all heights.
     """
 
@@ -224,7 +228,7 @@ RAYS = checks.Rule("a float64 array (k, 3) of unit vectors, k at least 1", _are_
 
 
 def check_sensor(sensor: Sensor) -> None:
-    """Check that a sensor type, possibly the user's, follows its protocol.
+    """Check that a sensor type, possibly user-defined, follows its protocol.
 
     Raises:
         InputError: a value breaks its rule.
@@ -293,7 +297,7 @@ def find_field(sensor: RangeSensor) -> tuple[float, float]:
 
 
 def sensor_bearings(sensor: RangeSensor) -> list[float]:
-    """Return the bearing [rad] of the mean of each channel's rays, in the sensor's frame."""
+    """Return the bearing [rad] of each channel's mean ray direction, in the sensor's frame."""
     middles = np.zeros((len(sensor.channels), 3))
     np.add.at(middles, sensor.channel_of(), sensor.rays())
     bearings: list[float] = atan2_all(middles[:, 1], middles[:, 0]).tolist()
@@ -312,7 +316,7 @@ def name_channels(sensors: Iterable[Sensor]) -> Iterator[str]:
 
 
 def name_readings(index: int, channels: Sequence[tuple[str, str]]) -> Iterator[str]:
-    """Yield a sensor's column names, given its index and its channels' names and units."""
+    """Yield a sensor's column names from its index and its channels' names and units."""
     sizes = Counter(name for name, _ in channels)
     seen = Counter[str]()
     for name, unit in channels:

@@ -1,21 +1,26 @@
 """The signals that simulators provide to sensors that cast no rays.
 
-Signals do not depend on when they are read, so each sensor computes its readings at its own period.
-``SIGNAL_SIZES`` gives the number of values of each signal.
+Signals do not depend on when they are read, so each sensor can compute its readings at its own
+period. ``SIGNAL_SIZES`` gives the number of values in each signal.
 """
 
 # MOTION: the motion of the mounted sensor's frame
 POSITION, ORIENTATION, VELOCITY, TURNING, GRAVITY = 0, 3, 7, 10, 13
-"""Position in the world (3,) [m]; orientation in the world as a unit quaternion (4,) w, x, y, z;
-velocity (3,) [m/s] and angular velocity (3,) [rad/s], both along the world axes; the world's
-gravity [m/s2], which points down."""
+"""Indices of the values in MOTION.
 
-# WHEELS: rolling of the unsteered wheels since the start, including slip
+Position in the world (3,) [m]; orientation in the world as a unit quaternion (4,) w, x, y, z;
+velocity (3,) [m/s] and angular velocity (3,) [rad/s], both along the world axes; the world's
+gravity [m/s2], which points down.
+"""
+
+# WHEELS: rolling of the unsteered wheels since the start, including any slip
 DISTANCE, TURN = 0, 1
-"""Distance [m] covered by the midpoint of the unsteered axle, and rotation [rad, left positive] of
-the robot, both computed as if the wheels did not slip.
+"""Indices of the values in WHEELS, both computed as if the wheels did not slip.
+
+Distance [m] covered by the midpoint of the unsteered axle, and rotation [rad, left positive] of the
+robot.
 """
 
 # CONTACT: contacts of the robot in the zone of a ``ContactSensor``
 TOUCHES = 0
-"""Number of simulation steps with a contact since the start."""
+"""Index in CONTACT: number of simulation steps with a contact since the start."""

@@ -1,4 +1,4 @@
-"""A sonar with one range, the nearest hit of a grid of rays that fills its beam."""
+"""A sonar, whose range is the nearest hit of a grid of rays that fills the beam."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -19,12 +19,12 @@ from evoros.sensor.protocol import BEAM, BOX, RangeSensor, find_field
 @dataclass(frozen=True)
 @checked
 class Sonar(RangeSensor):
-    """A range sensor with a square beam, sampled by ``rays_per_axis`` squared rays.
+    """A range sensor with a square beam, sampled by a square grid of rays.
 
     Objects between the rays are missed; preflight warns about narrow obstacles. The planar
-    simulator could intersect whole cones with footprints, at a fifteenth of the cost of 25 rays.
-    However, engines cast only rays, so readings would depend on the simulator, and footprints have
-    no height.
+    simulator could intersect whole cones with footprints at a fifteenth of the cost of 25 rays.
+    However, engines can only cast rays, so readings would depend on the simulator, and footprints
+    have no height.
 
     The defaults, with ``conf/sensor/sonar.yaml``, match the sonar of the 2018 paper (Evo-ROS).
     """
@@ -37,20 +37,20 @@ class Sonar(RangeSensor):
     size_m: Annotated[Sequence[float], BOX] = (0.02, 0.045, 0.02)  # typical size of small sonars
     mass_kg: Annotated[float, POSITIVE] = 0.009
     price: Annotated[float, NOT_NEGATIVE] = 4.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # ordered
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in this order
 
     def channel_of(self) -> NDArray[np.int64]:
         """Return the only channel, 0, for each ray."""
         return np.zeros(self.rays_per_axis**2, dtype=np.int64)
 
     def rays(self) -> Array:
-        """Return (rays_per_axis squared, 3) unit vectors in the sensor's frame, x forward and z up.
+        """Return unit vectors (rays, 3) in the sensor's frame, x forward and z up.
 
         Each vector is ``(cos a cos b, sin a cos b, sin b)`` for azimuth a (left positive) and
-        elevation b, both evenly spaced over the beam with its edges included. A single ray
-        points forward.
+        elevation b, both evenly spaced over the beam, including its edges. A single ray points
+        forward.
         """
-        # Left and right rays from linspace would not be mirror images to the last bit.
+        # With linspace, left and right rays would not be mirror images to the last bit.
         spaces = self.rays_per_axis - 1
         half_space = math.radians(self.fov_deg) / 2 / max(spaces, 1)
         angles = np.arange(-spaces, spaces + 1, 2) * half_space
@@ -60,8 +60,8 @@ class Sonar(RangeSensor):
     def gazebo(self, name: str) -> str:
         """Return the SDF ``<sensor>``; ``name`` is its name and topic.
 
-        Gazebo publishes all rays, and the reader takes their minimum. Of the filters, Gazebo
-        simulates only Gaussian noise.
+        Gazebo publishes all rays, and evoros takes their minimum. Of the filters, Gazebo simulates
+        only Gaussian noise.
         """
         fan = Fan(self.rays_per_axis, *find_field(self))
         return gazebo_rays(name, self, fan, fan, self.filters.values())

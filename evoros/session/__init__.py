@@ -1,1 +1,1 @@
-"""Start, resume and replay runs and evaluations, from commands and from Python."""
+"""Starts, resumes and replays runs and evaluations, from commands and from Python."""

@@ -1,4 +1,4 @@
-"""Plans a course for the user's world; a run uses the course unchanged."""
+"""Plans a course for the user's world, which a run then uses unchanged."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -30,16 +30,16 @@ from evoros.world.model import LOW_M, World
 from evoros.world.standing import stand
 
 HEADROOM_M = 0.1
-"""Minimum clearance between the robot and a body above its course [m]."""
+"""Minimum clearance [m] between the robot and a body above its course."""
 
 
 @dataclass(frozen=True)
 class Planned:
-    """A course, and whether the ground of its world is level."""
+    """A course, and whether its world has level ground."""
 
     course: Mapping[str, Any]  # values of the key ``course``
     is_level: bool
-    reason: str = ""  # location of a suggested course; empty if the user has chosen the course
+    reason: str = ""  # why this course is suggested; empty if the user has chosen it
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class _Place:
     source: str
     bodies: tuple[Body, ...]
     robot: Robot
-    home: tuple[float, float] | None  # [m], chosen by the user
+    home: tuple[float, float] | None  # [m]; None unless chosen by the user
 
     @property
     def radius_m(self) -> float:
@@ -58,12 +58,12 @@ class _Place:
 
 
 def plan_course(values: Mapping[str, Any], robot: Robot) -> Planned:
-    """Complete the course of the world that ``load_world`` reads with ``values``.
+    """Complete the course of the world that ``load_world`` reads given ``values``.
 
     Missing waypoints are chosen to suit the robot and the given home.
     """
     source, given = str(values["sdf"]), _check_course(values.get("course"))
-    with withhold_messages():  # building the world logs them again
+    with withhold_messages():  # the messages are logged again when the world is built
         bodies = _read_bodies(source, values)
         with announce(f"looking for a course in {source}"):
             return _plan(source, given, bodies, robot)
@@ -111,10 +111,10 @@ def _to_values(course: Course) -> dict[str, Any]:
 
 
 def _find_world(place: _Place) -> tuple[World, str]:
-    """Return a world with a suggested course that causes no warning, and its location.
+    """Return a world with a suggested course that causes no warning, and where the course is.
 
-    A course in an enclosed region is preferred. Floors in the file are tried before the plane that
-    is added to a world without ground.
+    A course in an enclosed region is preferred. Floors in the file are tried before the ground
+    plane that is added to worlds without ground.
     """
     grounds = (False,) if project_ground(place.bodies) is None else (True, False)
     for on_floors in grounds:
@@ -133,10 +133,10 @@ def _find_world(place: _Place) -> tuple[World, str]:
 
 
 def _list_worlds(place: _Place, on_floors: bool) -> Iterator[tuple[World, Suggestion]]:
-    """Yield worlds with a suggested course that causes no warning, at most one per floor."""
+    """Yield worlds with a suggested course that causes no warning, at most one world per floor."""
     tried = set[tuple[object, ...]]()
     for start in _list_starts(place):
-        for _ in range(2):  # the suggested course may be on a different floor
+        for _ in range(2):  # the course suggested first may be on a different floor
             bodies = free_bodies(settle(place.bodies, start, place.source), place.source)
             floor = tuple((body.name, body.is_ground, body.pose.position) for body in bodies)
             suggestion = None if floor in tried else _suggest(place, bodies, on_floors)
@@ -151,7 +151,7 @@ def _list_worlds(place: _Place, on_floors: bool) -> Iterator[tuple[World, Sugges
 
 
 def _list_starts(place: _Place) -> Iterator[Course]:
-    """Yield provisional courses that select floors to try: wide, small, in the bodies' middle."""
+    """Yield provisional courses to select floors: wide, small, and in the middle of the bodies."""
     home = place.home or (0.0, 0.0)
     yield _start(home, OPEN_SIDE_M * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) + home)
     yield _start(home)
@@ -162,13 +162,13 @@ def _list_starts(place: _Place) -> Iterator[Course]:
 
 
 def _start(home: tuple[float, float], waypoints: Any = None) -> Course:
-    """Return a provisional course that only selects a floor."""
+    """Return a provisional course whose only purpose is to select a floor."""
     points = [(home[0] + 0.5, home[1])] if waypoints is None else [tuple(p) for p in waypoints]
     return Course(*home, 0.0, 0.0, points, 0.3, 60.0, "forward", True)
 
 
 def _suggest(place: _Place, bodies: Sequence[Body], on_floors: bool) -> Suggestion | None:
-    """Suggest a course on the floor, not under bodies that are too low or may fall."""
+    """Suggest a course on the floor that avoids bodies that are too low or may fall."""
     obstacles = stand(bodies)
     below = max(place.robot.height_m, LOW_M) + HEADROOM_M
     fixed = [body for body in obstacles if body.mass is None]
@@ -183,7 +183,7 @@ def _suggest(place: _Place, bodies: Sequence[Body], on_floors: bool) -> Suggesti
 
 
 def _accept(place: _Place, course: Course) -> World | None:
-    """Return the world with this course, or None if a run would reject it or warn."""
+    """Return the world with this course; None if a run would reject the course or warn about it."""
     bodies = free_bodies(settle(place.bodies, course, place.source), place.source)
     try:
         world = World("plan", bodies, course, place.source, "")

@@ -27,12 +27,12 @@ DESIGN_FILE_COLUMNS = ("source", *DESIGN_COLUMNS)
 GENE_FILE_COLUMNS = ("source", "design", "key", "value")
 NEEDED = ("design", "sensor", "x_m", "y_m", "yaw_deg")
 
-DesignName = tuple[str, str]  # source, and the design's name in the source
+DesignName = tuple[str, str]  # source, and name of the design within the source
 
 
 @dataclass(frozen=True)
 class NamedDesign:
-    """A design with its source, and the design's name in the source."""
+    """A design, the source it was read from, and its name within the source."""
 
     source: str
     name: str
@@ -41,12 +41,12 @@ class NamedDesign:
 
 @dataclass
 class DesignDraft:
-    """A partly read design for one robot."""
+    """A partially read design for one robot."""
 
     at: str  # file and line of the design's first row
     rows: int = 0  # number of rows in the table of sensors
-    mounts: dict[int, Mount] = field(default_factory=dict)  # keys: sensor indices
-    values: dict[str, float] = field(default_factory=dict)  # other evolved values by key
+    mounts: dict[int, Mount] = field(default_factory=dict)  # by sensor index
+    values: dict[str, float] = field(default_factory=dict)  # all other evolved values, by key
 
     @property
     def design(self) -> Design:
@@ -55,20 +55,21 @@ class DesignDraft:
 
 
 Drafts = dict[DesignName, dict[str, DesignDraft]]
-"""Map design name -> robot name -> draft; robots are named as in ``Design.parts``."""
+"""A mapping from design name to robot name to draft; robots are named as in ``Design.parts``."""
 
 
 def read_recorded_designs(folder: Path, experiment: Experiment) -> list[NamedDesign]:
-    """Read the designs in the folder of an evaluation."""
+    """Read the designs in an evaluation's folder."""
     drafts = read_drafts(folder / DESIGN_FILE, None, experiment.members)
     add_genes(drafts, folder / GENE_FILE, None)
     return fit_designs(drafts, experiment)
 
 
 def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
-    """Return the contents of the files that ``read_recorded_designs`` reads, by file name.
+    """Return the files that ``read_recorded_designs`` reads, as contents by file name.
 
-    Values have full precision. Sensors are in the robot's order, as in ``failed_sensors``.
+    Values have full precision. Sensors are in the order in which the robot numbers them, as in
+    ``failed_sensors``.
     """
     sensors: list[Sequence[object]] = []
     genes: list[Sequence[object]] = []
@@ -85,7 +86,7 @@ def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
 
 
 def fit_designs(drafts: Drafts, experiment: Experiment) -> list[NamedDesign]:
-    """Complete the drafts and sort the sensors into the robot's order."""
+    """Complete the drafts, and sort each robot's sensors."""
     return [_fit(name, parts, experiment) for name, parts in drafts.items()]
 
 
@@ -107,7 +108,7 @@ def _fit(
 
 
 def read_drafts(path: Path, source: str | None, members: Sequence[Member]) -> Drafts:
-    """Read the sensors of a design table; if ``source`` is None, its column ``source`` is used."""
+    """Read a table of sensors; if ``source`` is None, the sources come from the table's column."""
     needed = NEEDED if source is not None else ("source", *NEEDED)
     optional = (*(name for name in DESIGN_COLUMNS if name not in needed), AGENT)
     drafts: Drafts = {}
@@ -158,7 +159,7 @@ def _add_row(
 
 
 def _read_mount(at: str, cells: Mapping[str, str], member: Member) -> tuple[int, Mount]:
-    """Read the index and mount of a sensor; empty cells mean the robot's default mount."""
+    """Read the index and mount of a sensor; empty cells stand for the robot's default mount."""
     if not re.fullmatch(r"[0-9]{1,9}", cells["sensor"]):
         raise InputError(
             f"{at}: sensor must be a whole number of at least 0, not {quote(cells['sensor'])}; "
@@ -175,7 +176,7 @@ def _read_mount(at: str, cells: Mapping[str, str], member: Member) -> tuple[int,
 
 
 def _read_place(at: str, kind: str, cells: Mapping[str, str], member: Member) -> Mount:
-    """Return a mount of sensor type ``kind``; a fixed sensor may be anywhere on its robot."""
+    """Return a mount of a sensor of type ``kind``; fixed sensors may be anywhere on their robot."""
     x, y, yaw = (float(_parse(at, name, cells[name])) for name in ("x_m", "y_m", "yaw_deg"))
     z, pitch = (
         float(_parse(at, name, cells[name])) if cells.get(name) else None
@@ -196,7 +197,7 @@ def _read_place(at: str, kind: str, cells: Mapping[str, str], member: Member) ->
 
 
 def add_genes(drafts: Drafts, path: Path, source: str | None) -> None:
-    """Add the evolved values other than mounts to the drafts."""
+    """Add to the drafts the evolved values that do not belong to mounts."""
     needed = ("design", "key", "value") if source is not None else GENE_FILE_COLUMNS
     for line, cells in read_rows(path, needed, ("gene", AGENT)):
         at = f"{path}: line {line}"
@@ -212,7 +213,7 @@ def add_genes(drafts: Drafts, path: Path, source: str | None) -> None:
 
 
 def _parse(at: str, name: str, content: str) -> float:
-    """Parse a finite number; an integer remains an int, because some parts accept no float."""
+    """Parse a finite number; integers remain ints, because some parts do not accept floats."""
     with suppress(ValueError, OverflowError):
         value = int(content) if re.fullmatch(r"[+-]?[0-9]+", content) else float(content)
         if isfinite(value):
@@ -223,9 +224,9 @@ def _parse(at: str, name: str, content: str) -> float:
 def read_rows(
     path: Path, required: Sequence[str], optional: Sequence[str]
 ) -> Iterator[tuple[int, dict[str, str]]]:
-    """Yield each line's number, and its cells by column name.
+    """Yield the number of each line, and the line's cells by column name.
 
-    White space inside a cell is reduced to single blanks; empty lines are skipped.
+    White space within a cell is collapsed to single spaces; empty lines are skipped.
     """
     try:
         rows = csv.reader(StringIO(read_file(path).decode("utf-8-sig"), newline=""), strict=True)

@@ -1,4 +1,4 @@
-"""The trials of a design in an evaluation, which end early once all requirements are decided."""
+"""The trials of a design in an evaluation, which end once all requirements are decided."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,10 +20,10 @@ GENERATION = 0
 
 @dataclass
 class DesignTrials:
-    """The missions of a design and their known outcomes.
+    """The missions of a design, and the outcomes known so far.
 
     Without requirements, all missions are wanted. Otherwise, missions are added in rounds until all
-    requirements are decided, so which missions are run depends only on the outcomes.
+    requirements are decided, so only the outcomes determine which missions are run.
     """
 
     experiment: Experiment
@@ -49,7 +49,7 @@ class DesignTrials:
 
     @property
     def conditions(self) -> Sequence[Condition]:
-        """The conditions of the design's missions; the first leaves the evaluation unchanged."""
+        """The conditions of the design's missions; the first is the evaluation's."""
         return self.assessment.conditions
 
     @property
@@ -59,18 +59,18 @@ class DesignTrials:
 
     @property
     def most(self) -> int:
-        """Maximum number of missions that the design can still need, with those already known."""
+        """Maximum number of missions, including the known ones, that the design can still need."""
         counts = [len(self.assessment.list_worlds(one)) for one in self.conditions]
         trials = self.experiment.plan.evaluation_trials
         return self.wanted if self.finished else trials * sum(counts)
 
     @cached_property
     def _own(self) -> Sequence[Mission]:
-        """All possible missions of the design under the evaluation's unchanged condition."""
+        """All possible missions of the design under the evaluation's conditions."""
         return self.experiment.plan.evaluation(GENERATION, self.index, self.design)
 
     def list_wanted(self, condition: Condition) -> list[Mission]:
-        """Return the missions wanted so far under a condition."""
+        """Return the missions wanted so far under one condition."""
         listed = self._listed.setdefault(condition, [])
         worlds = self.assessment.list_worlds(condition)
         known, wanted = len(listed) // len(worlds), self.assessment.wanted.get(condition, 0)
@@ -93,7 +93,7 @@ class DesignTrials:
         return [mission for mission in missions if mission.world in worlds]
 
     def take(self, key: MissionKey, outcomes: Outcomes) -> None:
-        """Store the outcomes of a mission; judge the design once all wanted outcomes are known."""
+        """Store a mission's outcomes; judge the design once all wanted outcomes are known."""
         self.outcomes[key] = outcomes
         while not self.finished and len(self.outcomes) >= self.wanted:
             if not all(mission.key in self.outcomes for mission in self.list_all()):
@@ -107,7 +107,7 @@ class DesignTrials:
         return sum(count * len(self.assessment.list_worlds(one)) for one, count in wanted)
 
     def judge(self) -> Mapping[str, Judged]:
-        """Return the verdicts on all trials by requirement name."""
+        """Return the verdicts on all trials, by requirement."""
         agents = list(self.experiment.agents)
         return self.assessment.judge(self._list_trials(), agents, self._measure)
 
@@ -128,7 +128,7 @@ class DesignTrials:
         return float(ask("requirements", part.compute, A_NUMBER, evaluated))
 
     def forget(self) -> None:
-        """Free the memory of a finished design's outcomes and missions."""
+        """Free the memory that a finished design's outcomes and missions use."""
         self.outcomes.clear()
         self._listed.clear()
         self.__dict__.pop("_own", None)

@@ -1,4 +1,4 @@
-"""Compare two folders of runs, evaluations or sweeps, up to the first difference."""
+"""Compares two folders of runs, evaluations or sweeps, up to the first difference."""
 
 import csv
 from collections.abc import Iterator, Mapping
@@ -17,18 +17,18 @@ from evoros.storage.verification import verify_folder
 from evoros.terminal.log import warn_left_out
 
 KEYS = (("generation", "design", "world", "trial"), ("source", "design", "world", "trial"))
-"""Columns that identify a mission in a run, and in an evaluation."""
+"""Columns that identify a mission of a run, and of an evaluation."""
 FIGURES = "figures/"
-"""Folder of figures, which can be drawn later, so equal runs may have different figures."""
-SHOWN = 60  # maximum number of characters shown of a value
+"""Folder of figures; equal runs may have different figures, because these can be drawn later."""
+SHOWN = 60  # maximum number of characters of a value that are shown
 NOTHING = "nothing"
-Key = tuple[tuple[str, str], ...]  # (name, cell) of each column that identifies a mission
+Key = tuple[tuple[str, str], ...]  # (name, cell) of the columns that identify a mission
 
 
 def compare_missions(one: Path, other: Path) -> tuple[str, int]:
     """Return the first difference between two mission tables, and the number of missions.
 
-    The order of the rows is ignored, because it is the order of completion in unfinished runs.
+    The order of rows is ignored, because unfinished runs record missions as they complete.
     """
     first, second = (_read_missions(folder / layout.MISSIONS) for folder in (one, other))
     for key in sorted({*first, *second}, key=_order):
@@ -50,7 +50,7 @@ def _order(key: Key) -> list[tuple[int, str]]:
 
 
 def _read_missions(path: Path) -> dict[Key, tuple[int, dict[str, str]]]:
-    """Map the key of each complete row to its line number and cells."""
+    """Return the line number and cells of each complete row, by the row's key."""
     try:
         complete = layout.read_bytes(path).decode().rpartition("\n")[0]
         rows = csv.DictReader(complete.splitlines())
@@ -63,7 +63,7 @@ def _read_missions(path: Path) -> dict[Key, tuple[int, dict[str, str]]]:
 
 
 def find_difference(one: Path, other: Path, name: str) -> str:
-    """Return the first difference between the files ``name`` in two folders; empty if equal."""
+    """Return the first difference between the files ``name`` in two folders, or "" if equal."""
     first, second = layout.read_bytes(one / name), layout.read_bytes(other / name)
     if first == second:
         return ""
@@ -94,7 +94,7 @@ def _read_unnamed(text: str, folder: Path) -> Iterator[tuple[str, ...]]:
 
 
 def describe_values(place: str, one: Path, first: object, other: Path, second: object) -> str:
-    """Describe the two values of something that differs between two folders."""
+    """Describe the two values of a quantity that differs between two folders."""
     return f"{place} is {_shorten(first)} in {one} and {_shorten(second)} in {other}"
 
 
@@ -109,9 +109,9 @@ def _find_line(first: str, second: str) -> Difference:
 
 
 def _find_cell(first: str, second: str) -> Difference:
-    """Find the first cell that differs, and name its line and column."""
+    """Find the first cell that differs, and describe its line and column."""
     line, content, other = _find_line(first, second)
-    with suppress(csv.Error):  # raised by cells of 200,000 characters, for example
+    with suppress(csv.Error):  # raised, for example, by cells of 200,000 characters
         return _find_column(first, second, line, content, other)
     return line, content, other
 
@@ -127,7 +127,7 @@ def _find_column(first: str, second: str, line: str, content: object, other: obj
 
 
 def _find_key(first: str, second: str) -> Difference:
-    """Find the first value that differs, and name its path."""
+    """Find the first value that differs, and describe its path."""
     try:
         values, others = (dict(_flatten(parse_json(text), "")) for text in (first, second))
     except ValueError:
@@ -168,7 +168,7 @@ COMPARED = (
     "trajectories/**/*",
     "figures/*",
 )
-"""Files derived from the configuration, other than missions, in the order of their creation."""
+"""The derived files to be compared, other than missions, in the order of their creation."""
 FREE = (*protocol.FREE, "figures")
 """Keys, or key prefixes, that affect no compared file."""
 MADE_BY = (
@@ -192,7 +192,7 @@ class Diff:
     files: int = 0
     missions: int = 0
     difference: str = ""
-    circumstances: dict[str, None] = field(default_factory=dict)  # ordered set of names
+    circumstances: dict[str, None] = field(default_factory=dict)  # used as an ordered set of names
 
 
 def diff_runs(one: Path, other: Path) -> Diff:
@@ -235,7 +235,7 @@ def _diff_folders(one: Path, other: Path, diff: Diff) -> None:
 
 
 def _list_differences(one: Path, other: Path, diff: Diff) -> Iterator[str]:
-    """Yield, file by file, the difference between both versions; empty if they are equal."""
+    """Yield the difference between two versions of each file; empty if they are equal."""
     yield _diff_configurations(one, other, diff)
     yield _diff_manifests(one, other, diff)
     difference, count = compare_missions(one, other)
@@ -243,7 +243,7 @@ def _list_differences(one: Path, other: Path, diff: Diff) -> Iterator[str]:
     yield difference
     for name in _list_files(one, other):
         if name.startswith(FIGURES) and name.endswith(".html"):
-            continue  # pages contain the folder, the date and the versions
+            continue  # pages contain the run's folder, date and versions
         absent = [folder for folder in (one, other) if not (folder / name).is_file()]
         if not absent:
             yield find_difference(one, other, name)
@@ -288,7 +288,7 @@ def _differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
 
 
 def describe_diff(diff: Diff) -> str:
-    """Describe the result in one or two lines."""
+    """Describe the result of a comparison in one or two lines."""
     if diff.difference:
         return f"different: {diff.difference}"
     runs = f"{diff.folders} folders, " if diff.folders > 1 else ""

@@ -1,4 +1,4 @@
-"""The evaluation of given designs: their missions, scores and verdicts."""
+"""The evaluation of given designs, which yields their outcomes, scores and verdicts."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from statistics import fmean
@@ -104,7 +104,7 @@ def _check_levels(designs: Sequence[NamedDesign], experiment: Experiment) -> Non
 
 
 def list_faults(designs: Sequence[NamedDesign], scenario: Scenario) -> Iterator[str]:
-    """Yield the first few warnings about designs, and the number of further warnings."""
+    """Yield the first few warnings about designs, then the number of further warnings."""
     robots = {
         f"{member.name}: design {named.name} of {named.source}".removeprefix(": "): member.robot
         for named in designs
@@ -144,7 +144,7 @@ class Evaluation:
 
     @property
     def _most(self) -> int:
-        """Maximum number of missions, which early decisions reduce."""
+        """The maximum number of missions; early decisions may reduce it."""
         return sum(trials.most for trials in self._trials)
 
     @property
@@ -169,7 +169,7 @@ class Evaluation:
         yield scenario, next(missions)
 
     def run(self, pool: Pool, status: Status) -> None:
-        """Run the missing missions, and write the scores and the verdicts.
+        """Run the missing missions; write the scores and the verdicts.
 
         Raises:
             InputError: the missions on disk do not belong to this evaluation.

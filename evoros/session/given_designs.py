@@ -1,4 +1,4 @@
-"""The inputs of an evaluation: designs, and the run whose configuration is adopted."""
+"""The inputs of an evaluation: the designs, and the run whose configuration is adopted."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -32,15 +32,15 @@ from evoros.storage.verification import read_text, verify_folder
 from evoros.terminal.log import LOGGER, warn_left_out
 
 UNUSED = (*(*FREE, "figures", "treatment", "objectives", "descriptors", "draws", "final_choice"),)
-"""Keys not used by evaluations."""
+"""Keys that evaluations do not use."""
 OF_VALIDATION = ("optimizer", "allocation", "confirmation", "validation")
-"""Keys used only by evaluations on validation draws."""
+"""Keys that only evaluations on validation draws use."""
 
 
 def read_like(source: str, typed: frozenset[str]) -> RecordedRun:
     """Read the recorded configuration of a finished run, or of a sweep whose runs agree.
 
-    The runs may differ in the keys of ``typed``, which overrides replace.
+    The runs may differ in the keys of ``typed``, which the overrides replace.
     """
     first, *others = _list_runs(source)
     ignored = {*UNUSED, *typed, *(() if "evaluation_draws" in typed else OF_VALIDATION)}
@@ -57,7 +57,7 @@ def read_like(source: str, typed: frozenset[str]) -> RecordedRun:
 def warn_of_changes(config: Configuration, experiment: Experiment) -> None:
     """Warn about each robot, world or module that has changed since the run given by ``like``.
 
-    The file may have changed, or its path may be relative to a different folder.
+    The file may have changed, or its relative path may start at a different folder.
     """
     if config.like is None:
         return
@@ -80,7 +80,7 @@ def _list_runs(source: str) -> list[Path]:
     folders = list(layout.folders_below(path, warn_left_out))
     if folders in ([], [path]):
         runs = [path]
-    else:  # reading champions later warns about unfinished runs
+    else:  # reading the champions later warns about unfinished runs
         runs = [folder for folder in folders if not layout.evaluates(folder)]
         finished = [
             run
@@ -117,14 +117,14 @@ def _require_agreement(
 
 
 def _find_choice(key: str, *runs: Path) -> str:
-    """Return the group in which the runs chose differently, which changes a key; or the key."""
+    """Return the group in which the runs chose differently if that changes a key; else the key."""
     first, other = (layout.read_json(run / layout.MANIFEST).get("choices", {}) for run in runs)
     groups = [group for group in first if first[group] != other.get(group)]
     return next((group for group in groups if is_below(key, [find_place(group)])), key)
 
 
 GENES_BESIDE = {"design.csv": "genes.csv", layout.DESIGN_FILE: layout.GENE_FILE}
-"""Map file of designs -> file next to it with the designs' other genes."""
+"""For each file of designs, the file in the same folder with all other genes of these designs."""
 
 
 def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesign]:
@@ -186,7 +186,7 @@ def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, li
 
 
 def _read_file(source: str, path: Path, experiment: Experiment) -> list[NamedDesign]:
-    """Read a file of designs and, if it exists, the file next to it with their other genes."""
+    """Read a file of designs and, if it exists, the file with all other genes of these designs."""
     column = None if path.name == layout.DESIGN_FILE else source
     drafts = read_drafts(path, column, experiment.members)
     genes = path.with_name(GENES_BESIDE.get(path.name, path.name))
@@ -208,7 +208,7 @@ def _read_champion(source: str, path: Path, experiment: Experiment) -> list[Name
 
 
 def _require_configured(path: Path, champion: NamedDesign, experiment: Experiment) -> None:
-    """Require the run's design for each agent whose design is fixed by the configuration."""
+    """Require that each agent with a configured design has the design of its run."""
     for name, design in champion.design.agents.items():
         if experiment.space.find_configured(name) not in (None, design):
             raise InputError(
@@ -252,7 +252,7 @@ def _has_sensors(member: Member) -> bool:
 
 
 def require_finished(path: Path, key: str) -> None:
-    """Require that the folder given by ``key`` has a finished run with a champion."""
+    """Require that the folder that ``key`` gives has a finished run with a champion."""
     if layout.evaluates(path) or not (path / layout.STATUS).is_file():
         file = "a CSV file or " if key == "designs" else ""
         owner = "an evaluation" if (path / layout.DESIGN_FILE).is_file() else "no run"

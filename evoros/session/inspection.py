@@ -1,4 +1,4 @@
-"""Describes the user's robots and worlds, including what the file readers omit and assume."""
+"""Describes the user's robots and worlds, including omissions and assumptions of the readers."""
 
 import logging
 from collections import Counter
@@ -34,16 +34,16 @@ from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
 SAMPLES = 60
-"""Number of random designs in the picture of a robot."""
+"""Number of random designs drawn in the picture of a robot."""
 
 LEVEL, UNEVEN = "simulator=planar", "simulator=physics"
-"""Simulators needed by worlds with level and with uneven ground."""
+"""Simulators for worlds with level ground and with uneven ground."""
 
 INDOOR = "controller=indoor"
-"""Controller for worlds too narrow for the default one."""
+"""Controller for worlds that are too narrow for the default controller."""
 
 NEAR_RATIO = 1.0
-"""Fit ratio above which most places have an obstacle within the avoidance range."""
+"""Ratio above which most positions have an obstacle within the avoidance range."""
 
 ANOTHER = (
     "for another, add world.NAME.course.home_x_m=X world.NAME.course.home_y_m=Y to this command"
@@ -56,14 +56,14 @@ Places = Mapping[str, Array]
 
 @dataclass(frozen=True)
 class Inspection:
-    """A table about a robot or world, with the file reader's messages and a picture."""
+    """A description of a robot or world: a table, the file reader's messages and a picture."""
 
     title: str
     rows: Sequence[Row]
-    messages: Sequence[str]  # assumptions, changes and omissions of the readers
+    messages: Sequence[str]  # assumptions, changes and omissions of the file readers
     picture: bytes  # PNG
-    choices: Sequence[str] = ()  # further overrides needed to use the robot or world
-    design: OwnFile | None = None  # design with the existing sensors of a robot
+    choices: Sequence[str] = ()  # further overrides that the robot or world needs
+    design: OwnFile | None = None  # design with the sensors that a robot already has
 
 
 def inspect_robot(
@@ -71,7 +71,8 @@ def inspect_robot(
 ) -> Inspection:
     """Describe the robot ``name`` in the user's configuration ``folder``.
 
-    The inspection includes a design with the robot's existing sensors. ``draw`` draws its picture.
+    The inspection includes a design with the sensors that the robot already has. ``draw`` draws the
+    picture.
     """
     experiment, messages = _build([f"robot={name}", "design=around", simulator], folder)
     robot, places = experiment.robot, _sample_places(experiment)
@@ -120,7 +121,7 @@ def inspect_world(
 
 
 def _check_meetings(world: World, robot: Robot) -> Iterator[str]:
-    """Yield a warning if the robot can touch no obstacle, and one for each blocked leg."""
+    """Yield a warning if the robot cannot touch any obstacle, and one for each blocked leg."""
     low = [body for body in standing_obstacles(world) if project_bodies([body], robot.height_m)]
     if not low and not world.actors:
         yield (
@@ -166,7 +167,7 @@ def require_design(name: str, folder: Path, overrides: Sequence[str]) -> None:
 
 
 def _build(overrides: Sequence[str], folder: Path | None) -> tuple[Experiment, list[str]]:
-    """Build the experiment; return it with the messages of all readers."""
+    """Build the experiment; return it with all messages of the readers."""
     with withhold_messages() as records:
         experiment = compose(overrides, config_dir=folder).build()
     told = [record.getMessage() for record in records if record.levelno >= logging.INFO]

@@ -1,4 +1,4 @@
-"""Sends the recorded data of a run to observers, during the run or later."""
+"""Sends a run's records to observers, during the run or later."""
 
 import csv
 import io
@@ -44,7 +44,7 @@ CERTIFIED = (
 
 
 class FolderReader:
-    """Reads a run folder; each table is read only once, because tables never change."""
+    """Reads a run folder; each table is read only once, because written tables never change."""
 
     def __init__(self, folder: Path, origin: Path) -> None:
         self.folder, self.origin = folder, origin
@@ -53,12 +53,12 @@ class FolderReader:
         self._parameters = MappingProxyType(dict(_list_parameters(folder)))
 
     def read(self, generations: int | None, state: str | None = None) -> protocol.ObservedRun:
-        """Read the first ``generations`` of a run, or all, and its end if ``state`` is given."""
+        """Read the first ``generations`` of a run, or all; also its end if ``state`` is given."""
         tables = list_tables(self.folder)[:generations]
         for number in range(len(self._generations), len(tables)):
             self._generations.append(_read_generation(tables[number], number))
         manifest = self._manifest
-        # The date distinguishes runs of the same configuration.
+        # The date distinguishes runs with the same configuration.
         identity = f"{read_status_key(manifest)} {manifest.get('created')}"
         return protocol.ObservedRun(
             id=blake2b(identity.encode(), digest_size=16).hexdigest(),
@@ -73,7 +73,7 @@ class FolderReader:
 
 
 def _list_parameters(folder: Path) -> Iterator[tuple[str, protocol.Value]]:
-    """Yield the recorded configuration values, except for observers."""
+    """Yield the recorded configuration values except those of the observers."""
     for key, value in flatten_recorded(folder / layout.CONFIG).items():
         if key.partition(".")[0] != "observers":
             plain = value is None or isinstance(value, str | int | float)
@@ -116,29 +116,29 @@ def _read_files(folder: Path) -> Iterator[tuple[str, bytes]]:
 
 
 def _finite(metrics: Mapping[str, float]) -> Mapping[str, float]:
-    """Return the finite numbers, which trackers can draw, as a read-only mapping."""
+    """Return the finite numbers, the only ones that trackers can plot, as a read-only mapping."""
     finite = {name: value for name, value in metrics.items() if math.isfinite(value)}
     return MappingProxyType(finite)
 
 
 def _to_seconds(date: object) -> float:
-    """Return the Unix time of a recorded date [s]; 0 if it is missing."""
+    """Convert a recorded date to Unix time [s]; 0 if the date is missing."""
     return datetime.fromisoformat(date).timestamp() if isinstance(date, str) else 0.0
 
 
 Tell: TypeAlias = Callable[[int], None]
-"""Tells the observers of a run the number of its recorded generations."""
+"""Tells a run's observers the number of recorded generations."""
 
 
 def ignore(generations: int) -> None:
-    """Do nothing."""
+    """Ignore the number."""
 
 
 @contextmanager
 def observe(folder: Path, observers: Mapping[str, protocol.Observer]) -> Iterator[Tell]:
     """Send a run to its observers at the start, after each generation, and at the end.
 
-    An observer that raises an error gets no further data; the error becomes a warning.
+    An observer that raises an error receives no further records; the error becomes a warning.
     """
     if not observers:
         yield ignore
@@ -200,7 +200,7 @@ class _Link:
 
     @contextmanager
     def _guard(self) -> Iterator[None]:
-        """Warn about the first error, and name the command that sends the missing data."""
+        """Warn about the first error, and give the command that sends the missing records."""
         try:
             yield
         except Exception as error:  # a library or a user's part may raise anything
@@ -224,7 +224,7 @@ def open_observer(
 
 
 def describe(error: Exception) -> str:
-    """Describe a tracker's error in one line, without passwords and keys."""
+    """Describe a tracker's error in one line, with passwords and keys removed."""
     text = single_line(error)
     if not isinstance(error, InputError):
         text = f"{locate_fault(error)}{type(error).__name__}: {text}"
@@ -235,7 +235,7 @@ def describe(error: Exception) -> str:
 
 
 def _export_command(folder: Path, name: str) -> str:
-    """Return the command that exports a run to one of its observers; references stay unresolved."""
+    """Return the command that exports a run to one observer, with unresolved references."""
     prefix = f"observers.{name}."
     recorded = flatten_recorded(folder / layout.CONFIG).items()
     keys = [
@@ -247,9 +247,10 @@ def _export_command(folder: Path, name: str) -> str:
 
 
 def export(folder: Path, observer: protocol.Observer, origin: Path) -> protocol.ObservedRun:
-    """Send a recorded run, or its missing data, to a tracker, and return the run.
+    """Send a recorded run, or its missing records, to a tracker; return the run.
 
-    Relative paths in the tracker's keys resolve against ``origin``. Its errors are not caught.
+    Relative paths in the tracker's keys are relative to ``origin``. Errors of the tracker are not
+    caught.
     """
     if layout.evaluates(folder) or not (folder / layout.MANIFEST).is_file():
         raise InputError(f"{folder}: must be the folder of a run; correct the path")

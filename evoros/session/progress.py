@@ -16,7 +16,7 @@ from evoros.terminal.log import warn_left_out
 
 
 class _Shown:
-    """A context manager that shows a line on a screen, including the activity of its thread."""
+    """A context manager that shows a line on a screen, including the current activity."""
 
     def __init__(self, screen: Screen | None) -> None:
         self._created = time.monotonic()
@@ -39,10 +39,10 @@ class _Shown:
 
 
 class Progress(_Shown):
-    """The display of one run or evaluation, a context manager.
+    """The progress display of one run or evaluation, a context manager.
 
-    If ``shown``, it appears on the terminal, below a notebook cell, or as a line every ten seconds
-    in a pipe. Short work shows nothing.
+    If ``shown``, it appears on the terminal, below a notebook cell, or in a pipe as a new line
+    every ten seconds. For short work, nothing is shown.
     """
 
     def __init__(self, shown: bool = True) -> None:
@@ -53,7 +53,7 @@ class Progress(_Shown):
         self._mean: float | None = None
         self._generations = self._generation = 0
         self._wanted = self._known = self._done = 0
-        self._totals: list[int] = []  # cumulative missions, one entry per generation that ran any
+        self._totals: list[int] = []  # cumulative missions after each generation that ran any
 
     def start(self, generations: int) -> None:
         """Set the number of generations."""
@@ -63,18 +63,18 @@ class Progress(_Shown):
         """Begin a generation that needs ``missions``, of which ``known`` are recorded."""
         if self.since is None:
             self.since = time.monotonic()
-        # Validating a design uses the number of its generation, which may be an earlier one.
+        # A validation has the number of its design's generation, which may be an earlier one.
         self._generation = max(self._generation, generation)
         self._wanted, self._known, self._done = missions, known, 0
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
-        """Count a mission that was run."""
+        """Count a mission that has been run."""
         self._done += 1
         self.missions += 1
         self.simulated += judge(outcomes).time_s
 
     def generation(self, generation: Generation) -> None:
-        """Update the best and mean fitness from a finished generation."""
+        """Update the best and mean fitness after a generation."""
         self.best, self._mean = generation.best.fitness, generation.mean
         if self.missions > sum(self._totals[-1:]):
             self._totals.append(self.missions)
@@ -109,20 +109,20 @@ class Progress(_Shown):
 
     @property
     def share(self) -> float:
-        """Estimated fraction of this session's missions that has been run."""
+        """Estimated fraction of this session's missions that have been run."""
         if self.ended:
             return 1.0
         return self.missions / (self.missions + self._left()) if self.missions else 0.0
 
     def _left(self) -> float:
-        """Estimate the remaining missions from the mean of this session's generations."""
+        """Estimate the number of remaining missions from this session's mean per generation."""
         current = max(0, self._wanted - self._known - self._done)
         later = self._totals[-1] / len(self._totals) if self._totals else self._wanted
         return current + later * max(0, self._generations - 1 - self._generation)
 
 
 class SweepProgress(_Shown):
-    """The display of a sweep of ``jobs`` jobs in one line."""
+    """The progress display of a sweep of ``jobs`` jobs in one line."""
 
     def __init__(self, jobs: int, shown: bool = True) -> None:
         super().__init__(open_screen(self.line) if shown else None)
@@ -134,7 +134,7 @@ class SweepProgress(_Shown):
         return self._begun[-1]
 
     def skip(self) -> None:
-        """Count a job that is already complete or cannot begin."""
+        """Count a job that is already complete or cannot start."""
         self._skipped += 1
 
     @contextmanager
@@ -174,9 +174,9 @@ class SweepProgress(_Shown):
 
 
 class RecordedProgress(_Shown):
-    """The display of jobs in other processes or on other machines, read from their folders.
+    """The progress of jobs in other processes or on other machines, read from their folders.
 
-    The jobs may write to this terminal at any time, so each update is a new line.
+    The jobs may write to this terminal at any time, so every update is a new line.
     """
 
     def __init__(self, sweep: Path, jobs: int | None) -> None:

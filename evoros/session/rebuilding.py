@@ -1,4 +1,4 @@
-"""Rebuild the experiment of a run from its record, and plan recorded missions again."""
+"""Rebuilds the experiment of a run from its records, and plans recorded missions again."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import chdir, contextmanager
@@ -34,13 +34,13 @@ from evoros.terminal.log import LOGGER, read_again
 
 
 class Rebuilt(NamedTuple):
-    """The rebuilt experiment of a run."""
+    """The experiment of a recorded run."""
 
     experiment: Experiment
     number: int | None
-    """Number of generations or trials in the overrides; None if not given."""
+    """The number of generations or trials in the overrides; None if not overridden."""
     config: Configuration
-    """Recorded configuration with the overrides."""
+    """The recorded configuration, with overrides applied."""
 
 
 def rebuild(
@@ -52,11 +52,11 @@ def rebuild(
     places: Relocation = NOWHERE,
     mends: bool = False,
 ) -> Rebuilt:
-    """Rebuild the experiment of a run with overrides that resuming allows.
+    """Rebuild the experiment of a run, with the overrides that are allowed on resuming.
 
-    This executes the code that the configuration names. ``warns`` reports changed versions of
-    packages. ``places`` maps the folders into which an archive was unpacked. ``mends`` accepts
-    changed parts of which the run has recorded no result.
+    This executes the code that the configuration names. ``warns`` enables warnings about changed
+    package versions. ``places`` maps each recorded folder to the folder into which an archive was
+    unpacked. ``mends`` accepts changed parts that have affected no recorded result.
     """
     if config_dir is not None:
         add_config_dir(config_dir)
@@ -89,7 +89,7 @@ def rebuild(
 
 @contextmanager
 def change_to_origin(manifest: Mapping[str, Any]) -> Iterator[None]:
-    """Change to the folder in which the run was started, which relative paths refer to."""
+    """Change to the folder in which the run was started, to which relative paths refer."""
     origin = Path(str(manifest.get("working_directory", ".")))
     with chdir(origin if origin.is_dir() else Path.cwd()):
         yield
@@ -112,7 +112,7 @@ def _read_manifest(folder: Path) -> Mapping[str, Any]:
 def plan_row(
     experiment: Experiment, designs: Mapping[int, Design], key: MissionKey, row: Mapping[str, str]
 ) -> tuple[Mission, Scenario]:
-    """Plan the mission ``key`` of a row of ``missions.csv``; return it with its scenario."""
+    """Plan the mission ``key`` of a row of ``missions.csv``; return it and its scenario."""
     generation, design, world, trial = key
     purpose = row.get("purpose", experiment.evaluation_draws)
     setting = experiment.conditions.get(row.get(CASE, ""))

@@ -1,4 +1,4 @@
-"""Recomputes the designs of a run, and reruns single recorded missions."""
+"""Recomputes the designs of a run, and reruns individual recorded missions."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -43,13 +43,13 @@ def replay(
 ) -> tuple[Outcomes, pd.DataFrame]:
     """Rerun one recorded mission of a run in this process, with the same result.
 
-    ``key`` has the generation, design, world and trial of its row in ``missions.csv``. Return the
-    outcome of each robot, and the trajectory with the columns of ``champion/trajectory_WORLD.csv``.
-    This executes the code named by the run's configuration; ``config_dir`` is the folder of your
-    own parts, as when the run was started.
+    ``key`` holds the generation, design, world and trial from the mission's row in
+    ``missions.csv``. The result has the outcome of each robot, and the trajectory with the columns
+    of ``champion/trajectory_WORLD.csv``. This executes the code that the run's configuration names;
+    ``config_dir`` is the folder with your own parts, as when the run was started.
 
     Raises:
-        InputError: the run or mission was not found, or the run has a different version.
+        InputError: the run or mission was not found, or the run's version differs.
     """
     columns = dict(zip(KEY, map(str, key), strict=True))
     replayed = replay_row(folder, columns, config_dir)
@@ -59,7 +59,7 @@ def replay(
 def replay_row(
     folder: str | Path, columns: Mapping[str, str], config_dir: str | Path | None = None
 ) -> Replayed:
-    """Rerun the mission of the only row with these ``columns``."""
+    """Rerun the mission of the only row that has the values ``columns``."""
     run = load_run(expand_home(folder))
     row = _find_row(run.path, columns)
     experiment = rebuild(run.path, (), config_dir).experiment
@@ -73,7 +73,7 @@ def replay_row(
 
 
 def _find_given(run: Run, experiment: Experiment, row: Row) -> tuple[dict[int, Design], MissionKey]:
-    """Return the given designs of an evaluation by id, and the key of the row's mission."""
+    """Return the designs of an evaluation by id, and the key of the row's mission."""
     given = read_recorded_designs(run.path, experiment)
     names = [(named.source, named.name) for named in given]
     design = names.index((row["source"], row["design"]))
@@ -84,7 +84,7 @@ def _find_given(run: Run, experiment: Experiment, row: Row) -> tuple[dict[int, D
 def replay_in_plane(
     run: Run, keys: Sequence[MissionKey]
 ) -> Iterator[tuple[MissionKey, World, pd.DataFrame]]:
-    """Rerun recorded missions of the planar simulator; yield their worlds and trajectories."""
+    """Rerun recorded missions in the planar simulator; yield their worlds and trajectories."""
     experiment = rebuild(run.path, ()).experiment
     for scenario in (experiment.scenario, experiment.confirming):
         if not isinstance(scenario.simulator, Planar) or scenario.is_live:
@@ -136,7 +136,7 @@ def _find_row(path: Path, columns: Mapping[str, str]) -> Row:
 
 
 def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:
-    """Return all designs proposed so far by id, by feeding the optimizer the recorded scores."""
+    """Feed the recorded scores to the optimizer, and return all designs proposed so far by id."""
     space = experiment.space
     search = experiment.start_search()
     designs = {individual.id: space.decode(individual.genome) for individual in search.ask()}

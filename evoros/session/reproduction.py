@@ -1,4 +1,4 @@
-"""Rerun recorded runs in new folders, to compare both byte by byte."""
+"""Reruns recorded runs in new folders, to compare the results byte by byte."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ EQUAL = "made with the same packages, commit, processor and operating system"
 
 @dataclass(frozen=True)
 class Reproduction:
-    """A run, and the folder of its rerun."""
+    """A recorded run, and the folder for its rerun."""
 
     source: Path
     folder: Path
@@ -46,7 +46,7 @@ class Reproduction:
 
 
 def list_reproductions(source: Path, output: Path) -> list[Reproduction]:
-    """Pair a run folder, or each run of a sweep, with the same relative path under ``output``."""
+    """Pair a run folder, or each run of a sweep, with a folder of the same name in ``output``."""
     if output.resolve().is_relative_to(source.resolve()):
         raise InputError(f"--output {output}: must not be in {source}; choose another folder")
     folders = list_finished(source, "reproduced")
@@ -54,7 +54,7 @@ def list_reproductions(source: Path, output: Path) -> list[Reproduction]:
 
 
 def list_finished(source: Path, purpose: str) -> list[Path]:
-    """List the run folders in a folder; all runs must be undamaged and finished."""
+    """List the run folders in a folder, all of which must be undamaged and finished."""
     if not source.is_dir():
         raise InputError(f"{source}: folder not found; correct the path")
     folders = list(folders_below(source, warn_left_out))
@@ -75,10 +75,10 @@ def build_reproduction(
     config_dir: str | None,
     places: Relocation = NOWHERE,
 ) -> Session:
-    """Build a rerun, or resume an unfinished one.
+    """Start a rerun, or resume an unfinished one.
 
-    ``overrides`` may change the executor; ``config_dir`` has the modules of the user's own parts;
-    ``places`` maps the folders into which an archive was unpacked.
+    ``overrides`` may change the executor; ``config_dir`` holds the modules with the user's own
+    parts; ``places`` maps each recorded folder to the folder into which an archive was unpacked.
     """
     for text in overrides:
         if not text.startswith(("executor=", "executor.")):
@@ -88,7 +88,7 @@ def build_reproduction(
     source, folder = reproduction.source, reproduction.folder.absolute()
     values = reproduction.config.values
     key = find_growing(values) if evaluates(source) else GENERATIONS
-    size = read_json(source / STATUS)[SIZES[key]]  # differs from the configuration if extended
+    size = read_json(source / STATUS)[SIZES[key]]  # larger than configured if the run was extended
     if (folder / MISSIONS).exists():
         _require_same(reproduction)
         session = open_run(folder, [*overrides, f"{key}={size}"], config_dir)
@@ -112,7 +112,7 @@ def _require_same(reproduction: Reproduction) -> None:
 
 
 def describe_circumstances(reproductions: Sequence[Reproduction]) -> str:
-    """Describe the different versions, commits, processors and systems in one line."""
+    """Describe differing versions, commits, processors and systems in one line."""
     changes: dict[str, None] = {}
     for pair in reproductions:
         old, new = (_flatten(read_json(path / MANIFEST)) for path in (pair.source, pair.folder))

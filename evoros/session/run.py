@@ -1,4 +1,4 @@
-"""Create, open and execute runs, each a search or an evaluation."""
+"""Creates, opens and executes runs, which are searches or evaluations."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -39,28 +39,28 @@ SEARCH = (
     *("seed", "trials", "draws", "optimizer", "allocation", "validation", "final_choice"),
     *("lost_missions", "record", "figures", "treatment"),
 )
-"""Keys that affect only the search, and no check of a robot or a world."""
+"""Keys that affect only the search, and no check of robots or worlds."""
 SIZES = {plan.GENERATIONS: "generations", plan.TRIALS: "trials", plan.VALIDATION_TRIALS: "trials"}
-"""Map key that resuming may raise -> field in ``status.json``."""
+"""Keys that may be raised on resuming, with their fields in ``status.json``."""
 
 
 @dataclass(frozen=True)
 class Session:
-    """A built and recorded run, whose folder stays open until ``run`` ends."""
+    """A built and recorded run, which keeps its folder open until ``run`` ends."""
 
     task: Search | Evaluation
-    messages: Sequence[LogRecord]  # messages from building the run
-    observed: bool = True  # True if observers receive the run
+    messages: Sequence[LogRecord]  # messages logged while the run was built
+    observed: bool = True  # True if observers receive the run's records
 
     @property
     def executor(self) -> Executor:
-        """The executor of the missions."""
+        """The executor of the run's missions."""
         return self.task.experiment.executor
 
     def run(
         self, display: Display, draw: work.DrawFigures, opener: work.PoolOpener = work.open_pool
     ) -> None:
-        """Run to the end; ``draw`` draws figures.
+        """Run to the end; ``draw`` draws the figures.
 
         Raises:
             InputError: the missions on disk do not belong to this run.
@@ -98,7 +98,7 @@ class Session:
                 work.draw_figures(folder.path, figures, pool, draw)
 
     def _is_outdated(self) -> bool:
-        """Return True unless the run has already ended with its current size."""
+        """Return True unless the run has already finished at its current size."""
         ended, fields = self.task.folder.read_status(), self.task.describe()
         return ended.get("state") != layout.FINISHED or any(
             ended.get(name) != fields.get(name) for name in SIZES.values()
@@ -111,7 +111,7 @@ def create_run(config: Configuration, folder: Path) -> Session:
     Raises:
         InputError: the input cannot be used; the folder is unchanged.
     """
-    require_unused(folder)  # fails early, because building may take seconds
+    require_unused(folder)  # fails early, because building can take seconds
     with collect_messages() as messages:
         if not config.evaluates:
             return record_run(build_search(config), config, folder, messages)
@@ -125,13 +125,14 @@ def create_run(config: Configuration, folder: Path) -> Session:
 def check_run(config: Configuration, similar: Experiment | None) -> Experiment:
     """Build and check a run without recording it.
 
-    ``similar`` has been checked and differs only in the keys of ``SEARCH``. For a search, only the
-    parts under these keys are built and checked, because robots and worlds take the longest.
+    ``similar`` has already been checked, and may differ only in the keys of ``SEARCH``. For a
+    search, only the parts under these keys are then built and checked, because robots and worlds
+    take longest.
     """
     if config.evaluates:
         return build_evaluation(config)[0]
     if similar is not None:
-        with suppress(InputError):  # the complete build below reports the key
+        with suppress(InputError):  # the complete build below reports the error
             experiment = config.rebuild(similar, SEARCH)
             rng = generator(f"{experiment.seed}", "optimizer")
             experiment.optimizer.start(similar.space, experiment.goals, rng)  # spaces are equal
@@ -147,9 +148,9 @@ def record_run(
     size: int | None = None,
     designs: Sequence[NamedDesign] | None = None,
 ) -> Session:
-    """Record a run in a new folder; an evaluation has ``designs``.
+    """Record a run in a new folder; for an evaluation, ``designs`` is given.
 
-    ``size`` is the number of generations or trials, if it differs from the configured one.
+    ``size`` is the number of generations or trials if it differs from the configured number.
 
     Raises:
         InputError: the folder cannot be created; it is unchanged.
@@ -176,8 +177,8 @@ def open_run(
     """Open the run in a folder to resume it; running a finished run verifies it.
 
     ``overrides`` may change the executor and the observers of a search, and raise
-    ``optimizer.generations`` of a search or ``trials`` of an evaluation. ``config_dir`` has the
-    modules of the user's own parts.
+    ``optimizer.generations`` of a search or ``trials`` of an evaluation. ``config_dir`` holds the
+    modules with the user's own parts.
     """
     with collect_messages() as messages:
         experiment, wanted, _ = rebuild(folder, overrides, config_dir, mends=True)
@@ -202,7 +203,7 @@ def _resume(record: RunFolder, experiment: Experiment, wanted: int | None) -> Se
         extended = not record.read_status() or size != configured["optimizer"]["generations"]
         return Search(experiment, record, size, extended)
     key, written = plan.find_growing(configured), experiment.plan.evaluation_trials
-    if key == plan.TRIALS and SIZES[key] not in record.read_status():  # a status gives the number
+    if key == plan.TRIALS and SIZES[key] not in record.read_status():  # the number is in the status
         written = max(written, record.rows.trials)
     designs = read_recorded_designs(record.path, experiment)
     return _start_evaluation(record, experiment, designs, _find_size(record, key, written, wanted))
@@ -224,13 +225,13 @@ def _start_evaluation(
 
 
 def _find_size(record: RunFolder, key: str, written: int, wanted: int | None) -> int:
-    """Return the number of generations or trials of a run, which may have been extended.
+    """Return the number of generations or trials of a run, including extensions.
 
-    ``written`` is the number that is configured or recorded, and ``wanted`` the one typed.
+    ``written`` is the configured or recorded number, and ``wanted`` the number in the overrides.
     """
     recorded = record.read_status().get(SIZES[key])
     known = max(recorded, written) if isinstance(recorded, int) else written
-    if recorded is None and len(record.rows):  # a run without rows may have no status yet
+    if recorded is None and len(record.rows):  # a run without rows may not have a status yet
         LOGGER.warning(
             "%s: missing or damaged; the run continues to %d %s, as in %s or the tables; if the "
             "run had been extended further, repeat %s=...",
@@ -247,9 +248,10 @@ def _find_size(record: RunFolder, key: str, written: int, wanted: int | None) ->
 def reopen_run(
     config: Configuration, folder: Path, overrides: Sequence[str], config_dir: str | None
 ) -> Session | None:
-    """Open the run in a job's folder to resume it; or return None if it is complete and drawn.
+    """Open the run in a job's folder to resume it; return None if it is complete and drawn.
 
-    Damaged tables or digests make a run incomplete. ``overrides`` may set executor and observers.
+    A run with damaged tables or digests is incomplete. ``overrides`` may set the executor and the
+    observers.
     """
     require_same(folder, config)
     if config.evaluates:
@@ -279,13 +281,13 @@ def _require_same_designs(folder: Path, config: Configuration) -> None:
 
 
 def require_same(folder: Path, config: Configuration) -> None:
-    """Require that the run in a folder has a job's configuration, except for the executor."""
+    """Require that the run in a folder has a job's configuration, apart from the executor."""
     require_no_links(folder)
     text = read_original(folder, layout.CONFIG, read_sealed(folder, layout.MANIFEST)).decode()
     if layout.evaluates(folder) != config.evaluates:
         other = "an evaluation" if config.evaluates else "a search"
         raise InputError(f"{folder}: must contain {other}; choose another hydra.sweep.dir")
-    if text == config.text:  # equal text need not be parsed
+    if text == config.text:  # equal texts need not be parsed
         return
     difference = find_difference(read_recorded(folder / layout.CONFIG), config)
     if difference:

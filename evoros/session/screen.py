@@ -1,4 +1,4 @@
-"""A changing line of progress on a terminal, in a notebook, or in a pipe."""
+"""A progress line that changes in place on a terminal or in a notebook, or repeats in a pipe."""
 
 import logging
 import shutil
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 Line: TypeAlias = Callable[[int], str]
-"""Returns the current line for a maximum number of characters."""
+"""Returns the current line, given the maximum number of characters."""
 
 SEPARATOR = " | "
 NOTEBOOK_WIDTH = 100
 
 
 def fit(parts: Sequence[tuple[int, str]], width: int) -> str:
-    """Join the nonempty (rank, string) parts of a line in at most ``width`` characters.
+    """Join the nonempty (rank, string) parts of a line, up to ``width`` characters.
 
-    If the line is too long, parts with the highest ranks are left out; the last remaining one is
-    cut. ``rich.progress`` (rich 13.9.4) cuts all columns instead: 40 characters show four parts as
-    ``generat… |… | 2265 missions, 23982 si… …``.
+    If the line is too long, the parts with the highest ranks are left out, and the last remaining
+    part is truncated. ``rich.progress`` (rich 13.9.4) truncates all columns instead: 40 characters
+    show four parts as ``generat… |… | 2265 missions, 23982 si… …``.
     """
     kept = [part for part in parts if part[1]]
     while len(line := SEPARATOR.join(text for _, text in kept)) > width and len(kept) > 1:
@@ -37,10 +37,10 @@ def fit(parts: Sequence[tuple[int, str]], width: int) -> str:
 
 
 class Surface:
-    """An output that shows a changing line."""
+    """An output on which a changing line is shown."""
 
     first_s = 0.5
-    """Delay [s] before the line first appears, so that short work shows no line."""
+    """Delay [s] before the line first appears; work that ends earlier shows no line."""
     period_s = 0.5
     """Interval between updates [s]."""
 
@@ -52,12 +52,12 @@ class Surface:
         raise NotImplementedError
 
     def close(self, line: Line) -> None:
-        """Show the final state of the line and release the output."""
+        """Show the final line, and release the output."""
 
 
 @dataclass
 class Screen:
-    """A line on a surface, shown between ``start`` and ``stop``; it can be restarted."""
+    """A line on a surface, shown from ``start`` to ``stop``; it can be started again."""
 
     line: Line
     surface: Surface
@@ -69,7 +69,7 @@ class Screen:
         self._due = time.monotonic() + self.surface.first_s
 
     def start(self) -> None:
-        """Start showing the line; a second start has no effect."""
+        """Start showing the line; does nothing if it is already shown."""
         if self._thread is None:
             self._stopped.clear()
             self._thread = Thread(target=self._repeat, name="progress", daemon=True)
@@ -95,7 +95,7 @@ class Screen:
             self.surface.close(self.line)
 
     def _is_due(self) -> bool:
-        """Wait until the line is due; return False once it is stopped."""
+        """Wait until the line is due for an update; return False if it has been stopped."""
         while (left := self._due - time.monotonic()) > 0:
             if self._stopped.wait(left):
                 return False
@@ -107,7 +107,7 @@ class Screen:
 
 
 def open_screen(line: Line) -> Screen:
-    """Return a screen for the notebook, terminal or pipe to which this program writes."""
+    """Return a screen for the notebook, terminal or pipe that this program writes to."""
     if _kernel_display() is not None:
         return Screen(line, Notebook())
     from rich.console import Console
@@ -120,7 +120,7 @@ def open_screen(line: Line) -> Screen:
 
 def _kernel_display() -> Callable[..., Any] | None:
     """Return the function that displays output below a notebook cell; None outside notebooks."""
-    ipython = sys.modules.get("IPython")  # notebooks have imported IPython
+    ipython = sys.modules.get("IPython")  # a notebook has imported IPython
     shell = None if ipython is None else ipython.get_ipython()
     if ipython is None or getattr(shell, "kernel", None) is None:
         return None
@@ -129,7 +129,7 @@ def _kernel_display() -> Callable[..., Any] | None:
 
 
 class Terminal(Surface):
-    """The last line of the terminal; messages and results scroll above it."""
+    """The last line of a terminal; messages and results scroll above it."""
 
     period_s = 0.25
 
@@ -139,14 +139,14 @@ class Terminal(Surface):
         self._stack = ExitStack()
 
     def open(self) -> None:
-        """Start the line, and show messages for standard error above it."""
+        """Start the line, and print messages for standard error above it."""
         from rich.live import Live
 
         self._live = Live(
             console=self._console,
             auto_refresh=False,
             transient=True,
-            redirect_stdout=sys.stdout.isatty(),  # redirected output is not on this terminal
+            redirect_stdout=sys.stdout.isatty(),  # redirected output does not go to this terminal
         )
         for handler in LOGGER.handlers:
             if isinstance(handler, logging.StreamHandler) and handler.stream is sys.stderr:
@@ -155,7 +155,7 @@ class Terminal(Surface):
         self._live.start()
 
     def show(self, line: Line) -> None:
-        """Replace the line; a free column keeps terminals from wrapping it."""
+        """Replace the line; the last column stays free so that terminals do not wrap the line."""
         from rich.text import Text
 
         text = line(self._console.width - 1)
@@ -179,10 +179,10 @@ class _ConsoleHandler(logging.Handler):
 
 
 class Notebook(Surface):
-    """A line below the running cell; it remains after the work."""
+    """A line below the running cell, which remains when the work is done."""
 
     def open(self) -> None:
-        """Add the line to the output of the cell."""
+        """Add the line to the cell's output."""
         display = _kernel_display()
         assert display is not None
         self._handle = display({"text/plain": ""}, raw=True, display_id=True)
@@ -197,14 +197,14 @@ class Notebook(Surface):
 
 
 class Pipe(Surface):
-    """A new line on standard error for each update, for a file or another program."""
+    """A new line on standard error for each update, for files and other programs."""
 
     first_s = 10.0
     period_s = 10.0
 
     def show(self, line: Line) -> None:
-        """Write the line; ignore a closed pipe."""
-        with suppress(ValueError):  # raised if closed
+        """Write the line, unless the pipe is closed."""
+        with suppress(ValueError):  # raised if the pipe is closed
             try:
                 print(line(shutil.get_terminal_size().columns - 1), file=sys.stderr, flush=True)
             except OSError:

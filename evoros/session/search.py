@@ -1,4 +1,4 @@
-"""The search of a run: evolves designs, and updates its status, log and observers."""
+"""The search of a run, which evolves designs and updates the status, log and observers."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ UNUSED: dict[str, object] = {
     "worst_cases": None,
     "evaluation_draws": EVALUATION,
 }
-"""Map key that only evaluations use -> its value in a run."""
+"""The keys that only evaluations use, and their values in a search."""
 
 
 def build_search(config: Configuration) -> Experiment:
@@ -54,7 +54,7 @@ class Search:
     experiment: Experiment
     folder: RunFolder
     generations: int
-    extended: bool = False  # True if it may have ended earlier at a different generation
+    extended: bool = False  # True if it may have ended at a different generation
     last: Generation | None = None
     certificate: Certificate | None = None  # None until the end
     tell: Tell = ignore  # tells observers the number of recorded generations
@@ -81,7 +81,7 @@ class Search:
         return fields if certificate is None else {**fields, **certificate.summary}
 
     def list_first(self) -> Iterator[tuple[Scenario, Mission]]:
-        """Yield the first mission with each controller of the search."""
+        """Yield the first mission for each controller of the search."""
         experiment = self.experiment
         individual = experiment.start_search().ask()[0]
         design = experiment.space.decode(individual.genome)
@@ -111,15 +111,15 @@ class Search:
             LOGGER.info(foreseen)
 
     def begin(self, generation: int, missions: int, known: int) -> None:
-        """Show the number of needed missions."""
+        """Show the number of missions needed."""
         self._status.display.begin(generation, missions, known)
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
-        """Count and show a mission."""
+        """Count a mission, and show the progress."""
         self._status.mission(mission, outcomes)
 
     def generation(self, generation: Generation) -> None:
-        """Write, log and show a generation."""
+        """Record a generation in the status and the log, and show it."""
         self.last = generation
         self._status.write(RUNNING)
         log_progress(

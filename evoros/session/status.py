@@ -1,4 +1,4 @@
-"""The state of a run: ``status.json``, the log, the display on a terminal, and the overview."""
+"""The state of a run: ``status.json``, the log, the terminal display, and the overview."""
 
 import fcntl
 import time
@@ -20,14 +20,14 @@ from evoros.storage.run_folder import RunFolder
 from evoros.terminal.log import LOGGER, log_to_file
 
 UPDATE_S = 5.0
-"""Minimum interval between updates of ``status.json`` during missions [s]."""
+"""Minimum interval [s] between updates of ``status.json`` during missions."""
 
 
 class Display(Watcher, Protocol):
-    """A watcher that also displays the start of the work."""
+    """A watcher that also shows the start of a run."""
 
     def start(self, generations: int) -> None:
-        """Show the start of a recorded run of ``generations``."""
+        """Show the start of a run of which ``generations`` are to be run."""
 
 
 class NoDisplay:
@@ -37,7 +37,7 @@ class NoDisplay:
         """Ignore the start."""
 
     def begin(self, generation: int, missions: int, known: int) -> None:
-        """Ignore the needed missions."""
+        """Ignore the number of missions."""
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
         """Ignore a mission."""
@@ -48,19 +48,19 @@ class NoDisplay:
 
 @dataclass
 class Status:
-    """Writes ``status.json``, and counts the missions of this session, not of earlier ones."""
+    """Writes ``status.json``, and counts the missions of this session only."""
 
     folder: RunFolder
     display: Display
-    describe: Callable[[], Mapping[str, Any]]  # fields of a search or an evaluation
+    describe: Callable[[], Mapping[str, Any]]  # fields specific to a search or an evaluation
     missions: int = 0
     simulated_s: float = 0.0
     started: float = field(default_factory=time.monotonic)
     written: float = 0.0  # [s], time.monotonic() at the last update
-    finished: bool = False  # a final state, which errors in figures do not change
+    finished: bool = False  # True after the final state, which errors in figures do not change
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
-        """Count and show a recorded mission; log the reason if it failed."""
+        """Count a recorded mission, and show the progress; log the reason if the mission failed."""
         self.missions += 1
         outcome = judge(outcomes)
         self.simulated_s += outcome.time_s
@@ -71,7 +71,7 @@ class Status:
             self.write(layout.RUNNING)
 
     def write(self, state: str, reason: str = "") -> None:
-        """Replace ``status.json``, unless its state is ``FINISHED``."""
+        """Replace ``status.json`` unless its state is already ``FINISHED``."""
         if self.finished:
             return
         self.finished = state == layout.FINISHED
@@ -88,13 +88,13 @@ class Status:
 
     @contextmanager
     def track(self, earlier: Sequence[LogRecord]) -> Iterator[None]:
-        """Log to the folder, and write the status at the start and at the end of the run."""
+        """Log to the folder, and write the status when the run starts and ends."""
         with log_to_file(self.folder.path / layout.LOG, earlier):
             self.write(layout.RUNNING)
             try:
                 yield
             except BaseException as error:
-                LOGGER.debug("stopped", exc_info=True)  # only the file gets the traceback
+                LOGGER.debug("stopped", exc_info=True)  # the traceback goes only to the file
                 interrupted = isinstance(error, KeyboardInterrupt)
                 self.write(layout.STOPPED, "interrupted" if interrupted else str(error))
                 if isinstance(error, SystemExit):  # a part called exit()
@@ -107,7 +107,7 @@ CONSEQUENCES = {
     layout.MISSIONS: "missing missions run again",
     layout.DIGESTS: "rewritten for known files",
 }
-"""Consequences of a problem in a file without a backup copy."""
+"""The consequences of a problem in each file that has no backup copy."""
 
 
 def log_repair(repair: Repair) -> None:
@@ -131,18 +131,18 @@ def log_repair(repair: Repair) -> None:
 
 
 KILLED, BEGUN = "killed", "begun"
-"""States: killed before the last status was written; no status written yet."""
+"""States of a run that was killed, and of a run that has no status yet."""
 SILENT_S = 3 * UPDATE_S
-"""Age [s] of a status beyond which the process that wrote it may have ended."""
+"""Age [s] of a status beyond which its process may have ended."""
 
 
 @dataclass(frozen=True)
 class Overview:
-    """The state of a folder; unknown numbers are None."""
+    """The state of a run folder; unknown numbers are None."""
 
     path: Path
     state: str  # running, finished, stopped, killed or begun
-    units: str  # generations of a run, designs of an evaluation
+    units: str  # generations of a search, or designs of an evaluation
     done: int  # number of finished units
     wanted: int
     best: float | None  # fitness
@@ -154,7 +154,7 @@ class Overview:
 
 
 COLUMNS = ("state", "done", "best", "validated", "missions", "sim s/s", "left")
-"""Columns after the names in a table of folders."""
+"""The columns after the names in a table of folders."""
 UNKNOWN = "-"
 
 
@@ -211,7 +211,7 @@ def _find_state(folder: Path, status: Mapping[str, Any]) -> str:
 
 def is_locked(folder: Path) -> bool:
     """Return True if a process has the folder open for writing."""
-    if not (folder / layout.MISSIONS).is_file():  # opening a pipe would block
+    if not (folder / layout.MISSIONS).is_file():  # a named pipe would block when opened
         return False
     try:
         with (folder / layout.MISSIONS).open("rb") as missions:
@@ -222,9 +222,9 @@ def is_locked(folder: Path) -> bool:
 
 
 def _estimate_left(status: Mapping[str, Any]) -> float | None:
-    """Estimate the remaining time [s] from the speed of this session.
+    """Estimate the remaining time [s] from this session's speed.
 
-    Future generations are assumed to need as many missions as past ones on average.
+    Future generations are assumed to need as many missions as the average past generation.
     """
     names = ("missions", "session_missions", "session_wall_s")
     missions, of_session, wall = (status.get(name) for name in names)

@@ -1,4 +1,4 @@
-"""The figures of a run, and the pool that computes its missions."""
+"""The figures of a run, and the pool that executes its missions."""
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
@@ -17,16 +17,16 @@ from evoros.terminal.log import LOGGER, silence_unwritable
 FIGURES = "figures"
 """Folder of figures in the run folder."""
 WORST, PAGE = "worst", "requirements"
-"""Figures of an evaluation: worst cases, and the page of requirements."""
+"""Figures of an evaluation: worst cases, and requirements."""
 DrawFigures: TypeAlias = Callable[[Path, str, Path], Sequence[str]]
-"""Picklable function that draws a figure into a folder, picture last, and returns warnings.
+"""Picklable function that draws a figure into a folder, the picture last; returns warnings.
 
 Its arguments are the run folder, the figure's name and the folder to draw into.
 """
 
 
 def list_figures(run: Path, configured: Sequence[str]) -> Sequence[str]:
-    """List the configured figures of a search, or the figures of an evaluation's results."""
+    """List the configured figures of a search, or the figures for an evaluation's results."""
     if not evaluates(run):
         return configured
     results = {WORST: WORST_CASES, PAGE: REQUIREMENTS}
@@ -63,7 +63,7 @@ def _draw_missing(run: Path, names: Sequence[str], pool: Pool, draw: DrawFigures
 
 
 def discard_figures(run: Path, names: Sequence[str]) -> None:
-    """Delete figures that become outdated when the run continues."""
+    """Delete figures that become outdated when the run goes on."""
     files = [file for name in names for file in _list_files(run, name)]
     for file in files:
         file.unlink()
@@ -76,9 +76,9 @@ def _list_files(run: Path, name: str) -> list[Path]:
 
 
 def has_figure(run: Path, name: str) -> bool:
-    """Return True if a figure is complete; its picture is written last.
+    """Return True if a figure is complete, that is, its picture exists and is not empty.
 
-    A power failure may leave empty files.
+    The picture is written last; a power failure may leave empty files.
     """
     files = _list_files(run, name)
     pictures = [file for file in files if file.stem == name and file.suffix != ".csv"]
@@ -86,7 +86,7 @@ def has_figure(run: Path, name: str) -> bool:
 
 
 PoolOpener: TypeAlias = Callable[[Executor], AbstractContextManager[Pool]]
-"""Opens the pool for an executor's missions; the jobs of a sweep share one pool."""
+"""Opens the pool for an executor's missions; the jobs of a sweep share a single pool."""
 
 
 @contextmanager

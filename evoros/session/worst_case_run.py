@@ -1,4 +1,4 @@
-"""The worst cases of given designs, and the worst missions for unmet requirements."""
+"""The search for worst cases of given designs, and the worst missions for unmet requirements."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -34,15 +34,15 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class WorstCaseRun:
-    """The search for worst cases in an evaluation, whose folder is open."""
+    """The search for worst cases in an evaluation whose folder is open."""
 
     experiment: Experiment
     settings: WorstCases
     designs: Sequence[NamedDesign]
     rates: Sequence[Mapping[str, float]]
-    """Fraction of completed trials by world, one mapping per design."""
+    """The fraction of completed trials by world, one mapping per design."""
     conditions: Sequence[int]
-    """Number of conditions per design, from which the design's worst cases are numbered."""
+    """The number of conditions per design; the worst cases are numbered from there."""
     folder: RunFolder
     dispatcher: Dispatcher
     status: Status
@@ -50,8 +50,8 @@ class WorstCaseRun:
     def run(self) -> None:
         """Search for the worst cases of each design, and write them.
 
-        Outcomes are recorded before the search uses them, so a resumed search tries the same cases
-        and runs only the missing missions.
+        Outcomes are recorded before the search uses them. A resumed search therefore tries the same
+        cases, and runs only the missing missions.
 
         Raises:
             InputError: the recorded missions belong to a different search.
@@ -122,7 +122,7 @@ class WorstCaseRun:
 
 
 Missing = dict[MissionKey, tuple[Mission, Outcomes]]
-"""Missions without a kept trajectory, and their recorded outcomes."""
+"""Missions without a stored trajectory, and their recorded outcomes."""
 
 
 def keep_worst(
@@ -131,17 +131,17 @@ def keep_worst(
     designs: Sequence[NamedDesign],
     dispatcher: Dispatcher,
 ) -> None:
-    """Keep the trajectory of the worst mission for each unmet requirement.
+    """Store the trajectory of the worst mission for each unmet requirement.
 
-    Missions without a trajectory are rerun. The trajectory is not kept if the outcome differs, for
-    example because a program reads the clock.
+    Missions without a trajectory are rerun. If the outcome differs, for example because a program
+    reads the clock, the trajectory is discarded.
     """
     if experiment.record == NONE:
         return
     by_id = {index: named.design for index, named in enumerate(designs)}
     keyed = [(folder.read_mission(row)[0], row) for row in _list_worst(folder)]
     worst = [plan_row(experiment, by_id, key, row) for key, row in keyed]
-    if not folder.keeps_all:  # extending an evaluation may change its worst missions
+    if not folder.keeps_all:  # extending an evaluation may change which missions are the worst
         folder.drop_trajectories([mission for mission, _ in worst])
     missing: dict[Scenario, Missing] = {}
     for mission, scenario in worst:
@@ -170,7 +170,7 @@ def _run_again(
     dispatcher: Dispatcher,
     agents: Sequence[str],
 ) -> None:
-    """Rerun recorded missions, and keep their trajectories if the outcomes are as recorded."""
+    """Rerun recorded missions, and store the trajectories whose outcomes are as recorded."""
     tracks: dict[MissionKey, Array] = {}
 
     def keep(scenario: Scenario, mission: Mission, trajectory: Array) -> None:

@@ -1,1 +1,1 @@
-"""Write, read and verify run folders."""
+"""Writes, reads and verifies run folders."""

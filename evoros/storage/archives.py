@@ -1,7 +1,7 @@
-"""Archives of studies (``evoros archive``), read like folders and free of machine-specific paths.
+"""Archives of studies (``evoros archive``), which are read like folders.
 
-Nothing in an archive is executed. Requested runs are unpacked into a temporary folder, which is
-deleted when the process ends.
+An archive contains no machine-specific paths, and nothing in it is executed. Requested runs are
+unpacked into a temporary folder, which is deleted when the process ends.
 """
 
 import hashlib
@@ -26,17 +26,17 @@ from evoros.storage.layout import MARKS
 FORMAT = 1
 """Version of the archive format."""
 RECORD = "evoros-archive.json"
-"""Member with the format version and the version of evoros."""
+"""Archive member with the format version and the version of evoros."""
 CHECKSUMS = "checksums.sha256"
-"""Member with the SHA-256 of all other members, in the format of ``sha256sum --check``."""
+"""Archive member with the SHA-256 of all other members, in the format of ``sha256sum --check``."""
 RUNS, INPUTS = "runs", "inputs"
-"""Folders of runs, and of their input files."""
+"""Folders of runs, and of the runs' input files."""
 
 
 def open_folder(path: str | Path) -> Path:
     """Return a folder, or unpack the runs of an archive and return their folder.
 
-    ``study.zip/NAME`` refers to the run, or folder of runs, called NAME in the archive.
+    ``study.zip/NAME`` names the run, or the folder of runs, called NAME in the archive.
     """
     path = expand_home(path)
     archive = find_archive(path)
@@ -50,7 +50,7 @@ def open_folder(path: str | Path) -> Path:
 
 
 def open_run(path: str | Path) -> Path:
-    """Return the folder of a run, or unpack it from an archive."""
+    """Return the folder of a run, unpacked if the run is in an archive."""
     folder, archive = open_folder(path), find_archive(expand_home(path))
     if archive is not None and not is_run(folder):
         top = next(place for place in (folder, *folder.parents) if place.name == RUNS)
@@ -60,7 +60,7 @@ def open_run(path: str | Path) -> Path:
 
 
 def find_archive(path: Path) -> Path | None:
-    """Return the archive that a path names or lies in; None if there is none."""
+    """Return the archive that a path names or that contains the path; None if there is none."""
     for place in (path, *path.parents):
         if place.is_file():
             return place if place.suffix == ".zip" or is_zipfile(place) else None
@@ -70,7 +70,7 @@ def find_archive(path: Path) -> Path | None:
 
 
 def is_run(folder: Path) -> bool:
-    """Return True if a folder is the folder of a run or an evaluation."""
+    """Return True if a folder contains a run or an evaluation."""
     return any((folder / name).is_file() for name in MARKS)
 
 
@@ -179,17 +179,17 @@ def _check_record(path: Path, content: bytes) -> None:
 
 
 _BEFORE, _AFTER = r"(?<![\w.~-])", r"(?![\w-]|\.\w)"
-"""Patterns around a path, which must not be part of a longer name."""
+"""Patterns for the surroundings of a path, so that no part of a longer name matches."""
 
 
 @dataclass(frozen=True)
 class Relocation:
-    """A mapping from full paths of folders to the paths that replace them."""
+    """A mapping from full folder paths to their replacements."""
 
     places: Mapping[str, str] = field(default_factory=dict)
 
     def relocate(self, text: str) -> str:
-        """Replace the paths in a string, longest first."""
+        """Replace the paths in a string; longer paths take precedence."""
         named = any(path in text for path in self.places)
         return self._pattern.sub(self._replace, text) if named else text
 
@@ -207,10 +207,10 @@ class Relocation:
 
     def _replace(self, match: Match[str]) -> str:
         place = self.places[match[1]]
-        if place == ".":  # dropping the prefix leaves a relative path
+        if place == ".":  # a relative path remains when the prefix is dropped
             return "" if match[2] else place
         return place + (match[2] or "")
 
 
 NOWHERE = Relocation()
-"""A relocation that replaces nothing."""
+"""A relocation that leaves all paths as they are."""

@@ -14,13 +14,13 @@ _POSE_COLUMNS = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
 DESIGN_COLUMNS = ("design", "sensor", "type", "link", *_POSE_COLUMNS)
 GENE_COLUMNS = ("design", "gene", "key", "value")
 CHAMPION = "champion"
-CHAMPIONS = "champions"  # folder of a search that finds several champions
+CHAMPIONS = "champions"  # folder of the champions of a search that finds several
 ROBOT = "robot.urdf"  # original description
 SELF_SIGHT_COLUMNS = ("sensor", "seen_link", "distance_m", "hidden_share")
 
 
 def champion_files(champion: Champion) -> dict[str, bytes]:
-    """Return the champion's files by name, without trajectories; ``design.csv`` is last."""
+    """Return the champion's files by name, without trajectories; ``design.csv`` comes last."""
     genes = gene_table({champion.id: champion.design}, champion.gene_names)
     files = {"certificate.json": champion.certificate.text.encode(), "genes.csv": genes.encode()}
     for robot_name, robot in champion.robots.items():
@@ -41,7 +41,7 @@ def track_file(world: str) -> str:
 
 
 def track_files(champion: Champion, trajectories: Mapping[str, Array]) -> dict[str, bytes]:
-    """Return the trajectory files by name; ``trajectories`` has one for each world."""
+    """Return the trajectory files by name, one for each world in ``trajectories``."""
     return {
         track_file(world): trajectory_table(trajectory, champion.columns[world]).encode()
         for world, trajectory in trajectories.items()
@@ -49,7 +49,7 @@ def track_files(champion: Champion, trajectories: Mapping[str, Array]) -> dict[s
 
 
 def champions_files(champions: Champions) -> dict[str, bytes]:
-    """Return the tables of several champions by file name."""
+    """Return the tables of several champions, by file name."""
     scores = dict(zip(champions.designs, champions.scores, strict=True))
     tables = {
         "scores.csv": _score_table(scores),
@@ -60,7 +60,7 @@ def champions_files(champions: Champions) -> dict[str, bytes]:
 
 
 def self_sight_table(robot: Robot) -> str:
-    """Return ``self_sight.csv``, a row for each sensor that sees its own robot."""
+    """Return ``self_sight.csv``, with a row for each sensor that sees its own robot."""
     rows = [
         [sight.name, sight.link, sight.distance_m, sight.hidden_share]
         for sight in find_self_sights(robot)
@@ -69,15 +69,15 @@ def self_sight_table(robot: Robot) -> str:
 
 
 def design_table(designs: Mapping[int, Design]) -> str:
-    """Return ``design.csv``, a row for each sensor of each design."""
+    """Return ``design.csv``, with a row for each sensor of each design."""
     rows = [[name, *row] for name, design in designs.items() for row in sensor_rows(design)]
     return table_by_robot(DESIGN_COLUMNS, rows, designs.values())
 
 
 def sensor_rows(design: Design) -> Iterator[list[object]]:
-    """Yield, for each sensor, the cells that follow the design's name, the robot's name last.
+    """Yield the cells of each sensor that follow the design's name; the robot's name is last.
 
-    A robot without sensors has one row, with only the robot's name.
+    A robot without sensors has one row with only the robot's name.
     """
     for robot, part in design.parts.items():
         for index, mount in enumerate(part.mounts):
@@ -90,9 +90,9 @@ def sensor_rows(design: Design) -> Iterator[list[object]]:
 def table_by_robot(
     columns: Sequence[str], rows: Sequence[Sequence[object]], designs: Iterable[Design]
 ) -> str:
-    """Return a table of designs from rows that end with the robot's name.
+    """Return a table of designs; the last cell of each row is the robot's name.
 
-    The name is left out unless a design has several robots.
+    The robot's name is left out unless a design has several robots.
     """
     if any(len(design.parts) > 1 for design in designs):
         return to_csv([(*columns, AGENT), *rows])
@@ -100,9 +100,9 @@ def table_by_robot(
 
 
 def gene_table(designs: Mapping[int, Design], names: Mapping[str, Mapping[str, str]]) -> str:
-    """Return ``genes.csv``, a row for each evolved value of the designs except mounts.
+    """Return ``genes.csv``, with a row for each evolved value of the designs except mounts.
 
-    ``names`` maps robot name -> key of a value -> gene name.
+    ``names`` maps a robot's name to the gene name of each evolved value, by key.
     """
     rows = [
         [individual, names[robot][key], key, value, robot]

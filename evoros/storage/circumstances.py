@@ -24,7 +24,8 @@ def describe_circumstances(
 ) -> dict[str, Any]:
     """Return the fields of ``manifest.json`` about the code, packages and machine of this process.
 
-    ``packages`` add to evoros's requirements; ``programs`` has live controllers' versions.
+    ``packages`` are listed in addition to evoros's requirements; ``programs`` holds the versions of
+    live controllers.
     """
     origin = read_origin()
     names = sorted({OWN, *map(normalize, (*packages, *_list_required()))})
@@ -60,11 +61,11 @@ def normalize(package: str) -> str:
 
 @cache
 def _list_required() -> Sequence[str]:
-    """List the packages required by evoros without extras."""
+    """List the packages that evoros requires without extras."""
     listed: Sequence[str] = ()
     try:
         listed = requires(OWN) or ()
-    except PackageNotFoundError:  # evoros is a clone that is not installed
+    except PackageNotFoundError:  # evoros is a clone that has not been installed
         with suppress(OSError):
             project = tomllib.loads(
                 (PACKAGE.parent / "pyproject.toml").read_text(encoding="utf-8")

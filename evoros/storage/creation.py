@@ -27,10 +27,10 @@ def require_unused(path: Path) -> None:
 
 
 def require_whole(path: Path) -> None:
-    """Require that a folder was created completely, so that it has a mission table or a log.
+    """Require that a folder was created completely, that is, has a mission table or a log.
 
     Raises:
-        InputError: the process was killed while it created the folder.
+        InputError: the process that created the folder was killed.
     """
     begun = any((path / name).exists() for name in (MISSIONS, LOG))
     if (path / CONFIG).exists() and not begun:
@@ -41,17 +41,17 @@ def require_whole(path: Path) -> None:
 
 
 def create_folder(path: Path, files: Mapping[str, str]) -> None:
-    """Create a folder with these files, or fill an empty one; CONFIG comes first, MISSIONS last.
+    """Create a folder, or fill an empty one, with these files, CONFIG first and MISSIONS last.
 
-    DIGESTS gets the digests of all files except the manifest, which is sealed itself. A new
-    folder is created atomically. An existing folder is not replaced, because it may be a mount
-    point or a current working folder; its last file marks the end of the creation.
+    DIGESTS contains the digests of all files except the manifest, which has a seal. A new folder is
+    created atomically. An existing folder is not replaced, because it may be a mount point or a
+    current working directory; the last file marks its completion.
 
     Raises:
         InputError: the folder cannot be created; nothing was changed.
     """
     try:
-        _create_folder(path.resolve(), _add_digests(files))  # follows a link
+        _create_folder(path.resolve(), _add_digests(files))  # follows a symbolic link
     except OSError as error:
         require_unused(path)  # another process may have created the folder
         full = error.errno in (errno.ENOSPC, errno.EDQUOT)

@@ -1,7 +1,7 @@
-"""The digests of the files in a run folder, ``digests.csv``.
+"""The digests of the files in a run folder (``digests.csv``).
 
-A row is appended after its file is on disk; the last row of a file counts. A file that grows or is
-being replaced has no SHA-256. The row of a growing table covers its first line.
+A row is appended once its file is on disk; the last row of a file is valid. A file that grows or is
+being replaced has no SHA-256. The row of a growing table covers the table's first line.
 """
 
 import csv
@@ -34,7 +34,7 @@ from evoros.storage.tables import to_csv
 
 @dataclass(frozen=True)
 class Repair:
-    """The repair of a file; if only ``path`` is set, the file was missing."""
+    """The repair of a file, which was missing if only ``path`` is set."""
 
     path: Path
     where: str = ""  # damaged lines if known, as in ": line 3, 7"
@@ -43,7 +43,7 @@ class Repair:
 
 
 Report = Callable[[Repair], object]
-"""Function that receives each repair."""
+"""A function that receives each repair."""
 
 
 def ignore(repair: Repair) -> None:
@@ -52,14 +52,14 @@ def ignore(repair: Repair) -> None:
 
 HEADER = ("file", "sha256", "lines", DIGEST)
 MAX_LINES = 10_000
-"""Maximum number of lines of a file for which damaged lines are located."""
+"""Maximum number of lines of a file in which damaged lines are located."""
 
 
 class Entry(NamedTuple):
     """The digests of a file."""
 
     sha256: str  # empty for files that grow or are being replaced
-    lines: str  # four digits per line, to locate damage
+    lines: str  # four digits per line, to locate damaged lines
 
 
 class Entries(NamedTuple):
@@ -67,18 +67,18 @@ class Entries(NamedTuple):
 
     by_name: dict[str, Entry]
     damaged: list[int]  # line numbers
-    complete: bool  # True if the content ends with a line break
+    complete: bool  # True if the content ends with a newline
 
 
 def describe_file(content: bytes, locate: bool = True) -> Entry:
-    """Return the digests of a file; ``locate`` includes digests of its lines."""
+    """Return the digests of a file, with digests of its lines if ``locate``."""
     lines = split_lines(content) if locate else []
     shown = lines if len(lines) <= MAX_LINES else []
     return Entry(hashlib.sha256(content).hexdigest(), "".join(map(_check_line, shown)))
 
 
 def describe_growing(header: bytes) -> Entry:
-    """Return the entry of a growing table."""
+    """Return the digests of a growing table."""
     return Entry("", _check_line(header))
 
 
@@ -87,7 +87,7 @@ def _check_line(line: bytes) -> str:
 
 
 def find_line(content: bytes, entry: Entry) -> str:
-    """Return the message suffix for the first damaged line (``: line 7``); empty if unknown."""
+    """Return a message suffix such as ``: line 7`` for the first damaged line; empty if unknown."""
     lines = split_lines(content)
     known = [entry.lines[at : at + 4] for at in range(0, len(entry.lines), 4)]
     for index, check in enumerate(known):
@@ -102,7 +102,7 @@ def is_whole(content: bytes, entry: Entry) -> bool:
 
 
 def write_entries(entries: Mapping[str, Entry]) -> str:
-    """Return the content of ``digests.csv`` with these entries."""
+    """Return the content of ``digests.csv`` for these entries."""
     return to_csv([HEADER]) + _seal_entries(entries).decode()
 
 
@@ -111,7 +111,7 @@ def _seal_entries(entries: Mapping[str, Entry]) -> bytes:
 
 
 def read_entries(content: bytes) -> Entries:
-    """Read all undamaged rows; an incomplete last row is left out."""
+    """Read all undamaged rows, except an incomplete last row."""
     header, *lines = split_lines(content) or [b""]
     entries = Entries({}, [], content.endswith(b"\n"))
     if header != to_csv([HEADER]).encode():
@@ -126,12 +126,12 @@ def read_entries(content: bytes) -> Entries:
 
 
 def _read_entry(line: bytes) -> tuple[str, Entry] | None:
-    """Return the name and the digests of a file; None if the line is invalid."""
+    """Return a file's name and digests; None if the line is invalid."""
     if not is_sealed(line):
         return None
     try:
         name, sha256, lines, _ = next(csv.reader([line.decode()]))
-    except ValueError:  # number of columns or encoding differs
+    except ValueError:  # wrong number of columns or encoding
         return None
     inside = not PurePath(name).is_absolute() and ".." not in PurePath(name).parts
     return (name, Entry(sha256, lines)) if inside else None
@@ -157,17 +157,17 @@ class DigestLog:
         sync(self._path)
 
     def discard(self, problem: str) -> None:
-        """Discard all entries because of a problem in the file, which is then rewritten."""
+        """Discard all entries because of a problem in the file, which is then written again."""
         self.entries, self._damaged, self._appendable = {}, [], False
         self.report(Repair(self._path, problem=problem))
 
     @property
     def damaged(self) -> bool:
-        """True if a row is damaged, or the file was missing."""
+        """True if a row is damaged or the file was missing."""
         return bool(self._damaged)
 
     def is_whole(self, name: str, content: bytes) -> bool:
-        """Return True if a file is known and undamaged."""
+        """Return True if a file has an entry and is undamaged."""
         entry = self.entries.get(name)
         return entry is not None and is_whole(content, entry)
 
@@ -206,13 +206,13 @@ class DigestLog:
 
 FOREIGN = "of another run"
 _HASHES = {CONFIG: "configuration"}
-"""Map file name -> name of the file's hash in the manifest, where the two differ."""
+"""The names of hashes in the manifest that differ from their file's name, by file name."""
 
 
 def find_foreign(
     folder: Path, manifest: Mapping[str, Any], entries: Mapping[str, Entry]
 ) -> str | None:
-    """Return MANIFEST or DIGESTS if that file belongs to a different run; None if neither does."""
+    """Return MANIFEST or DIGESTS if that file belongs to a different run, else None."""
     hashes = manifest.get("sha256", {})
     for name in ORIGINALS:
         entry, recorded = entries.get(name), hashes.get(_HASHES.get(name, name))
@@ -244,7 +244,7 @@ def read_original(folder: Path, name: str, manifest: Mapping[str, Any]) -> bytes
     foreign = find_foreign(folder, manifest, entries)
     if foreign == MANIFEST:
         require_origin(folder, manifest, entries)
-    entry = entries.get(name)  # if missing, callers check the hash in the manifest
+    entry = entries.get(name)  # callers compare the hash in the manifest if there is no entry
     if entry is not None and foreign is None and not is_whole(content, entry):
         raise damaged(folder, name, find_line(content, entry))
     return content

@@ -1,4 +1,4 @@
-"""Warnings that the recorded missions say little about the designs."""
+"""Warnings that the recorded missions tell little about the designs."""
 
 import csv
 from collections import Counter
@@ -10,9 +10,9 @@ from evoros.mission.mission import NOT_RUN
 from evoros.storage.layout import MISSIONS
 
 STILL = 0.1
-"""Maximum fraction of (maximum speed x time) that a robot covers if it counts as standing still."""
+"""Maximum distance of a robot that stands still, as a fraction of maximum speed times duration."""
 FIRST = 1000
-"""Number of leading missions in which the distances driven by other robots are examined."""
+"""Number of missions, from the first on, in which the distances of other robots are examined."""
 Row = Mapping[str, str]
 
 
@@ -33,7 +33,7 @@ def warn_not_run(folder: Path) -> str:
 
 
 def list_doubts(folder: Path) -> list[str]:
-    """Return warnings that no mission was run or completed, or that another robot stood still."""
+    """Return warnings that no mission was run or completed, or that another robot did not move."""
     failed = warn_not_run(folder)
     if failed:
         return [failed]
@@ -59,7 +59,7 @@ def _warn_never_completed(rows: Iterable[Row]) -> str:
 
 
 def _warn_standing(rows: Iterable[Row]) -> Iterator[str]:
-    """Yield a warning for each other robot that stands still in most missions."""
+    """Yield a warning for each other robot that does not move in most missions."""
     moving: Counter[str] = Counter()
     known: Counter[str] = Counter()
     for row in islice(rows, FIRST):
@@ -79,7 +79,7 @@ def _warn_standing(rows: Iterable[Row]) -> Iterator[str]:
 
 
 def _read_missions(folder: Path) -> Iterator[Row]:
-    """Yield the rows of ``missions.csv`` up to an unreadable row, which other readers report."""
+    """Yield the rows of ``missions.csv`` before an unreadable row, which other readers report."""
     try:
         with (folder / MISSIONS).open(newline="", encoding="utf-8") as file:
             for row in csv.DictReader(file):

@@ -1,6 +1,6 @@
-"""Describes an experiment for figures, in plain numbers, in ``setting.json``.
+"""Describes an experiment in plain values for figures, in ``setting.json``.
 
-With this file in the run folder, figures need neither the code nor the input files of the run.
+With this file in the run folder, figures do not need the run's code or input files.
 """
 
 import json
@@ -39,13 +39,13 @@ _DRAWS = 20
 
 @dataclass(frozen=True)
 class FailureContext:
-    """The origin of failures in missions, and their effects on readings."""
+    """The causes of failures in missions, and the effects of failures on readings."""
 
-    drawn: bool = True  # True if random, so that fractions of missions estimate a probability
+    drawn: bool = True  # True if random; the fractions of missions then estimate probabilities
     always_intact: bool = False  # True if no sensor ever fails
     intact: tuple[int, ...] = ()  # trials of a systematic failure in which no sensor fails
     effects: Mapping[str, str] = field(default_factory=dict)
-    """Map effect name -> change to readings: ``ends``, ``alters`` or ``grows``."""
+    """Change in readings (``ends``, ``alters`` or ``grows``) by the name of the effect."""
 
 
 class _Drawn(Exception):
@@ -53,14 +53,14 @@ class _Drawn(Exception):
 
 
 class _NoGenerator:
-    """Stands in for a random generator, to detect its use."""
+    """A substitute for a random generator that detects its use."""
 
     def __getattr__(self, name: str) -> Any:
         raise _Drawn
 
 
 def describe_failure(experiment: "Experiment", member: "Member") -> FailureContext:
-    """Describe the failure model of an experiment for the design at the centre of the space."""
+    """Describe the failure model of an experiment, for the design at the centre of the space."""
     middle = member.space.decode(np.full(member.space.size, 0.5))
     robot = member.with_design(middle).robot
     channels = robot.describe_sensors()
@@ -78,7 +78,7 @@ def describe_failure(experiment: "Experiment", member: "Member") -> FailureConte
 
 
 def _list_filters(failure: Failure, channels: Channels) -> Iterator[Filter]:
-    """Yield the filters configured in a failure model, and filters of some drawn faults."""
+    """Yield the filters that a failure model names, and the filters of some drawn faults."""
     stated = getattr(failure, "effect", None)
     if isinstance(stated, Filter):
         yield stated
@@ -93,11 +93,11 @@ def _list_filters(failure: Failure, channels: Channels) -> Iterator[Filter]:
 
 @dataclass(frozen=True)
 class Part:
-    """The area covered by a shape of the robot, seen from above."""
+    """The area that one of the robot's shapes covers in top view."""
 
     link: str
-    vertices: tuple[Point, ...]  # [m], convex, in the robot frame: x forward, y left
-    radius_m: float  # the part includes points within this distance of the polygon
+    vertices: tuple[Point, ...]  # [m], convex polygon in the robot frame: x forward, y left
+    radius_m: float  # distance from the polygon within which points belong to the part
     top_m: float  # height above the ground
     wheel: bool
 
@@ -111,7 +111,7 @@ class Beam:
     range_max_m: float
     period_s: float  # sampling period
     bearings_deg: tuple[float, ...] = ()
-    """Bearing of each range in the sensor frame, positive to the left; empty for a single range."""
+    """The bearing of each range in the sensor frame, left positive; empty for a single range."""
     radiation: str = "ultrasound"  # radiation type in ROS messages
 
 
@@ -123,12 +123,12 @@ class Signal:
     channels: tuple[tuple[str, str], ...]  # (name, unit) of each value
     period_s: float  # sampling period
     width_m: float = 0.0  # width of a bumper's contact zone; 0 for other sensors
-    depth_m: float = 0.0  # distance from the back of the zone to the mount in front of it
+    depth_m: float = 0.0  # distance of the back of the zone behind the mount
 
 
 @dataclass(frozen=True)
 class Ring:
-    """The failure probability of sensors within a radius of the damage's centre."""
+    """The failure probability of sensors within a radius around the centre of damage."""
 
     radius_m: float
     probability: float
@@ -136,30 +136,30 @@ class Ring:
 
 @dataclass(frozen=True)
 class FigureContext:
-    """The description of an experiment used by figures."""
+    """The description of an experiment that figures use."""
 
     robot: str
     parts: tuple[Part, ...]
     places: Mapping[str, tuple[float, float, float, float]]
-    """Links that can carry sensors: x, y, z [m], yaw [rad] in the robot frame."""
-    beams: Mapping[str, Beam]  # keys: sensor types
+    """The links that can carry sensors: x, y, z [m] and yaw [rad] in the robot frame, by name."""
+    beams: Mapping[str, Beam]  # keyed by sensor type
     regions: Mapping[str, Area]
     mirrored: bool
-    rings: tuple[Ring, ...]  # rings of spatial damage, smallest first; empty without damage
-    modes: tuple[str, ...]  # names of the numbers in a trajectory's column ``mode``, from 1
-    courses: Mapping[str, Course]  # keys: world names
-    drive: Mapping[str, float] = field(default_factory=dict)  # fields sent to programs
-    signals: Mapping[str, Signal] = field(default_factory=dict)  # keys: sensor types without rays
+    rings: tuple[Ring, ...]  # rings of spatial damage, smallest first; empty if there is none
+    modes: tuple[str, ...]  # names of the modes, numbered from 1 in a trajectory's column ``mode``
+    courses: Mapping[str, Course]  # keyed by world
+    drive: Mapping[str, float] = field(default_factory=dict)  # the drive as sent to programs
+    signals: Mapping[str, Signal] = field(default_factory=dict)  # keyed by type, without rays
     types: tuple[str, ...] = ()  # sensor types in mounting order
-    fixed: tuple[Mount, ...] = ()  # sensors of every design
+    fixed: tuple[Mount, ...] = ()  # sensors that every design has
     failure: FailureContext = field(default_factory=FailureContext)
     fitness: FitnessName = field(default_factory=FitnessName)
     measures: Mapping[str, FitnessName] = field(default_factory=dict)
-    """Names of objectives and descriptors by their column in the generations' tables."""
+    """Names of objectives and descriptors, by their columns in the generations' tables."""
     genes: Mapping[str, str] = field(default_factory=dict)
-    """Map gene name -> key of the evolved value; genes of sensors are left out."""
+    """Key of the evolved value by gene, except for the genes of sensors."""
     agents: Mapping[str, "FigureContext"] = field(default_factory=dict)
-    """Descriptions of the other robots by name."""
+    """Descriptions of the other robots, by name."""
 
     @property
     def text(self) -> str:
@@ -168,7 +168,7 @@ class FigureContext:
 
     @classmethod
     def read(cls, folder: Path) -> Self:
-        """Read ``setting.json`` in a folder."""
+        """Read ``setting.json`` from a folder."""
         path = folder / SETTING
         try:
             context: Self = _convert(cls, parse_json(read_bytes(path)))
@@ -182,7 +182,7 @@ _get_types = cache(get_type_hints)
 
 
 def _convert(kind: Any, raw: Any) -> Any:
-    """Convert a JSON value to a dataclass, a tuple, a mapping or a scalar.
+    """Convert a JSON value to a dataclass, tuple, mapping or scalar.
 
     Raises:
         KeyError, TypeError, ValueError: the value does not fit the type.
@@ -204,7 +204,7 @@ def _convert(kind: Any, raw: Any) -> Any:
 
 def describe_experiment(experiment: "Experiment") -> FigureContext:
     """Describe an experiment for figures."""
-    # The confirming robots run the champion's missions.
+    # The robots for confirmation are those that run the champion's missions.
     members = zip(experiment.members, experiment.confirming.members, strict=True)
     contexts = [
         _describe(experiment, member, confirming.controller.modes) for member, confirming in members
@@ -274,7 +274,7 @@ def _signal(sensor: Sensor) -> Signal:
 
 
 def _rings(failure: Failure) -> Iterator[Ring]:
-    """Yield the rings of a failure model and of the models that it combines, if they have any."""
+    """Yield the damage rings of a failure model and of the models that it combines."""
     radii, probabilities = (getattr(failure, name, ()) for name in ("radii_m", "probabilities"))
     yield from (Ring(float(r), float(p)) for r, p in zip(radii, probabilities, strict=True))
     for part in getattr(failure, "failures", {}).values():

@@ -1,8 +1,8 @@
 """Run folders: file names, digests inside files, types of sealed fields, and reading.
 
-A run searches for designs or evaluates given designs. Digests at the end of a table row or inside a
-JSON file detect damage. A row with a wrong digest is damaged; a last row without a line break was
-truncated by a kill or a power failure. Digests of a run's rows include its key, so that rows of
+A run searches for designs or evaluates given designs. Digests at the end of table rows and inside
+JSON files reveal damage. A row with a wrong digest is damaged; a last row without a newline was
+truncated by a kill or a power failure. The digests of rows include the run's key, so that rows of
 other runs do not match.
 """
 
@@ -29,7 +29,7 @@ _BLANK = b"-" * SIZE
 
 
 def compute_digest(content: bytes, key: bytes = b"") -> str:
-    """Return 80 bits of BLAKE2b as 16 letters and digits, which no program reads as a number."""
+    """Return 80 bits of BLAKE2b as 16 letters and digits that no program reads as a number."""
     return b32encode(blake2b(content, digest_size=10, key=key).digest()).decode()
 
 
@@ -39,13 +39,13 @@ def split_lines(content: bytes) -> list[bytes]:
 
 
 def seal_rows(text: str, key: bytes = b"") -> bytes:
-    """Return CSV rows with their digests as last cells."""
+    """Return CSV rows with a digest appended to each row as its last cell."""
     lines = (line.encode() for line in text.split("\n")[:-1])
     return b"".join(b"%b,%b\n" % (line, compute_digest(line, key).encode()) for line in lines)
 
 
 def is_sealed(line: bytes, key: bytes = b"") -> bool:
-    """Return True if a line, including its line break, has the digest of its other cells."""
+    """Return True if a line, including its newline, ends with the digest of its other cells."""
     if not line.endswith(b"\n"):
         return False
     row, _, digest = line[:-1].rpartition(b",")
@@ -53,14 +53,14 @@ def is_sealed(line: bytes, key: bytes = b"") -> bool:
 
 
 def is_damaged(line: bytes, key: bytes = b"") -> bool:
-    """Return True if an unsealed line is damaged, and not the truncated end of a table."""
+    """Return True if an unsealed line is damaged rather than the truncated end of a table."""
     return line.endswith(b"\n") or is_sealed(line[:-1] + b"\n", key)
 
 
 def seal_json(name: str, content: Mapping[str, Any]) -> str:
-    """Return a JSON object with the digest of all fields as its last field.
+    """Return a JSON object with a digest of all its fields as the last field.
 
-    The digest includes the ``name`` of the file, so that no other file can replace it.
+    The digest covers the ``name`` of the file, so that no other file can take its place.
     """
     text = json.dumps({**content, DIGEST: _BLANK.decode()}, indent=2) + "\n"
     head, _, tail = text.rpartition(_BLANK.decode())
@@ -70,7 +70,7 @@ def seal_json(name: str, content: Mapping[str, Any]) -> str:
 def unseal_json(name: str, content: bytes, others: Iterable[str] = ()) -> dict[str, Any]:
     """Return the object in the sealed JSON file ``name``, without its digest.
 
-    ``others`` are names of files that may have been copied over it.
+    ``others`` are the names of files that may have been copied over this one.
 
     Raises:
         ValueError: the file is damaged.
@@ -90,14 +90,14 @@ def unseal_json(name: str, content: bytes, others: Iterable[str] = ()) -> dict[s
 
 FORMAT_VERSION = 1
 RUN, EVALUATE = "evoros", "evoros evaluate"
-"""Commands that search for designs and that evaluate given designs."""
+"""Commands that search for designs, and that evaluate given designs."""
 CONFIG, MANIFEST, STATUS, MISSIONS = "config.yaml", "manifest.json", "status.json", "missions.csv"
 DESIGN_FILE, GENE_FILE = "designs_in.csv", "genes_in.csv"
-"""Given designs of an evaluation, complete and independent of their sources."""
+"""Files with the given designs of an evaluation, complete and independent of their sources."""
 ORIGINALS = (CONFIG, DESIGN_FILE, GENE_FILE)
-"""Files that, with the manifest, determine all others; a search has only the first."""
+"""Files that, with the manifest, determine all other files; a search has only the first."""
 ROBOT_AS_LOADED = "robot_as_loaded.urdf"
-"""The champion's URDF as loaded by engines, if it differs from ``robot.urdf``."""
+"""The champion's URDF as engines load it, if different from ``robot.urdf``."""
 SELF_SIGHT = "self_sight.csv"
 """Table of the champion's sensors that see the robot itself."""
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
@@ -111,46 +111,46 @@ CONTROLS, EVALUATION = "controls", "evaluation"
 SCORES, WORST_CASES = "designs.csv", "worst_cases.csv"
 REQUIREMENTS, JUNIT, SUMMARY = "requirements.csv", "junit.xml", "requirements.md"
 OVERRIDES = "overrides"
-"""Manifest field with the overrides as typed."""
+"""Manifest field with the overrides as typed by the user."""
 CONFIG_DIR = "config_dir"
-"""Manifest field with the user's configuration folder; null if none was given."""
+"""Manifest field with the user's configuration folder; null if none was used."""
 SECRETS = "secrets"
-"""Manifest field with hashes of possibly secret values by dotted key."""
+"""Manifest field with hashes of potentially secret values, by dotted key."""
 SWEEP = "sweep"
-"""Manifest field with the folder of the run's sweep; null for a single run."""
+"""Manifest field with the run's sweep folder; null for a single run."""
 COLUMNS = "columns"
-"""Manifest field with the columns of ``missions.csv``, without the digest."""
+"""Manifest field with the columns of ``missions.csv``, except the digest."""
 AGENTS = "agents"
 """Manifest field with the names of all robots except the first."""
 DAMAGED = "damaged"
-"""Folder with copies of damaged files that resuming has repaired."""
+"""Folder with copies of the damaged files that resuming has repaired."""
 
 
 def resume_command(path: Path, config_dir: str | None = None) -> str:
     """Return the command line that resumes the run in a folder.
 
-    By default, ``config_dir`` is the configuration folder with which the run was started.
+    ``config_dir`` defaults to the configuration folder with which the run was started.
     """
     return shell_line("evoros", "resume", str(path), *name_parts(path, config_dir))
 
 
 def name_parts(path: Path, config_dir: str | None = None) -> tuple[str, ...]:
-    """Return the option with the configuration folder of a run; empty for a run without one."""
+    """Return the command-line option for a run's configuration folder; empty if it has none."""
     folder = config_dir or read_json(path / MANIFEST).get(CONFIG_DIR)
     return ("--config-dir", str(folder)) if folder else ()
 
 
 def replay_command(path: Path, columns: Mapping[Any, object], option: Sequence[str]) -> str:
-    """Return the command line that replays the mission whose row has these values.
+    """Return the command line that replays the mission in the row with these values.
 
-    ``option`` names the configuration folder of the run, if any.
+    ``option`` sets the configuration folder of the run, if it has one.
     """
     values = [f"{name}={value}" for name, value in columns.items()]
     return shell_line("evoros", "replay", str(path), *values, *option)
 
 
 def advise_finish(path: Path) -> str:
-    """Advise how to finish an unfinished run; a killed run may have the state RUNNING."""
+    """Return advice on finishing an unfinished run; a killed run may have the state RUNNING."""
     if read_json(path / STATUS).get("state") == RUNNING:
         status = shell_line("evoros", "status", str(path))
         return f"wait until it ends; to see its state, type: {status}"
@@ -158,12 +158,12 @@ def advise_finish(path: Path) -> str:
 
 
 def evaluates(path: Path) -> bool:
-    """Return True if the run in a folder evaluates given designs, and False if it searches."""
+    """Return True if the run in a folder is an evaluation, and False if it is a search."""
     return str(read_json(path / MANIFEST).get("command", RUN)) == EVALUATE
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read the mapping in a sealed file; empty if the file is missing or damaged."""
+    """Read the object in a sealed JSON file; empty if the file is missing or damaged."""
     try:
         return unseal(path.name, read_regular(path, SMALL))
     except (OSError, ValueError):
@@ -225,13 +225,13 @@ def unseal(name: str, content: bytes) -> dict[str, Any]:
 
 
 MARKS = ("config.yaml", "manifest.json", "missions.csv")
-"""Any of these files marks a run folder, even a damaged one."""
+"""Files of which any marks a run folder, even a damaged one."""
 
 
 def folders_below(path: Path, skip: Callable[[str], object]) -> Iterator[Path]:
     """Yield the run folders below ``path``, or ``path`` if it is a run folder.
 
-    Run folders are sorted by name in natural order, with ``seed-10`` after ``seed-9``, and are not
+    Run folders come in natural order of their names, with ``seed-10`` after ``seed-9``, and are not
     searched for further runs. ``skip`` receives the reason if a folder cannot be read.
     """
 
@@ -247,7 +247,7 @@ def folders_below(path: Path, skip: Callable[[str], object]) -> Iterator[Path]:
 
 
 def natural_key(name: str) -> list[tuple[int, str]]:
-    """Return a sort key for natural order, in which numbers compare by value."""
+    """Return a sort key for natural order, in which numbers are compared by value."""
     return [
         (int(part or -1), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)
     ]
@@ -262,7 +262,7 @@ def read_bytes(path: Path, limit: int = LARGE) -> bytes:
 
 
 def read_rows(path: Path) -> list[dict[str, str]]:
-    """Read the rows of a table in a folder as mappings from column to cell."""
+    """Read the rows of a table in a folder, as mappings from column to cell."""
     return list(csv.DictReader(read_bytes(path).decode().splitlines()))
 
 
@@ -275,7 +275,7 @@ def hash_file(path: Path) -> str:
 
 
 def explain_unreadable(path: Path, error: OSError) -> InputError:
-    """Return the error for a file in a folder that cannot be read."""
+    """Return the error for an unreadable file in a folder."""
     if not isinstance(error, FileNotFoundError):
         return InputError(f"{path}: cannot be read ({error.strerror}); restore the file")
     folders = (folder for folder in path.parents if (folder / MANIFEST).is_file())
@@ -286,7 +286,7 @@ def explain_unreadable(path: Path, error: OSError) -> InputError:
 
 
 def read_sealed(folder: Path, name: str) -> dict[str, Any]:
-    """Read a sealed JSON file of a folder."""
+    """Read a sealed JSON file in a folder."""
     try:
         return unseal(name, read_bytes(folder / name, SMALL))
     except ValueError as error:
@@ -294,7 +294,7 @@ def read_sealed(folder: Path, name: str) -> dict[str, Any]:
 
 
 def damaged(folder: Path, name: str, where: str = "") -> InputError:
-    """Return the error for a damaged file of a folder."""
+    """Return the error for a damaged file in a folder."""
     fix = f"restore it or type: {resume_command(folder)}"
     if name in (MANIFEST, *ORIGINALS):
         fix = "restore it from a copy; the rest of the folder is kept"

@@ -1,6 +1,6 @@
-"""The manifest of a run: versions, machine, and hashes of all its inputs.
+"""The manifest of a run: versions, machine, and hashes of all inputs.
 
-Imports are found by parsing sources without running them, including imports inside functions.
+Imports, including those inside functions, are found by parsing source files without executing them.
 """
 
 import ast
@@ -45,9 +45,9 @@ def manifest(
 ) -> dict[str, Any]:
     """Return the content of ``manifest.json`` for a new folder with the YAML ``config``.
 
-    ``values`` is the configuration with resolved references; ``choices`` has the chosen file of
-    each group. ``files`` has the content of further files, by name, in the folder that ``command``
-    creates.
+    ``values`` is the configuration with resolved references; ``choices`` holds the chosen file of
+    each group. ``files`` holds the contents of further files, by name, in the folder that
+    ``command`` creates.
     """
     packages = (*mission_packages(experiment), *_collect_imports(_modules(values)).packages)
     return {
@@ -68,7 +68,7 @@ def manifest(
 
 
 def list_columns(experiment: Experiment, given: bool) -> list[str]:
-    """List the columns of ``missions.csv`` for a search or, if ``given``, an evaluation."""
+    """List the columns of ``missions.csv`` for an evaluation if ``given``, else for a search."""
     conditions = (OWN_CONDITION, *experiment.conditions.values())
     scenarios = map(experiment.scenario_under, conditions)
     further = dict.fromkeys(name for one in scenarios for name in tables.list_further_in(one))
@@ -84,9 +84,9 @@ def hash_sources(
     files: Mapping[str, str],
     places: Relocation = NOWHERE,
 ) -> dict[str, str]:
-    """Return the SHA-256 of all inputs of the experiment by name.
+    """Return the SHA-256 of all inputs of the experiment, by name.
 
-    ``places`` replaces the paths of folders that differ between machines. The other arguments are
+    ``places`` replaces the paths of folders that differ between machines. All other arguments are
     as in ``manifest``, with these paths already replaced.
     """
     named = _modules(values)
@@ -118,7 +118,7 @@ def _live_controllers(experiment: Experiment) -> list[LiveController]:
 
 
 def _program_versions(experiment: Experiment) -> dict[str, str]:
-    """Return the versions of live controllers' programs and simulators' libraries, by file."""
+    """Return the versions of live controllers' programs and of simulators' libraries, by file."""
     programs = {
         controller.files[0]: controller.version
         for controller in _live_controllers(experiment)
@@ -128,7 +128,7 @@ def _program_versions(experiment: Experiment) -> dict[str, str]:
 
 
 def _library_versions(experiment: Experiment) -> dict[str, str]:
-    """Return the versions of simulator libraries that pip does not know, by name."""
+    """Return the versions of simulator libraries that are not installed with pip, by name."""
     return {**experiment.simulator.versions, **experiment.confirming.simulator.versions}
 
 
@@ -146,7 +146,7 @@ def _hash_controller_files(experiment: Experiment, places: Relocation) -> dict[s
 
 
 def check_unchanged(folder: Path, recorded: Mapping[str, Any], changes: Iterable[str]) -> None:
-    """Require that the inputs of a resumed run have no ``changes``."""
+    """Require that there are no ``changes`` to the inputs of a resumed run."""
     if recorded.get("format_version") != layout.FORMAT_VERSION:
         raise InputError(
             f"{folder / 'manifest.json'}: format_version must be {layout.FORMAT_VERSION}, not "
@@ -167,7 +167,7 @@ def find_changes(
     files: Mapping[str, str],
     places: Relocation = NOWHERE,
 ) -> Iterator[str]:
-    """Yield the names of changed inputs of a run; see ``hash_sources``."""
+    """Yield the names of a run's changed inputs; see ``hash_sources``."""
     now = hash_sources(experiment, config, values, files, places)
     then = {name: value for name, value in recorded.get("sha256", {}).items() if name != KEY}
     yield from (name for name, value in then.items() if now.get(name) != value)
@@ -176,11 +176,11 @@ def find_changes(
 
 
 _UNTIL_SCORED = {"fitness", "objectives", "descriptors"}
-"""Keys of parts that affect generations' tables, but no mission."""
+"""Keys of parts that affect the generations' tables, but no mission."""
 
 
 def _has_final_choice(missions: Path) -> bool:
-    """Return True if a mission of the final choice is recorded; stop at a line that is too long."""
+    """Return True if a mission of the final choice is recorded; stop at an overlong line."""
     with missions.open("rb") as file:
         while 0 < len(line := file.readline(LONGEST_LINE)) < LONGEST_LINE:
             if f",{FINAL},".encode() in line:
@@ -221,7 +221,7 @@ def record_modules(folder: Path, modules: Mapping[str, Path]) -> None:
 
 
 def _simulators(experiment: Experiment) -> list[str]:
-    """List the class of the simulator, and the confirming simulator's if it differs."""
+    """List the classes of the simulator and, if different, of the confirming simulator."""
     simulators = (experiment.simulator, experiment.confirming.simulator)
     return list(dict.fromkeys(f"{c.__module__}.{c.__qualname__}" for c in map(type, simulators)))
 
@@ -254,9 +254,9 @@ def list_other_versions(
 
 
 def _modules(values: Any) -> set[str]:
-    """Return the imported modules named by ``values``, except built-in ones and evoros.
+    """Return the imported modules that ``values`` names, except built-in modules and evoros.
 
-    Modules of the executor and the observers are left out, because no result depends on them.
+    Modules of the executor and the observers are left out, because they affect no result.
     """
     if isinstance(values, list):
         return set().union(*map(_modules, values))
@@ -265,7 +265,7 @@ def _modules(values: Any) -> set[str]:
     inner = (_modules(value) for key, value in values.items() if key not in FREE)
     modules: set[str] = set().union(*inner)
     name = str(values.get("_target_", ""))
-    while name and name not in sys.modules:  # walks from the class up to its module
+    while name and name not in sys.modules:  # from the class up to its module
         name = name.rpartition(".")[0]
     if name.partition(".")[0] != "evoros" and _file(name):
         modules.add(name)
@@ -273,7 +273,7 @@ def _modules(values: Any) -> set[str]:
 
 
 def _file(module: str) -> str | None:
-    """Return the source file of an imported module; None if it has none."""
+    """Return the source file of an imported module, or None."""
     return getattr(sys.modules.get(module), "__file__", None)
 
 
@@ -290,9 +290,9 @@ class Imports:
 
 
 def _collect_imports(modules: Iterable[str]) -> Imports:
-    """Collect direct imports of modules, and imports of further modules outside packages.
+    """Collect the imports of modules, and of the modules outside packages that these import.
 
-    Modules of evoros and Python, and modules not found, are left out.
+    Modules of evoros and of Python, and modules that are not found, are left out.
     """
     imports = Imports()
     pending = list(modules)
@@ -316,7 +316,7 @@ def _collect_imports(modules: Iterable[str]) -> Imports:
 
 
 def _find_spec(name: str) -> ModuleSpec | None:
-    """Find a module without importing it; parent packages are imported."""
+    """Find a module without importing it; its parent packages are imported."""
     try:
         return find_spec(name)
     except Exception:  # importing a user's package may raise anything
@@ -324,13 +324,13 @@ def _find_spec(name: str) -> ModuleSpec | None:
 
 
 def _list_imported(spec: ModuleSpec, file: Path) -> Iterator[str]:
-    """Yield all names that a module imports, which may be modules or their members."""
+    """Yield all names that a module imports, which may be modules or members of modules."""
     if file.suffix != ".py":
         return
     package = spec.name if spec.submodule_search_locations else spec.parent
     try:
         tree = ast.parse(file.read_bytes())
-    except (SyntaxError, ValueError):  # importing the module reports the error
+    except (SyntaxError, ValueError):  # importing the module will report the error
         return
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -338,7 +338,7 @@ def _list_imported(spec: ModuleSpec, file: Path) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom):
             try:
                 base = resolve_name(f"{'.' * node.level}{node.module or ''}", package)
-            except ImportError:  # the import goes beyond the top of its package
+            except ImportError:  # a relative import beyond the top-level package
                 continue
             yield base
             yield from (f"{base}.{alias.name}" for alias in node.names if alias.name != "*")

@@ -1,7 +1,7 @@
-"""The folder of a run, created atomically and written by one process.
+"""The folder of a run, created atomically and written by a single process.
 
-Finished missions are on disk before their outcomes are used, and no content is overwritten by
-different content, so a killed run continues with the first missing mission.
+Finished missions are on disk before their outcomes are used, and content is never overwritten by
+different content. A killed run therefore resumes with the first missing mission.
 """
 
 import errno
@@ -31,7 +31,7 @@ UNWANTED = "of missions that the run does not request"
 class MissionLog:
     """An open folder, locked against other writing processes.
 
-    ``header`` has the columns of ``missions.csv``; ``report`` receives the repairs.
+    ``header`` holds the columns of ``missions.csv``; ``report`` receives the repairs.
     """
 
     def __init__(self, path: Path, header: Sequence[str], report: digests.Report) -> None:
@@ -60,7 +60,7 @@ class MissionLog:
         self.close()
 
     def close(self) -> None:
-        """Release the folder to other processes."""
+        """Release the lock on the folder."""
         self.table.close()
 
     def mend(self, setting: str) -> None:
@@ -68,7 +68,7 @@ class MissionLog:
         if self._has_lost_digests:
             self._report(digests.Repair(self.path / layout.DIGESTS, problem=CHANGED))
         damage = dict(self.table.damage)
-        if self._finished_hash():  # a kill cannot have truncated the table
+        if self._finished_hash():  # a kill cannot have truncated a finished table
             damage |= self.table.cut
         if damage:
             lines = ", ".join(map(str, sorted(damage)))
@@ -83,12 +83,12 @@ class MissionLog:
             self._report(digests.Repair(path))
         if not path.is_file() or not self.digests.is_whole(layout.SETTING, read_bytes(path)):
             self.write(layout.SETTING, setting.encode())
-        for name in layout.ORIGINALS:  # verified by the manifest; their digests may be lost
+        for name in layout.ORIGINALS:  # verified by the manifest, because their digests may be lost
             if (self.path / name).is_file():
                 self.digests.add({name: digests.describe_file(read_bytes(self.path / name))})
 
     def _finished_hash(self) -> str:
-        """Return the SHA-256 of the finished mission table; empty if it was not finished."""
+        """Return the SHA-256 of the finished mission table; empty if the table is unfinished."""
         entry = self.digests.entries.get(layout.MISSIONS)
         return entry.sha256 if entry else ""
 
@@ -121,7 +121,7 @@ class MissionLog:
         self.digests.finish()
 
     def write(self, name: str, content: bytes, locate: bool = True) -> None:
-        """Write a file and its digests; ``locate`` adds line digests. Set a damaged file aside."""
+        """Write a file and its digests (of lines, too, if ``locate``); set a damaged file aside."""
         path = self.path / name
         self.set_aside(name)
         self.make_folder(path.parent)
@@ -129,7 +129,7 @@ class MissionLog:
         self.digests.add({name: digests.describe_file(content, locate)})
 
     def set_aside(self, name: str) -> None:
-        """Keep a copy of a damaged complete file, and report it."""
+        """Keep a copy of a damaged complete file, and report the repair."""
         path, entry = self.path / name, self.digests.entries.get(name)
         if entry is not None and entry.sha256 and path.is_file():
             content = read_bytes(path)
@@ -156,14 +156,14 @@ class MissionLog:
             self.digests.add({name: entry})
         elif not path.exists() or self.digests.entries.get(name) == entry:
             self.write(name, written)
-        elif name not in self.digests.entries:  # the file was not written by the run
+        elif name not in self.digests.entries:  # the run has not written this file
             self._set_aside(name, read_bytes(path), "")
             self.write(name, written)
         else:
             raise self.refuse(name, "replaying the run gives a table that differs from the record")
 
     def require_conditions(self, mission: Mission, recorded: str) -> None:
-        """Require that the recorded draws and case of a mission equal its current ones."""
+        """Require that the draws and the case of a mission are as recorded."""
         if recorded != mission.conditions:
             raise self.refuse(
                 layout.MISSIONS,
@@ -189,7 +189,7 @@ class MissionLog:
         make_folder(folder)
 
     def keep_log(self, mission: Mission, log: str) -> None:
-        """Write the controller's output from a lost mission, for the user to read."""
+        """Save the controller's output from a lost mission for the user."""
         generation, design, world, trial = mission.key
         self.make_folder(self.path / layout.LOST)
         file = self.path / layout.LOST / f"{generation:05d}_{design}_{world}_{trial}.log"

@@ -26,12 +26,13 @@ Row = TypeVar("Row")
 class MissionTable:
     """The file ``missions.csv`` in a folder, locked against other writing processes.
 
-    ``header`` has the columns without the digest, and ``key`` is the run's key for digests of rows.
-    Once all rows have been read, ``damage`` has the damaged lines by their number from 1, and
-    ``cut`` the removed incomplete last line. ``report`` receives the repair of a missing table.
+    ``header`` holds the columns without the digest, and ``key`` is the run's key for digests of
+    rows. Once all rows have been read, ``damage`` holds the damaged lines by their number, counted
+    from 1, and ``cut`` the incomplete last line that was removed. ``report`` receives the repair of
+    a missing table.
 
     Raises:
-        InputError: the user cannot write to the folder, or another process has locked the table.
+        InputError: the folder is not writable, or another process has locked the table.
     """
 
     def __init__(self, folder: Path, header: Sequence[str], key: bytes, report: Report) -> None:
@@ -39,15 +40,15 @@ class MissionTable:
         self.header = begin_table(self._columns).encode()  # first line
         self.damage: dict[int, bytes] = {}
         self.cut: dict[int, bytes] = {}
-        self._last = 1, b""  # number and content of the last row read
-        self.place = 0  # offset of that row
+        self._last = 1, b""  # number and content of the last row that was read
+        self.place = 0  # offset of this row
         if not self.path.exists() and (folder / layout.LOG).is_file():
             report(Repair(self.path))
             write_atomically(self.path, self.header)
         self._file: BinaryIO = open_locked(self.path)
 
     def close(self) -> None:
-        """Release the folder to other processes."""
+        """Release the lock on the folder."""
         self.sync()
         self._file.close()
 
@@ -66,7 +67,7 @@ class MissionTable:
         os.fsync(self._file.fileno())
 
     def read(self, parse: Callable[[Mapping[str, str]], Row]) -> Iterator[Row]:
-        """Yield all undamaged rows; exhaust this iterator before appending.
+        """Yield all undamaged rows; must be exhausted before rows are appended.
 
         A truncated last row is removed. ``parse`` raises KeyError or ValueError for a row of a
         different table.
@@ -89,7 +90,7 @@ class MissionTable:
             self._file.truncate(end)
 
     def _read_lines(self) -> Iterator[bytes]:
-        """Yield the remaining lines, with a limit on their length."""
+        """Yield the remaining lines, whose length is limited."""
         while line := self._file.readline(LONGEST_LINE):
             if len(line) == LONGEST_LINE:
                 raise InputError(
@@ -109,7 +110,7 @@ class MissionTable:
         return parse(self._split(line))
 
     def reject(self) -> None:
-        """Mark the last row read as damaged, so that its mission runs again."""
+        """Mark the row read last as damaged, so that its mission runs again."""
         line_number, line = self._last
         self.damage[line_number] = line
 
@@ -130,13 +131,13 @@ class MissionTable:
     def mend(self) -> None:
         """Remove the damaged lines, so that their missions run again."""
         self._file.seek(0)
-        damage = {1, *self.damage}  # the header is rewritten
+        damage = {1, *self.damage}  # the header is rewritten as well
         whole = (line for count, line in enumerate(self._file, 1) if count not in damage)
         self._replace(chain([self.header], whole))
         self.damage = {}
 
     def take_out(self, places: Collection[int]) -> dict[int, bytes]:
-        """Remove the rows at these offsets, and return them by line number."""
+        """Remove the rows at these offsets; return the rows by line number."""
         self._file.seek(0)
         taken, at = dict[int, bytes](), 0
         for line_number, line in enumerate(self._read_lines(), 1):
@@ -148,7 +149,7 @@ class MissionTable:
         return taken
 
     def sort(self, order: Callable[[Mapping[str, str]], tuple[int, ...]]) -> None:
-        """Sort the rows by the keys returned by ``order``, using about 60 bytes per row."""
+        """Sort the rows by the keys that ``order`` returns, using about 60 bytes per row."""
         self._file.seek(0)
         header = self._file.readline()
         offsets, keys = array("q"), array("q")
@@ -167,7 +168,7 @@ class MissionTable:
         return self._file.readline()
 
     def _replace(self, lines: Iterable[bytes]) -> None:
-        """Replace the table with a new file, which is locked before it takes the table's name."""
+        """Replace the table with a new file, which is locked before it is renamed to the table."""
         draft, file = create_draft(self.path)
         try:
             lock(file)
@@ -195,7 +196,7 @@ def begin_table(columns: Sequence[str]) -> str:
 
 
 def open_locked(path: Path) -> BinaryIO:
-    """Open a mission table for reading and writing, for this process alone."""
+    """Open a mission table for reading and writing by this process alone."""
     if not all(os.access(place, os.R_OK | os.W_OK) for place in (path.parent, path)):
         raise InputError(
             f"{path.parent}: must be writable by this user, even to verify a finished run; "
@@ -219,28 +220,28 @@ def open_locked(path: Path) -> BinaryIO:
 
 
 Recorded = tuple[MissionKey, str, Outcomes]
-"""The key of a mission, its conditions, and its outcomes."""
+"""The key of a mission, the mission's conditions, and the outcomes."""
 GENERATION, DESIGN = 0, 1
-"""Indices in a mission's key; rows are grouped by one of these parts."""
+"""Indices in a mission's key of the two possible group numbers of rows."""
 
 
 class MissionRows:
     """The offsets of mission rows, and the outcomes of the current group of rows.
 
-    A mission needs 9 bytes of memory. ``read_row`` reads the row at an offset in ``missions.csv``.
-    Rows of a group share the part ``group`` of their keys: the generation in a search, the design
-    in an evaluation.
+    Each mission uses 9 bytes of memory. ``read_row`` reads the row at an offset in
+    ``missions.csv``. The rows of a group have the same value at the index ``group`` of their keys:
+    the generation in a search, the design in an evaluation.
     """
 
     def __init__(self, read_row: Callable[[int], Recorded], group: int = GENERATION) -> None:
         self._read_row, self._group = read_row, group
         self.worlds: set[str] = set()  # names of worlds with missions
-        self.trials = 0  # maximum number in a world, without stated conditions
+        self.trials = 0  # maximum number of missions in a world, without stated conditions
         self._places: dict[int, array[int]] = {}  # offsets by group
-        self._wanted: dict[int, bytearray] = {}  # 1 for each requested row
+        self._wanted: dict[int, bytearray] = {}  # 1 for each row that was requested
         self._in_use = -1  # current group
         self._outcomes: dict[MissionKey, tuple[str, Outcomes]] = {}  # rows of the current group
-        self._ranks: dict[MissionKey, int] = {}  # indices of these rows
+        self._ranks: dict[MissionKey, int] = {}  # positions of these rows
 
     def __len__(self) -> int:
         return sum(map(len, self._places.values()))
@@ -264,7 +265,7 @@ class MissionRows:
             yield from (place for place, asked in zip(places, wanted, strict=True) if not asked)
 
     def note(self, key: MissionKey, place: int) -> None:
-        """Store the offset of a row that was read."""
+        """Store the offset of a row that has been read."""
         *_, world, trial = key
         group = self._find_group(key)
         self.worlds.add(world)
@@ -274,7 +275,7 @@ class MissionRows:
         self._wanted.setdefault(group, bytearray()).append(False)
 
     def add(self, rows: Sequence[Recorded], places: Sequence[int]) -> None:
-        """Add rows that were just written, at their offsets."""
+        """Add rows that have just been written at these offsets."""
         for (key, draws, outcomes), place in zip(rows, places, strict=True):
             self.note(key, place)
             group = self._find_group(key)

@@ -1,7 +1,8 @@
-"""The files of a finished run or evaluation for an archive, without machine-specific paths.
+"""The files of a finished run or evaluation for an archive, free of machine-specific paths.
 
-Files without such a path keep their bytes, except for the manifest. In changed files, hashes and
-digests are recomputed from the changed files, so that equal runs have equal files on all machines.
+Files that contain no such path remain unchanged, except for the manifest. In changed files, hashes
+and digests are recomputed from the changed content, so that equal runs have equal files on all
+machines.
 """
 
 from collections.abc import Iterator, Mapping
@@ -18,7 +19,7 @@ from evoros.storage.manifest import hash_sources
 from evoros.storage.run_key import STATUS_KEY, read_key
 
 LEFT_OUT = (layout.LOG, layout.LOST, layout.DAMAGED)
-"""Files that concern one machine and are not needed to use the run."""
+"""Files that concern a single machine, and that are not needed to use the run."""
 TEXTS = (".csv", ".json", ".yaml", ".urdf", ".sdf", ".xml", ".md", ".html")
 
 
@@ -27,7 +28,8 @@ class PortableRun:
     """A finished folder and its experiment.
 
     ``config`` and ``values`` are the configuration without machine-specific paths; ``working`` and
-    ``own_parts`` are the paths of the working folder and of the user's parts in the archive.
+    ``own_parts`` are the archive paths of the working folder and of the folder with the user's
+    parts.
     """
 
     folder: Path
@@ -87,7 +89,7 @@ class PortableRun:
 
 
 def list_files(folder: Path) -> list[str]:
-    """List the archived files of a folder, except for the manifest and the digests."""
+    """List the files of a folder that are archived, except for the manifest and the digests."""
     files = (path for path in folder.rglob("*") if path.is_file())
     names = sorted(path.relative_to(folder).as_posix() for path in files)
     hidden = [name for name in names if any(part.startswith(".") for part in name.split("/"))]

@@ -1,4 +1,4 @@
-"""The tables in run folders, as pandas data frames."""
+"""Reads the tables in run folders as pandas data frames."""
 
 import io
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ SCORE_NUMBERS = ("fitness_mean", "fitness_sd", "trials")
 CANDIDATE_NUMBERS = ("generation", "id", "fitness", "validated_fitness")
 SENSOR_NUMBERS = ("design", "sensor", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
 RECORD_NUMBERS = ("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "mode", "visited", "contact")
-"""Required columns; their cells are numbers or empty."""
+"""Required columns whose cells are numbers or empty."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Run:
 
     @cached_property
     def status(self) -> dict[str, Any]:
-        """The progress of the run; ``state`` is running, finished or stopped."""
+        """The progress of the run, with the ``state`` running, finished or stopped."""
         return read_sealed(self.path, layout.STATUS)
 
     @property
@@ -52,9 +52,10 @@ class Run:
 
     @cached_property
     def missions(self) -> pd.DataFrame:
-        """A row per finished mission, sorted by generation, design, world and trial.
+        """The finished missions, one per row, sorted by generation, design, world and trial.
 
-        An evaluation has the columns ``source`` and ``design``, and keeps the order of its file.
+        The table of an evaluation has the columns ``source`` and ``design``, and keeps the file's
+        order.
         """
         if self.evaluates:
             return read_table(self.path / layout.MISSIONS, MISSION_NUMBERS)
@@ -63,31 +64,31 @@ class Run:
 
     @cached_property
     def generations(self) -> pd.DataFrame:
-        """A row per candidate of each finished generation; empty if none is finished."""
+        """The candidates of all finished generations, one per row; empty if none is finished."""
         self._require(evaluation=False)
         frames = [read_table(file, CANDIDATE_NUMBERS) for file in list_tables(self.path)]
         return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
 
     def champion_file(self, name: str, agent: str = "") -> Path:
-        """Return the path of one of the champion's files, for an agent if one is named."""
+        """Return the path of one of the champion's files, or of an agent's."""
         folder = self.path / "champion"
         return (folder / "agents" / agent if agent else folder) / name
 
     @cached_property
     def champion(self) -> pd.DataFrame:
-        """A row per sensor of the champion; the run must be finished."""
+        """The sensors of the champion, one per row; the run must be finished."""
         self._require(evaluation=False)
         return read_table(self.champion_file("design.csv"), SENSOR_NUMBERS)
 
     @cached_property
     def genes(self) -> pd.DataFrame:
-        """A row per evolved value of the champion except mounts; the run must be finished."""
+        """The champion's evolved values except mounts, one per row; the run must be finished."""
         self._require(evaluation=False)
         return read_table(self.champion_file("genes.csv"), ("value",))
 
     @cached_property
     def designs(self) -> pd.DataFrame:
-        """A row of scores per design of a finished evaluation."""
+        """The designs of a finished evaluation with their scores, one per row."""
         self._require(evaluation=True)
         return read_table(self.path / layout.SCORES, SCORE_NUMBERS)
 
@@ -102,17 +103,17 @@ class Run:
             )
 
     def trajectory(self, world: str) -> pd.DataFrame:
-        """Read the trajectory of the champion's first mission in a world of a finished run.
+        """Read the trajectory of the champion's first mission in a world; the run must be finished.
 
         Raises:
-            InputError: the run keeps no trajectories, or the file is missing or damaged.
+            InputError: the run stores no trajectories, or the file is missing or damaged.
         """
         self._require(evaluation=False)
         self.require_trajectories()
         return self._read_trajectory(f"champion/trajectory_{world}.csv")
 
     def require_trajectories(self, of_others: bool = False) -> None:
-        """Require that the run keeps the champion's or, if ``of_others``, other trajectories."""
+        """Require that the run stores trajectories of the champion, or of others if ``of_others``."""
         recorded = self.manifest.get("record")
         if recorded == "none" or (of_others and recorded == "champion"):
             kind, fix = (" of all missions", "all") if of_others else ("", "champion")
@@ -124,10 +125,10 @@ class Run:
     def mission_trajectory(
         self, generation: int, design: int, world: str, trial: int
     ) -> pd.DataFrame:
-        """Read the kept trajectory of a mission.
+        """Read the stored trajectory of a mission.
 
         Raises:
-            InputError: the run does not keep the trajectory, or the file is missing or damaged.
+            InputError: the run does not store the trajectory, or the file is missing or damaged.
         """
         self.require_trajectories(of_others=True)
         file = trajectory_file((generation, design, world, trial))
@@ -145,9 +146,9 @@ class Run:
 
 
 def load_run(folder: str | Path) -> Run:
-    """Return the run or evaluation in a folder or an archive, finished or not.
+    """Return the run or evaluation in a folder or an archive, whether or not it is finished.
 
-    This executes no code of the run. ``study.zip/NAME`` names one of several runs in an archive.
+    No code of the run is executed. ``study.zip/NAME`` names one of several runs in an archive.
 
     Raises:
         InputError: the folder has no run, or one of its files is damaged.
@@ -164,7 +165,7 @@ def load_run(folder: str | Path) -> Run:
 
 
 def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
-    """Read a CSV file whose columns ``numbers`` have only numbers and empty cells.
+    """Read a CSV file in which the columns ``numbers`` contain only numbers and empty cells.
 
     An incomplete last row, which is still being written, is left out.
     """
@@ -191,7 +192,7 @@ def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
 
 
 def read_worst_cases(folder: Path) -> pd.DataFrame | None:
-    """Read the failure cases tried by an evaluation; None if it did not search for any."""
+    """Read the failure cases that an evaluation has tried; None if it searched for none."""
     path = folder / layout.WORST_CASES
     if not path.is_file():
         return None
@@ -206,9 +207,9 @@ def read_overrides(folder: Path) -> Sequence[str]:
 
 
 class ScoredDesigns(pd.DataFrame):
-    """A row per design; ``missions`` is the table of the scored missions.
+    """A table of designs, one per row; ``missions`` is the table of the missions scored.
 
-    Tables that pandas derives from this table are plain, without ``missions``.
+    Tables that pandas derives from this one have no ``missions``.
     """
 
     _metadata = ["missions"]  # noqa: RUF012 - pandas requires this list

@@ -1,4 +1,4 @@
-"""The run folder: the record of a search or an evaluation on disk."""
+"""The run folder, the record of a search or an evaluation on disk."""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import count
@@ -30,16 +30,17 @@ from evoros.storage.mission_table import DESIGN, GENERATION, MissionRows, Record
 
 GENERATIONS = "generations"
 RESULTS = (layout.SCORES, layout.WORST_CASES, layout.REQUIREMENTS, layout.JUNIT, layout.SUMMARY)
-"""Files of an evaluation derived from all its missions."""
+"""Files that an evaluation derives from all its missions."""
 DesignName = tuple[str, str]
-"""Source of a given design, and the design's name in the source."""
+"""The source of a given design, and the design's name in that source."""
 
 
 class RunFolder(MissionLog):
     """An open run folder.
 
-    ``rows`` finds the finished missions. ``keeps_all`` is True if all trajectories are kept. Rows
-    of an evaluation name designs; a design's id is its index in ``designs_in.csv``.
+    ``rows`` locates the finished missions. ``keeps_all`` is True if all trajectories are stored.
+    Rows of an evaluation contain names of designs; a design's id is its index in
+    ``designs_in.csv``.
     """
 
     def __init__(self, path: Path, report: Report = ignore) -> None:
@@ -59,7 +60,7 @@ class RunFolder(MissionLog):
             raise
 
     def _locate(self, read: Callable[[Mapping[str, str]], MissionKey] | None = None) -> MissionRows:
-        """Find the rows of all missions; repeated rows count as damaged."""
+        """Locate the rows of all missions; repeated rows count as damaged."""
         group = DESIGN if self._names else GENERATION
         rows = MissionRows(lambda place: self.table.read_row(place, self.read_mission), group)
         known: set[MissionKey] = set()
@@ -77,7 +78,7 @@ class RunFolder(MissionLog):
         return 0, self._ids[row["source"], row["design"]], row["world"], int(row["trial"])
 
     def read_mission(self, row: Mapping[str, str]) -> Recorded:
-        """Read the key of a mission, its conditions and its outcomes from a row.
+        """Read the key, the conditions and the outcomes of a mission from a row.
 
         Raises:
             ValueError, KeyError: a different version wrote the row.
@@ -97,7 +98,7 @@ class RunFolder(MissionLog):
         return [*key, *cells, *tables.case_cells(mission, self._states_cases)]
 
     def mend(self, setting: str) -> None:
-        """Repair the folder, and locate the rows again if a repair has moved them."""
+        """Repair the folder; locate the rows again if the repair has moved them."""
         moved = bool(self.table.damage)
         super().mend(setting)
         if moved:
@@ -142,7 +143,7 @@ class RunFolder(MissionLog):
         )
 
     def _repeats(self, mission: Mission, outcomes: Outcomes) -> bool:
-        """Return True if the mission is recorded; reject different outcomes."""
+        """Return True if the mission is already recorded; reject a different outcome."""
         recorded = self.find(mission)
         if recorded is None:
             return False
@@ -155,21 +156,21 @@ class RunFolder(MissionLog):
         return True
 
     def has(self, mission: Mission) -> bool:
-        """Return True if the mission is recorded, with its trajectory if the run keeps all."""
+        """Return True if the mission is recorded, including its trajectory if all are stored."""
         recorded = self.find(mission) is not None
         return recorded and (self.trajectories.has(mission) or not self.keeps_all)
 
     def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
-        """Delete the trajectories of all other missions; return the missions without one."""
+        """Delete all other missions' trajectories; return the missions that lack one."""
         self.trajectories.retain(missions)
         return [mission for mission in missions if not self.trajectories.has(mission)]
 
     def read_trajectory(self, mission: Mission) -> Array:
-        """Read the kept trajectory of a mission."""
+        """Read the stored trajectory of a mission."""
         return self.trajectories.read(mission)
 
     def find(self, mission: Mission) -> Outcomes | None:
-        """Return the recorded outcomes of a mission; None if it is not recorded."""
+        """Return the recorded outcomes of a mission, or None."""
         row = self.rows.find(mission.key)
         if row is None:
             return None
@@ -187,8 +188,8 @@ class RunFolder(MissionLog):
     def complete(self, generations: int = 1, extended: bool = False) -> None:
         """Sort the mission rows by generation, design, world and trial.
 
-        Rows not requested by the run's ``generations`` are set aside. If a search may have been
-        ``extended``, its rows from an earlier or later end are kept.
+        Rows that the run's ``generations`` did not request are set aside. If a search may have been
+        ``extended``, rows from its earlier or later end are kept.
         """
         ranks = {world: rank for rank, world in enumerate(sorted(self.rows.worlds))}
 
@@ -203,7 +204,7 @@ class RunFolder(MissionLog):
         self.rows = self._locate()
 
     def _selects(self, place: int, generations: int) -> bool:
-        """Return True if a row served selection in one of the first ``generations``."""
+        """Return True if a row was used for selection in one of the first ``generations``."""
         row = self.table.read_row(place, dict)
         return row["purpose"] == SELECTION and int(row["generation"]) < generations
 
@@ -218,10 +219,10 @@ class RunFolder(MissionLog):
                 self.write(name, content)
 
     def has_champion(self, champion: Champion) -> bool:
-        """Return True if this champion and its kept trajectories are recorded."""
+        """Return True if this champion and its stored trajectories are recorded."""
         files = champion_files(champion)
         whole = all(self._read(name) == content for name, content in files.items())
-        if whole:  # restores digests that may be damaged
+        if whole:  # restores digests, which may be damaged
             self.digests.add({name: describe_file(content) for name, content in files.items()})
         tracks = map(track_file, champion.tracks)
         return whole and all(self.digests.is_whole(name, self._read(name)) for name in tracks)
@@ -231,9 +232,9 @@ class RunFolder(MissionLog):
         return read_bytes(path) if path.is_file() else b""
 
     def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
-        """Write the champion's files; replace files from an earlier end of the search.
+        """Write the champion's files, replacing files from an earlier end of the search.
 
-        The last file, ``design.csv``, exists only while all others do.
+        The last file, ``design.csv``, exists only while all other files do.
         """
         files = {**track_files(champion, trajectories), **champion_files(champion)}
         for name in files:
@@ -247,7 +248,7 @@ class RunFolder(MissionLog):
             self.write(name, content)
 
     def discard_results(self) -> None:
-        """Delete the results of a continued evaluation, which are written again at its end."""
+        """Delete the results of an evaluation that goes on and writes them again at its end."""
         written = self.digests.entries.keys() & RESULTS
         names = [name for name in written if (self.path / name).is_file()]
         self.digests.reopen(names)
@@ -255,7 +256,7 @@ class RunFolder(MissionLog):
             (self.path / name).unlink()
 
     def count_generations(self) -> int:
-        """Return the number of generations with a table, up to the first that has none."""
+        """Return the number of consecutive generations, from the first, that have a table."""
         return next(n for n in count() if _generation_file(n) not in self.digests.entries)
 
 

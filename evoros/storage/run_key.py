@@ -1,6 +1,6 @@
-"""The key of a run or an evaluation, included in the digest of each mission row.
+"""The key of a run or an evaluation, which the digest of each mission row includes.
 
-Rows of other runs thus count as damaged.
+Rows of other runs therefore count as damaged.
 """
 
 import json
@@ -16,20 +16,20 @@ from evoros.observers import protocol
 from evoros.storage.layout import DESIGN_FILE
 
 KEY = "rows"
-"""Name of the key among the hashes of the manifest."""
+"""Name of the key among the manifest's hashes."""
 STATUS_KEY = "run"
 """Name of the key in ``status.json``."""
 FREE = (*protocol.FREE, "figures", "record")
-"""Groups of configuration keys that affect no row."""
-_OWN_HASHES = "configuration"  # prefix of the names of hashes that include the executor
+"""Groups of configuration keys that affect no row of the mission table."""
+_OWN_HASHES = "configuration"  # prefix of the names of the hashes that include the executor
 _CALL = re.compile(r"(?<!\\)\$\{[\w.-]+:")
-"""Reference to a resolver; recorded configurations keep only references to secrets."""
+"""Matches calls of resolvers; in recorded configurations, these are references to secrets."""
 
 
 def derive_key(values: Mapping[str, Any], hashes: Mapping[str, str]) -> str:
-    """Derive the key from the configuration with resolved references, and other hashes.
+    """Derive the key from the configuration with resolved references and from other hashes.
 
-    Executors and extensions of a run do not change its key.
+    The executor and the size of a run do not affect its key.
     """
     tree = json.loads(json.dumps(values, default=str), parse_float=_read_number)
     for name in FREE:
@@ -48,7 +48,7 @@ def derive_key(values: Mapping[str, Any], hashes: Mapping[str, str]) -> str:
 
 
 def conceal(values: Mapping[str, Any], config: str) -> Mapping[str, Any]:
-    """Return the values, or the parsed YAML ``config`` if it has references to secrets.
+    """Return the values or, if ``config`` has references to secrets, the parsed YAML.
 
     Short secrets could otherwise be guessed from the key.
     """
@@ -63,12 +63,12 @@ def hash_secrets(values: Mapping[str, Any], config: str) -> dict[str, str]:
 
 
 def list_other_secrets(one: Mapping[str, str], other: Mapping[str, str]) -> list[str]:
-    """List the keys whose secrets differ, if the same user has hashed both values."""
+    """List the keys whose secrets differ, provided that the same user has hashed both values."""
     return [key for key in one if is_other_secret(one[key], other.get(key, ""))]
 
 
 def _parse_sources(config: str) -> dict[str, Any]:
-    """Parse the configuration groups that affect rows; empty without references to secrets."""
+    """Parse the configuration groups that affect rows; return {} without references to secrets."""
     tree = parse_yaml(config) if _CALL.search(config) else {}
     return {name: node for name, node in tree.items() if name not in FREE}
 
@@ -88,18 +88,18 @@ def _read_number(text: str) -> float | int:
 
 
 def is_foreign(status: Mapping[str, Any], manifest: Mapping[str, Any]) -> bool:
-    """Return True if ``status.json`` belongs to a different run than the manifest."""
+    """Return True if ``status.json`` and the manifest belong to different runs."""
     key = read_status_key(manifest)
     return bool(status.get(STATUS_KEY, key) != key)
 
 
 def read_status_key(manifest: Mapping[str, Any]) -> str:
-    """Read the key from a manifest, as it is written in ``status.json``."""
+    """Return the manifest's key as it is written in ``status.json``."""
     return read_key(manifest).decode(errors="replace")
 
 
 def read_key(manifest: Mapping[str, Any]) -> bytes:
-    """Read the key from a manifest; empty if it has none."""
+    """Return the manifest's key; empty if it has none."""
     hashes = manifest.get("sha256")
     recorded = hashes.get(KEY) if isinstance(hashes, dict) else None
     return (recorded or "").encode()[:64]  # maximum of BLAKE2b; only forged keys are longer

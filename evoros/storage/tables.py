@@ -1,7 +1,7 @@
-"""Conversion of missions, generations and trajectories to CSV, and of missions back.
+"""Converts missions, generations and trajectories to CSV, and missions from CSV.
 
-Numbers have full precision (``repr``), so that reading restores them exactly. An empty cell is a
-number that was not measured; semicolons separate the items of a list. ``docs/run_folder.md``
+Numbers have full precision (``repr``), so that reading restores them exactly. An empty cell stands
+for a number that was not measured; list items are separated by semicolons. ``docs/run_folder.md``
 documents all columns.
 """
 
@@ -24,43 +24,49 @@ GIVEN_COLUMNS = ("source", "design", "world", "trial", "draws")
 """First columns of ``missions.csv`` in a search, and in an evaluation."""
 CANDIDATE_COLUMNS = ("generation", "id", "parents", "operator", "survived", "fitness", "trials")
 VALIDATED, SCREENED, LOSS = "validated_fitness", "screened_fitness", "loss"
-MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two columns need a confirmation
-AGENT = "agent"  # column with the name of an agent
-WHOLE_COLUMNS = ("mode", "visited", "contact", "touched_by")  # trajectory columns of integers
+MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two need a confirmation
+AGENT = "agent"  # column with an agent's name
+WHOLE_COLUMNS = (
+    "mode",
+    "visited",
+    "contact",
+    "touched_by",
+)  # integer columns of trajectories
 
 _TYPES = get_type_hints(Outcome)
 PART_COLUMNS = ("failed_parts", "parts_failed_at_s", "parts_failed_by")
-"""Further outcome columns if parts other than sensors can fail."""
+"""Additional columns of outcomes if parts other than sensors can fail."""
 TOUCHED = "touched_walkers"
-"""Further outcome column if missions can have walkers."""
+"""Additional column of outcomes if missions can have walkers."""
 SHORTEST = "shortest_m"
-"""Further outcome column if a world gives the length of its shortest path."""
+"""Additional column of outcomes if a world states the length of its shortest path."""
 FURTHER_COLUMNS = (*PART_COLUMNS, TOUCHED, SHORTEST)
 OUTCOME_COLUMNS = tuple(
     field.name for field in fields(Outcome) if field.name not in FURTHER_COLUMNS
 )
-CASE = "case"  # last column, if missions have stated failure cases
+CASE = "case"  # last column if missions have stated failure cases
 
 
 def list_further(parts: bool, walkers: bool, shortest: bool) -> tuple[str, ...]:
-    """List the further columns of a run.
+    """List the additional columns of a run.
 
-    They describe failed ``parts`` other than sensors, ``walkers``, and a world's ``shortest`` path.
+    They describe failed ``parts`` other than sensors, touched ``walkers``, and a world's
+    ``shortest`` path.
     """
     further = [*PART_COLUMNS] if parts else []
     return (*further, *[TOUCHED] * walkers, *[SHORTEST] * shortest)
 
 
 def list_further_in(scenario: "Scenario", parts: bool = False) -> tuple[str, ...]:
-    """List the further columns of a scenario's missions, with failed parts if ``parts``."""
+    """List the additional columns of a scenario's missions, with failed parts if ``parts``."""
     parts = parts or bool(scenario.failure.parts)
     return list_further(parts, scenario.any_walkers, scenario.states_shortest)
 
 
 def name_outcome_columns(agents: Iterable[str], further: Sequence[str] = ()) -> list[str]:
-    """Return the outcome columns of all robots; columns of agents begin with their names.
+    """Return the columns of all robots' outcomes; an agent's columns begin with the agent's name.
 
-    ``further``, here and below, is the result of ``list_further``.
+    ``further``, here and in other functions, is the result of ``list_further``.
     """
     columns = (*OUTCOME_COLUMNS, *further)
     return [prefix + column for prefix in _prefixes(agents) for column in columns]
@@ -89,7 +95,7 @@ def cell(value: object) -> str:
 
 
 def mission_row(mission: Mission, outcomes: Outcomes, further: Sequence[str] = ()) -> list[object]:
-    """Return the cells of a mission in ``missions.csv``, without a case."""
+    """Return a mission's cells in ``missions.csv``, without a case."""
     return [*mission.key, mission.purpose, mission.draws, *outcome_cells(outcomes, further)]
 
 
@@ -110,7 +116,7 @@ def outcome_cells(outcomes: Outcomes, further: Sequence[str] = ()) -> list[objec
 
 
 def list_further_of(parts: bool, outcomes: Outcomes) -> tuple[str, ...]:
-    """List the further columns of a mission's outcomes."""
+    """List the additional columns of a mission's outcomes."""
     walkers = any(outcome.touched_walkers is not None for outcome in outcomes)
     return list_further(parts, walkers, any(one.shortest_m is not None for one in outcomes))
 
@@ -121,7 +127,7 @@ def read_key(row: Mapping[str, str]) -> MissionKey:
 
 
 def read_outcomes(row: Mapping[str, str], agents: Sequence[str] = ()) -> Outcomes:
-    """Read the outcomes of all robots from a row with the cells of ``outcome_cells``."""
+    """Read the outcomes of all robots from a row written by ``outcome_cells``."""
     columns = (*OUTCOME_COLUMNS, *(PART_COLUMNS if PART_COLUMNS[0] in row else ()))
     return tuple(
         Outcome(
@@ -134,14 +140,15 @@ def read_outcomes(row: Mapping[str, str], agents: Sequence[str] = ()) -> Outcome
 
 
 def _read_touched(content: str | None) -> tuple[str, ...] | None:
-    """Read the names of walkers; None if the table has no such column."""
+    """Read the names of touched walkers; None if the table has no such column."""
     return None if content is None else tuple(filter(None, content.split(";")))
 
 
 def are_recorded(outcomes: Outcomes, recorded: Outcomes, agents: Sequence[str]) -> bool:
     """Return True if a mission's outcomes equal the recorded ones.
 
-    Both are compared as read, because a time limit typed as ``60`` is read as ``60.0``.
+    Both are compared in the form in which they are read, because a time limit typed as ``60`` is
+    read as ``60.0``.
     """
     further = list_further_of(True, outcomes)
     columns = name_outcome_columns(agents, further)
@@ -164,7 +171,7 @@ def _parse(content: str, kind: Any) -> Any:
 
 
 def generation_table(generation: "Generation") -> str:
-    """Return ``generations/NNNNN.csv``, a row for each candidate."""
+    """Return ``generations/NNNNN.csv``, with one row per candidate."""
     measured = {VALIDATED: generation.validated_fitness}
     if generation.screened_fitness:
         measured |= {SCREENED: generation.screened_fitness, LOSS: generation.losses}

@@ -1,6 +1,6 @@
-"""Trajectory files, one per mission, and files of the missions' robots and worlds.
+"""Trajectory files, one per mission, and files of the robots and worlds in these missions.
 
-A trajectory is written after its mission was run, and before its row in the table of missions.
+A trajectory is written after its mission has run and before the mission's row.
 """
 
 import csv
@@ -28,13 +28,13 @@ if TYPE_CHECKING:  # reading must not import the code of missions
 ROBOTS, WORLDS = f"{TRAJECTORIES}/robots/", f"{TRAJECTORIES}/worlds/"
 
 _PARTS = {"robots": r"_.*$", "worlds": r"_\d+$"}
-"""Map folder -> pattern of the ending after the robot's or world's name in a file name."""
+"""Patterns of the file name endings after a robot's or world's name, by folder."""
 
 
 def trajectory_file(key: MissionKey) -> Path:
     """Return the path of a mission's trajectory in the run folder.
 
-    Paths sort by generation, design, world and trial.
+    Alphabetical order of the paths is the order of generation, design, world and trial.
     """
     generation, design, world, trial = key
     return Path(TRAJECTORIES, f"{generation:05d}", f"{design:06d}_{world}_{trial:04d}.csv")
@@ -46,13 +46,13 @@ def robot_file(design: int, agent: str = "") -> Path:
 
 
 def loaded_robot_file(design: int, agent: str = "") -> Path:
-    """Return the path of a design's robot as loaded by engines, if it differs from the original."""
+    """Return the path of a design's robot as loaded by engines, if different from the original."""
     robot = robot_file(design, agent)
     return robot.with_name(f"{robot.stem}_as_loaded.urdf")
 
 
 def world_file(world: str, draws: str | None) -> Path:
-    """Return the path of a world; ``draws`` names the mission's draws if the world is sampled."""
+    """Return the path of a world; ``draws`` is the key of the mission's draws if it is sampled."""
     name = world if draws is None else f"{world}_{draws.replace('/', '_')}"
     return Path(WORLDS, f"{name}.sdf")
 
@@ -61,7 +61,7 @@ def world_file(world: str, draws: str | None) -> Path:
 class TrajectoryFiles:
     """The trajectories in a folder that is open for writing.
 
-    ``write`` takes the name and content of a file, and True to include digests of its lines.
+    ``write`` receives the name and content of a file, and True if digests of its lines are needed.
     """
 
     folder: Path
@@ -80,7 +80,7 @@ class TrajectoryFiles:
 
     @cached_property
     def _lost(self) -> set[str]:
-        """Name prefixes of robots and worlds with a missing or damaged file."""
+        """Name prefixes of the robots and worlds of which a file is missing or damaged."""
         folders = (self.folder / ROBOTS, self.folder / WORLDS)
         files = (file for folder in folders for file in folder.glob("[!.]*"))
         names = {str(file.relative_to(self.folder)) for file in files}
@@ -108,7 +108,7 @@ class TrajectoryFiles:
         return path.is_file() and self.digests.is_whole(name, read_bytes(path))
 
     def keep(self, scenario: "Scenario", mission: Mission, trajectory: Array) -> None:
-        """Write the trajectory of a mission, and its robot and world unless already written."""
+        """Write a mission's trajectory, and its robot and world unless already written."""
         self._keep_robot(scenario, mission)
         self._keep_world(scenario, mission)
         columns = scenario.name_columns(mission.design, mission.world)
@@ -116,7 +116,7 @@ class TrajectoryFiles:
         self._write(trajectory_file(mission.key), table.encode())
 
     def read(self, mission: Mission) -> Array:
-        """Read the trajectory of a mission, (time steps, columns)."""
+        """Read a mission's trajectory (time steps, columns)."""
         path = self.folder / trajectory_file(mission.key)
         try:
             header, *rows = csv.reader(io.StringIO(read_bytes(path).decode()))
@@ -132,7 +132,7 @@ class TrajectoryFiles:
         place = robot_file(mission.design_id)
         if self._is_kept(place, _name_robot(mission.design_id)):
             return
-        with suppress(InputError):  # a mission with a rejected design was not run
+        with suppress(InputError):  # a mission whose design was rejected was not run
             # The first robot comes last, because its file marks that all are written.
             for member in reversed(scenario.equip(mission.design)):
                 robot = member.robot
@@ -148,12 +148,12 @@ class TrajectoryFiles:
         if self._is_kept(place, str(place.with_suffix(""))):
             return
         files = world.at(mission.draws).files(place.stem)
-        for name in reversed(files):  # the SDF, which refers to the others, comes last
+        for name in reversed(files):  # the SDF, which refers to all other files, comes last
             self._write(place.with_name(name), files[name])
         self._lost.discard(str(place.with_suffix("")))
 
     def _is_kept(self, place: Path, begin: str) -> bool:
-        """Return True if the last file of a robot or world is written, and none is lost."""
+        """Return True if the last file of a robot or world is written and none is lost."""
         return str(place) in self.digests.entries and begin not in self._lost
 
     def _write(self, place: Path, content: bytes) -> None:
@@ -165,6 +165,6 @@ def _name_robot(design: int) -> str:
 
 
 def _list_needs(mission: Mission) -> list[str]:
-    """List the name prefixes of the files needed by a mission's trajectory."""
+    """List the name prefixes of the files that a mission's trajectory needs."""
     worlds = (world_file(mission.world, draws) for draws in (None, mission.draws))
     return [_name_robot(mission.design_id), *(str(world.with_suffix("")) for world in worlds)]

@@ -23,10 +23,10 @@ def write_verdicts(
     requirements: Mapping[str, Requirement],
     judged: Mapping[tuple[str, str], Mapping[str, Judged]],
 ) -> dict[str, str]:
-    """Return the files with the verdicts on each requirement of each design, by file name.
+    """Return the files with the verdicts on each requirement and design, by file name.
 
-    ``judged`` has the verdicts by (source, name) of each design. The verdict on a whole requirement
-    comes before the verdicts on its levels.
+    ``judged`` maps (source, name) of each design to verdicts. The verdict on a whole requirement
+    precedes the verdicts on the requirement's levels.
     """
     rows: list[Sequence[object]] = [COLUMNS]
     for design, verdicts in judged.items():
@@ -48,10 +48,10 @@ def _list_numbers(verdict: Verdict) -> list[object]:
 
 
 def write_junit(rows: Sequence[Row]) -> bytes:
-    """Return the verdicts as JUnit XML, a test suite per design.
+    """Return the verdicts as JUnit XML, with one test suite per design.
 
-    A verdict other than met is a failure with the result as its type, because the schema of
-    Jenkins's xUnit plugin (junit-10.xsd) and other consumers differ in the element for errors.
+    Any verdict except MET is a failure whose type is the result, because the schema of Jenkins's
+    xUnit plugin (junit-10.xsd) and other consumers expect different elements for errors.
     """
     root = ElementTree.Element("testsuites", _count(rows))
     for design in dict.fromkeys(_name_design(row) for row in rows):
@@ -84,7 +84,7 @@ def write_markdown(rows: Sequence[Row]) -> str:
 
 
 def describe(row: Row) -> str:
-    """Describe the numbers behind a verdict."""
+    """Describe the numbers on which a verdict is based."""
     return Verdict(
         result=row["result"],
         trials=int(row["trials"]),
@@ -101,7 +101,7 @@ def describe(row: Row) -> str:
 
 
 def name_requirement(row: Row) -> str:
-    """Name a requirement, or one of its levels, with a description of the claim."""
+    """Name a requirement or one of its levels, and describe the claim."""
     level = f" [{row['level']}]" if row["level"] else ""
     return f"{row['requirement']}{level}: {row['claim']}"
 

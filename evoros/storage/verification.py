@@ -1,6 +1,6 @@
 """Verifies a run folder before it is read.
 
-All functions raise InputError for a missing, damaged or unreadable file.
+All functions raise InputError if a file is missing, damaged or unreadable.
 """
 
 from collections.abc import Container, Mapping
@@ -23,7 +23,7 @@ from evoros.storage.layout import (
 from evoros.storage.run_key import is_foreign, read_key
 
 NEEDED = "generations/"
-"""Folder of the generations' tables, all of which are required."""
+"""The folder of the generations' tables, all of which are required."""
 LARGE = (
     f"{layout.TRAJECTORIES}/",
     "champion/agents/",
@@ -31,11 +31,11 @@ LARGE = (
     "champion/trajectory_",
     "champion/world_",
 )
-"""Files needed only by some figures."""
+"""Files that only some figures need."""
 
 
 def verify_folder(folder: Path) -> None:
-    """Require that the tables and inputs of a folder are undamaged, and that it has no links.
+    """Require that a folder's tables and inputs are undamaged, and that it contains no links.
 
     Trajectories, robots and worlds are verified by ``verify_file`` when they are read.
     """
@@ -58,7 +58,7 @@ def verify_folder(folder: Path) -> None:
 
 
 def is_complete(folder: Path) -> bool:
-    """Return True if a finished folder has unchanged digests and all its files.
+    """Return True if a finished folder has all its files and unchanged digests.
 
     Trajectories, robots and worlds may have been deleted.
     """
@@ -94,14 +94,14 @@ def _has_generations(entries: Mapping[str, digests.Entry], status: Mapping[str, 
 
 
 def list_tables(folder: Path) -> list[Path]:
-    """List the generations' tables written by a run, in order."""
+    """List the generations' tables that the run has written, in order."""
     names = _read_entries(folder).by_name
     return [folder / name for name in sorted(names) if name.startswith(NEEDED)]
 
 
 def list_strays(folder: Path) -> list[Path]:
-    """List the files among the generations' tables that were not written by the run."""
-    files = find_strays(folder, ())  # listed first, because a running process extends the digests
+    """List the files among the generations' tables that the run has not written."""
+    files = find_strays(folder, ())  # listed first, because a running process adds digests
     written = _read_entries(folder).by_name
     return [file for file in files if str(file.relative_to(folder)) not in written]
 
@@ -109,21 +109,21 @@ def list_strays(folder: Path) -> list[Path]:
 def find_strays(folder: Path, written: Container[str]) -> list[Path]:
     """Find the files among the generations' tables whose names are not ``written``.
 
-    Synchronization programs leave copies there, such as ``00002 (1).csv``.
+    Synchronization programs leave such copies, for example ``00002 (1).csv``.
     """
     files = sorted((folder / NEEDED).glob("[!.]*"))
     return [file for file in files if str(file.relative_to(folder)) not in written]
 
 
 def verify_file(folder: Path, name: str) -> None:
-    """Require that a file in ``digests.csv`` is undamaged or missing."""
+    """Require that a file listed in ``digests.csv`` is undamaged or missing."""
     entries = _read_entries(folder)
     if name in entries.by_name and (folder / name).is_file():
         _verify(folder, name, entries)
 
 
 def verify_world(path: Path) -> None:
-    """Require that the SDF file of a world, and the files it needs, are undamaged."""
+    """Require that a world's SDF file, and the files that it needs, are undamaged."""
     folder = _find_folder(path)
     begin = str(path.relative_to(folder).with_suffix(""))
     for name in _read_entries(folder).by_name:
@@ -157,7 +157,7 @@ def _read_entries(folder: Path) -> digests.Entries:
 
 
 def _verify(folder: Path, name: str, entries: digests.Entries) -> None:
-    """Verify a file; verify it again if a running process has replaced it."""
+    """Verify a file; try again if a running process has replaced the file."""
     entry = entries.by_name[name]
     line = _find_damage(folder, name, entry)
     if line is None:
@@ -169,7 +169,7 @@ def _verify(folder: Path, name: str, entries: digests.Entries) -> None:
 
 
 def _find_damage(folder: Path, name: str, entry: digests.Entry) -> str | None:
-    """Return the message suffix for the damage, such as ``: line 7`` or ""; None if undamaged."""
+    """Return a message suffix for the damage, such as ``: line 7`` or ""; None if undamaged."""
     if entry.sha256 and hash_file(folder / name) == entry.sha256:
         return None
     content = read_bytes(folder / name)
@@ -181,9 +181,9 @@ def _find_damage(folder: Path, name: str, entry: digests.Entry) -> str | None:
 
 
 def _find_row(content: bytes, entry: digests.Entry, key: bytes) -> str:
-    """Return the first line of ``missions.csv`` that is damaged, repeated or another run's.
+    """Return the first line of ``missions.csv`` that is damaged, repeated or from another run.
 
-    An incomplete last row is not damaged. ``key`` is the run's key.
+    An incomplete last row does not count as damaged. ``key`` is the run's key.
     """
     header, *lines = split_lines(content) or [b""]
     if entry.lines and digests.find_line(header, entry):

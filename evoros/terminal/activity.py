@@ -1,4 +1,4 @@
-"""Announces activities other than missions, such as compiling and drawing, to displays."""
+"""Announces activities other than missions, such as compiling and drawing, for display."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -9,7 +9,7 @@ from threading import Event, Thread
 from evoros.terminal.log import LOGGER
 
 SLOW_S = 5.0
-"""Interval [s] at which an otherwise silent command reports its activity."""
+"""Interval [s] at which a command that prints nothing else reports its activity."""
 
 _LISTENER: ContextVar[Callable[[str], object] | None] = ContextVar("listener", default=None)
 _ACTIVITY: ContextVar[str] = ContextVar("activity", default="")
@@ -27,7 +27,7 @@ def listen(listener: Callable[[str], object]) -> Iterator[None]:
 
 @contextmanager
 def announce(activity: str) -> Iterator[None]:
-    """Announce an activity of this thread; afterwards, announce the previous one again."""
+    """Announce an activity of this thread and, when it ends, the previous activity again."""
     token = _ACTIVITY.set(activity)
     _tell()
     try:
@@ -45,7 +45,7 @@ def _tell() -> None:
 
 @contextmanager
 def tell_slow(activity: str, after_s: float = SLOW_S) -> Iterator[None]:
-    """Log the activity of this thread, initially ``activity``, every ``after_s`` [s]."""
+    """Log this thread's activity, initially ``activity``, every ``after_s`` [s]."""
     now, done, start = [activity], Event(), time.monotonic()
 
     def tell() -> None:

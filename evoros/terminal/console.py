@@ -20,13 +20,13 @@ from evoros.base.errors import (
 from evoros.terminal.log import LOGGER, escape_control, log_to_terminal, silence, silence_unwritable
 
 DONE, STOPPED, INPUT, INTERRUPTED = 0, 1, 2, 130
-"""Exit statuses: done; stopped and resumable; unusable input; interrupted."""
+"""Exit statuses: done, stopped but resumable, unusable input, and interrupted."""
 NOT_MET, NOT_DECIDED = 3, 4
-"""Exit statuses of finished evaluations: a requirement is violated, or undecided."""
+"""Exit statuses of finished evaluations with a violated or an undecided requirement."""
 DIFFERENT = 1
 """Exit status if the compared folders, missions or rows differ."""
 Command = Callable[[Sequence[str]], int]
-"""Runs a command with its arguments and returns its exit status."""
+"""Runs a command with its arguments, and returns the exit status."""
 
 
 def run_main(command: Command) -> NoReturn:
@@ -35,23 +35,23 @@ def run_main(command: Command) -> NoReturn:
     try:
         status = command(sys.argv[1:])
     except KeyboardInterrupt:
-        status = INTERRUPTED  # second Ctrl-C, during the report of the first
+        status = INTERRUPTED  # second Ctrl-C while the first was being reported
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # exiting waits for threads and workers
-    silence_unwritable()  # a failing flush at exit would change the exit status
+    silence_unwritable()  # a flush that fails at exit would change the status
     sys.exit(status)
 
 
 def explain_interrupt() -> tuple[str, int]:
-    """Return the message and the exit status of Ctrl-C."""
+    """Return the message and the exit status for Ctrl-C."""
     return "interrupted", INTERRUPTED
 
 
 def report_errors(
     name: str, run: Callable[[], int], explain: Callable[[], tuple[str, int]] = explain_interrupt
 ) -> int:
-    """Run a command and return its exit status; report an error in one line.
+    """Run a command and return the exit status; report any error in one line.
 
-    ``explain`` returns the message and the status of a KeyboardInterrupt.
+    ``explain`` returns the message and the exit status for a KeyboardInterrupt.
     """
     with log_to_terminal():
         try:
@@ -108,7 +108,7 @@ def print_result(text: str) -> None:
 def _open_standard_streams() -> None:
     """Open closed standard streams on the null device.
 
-    Otherwise the next opened files would get these descriptors, and C libraries print to them.
+    Otherwise, files that are opened next would get these descriptors, to which C libraries print.
     """
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         try:
@@ -121,14 +121,14 @@ def _open_standard_streams() -> None:
 
 
 class CommandParser(ArgumentParser):
-    """A parser whose errors are InputErrors, which commands report in one line."""
+    """A parser that raises InputErrors, which commands report in one line."""
 
     def error(self, message: str) -> NoReturn:
         """Raise an InputError with the parser's message."""
         raise InputError(f"{message}; see {self.prog} --help")
 
     def parse(self, words: Sequence[str]) -> Namespace:
-        """Parse the words of a command; suggest quotes if a path with spaces was split."""
+        """Parse a command's words; suggest quotes if a path with spaces was split."""
         options, rest = self.parse_known_args(list(words))
         if rest:
             before = words[: words.index(rest[0])][-1:]
@@ -139,9 +139,9 @@ class CommandParser(ArgumentParser):
 
 
 def require_keys(words: Sequence[str], before: str) -> None:
-    """Require that each word is ``key=value`` or the deletion ``~key``.
+    """Require that each word is an override ``key=value`` or a deletion ``~key``.
 
-    ``before`` was typed before the words: a folder, or ``key=``, to which a folder belongs.
+    ``before`` is what was typed before the words: a folder, or ``key=`` before a folder.
     """
     for i, word in enumerate(words):
         if not _stands_alone(word):

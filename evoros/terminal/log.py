@@ -18,26 +18,26 @@ from evoros.base.errors import InputError
 _LOG = logging.getLogger(__name__)
 _READERS = ("evoros.sdf", "evoros.xml", "evoros.formats.", "evoros.robot.", "evoros.world.",
             "evoros.drive.", "evoros.files.")  # fmt: skip
-"""Loggers of omissions and assumptions made when a robot or a world is read."""
+"""Loggers of omissions and assumptions that are made when a robot or world is read."""
 _ONCE = (*_READERS, "evoros.preflight.", "evoros.config.")
-"""Loggers whose lines recur in many jobs of a sweep."""
+"""Loggers whose messages recur in many jobs of a sweep."""
 LOGGER = logging.getLogger("evoros")
 
 _JOB: ContextVar[str] = ContextVar("job", default="")
-"""Folder of the job that a message is about; empty for a single job or all jobs."""
+"""Folder of the job that messages are about; empty if there is one job, or for all jobs."""
 _LOCK = Lock()
 _PROGRESS = "is_progress"  # attribute of log records about progress
-_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # all except tabs and line breaks
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # all except tabs and newlines
 
 
 def escape_control(text: str) -> str:
-    """Escape control characters, which file names and contents may include."""
+    """Escape control characters, which may occur in file names and contents."""
     return _CONTROL.sub(lambda found: ascii(found[0])[1:-1], text)
 
 
 @contextmanager
 def log_for_job(job: str) -> Iterator[None]:
-    """Attribute all messages of this thread to the job with the folder ``job``."""
+    """Attribute all messages of this thread to the job in the folder ``job``."""
     token = _JOB.set(job)
     try:
         yield
@@ -47,7 +47,7 @@ def log_for_job(job: str) -> Iterator[None]:
 
 @contextmanager
 def attach(handler: logging.Handler, own_job: bool = False) -> Iterator[None]:
-    """Also send messages to the handler; ``own_job`` limits them to this thread's job."""
+    """Send messages also to this handler, only those of this thread's job if ``own_job``."""
     job = _JOB.get()
     if own_job:
         handler.addFilter(lambda record: _JOB.get() == job)
@@ -60,7 +60,7 @@ def attach(handler: logging.Handler, own_job: bool = False) -> Iterator[None]:
 
 @contextmanager
 def detach(handler: logging.Handler) -> Iterator[None]:
-    """Send no messages to the handler."""
+    """Stop sending messages to the handler."""
     _remove(handler)
     try:
         yield
@@ -69,7 +69,7 @@ def detach(handler: logging.Handler) -> Iterator[None]:
 
 
 def _add(handler: logging.Handler) -> None:
-    with _LOCK:  # a new list, because another thread may iterate over the old one
+    with _LOCK:  # replaced, because another thread may iterate over the old list
         LOGGER.handlers = [*LOGGER.handlers, handler]
 
 
@@ -81,8 +81,8 @@ def _remove(handler: logging.Handler) -> None:
 def format_for_terminal(handler: logging.Handler) -> logging.Handler:
     """Set up a handler for standard error.
 
-    For jobs of a sweep, the handler shows only warnings and errors, each after the job's name.
-    Lines about reading a file and warnings from preflight are shown once, although each job logs
+    For jobs of a sweep, the handler shows only warnings and errors, preceded by the job's name.
+    Messages about reading a file and warnings from preflight are shown once, although each job logs
     them.
     """
     handler.setLevel(logging.INFO)
@@ -106,18 +106,18 @@ class _JobFormatter(_PlainFormatter):
 
 
 def log_progress(message: str, *values: object) -> None:
-    """Log the progress of a run; standard error shows it only on a terminal."""
+    """Log the progress of a run; standard error shows it only if it is a terminal."""
     LOGGER.info(message, *values, extra={_PROGRESS: True})
 
 
 @cache
 def warn_left_out(reason: str) -> None:
-    """Warn once per reason that something is left out."""
+    """Warn that something is left out, once per reason."""
     LOGGER.warning("%s; left out", reason)
 
 
 class _StandardError(logging.StreamHandler[TextIO]):
-    """A handler for standard error that redirects the stream to nowhere if it cannot be written."""
+    """A handler for standard error that silences the stream if it cannot be written."""
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging calls it so
         if isinstance(sys.exc_info()[1], OSError):
@@ -128,10 +128,10 @@ class _StandardError(logging.StreamHandler[TextIO]):
 
 @contextmanager
 def log_to_terminal(*, again: bool = False) -> Iterator[None]:
-    """Send messages to standard error; standard output is only for results.
+    """Send messages to standard error; standard output is reserved for results.
 
-    ``again`` leaves out lines that this process has shown before; see ``format_for_terminal``.
-    While a progress line is shown, the line's handler replaces this one.
+    If ``again``, lines that this process has already shown are left out; see
+    ``format_for_terminal``. While a progress line is shown, the line's handler replaces this one.
     """
     handler = format_for_terminal(_StandardError(sys.stderr))
     handler.addFilter(lambda record: sys.stderr.isatty() or not hasattr(record, _PROGRESS))
@@ -147,7 +147,7 @@ def log_to_terminal(*, again: bool = False) -> Iterator[None]:
 
 @contextmanager
 def collect_messages() -> Iterator[list[logging.LogRecord]]:
-    """Collect messages of all levels, to pass to ``log_to_file`` later."""
+    """Collect messages of all levels, for ``log_to_file`` later."""
     memory = BufferingHandler(sys.maxsize)
     with attach(memory, own_job=True), log_everything():
         yield memory.buffer
@@ -155,9 +155,10 @@ def collect_messages() -> Iterator[list[logging.LogRecord]]:
 
 @contextmanager
 def withhold_messages() -> Iterator[list[logging.LogRecord]]:
-    """Collect this thread's messages without showing them; of nested contexts, the inner one does.
+    """Collect this thread's messages without showing them; if nested, the inner context collects.
 
-    The filters are on the handlers, because a logger's filters do not see child loggers' records.
+    The filters are set on handlers, because a logger's filters do not see the records of child
+    loggers.
     """
     memory, thread = BufferingHandler(sys.maxsize), get_ident()
     memory.addFilter(lambda record: record.thread == thread)
@@ -177,7 +178,7 @@ def withhold_messages() -> Iterator[list[logging.LogRecord]]:
 
 
 class _LogFile(logging.FileHandler):
-    """A handler for a file that reports the first failed write, and then stops writing."""
+    """A handler for a file that reports the first failed write and then stops writing."""
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging calls it so
         error = sys.exc_info()[1]
@@ -200,10 +201,10 @@ def _open_file(path: Path) -> logging.Handler:
 
 @contextmanager
 def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterator[None]:
-    """Also send messages, with tracebacks, to a file.
+    """Send messages, with tracebacks, also to a file.
 
-    ``earlier`` messages are written first. If a write fails later, as on a full disk, this is
-    reported once.
+    The ``earlier`` messages are written first. A later failure to write, for example on a full
+    disk, is reported once.
     """
     handler = _open_file(path)
     handler.setFormatter(_PlainFormatter("%(asctime)s %(levelname)s %(message)s"))
@@ -218,9 +219,9 @@ def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterat
 
 
 class _Everything:
-    """Passes messages of all levels to the handlers until the last holder exits.
+    """Passes messages of all levels to the handlers until the last context exits.
 
-    Holders, such as jobs of a sweep, may exit in any order.
+    Contexts, such as jobs of a sweep, may exit in any order.
     """
 
     def __init__(self) -> None:
@@ -251,7 +252,7 @@ def log_everything() -> AbstractContextManager[None]:
 class _Once(logging.Filter):
     """Passes each line of the ``_ONCE`` loggers once, and no line that ``read_again`` withholds.
 
-    The terminal's handlers, only one of which is active at a time, share this filter.
+    All handlers for the terminal share this filter; only one of them is active at a time.
     """
 
     def __init__(self) -> None:
@@ -264,7 +265,8 @@ class _Once(logging.Filter):
         known = _KNOWN.get()
         if known is not None and record.name.startswith(_READERS) and known.has(record):
             return False
-        # The first record with a message passes repeatedly, because several handlers may get it.
+        # The first record with a message may pass several times, because several handlers may
+        # receive it.
         return self.shown.setdefault(record.getMessage(), record) is record
 
 
@@ -272,7 +274,7 @@ _SHOW_ONCE = _Once()
 
 
 class _KnownLines:
-    """The lines of an existing log, and which of them were logged again."""
+    """The lines of an existing log, and the lines that have been logged again."""
 
     def __init__(self, log: Path) -> None:
         self._text = ""
@@ -293,9 +295,9 @@ _KNOWN: ContextVar[_KnownLines | None] = ContextVar("known", default=None)
 
 @contextmanager
 def read_again(log: Path) -> Iterator[None]:
-    """Withhold lines about reading files that ``log`` already has; report their number in one line.
+    """Withhold lines about reading files that ``log`` already contains; report their number.
 
-    A missing or unreadable log withholds no lines.
+    If the log is missing or unreadable, no lines are withheld.
     """
     known = _KnownLines(log)
     token = _KNOWN.set(known)
@@ -310,12 +312,12 @@ def read_again(log: Path) -> Iterator[None]:
 
 
 def silence(stream: TextIO) -> None:
-    """Redirect a stream to the null device, also for processes started later.
+    """Redirect a stream to the null device, also for processes that start later.
 
-    Otherwise its unwritten buffer would make later flushes fail, and with them the start of each
-    worker, which flushes the streams.
+    Otherwise, the stream's unwritten buffer would make later flushes fail, including those at the
+    start of each worker.
     """
-    with suppress(OSError, ValueError):  # raised by a stream without a file
+    with suppress(OSError, ValueError):  # the stream has no file descriptor
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, stream.fileno())
         os.close(null)

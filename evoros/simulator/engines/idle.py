@@ -15,10 +15,10 @@ E = TypeVar("E", bound=_Engine)
 
 
 class IdleEngines(Generic[E]):
-    """Engines that wait for the next mission; at most one unless missions were nested.
+    """Engines that wait for their next mission; more than one only if missions were nested.
 
-    No result depends on idle engines, because missing ones are recreated. A forked process does
-    not use its parent's engines.
+    Results do not depend on idle engines, because missing engines are recreated. A forked process
+    does not use its parent's engines.
     """
 
     def __init__(self) -> None:
@@ -48,6 +48,6 @@ class IdleEngines(Generic[E]):
             engine.forget()
 
     def close(self) -> None:
-        """Close all engines; the next mission creates one."""
+        """Close all engines; the next mission creates a new one."""
         while self._list():
             self._list().pop().close()
