@@ -132,7 +132,7 @@ class Program:
     needed: Array  # (360,) number of sensors that must see each bearing
     prices: Array  # (n,) price of each candidate
     number: tuple[int, int]  # minimum and maximum number of sensors in a cover
-    places: Sequence[str] = ()  # by candidate; a named place can carry only one sensor
+    places: Sequence[str] = ()  # one per candidate; a named place can carry only one sensor
 
     def solve(self, width_deg: float, costs: Array, limit: float = np.inf) -> Indices | None:
         """Return the indices (n,) of the cover with the lowest ``costs``; None if infeasible.

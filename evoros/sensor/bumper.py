@@ -36,7 +36,7 @@ class Bumper(ContactSensor):
     size_m: Annotated[Sequence[float], BOX] = (0.02, 0.4, 0.05)
     mass_kg: Annotated[float, POSITIVE] = 0.1
     price: Annotated[float, NOT_NEGATIVE] = 3.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in this order
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # order matters
 
     @property
     def channels(self) -> tuple[Channel]:

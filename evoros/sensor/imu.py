@@ -38,7 +38,7 @@ class Imu(SignalSensor):
     size_m: Annotated[Sequence[float], BOX] = (0.015, 0.026, 0.003)
     mass_kg: Annotated[float, POSITIVE] = 0.003
     price: Annotated[float, NOT_NEGATIVE] = 10.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in this order
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # order matters
 
     @property
     def channels(self) -> tuple[Channel, ...]:

@@ -37,7 +37,7 @@ class Infrared(RangeSensor):
     size_m: Annotated[Sequence[float], BOX] = (0.0135, 0.0295, 0.013)
     mass_kg: Annotated[float, POSITIVE] = 0.0035
     price: Annotated[float, NOT_NEGATIVE] = 8.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in this order
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # order matters
 
     def channel_of(self) -> NDArray[np.int64]:
         """Return the only channel, 0, for each ray."""

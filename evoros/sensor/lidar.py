@@ -36,7 +36,7 @@ class Lidar(RangeSensor):
     size_m: Annotated[Sequence[float], BOX] = (0.07, 0.07, 0.04)
     mass_kg: Annotated[float, POSITIVE] = 0.17
     price: Annotated[float, NOT_NEGATIVE] = 99.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in this order
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # order matters
 
     def channel_of(self) -> NDArray[np.int64]:
         """Return a separate channel for each ray."""

@@ -37,7 +37,7 @@ class Multizone(RangeSensor):
     mass_kg: Annotated[float, POSITIVE] = 0.002
     base_price: Annotated[float, NOT_NEGATIVE] = 1.0
     zone_price: Annotated[float, NOT_NEGATIVE] = 1.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in this order
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # order matters
 
     @property
     def price(self) -> float:  # type: ignore[override]

@@ -29,7 +29,7 @@ class Odometry(SignalSensor):
     size_m: Annotated[Sequence[float], BOX] = (0.01, 0.01, 0.01)
     mass_kg: Annotated[float, POSITIVE] = 0.01
     price: Annotated[float, NOT_NEGATIVE] = 15.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in this order
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # order matters
 
     @property
     def channels(self) -> tuple[Channel, Channel]:

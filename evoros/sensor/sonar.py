@@ -37,7 +37,7 @@ class Sonar(RangeSensor):
     size_m: Annotated[Sequence[float], BOX] = (0.02, 0.045, 0.02)  # typical size of small sonars
     mass_kg: Annotated[float, POSITIVE] = 0.009
     price: Annotated[float, NOT_NEGATIVE] = 4.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in this order
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # order matters
 
     def channel_of(self) -> NDArray[np.int64]:
         """Return the only channel, 0, for each ray."""
@@ -50,7 +50,7 @@ class Sonar(RangeSensor):
         elevation b, both evenly spaced over the beam, including its edges. A single ray points
         forward.
         """
-        # With linspace, left and right rays would not be mirror images to the last bit.
+        # The rays of linspace would not be mirror images to the last bit.
         spaces = self.rays_per_axis - 1
         half_space = math.radians(self.fov_deg) / 2 / max(spaces, 1)
         angles = np.arange(-spaces, spaces + 1, 2) * half_space

@@ -45,7 +45,7 @@ class DesignDraft:
 
     at: str  # file and line of the design's first row
     rows: int = 0  # number of rows in the table of sensors
-    mounts: dict[int, Mount] = field(default_factory=dict)  # by sensor index
+    mounts: dict[int, Mount] = field(default_factory=dict)  # keyed by sensor index
     values: dict[str, float] = field(default_factory=dict)  # all other evolved values, by key
 
     @property

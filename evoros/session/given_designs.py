@@ -124,7 +124,7 @@ def _find_choice(key: str, *runs: Path) -> str:
 
 
 GENES_BESIDE = {"design.csv": "genes.csv", layout.DESIGN_FILE: layout.GENE_FILE}
-"""For each file of designs, the file in the same folder with all other genes of these designs."""
+"""Map each file of designs to the file in its folder with all other genes of these designs."""
 
 
 def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesign]:

@@ -73,7 +73,7 @@ class FolderReader:
 
 
 def _list_parameters(folder: Path) -> Iterator[tuple[str, protocol.Value]]:
-    """Yield the recorded configuration values except those of the observers."""
+    """Yield the recorded configuration values, except for the observers."""
     for key, value in flatten_recorded(folder / layout.CONFIG).items():
         if key.partition(".")[0] != "observers":
             plain = value is None or isinstance(value, str | int | float)

@@ -1,6 +1,6 @@
-"""Deterministic rigid-body physics in MuJoCo, in this process and without a display.
+"""Deterministic rigid-body physics in MuJoCo, run in this process without a display.
 
-``docs/simulation.md`` gives the reason for each choice in the set-up.
+``docs/simulation.md`` explains the settings.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,10 +20,10 @@ from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.world.model import World
 
 MAX_STEP_S = 0.025
-"""Maximum step [s] at which the rover's motion is within 1 % of geometry (docs/fidelity.md)."""
+"""Maximum step [s] at which a rover's motion is within 1 % of geometry (docs/fidelity.md)."""
 
 MOST_MOVABLE = 5000
-"""Maximum number of movable bodies: MuJoCo compiles 5,000 in 5 s per design, 20,000 in 112 s."""
+"""Maximum number of movable bodies; MuJoCo compiles 5,000 in 5 s per design, 20,000 in 112 s."""
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,13 @@ MOST_MOVABLE = 5000
 class Mujoco(Simulator):
     """The MuJoCo simulator.
 
-    With the default step, open-loop manoeuvres differ by at most 0.2 % from those with a step of
-    2.5 ms.
+    With the default step, open-loop manoeuvres differ by at most 0.2 % from manoeuvres with a step
+    of 2.5 ms.
     """
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.01  # [s]
-    wheel_friction: Annotated[float, POSITIVE] = 1.0  # factor of the ground's friction
-    steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
+    wheel_friction: Annotated[float, POSITIVE] = 1.0  # multiplied by the ground's friction
+    steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the steering servos
     packages = ("mujoco-core",)
     measures = (RANGE, *SIGNAL_SIZES)
     max_robots = MAX_ROBOTS
@@ -49,7 +49,7 @@ class Mujoco(Simulator):
             raise _not_installed()
 
     def check_world(self, world: World) -> None:
-        """Reject worlds with too many movable bodies; the number of fixed bodies is not limited."""
+        """Reject worlds with too many movable bodies; there is no limit for fixed bodies."""
         count = count_movable(world)
         if count > MOST_MOVABLE:
             raise InputError(
@@ -76,12 +76,12 @@ class Mujoco(Simulator):
 
 @cache
 def _models() -> Models:
-    """Return this process's cache of compiled models; no result depends on it."""
+    """Return this process's cache of compiled models, on which no result depends."""
     return Models(import_mujoco())
 
 
 def forget_models() -> None:
-    """Clear the model cache, so that the next missions compile their models as new designs do."""
+    """Clear the model cache, so that the next missions compile their models like new designs."""
     _models().forget()
 
 

@@ -1,8 +1,8 @@
 """Wheeled robots on flat ground, simulated tens of thousands of times faster than real time.
 
-The centre of the rear axle moves along arcs without slip (the bicycle model). A robot's outline
-stops at obstacles and at other robots. In missions that continue after contact, the robot pushes
-movable bodies. Sensors cast the same rays at the same shapes as in a rigid-body engine.
+The centre of the rear axle moves along arcs without slip (bicycle model). A robot stops when its
+outline meets an obstacle or another robot. In missions that continue after contact, the robot
+pushes movable bodies. Sensors cast the same rays at the same shapes as in a rigid-body engine.
 ``docs/fidelity.md`` compares the simulators.
 """
 
@@ -30,16 +30,16 @@ from evoros.simulator.protocol import PlacedRobot, RuleSimulation, RuleSimulator
 from evoros.world.model import KEPT_WORLDS, World
 
 MAX_STEP_S = 0.1
-"""Maximum step [s]. Contact is tested after each step, and a longer step could jump over a wall."""
+"""Maximum step [s]; contact is tested after each step, and longer ones could cross a wall."""
 
 
 @dataclass(frozen=True)
 @checked
 class Planar(RuleSimulator):
-    """The planar simulator: no wheel slip, lagging servos, and obstacles that stop the robot."""
+    """The planar simulator: no wheel slip, servos that lag, and obstacles that stop the robot."""
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.02  # [s]
-    steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
+    steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the steering servos
     drive_lag_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time constant of the drive speed
     packages = ("numba",)
     measures = (RANGE, *SIGNAL_SIZES)
@@ -48,7 +48,7 @@ class Planar(RuleSimulator):
     weakens_wheels = True
 
     def choose_rules(self, world: World, robots: Sequence[Robot]) -> SimulationRules:
-        """Return the rules; rules for pushing, walkers or other sensors take longer to compile."""
+        """Return the rules; pushing, walkers and sensors without rays take longer to compile."""
         measured = {sensor.measures for robot in robots for sensor in robot.mounted_sensors()}
         pushes = advance_pushing if can_push(world) or CONTACT in measured else advance
         return SimulationRules(
@@ -73,7 +73,7 @@ class Planar(RuleSimulator):
             InputError: the ground is not level.
             SimulationError: there are too many robots.
         """
-        self.check_world(world)  # a sampler may have drawn the world
+        self.check_world(world)  # a sampler may have drawn this world
         check_number(robots)
         rules = self.choose_rules(world, [robot for robot, _ in robots])
         lags = self.steering_lag_s, self.drive_lag_s

@@ -20,40 +20,41 @@ Opened = TypeVar("Opened", bound="Simulation")
 
 
 class PlacedRobot(NamedTuple):
-    """A robot and its start: x, y, z [m] and yaw [rad] of its base frame."""
+    """A robot, and the pose of its base frame at the start: x, y, z [m] and yaw [rad]."""
 
     robot: "Robot"
     home: tuple[float, float, float, float]
 
 
 class Simulation(Protocol):
-    """Robots in a world, and the only mutable object of a mission.
+    """Robots in a world; the only mutable object of a mission.
 
     State, signal and command arrays hold the values of one robot after another.
     """
 
     def observe(self, state: Array) -> None:
-        """Fill ``state`` (STATE_SIZE,) with the true state, and any contact since the last call."""
+        """Fill ``state`` (STATE_SIZE,) with the true state and any contact since the last call."""
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals`` (n,) of all robots, each laid out by ``Robot.signal_layout``.
+        """Fill ``signals`` (n,) of all robots, each laid out as in ``Robot.signal_layout``.
 
-        First comes the true range [m] of each beam, within the sensor's limits.
+        The true range [m] of each beam comes first, within the sensor's limits.
         ``engines.rays.sensor_beams`` lists the beams, one per channel of a range sensor. A beam
-        reads its ``clear_range`` if no obstacle is nearer, and ``rays.SteeredParts`` adds steered
-        wheels. The signals of all other sensors follow, each with a memory after it that the
+        reads its ``clear_range`` if no obstacle is nearer; ``rays.SteeredParts`` accounts for
+        steered wheels. The signals of all other sensors follow, each followed by a memory that the
         simulator must not change.
         """
 
     def advance(self, command: Array, duration: float) -> None:
         """Drive with ``command`` (COMMAND_SIZE,) for ``duration`` [s], a multiple of the time step.
 
-        If wheels can fail (``weakens_wheels``), STRENGTH_SIZE values for each robot follow.
+        If wheels can fail (``weakens_wheels``), the command is followed by STRENGTH_SIZE values for
+        each robot.
         """
 
 
 class Simulator(ABC):
-    """A factory of simulations, which imports the engine's library only when it opens the first."""
+    """A factory of simulations; it imports the engine's library only to open the first."""
 
     time_step: float
     """Physics step [s]; all sensor and controller periods are multiples of it."""
@@ -65,11 +66,11 @@ class Simulator(ABC):
     versions: Mapping[str, str] = MappingProxyType({})
     """Versions of libraries that pip does not know, by name, for the manifest."""
     measures: Collection[str] = (RANGE,)
-    """All signals that the simulator provides; see ``evoros.sensor.protocol``."""
+    """The quantities that the simulator provides; see ``evoros.sensor.protocol``."""
     max_robots: int = 1
-    """Maximum number of robots in one world, which can sense and touch each other."""
+    """Maximum number of robots in a world; robots can sense and touch each other."""
     has_walkers: bool = False
-    """True if the simulator moves walkers (``evoros.walkers``), which robots sense and touch.
+    """True if the simulator moves walkers (``evoros.walkers``), which robots can sense and touch.
 
     The walkers are the ``crowd`` of a world. ``observe`` writes REPORT_SIZE values for each walker
     after the states of the robots.
@@ -84,7 +85,7 @@ class Simulator(ABC):
     def open(
         self, robots: Sequence[PlacedRobot], world: "World"
     ) -> AbstractContextManager[Simulation]:
-        """Place at most ``max_robots`` robots, and the bodies of the world.
+        """Place the robots, at most ``max_robots``, and the bodies of the world.
 
         Raises:
             SimulationError: the engine cannot simulate these robots or this world.
@@ -99,7 +100,7 @@ class Simulator(ABC):
         """
 
     def doubt_drive(self, drive: "Drive") -> str:
-        """Return why the engine is inaccurate for a drive at any step, or "" if it is not."""
+        """Return why the engine is inaccurate for a drive at any time step, or ""."""
         return ""
 
 
@@ -138,7 +139,7 @@ class SimulationRules(NamedTuple):
 
 @dataclass(frozen=True)
 class RuleSimulation:
-    """A simulation made of rules, so its missions can be compiled."""
+    """A simulation made of rules, so that its missions can be compiled."""
 
     rules: SimulationRules
     parameters: Array
@@ -149,7 +150,7 @@ class RuleSimulation:
         self.rules.observe(self.parameters, self.memory, state)
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals`` with the true ranges [m] and the signals of other sensors."""
+        """Fill ``signals`` with the true ranges [m] and the signals of sensors without rays."""
         self.rules.sense(self.parameters, self.memory, signals)
 
     def advance(self, command: Array, duration: float) -> None:
@@ -164,7 +165,7 @@ class RuleSimulator(Simulator):
     def choose_rules(self, world: "World", robots: Sequence["Robot"]) -> SimulationRules:
         """Return the rules that simulate robots in a world.
 
-        Of the robots, the choice depends only on what their sensors measure.
+        The choice depends on the world and, of the robots, only on what their sensors measure.
 
         Raises:
             InputError: the simulator cannot simulate this number of robots.

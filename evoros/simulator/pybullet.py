@@ -1,11 +1,11 @@
-"""Deterministic rigid-body physics in PyBullet, in this process and without a display.
+"""Deterministic rigid-body physics in PyBullet, run in this process without a display.
 
-The set-up is the cheapest that is accurate (``benchmarks/fidelity/engine.py`` measures each
-choice):
+The set-up is the cheapest that is accurate; ``benchmarks/fidelity/engine.py`` measures each choice:
 
-- Wheels collide only with the ground; the chassis, which covers them, collides with obstacles.
-- Movable bodies sleep until something comes near. In missions that continue after contact, steps
-  are finer while such bodies move.
+- Wheels collide only with the ground; the chassis, which covers the wheels, collides with
+  obstacles.
+- Movable bodies sleep until a robot comes near. In missions that continue after contact, steps are
+  finer while such bodies move.
 - Links on fixed joints are merged.
 - Collisions are skipped between bodies that cannot move relative to each other.
 - Rays are computed once, in the chassis frame, and the engine moves them with the chassis.
@@ -28,8 +28,7 @@ from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.world.model import World
 
 MAX_STEP_S = 0.025
-"""Maximum step [s] at which motion is within 1 % of motion at the finest step
-(docs/simulation.md)."""
+"""Maximum step [s] at which motion is within 1 % of the finest step's (docs/simulation.md)."""
 
 IDLE: IdleEngines[pybullet_model.Engine] = IdleEngines()
 
@@ -40,13 +39,13 @@ class PyBullet(Simulator):
     """The PyBullet simulator.
 
     With default settings, open-loop manoeuvres and pushed bodies differ by at most 2 % from those
-    with a step of 2.5 ms and 50 iterations.
+    with a step of 2.5 ms and 50 solver iterations.
     """
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.025  # [s]
     solver_iterations: Annotated[int, replace(COUNT, limit=10_000)] = 20
-    wheel_friction: Annotated[float, POSITIVE] = 1.0  # factor of the ground's friction
-    steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
+    wheel_friction: Annotated[float, POSITIVE] = 1.0  # multiplied by the ground's friction
+    steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the steering servos
     packages = ("pybullet",)
     measures = (RANGE, *SIGNAL_SIZES)
     max_robots = MAX_ROBOTS
@@ -58,7 +57,7 @@ class PyBullet(Simulator):
             raise pybullet_model.not_installed()
 
     def doubt_drive(self, drive: Drive) -> str:
-        """Return why the engine is inaccurate for skid-steer at any step (``docs/fidelity.md``)."""
+        """Return why the engine is inaccurate for skid-steer (``docs/fidelity.md``), or ""."""
         if not skids(drive):
             return ""
         return (
@@ -79,8 +78,8 @@ class PyBullet(Simulator):
             self.time_step, self.solver_iterations, self.wheel_friction, self.steering_lag_s
         )
         with IDLE.take(lambda: pybullet_model.Engine(pybullet_model.import_pybullet())) as engine:
-            # The model is reset instead of rebuilt if nothing but the robots has moved since the
-            # last mission. Results are bitwise equal.
+            # If only the robots have moved since the last mission, the model is reset, not rebuilt;
+            # results are bitwise equal.
             model = engine.prepare(robots, world, settings)
             alone = [robot for robot, _ in robots]
             yield PyBulletSimulation(engine, model, alone, settings, world.crowd)

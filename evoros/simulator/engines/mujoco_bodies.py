@@ -11,7 +11,7 @@ from evoros.geometry.polyhedron import convex_polyhedron, joint_moments
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.model import World
 
-# The engine's groups of shapes, which determine what rays see.
+# Groups of shapes in the engine, which determine what rays see.
 GROUND, FIXED, MOVABLE, ROBOT, HIDDEN = range(5)
 VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
 
@@ -21,22 +21,24 @@ VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
 # because rays can miss a fixed shape that collides with nothing.
 MEETS: dict[int, tuple[int, int]] = {GROUND: (0, 4), FIXED: (0, 3), MOVABLE: (2, 3), ROBOT: (1, 0)}
 """(contype, conaffinity) of each group."""
-MEETS_ROBOTS = (0, 1)  # contype and conaffinity of walkers
+MEETS_ROBOTS = (0, 1)  # contype and conaffinity of the walkers
 ROBOT_BIT = 8
-"""Type bit of the first of several robots; each further robot has the next bit."""
+"""Type bit of the first of several robots; each further robot uses the next bit."""
 
 MAX_FRICTION = 1.0
 """Maximum friction coefficient of a body.
 
-Many worlds have coefficients of 100, which have no effect in Gazebo, because it uses the smaller
-of two coefficients. In MuJoCo, they must not outweigh the wheels' coefficient.
+Many worlds have coefficients of 100, which have no effect in Gazebo, because Gazebo uses the
+smaller of two coefficients. In MuJoCo, they must not outweigh the wheels' coefficient.
 """
 
 BELOW_M = 1.0  # depth [m] of solid below the lowest point of a height field
 
 
 CENTRED: dict[str, Any] = {"ipos": [0, 0, 0], "iquat": [1, 0, 0, 0], "explicitinertial": True}
-"""An inertia in the frame of its body. Without it, the engine would add the body's position twice.
+"""An inertia that is expressed in the frame of its body.
+
+Without this setting, the engine would add the body's position twice.
 """
 
 
@@ -59,7 +61,7 @@ class Sole(NamedTuple):
 
 
 def add_bodies(spec: Any, library: Any, world: World) -> list[Sole]:
-    """Add the bodies of a world; return the movable bodies' shapes, which can touch the ground."""
+    """Add the bodies of a world; return the shapes that can touch the ground."""
     soles = []
     for index, body in enumerate(world.bodies):
         friction = min(body.friction, MAX_FRICTION)
@@ -78,7 +80,7 @@ def add_bodies(spec: Any, library: Any, world: World) -> list[Sole]:
 
 
 def add_walkers(spec: Any, library: Any, sizes: Iterable[tuple[float, float]]) -> None:
-    """Add a walker for each (radius, height) [m], to be moved only by the caller."""
+    """Add a walker for each (radius, height) [m]; only the caller moves the walkers."""
     for index, (radius, height) in enumerate(sizes):
         walker = spec.worldbody.add_body(name=name_walker(index), mocap=True)
         cylinder = Shape("cylinder", (radius, height))
@@ -168,7 +170,7 @@ def _add_polyhedron(spec: Any, library: Any, name: str, shape: Shape) -> str:
 
 
 def _add_field(spec: Any, name: str, shape: Shape) -> str:
-    """Add a height field. Heights are normalized to 0..1; the engine scales them back to metres."""
+    """Add a height field, with heights normalized to 0..1 that the engine scales back to metres."""
     heights = np.array(shape.heights)
     rows, columns = heights.shape
     extent = max(float(np.ptp(heights)), 1e-9)
@@ -188,9 +190,9 @@ def add_ground_pairs(
 ) -> None:
     """Let shapes collide with the ground.
 
-    Friction is the product of the coefficients of shape and ground, as in PyBullet. By default the
-    engine uses the larger coefficient, so wheels would grip on ice. ``slides`` and ``rolls`` are
-    the contact parameters of sliding and rolling shapes.
+    Friction is the product of the shape's and the ground's coefficients, as in PyBullet. By
+    default, the engine uses the larger coefficient, so wheels would grip on ice. ``slides`` and
+    ``rolls`` are the contact parameters of sliding and rolling shapes.
     """
     grounds = [geom for geom in spec.geoms if geom.group == GROUND]
     for sole, ground in product(soles, grounds):

@@ -1,4 +1,4 @@
-"""Compile models of robots in a world for MuJoCo, and cache the most recent ones."""
+"""Compiles models of robots in a world for MuJoCo, and caches the most recent ones."""
 
 from collections import OrderedDict
 from collections.abc import Sequence
@@ -20,35 +20,39 @@ from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
 KEPT = 4
-"""Number of cached models; each trial runs a design in every world in turn."""
+"""Number of cached models; each trial runs one design in every world."""
 
 IMPEDANCE = (0.999, 0.9999, 1e-4, 0.5, 2.0)
-"""Impedance of contacts and motors (``solimp``): value at zero depth, value at full depth, full
-depth [m], midpoint and power of the curve. With the engine's default (0.9, 0.95), a rover
-would sink by 1 mm and roll 0.2 % too slowly."""
+"""Impedance of contacts and motors (``solimp``).
+
+Value at zero depth, value at full depth, full depth [m], midpoint and power of the curve. With the
+engine's default (0.9, 0.95), a rover would sink by 1 mm and roll 0.2 % too slowly.
+"""
 
 SKIDDING = {"solimp": (0.8, 0.8, 1e-3, 0.5, 2.0), "solreffriction": (0.2, 1.0)}
-"""Impedance of the ground under skid-steer wheels, and the time [s] in which friction stops slip.
+"""Impedance of the ground under skid-steer wheels, and time [s] in which friction stops slip.
 
-Firm friction stops a slipping wheel within one step and lifts it. The robot then hops between
-pairs of wheels, and turns by up to a half too little or a third too much. This friction
-grows with slip speed up to 0.2 m/s, which keeps the wheels on the ground. As a side effect, the
-robot creeps at 1 cm/s on a slope of 0.1 rad.
+Firm friction stops a slipping wheel within one step and lifts it. The robot then hops between pairs
+of wheels; its turns are up to a half too small or a third too large. The friction set here grows
+with slip speed up to 0.2 m/s, which keeps the wheels on the ground. As a side effect, the robot
+creeps at 1 cm/s on a slope of 0.1 rad.
 """
 
 TOLERANCE = 1e-12
-"""Solver tolerance, which the engine scales by the mean inertia; the rotors dominate that mean."""
+"""Solver tolerance, which the engine scales by the mean inertia, dominated by the rotors."""
 
 FEW_MOVABLE = 1000
-"""Maximum number of movable bodies for which the engine's default memory reserve, 1.8 GB, is used.
+"""Maximum number of movable bodies for the engine's default memory reserve, 1.8 GB.
 
 The default reserve grows with the square of the number of bodies (6.4 GB for 2,000), so evoros
 sets a smaller reserve for more bodies.
 """
 
 MEMORY, MEMORY_PER_BODY, MEMORY_PER_PAIR = 1 << 26, 1 << 16, 8
-"""Terms of the smaller reserve [bytes]: constant, per movable body, and per pair. Boxes at rest use
-8,000 bytes per body and 4 per pair."""
+"""Terms of the smaller reserve [bytes]: constant, per movable body, and per pair.
+
+Boxes at rest use 8,000 bytes per body and 4 per pair.
+"""
 
 
 class Settings(NamedTuple):
@@ -60,9 +64,9 @@ class Settings(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """Indices of a robot's parts in a model and its state."""
+    """Indices of a robot's parts in a model and in the model's state."""
 
-    root: tuple[int, int]  # first index of the root link in ``qpos``, and in ``qvel``
+    root: tuple[int, int]  # first index of the root link in ``qpos`` and in ``qvel``
     servos: NDArray[np.intp]  # steering servos in ``ctrl``
     rotors: NDArray[np.intp]  # wheel rotors in ``qvel``
     wheels: NDArray[np.intp]  # wheel angles in ``qpos``
@@ -81,7 +85,7 @@ class Model:
     walkers: NDArray[np.intp]  # indices of the walkers' shapes
 
     def place_walkers(self, places: Array) -> None:
-        """Move the walkers to positions (2 n,) [m], in the order of the crowd."""
+        """Move the walkers to positions (2 n,) [m], in the crowd's order."""
         self.data.mocap_pos[:, :2] = places.reshape(-1, 2)
 
 
@@ -93,11 +97,11 @@ class Models:
         self._kept: OrderedDict[tuple[Any, ...], Model] = OrderedDict()
 
     def forget(self) -> None:
-        """Clear the cache, so that the next missions compile their models."""
+        """Clear the cache, so that the next missions compile their models again."""
         self._kept.clear()
 
     def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Model:
-        """Return the model in the state at the start of a mission.
+        """Return the model in the state in which a mission starts.
 
         Raises:
             SimulationError: MuJoCo rejects a robot or the world.
@@ -199,9 +203,9 @@ def _set_options(spec: Any, library: Any, world: World, settings: Settings) -> N
     option.timestep = settings.time_step
     option.gravity = [0.0, 0.0, -world.gravity_mps2]
     option.tolerance = TOLERANCE
-    # The elliptic cone makes friction isotropic, so nothing depends on the heading.
+    # The elliptic cone makes friction isotropic, so the motion does not depend on the heading.
     option.cone = library.mjtCone.mjCONE_ELLIPTIC
     option.integrator = library.mjtIntegrator.mjINT_EULER
-    # Bodies at rest cost nothing until the robot comes near.
+    # Bodies at rest cost no time until the robot comes near.
     option.enableflags |= library.mjtEnableBit.mjENBL_SLEEP
     option.disableflags |= library.mjtDisableBit.mjDSBL_AUTORESET

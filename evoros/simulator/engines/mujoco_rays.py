@@ -14,7 +14,7 @@ from evoros.simulator.engines.rays import Beam, SteeredParts, sensor_beams
 
 
 class Sensor(NamedTuple):
-    """A range sensor's rays, and the prepared arguments of the call that casts them."""
+    """A range sensor's rays, and the prepared arguments for the call that casts them."""
 
     rays: slice
     arguments: tuple[Any, ...]
@@ -40,7 +40,7 @@ class MujocoRays:
         self.parts = SteeredParts(robot)
         self._hits = np.zeros(ends[-1])
         self._seen = np.zeros(ends[-1], dtype=np.int32)
-        self._normals = np.zeros((ends[-1], 3))  # outward surface normals; 0: no hit
+        self._normals = np.zeros((ends[-1], 3))  # outward surface normals; 0 without a hit
         self._starts, self._turned = np.zeros((len(parts), 3)), np.zeros((ends[-1], 3))
         self._sensors = [
             self._bind(model, index, slice(ends[part.start], ends[part.stop]), beams[part.start])
@@ -54,7 +54,7 @@ class MujocoRays:
             self._starts[index],
             self._turned[rays].reshape(-1),
             VISIBLE,
-            True,  # fixed shapes too
+            True,  # include fixed shapes
             -1,
             self._seen[rays],
             self._hits[rays],
@@ -81,7 +81,7 @@ class MujocoRays:
         self._read(self._hits, self._ends, self.low, self._high, ranges)
 
     def _cast_from_inside(self, sensor: Sensor) -> None:
-        """Cast the rays of a sensor again, without the shapes that contain the sensor."""
+        """Cast the rays of a sensor again, ignoring the shapes that contain the sensor."""
         rays, groups = sensor.rays, self._engine.geom_group
         before = groups.copy()
         turned, normals = self._turned[rays], self._normals[rays]
@@ -94,7 +94,7 @@ class MujocoRays:
 def place_rays(
     pose: Array, origins: Array, directions: Array, starts: Array, turned: Array
 ) -> None:
-    """Write the world frame's ray origins and directions (n, 3) for the root link's ``pose``."""
+    """Write ray origins and directions (n, 3) in the world frame for the root's ``pose``."""
     rotation = rotation_entries(pose[3], pose[4], pose[5], pose[6])
     for row in range(len(origins)):
         _turn(rotation, origins[row], starts[row])
@@ -114,7 +114,7 @@ def _turn(rotation: tuple[float, ...], vector: Array, turned: Array) -> None:
 
 
 def leaves_shape(turned: Array, normals: Array) -> bool:
-    """Return True if a ray hits a shape from inside; ``normals`` (n, 3) are outward (0: no hit)."""
+    """Return True if a ray hits a shape from inside; ``normals`` (n, 3) point out (0: no hit)."""
     for row in range(len(turned)):
         along = 0.0
         for axis in range(3):
@@ -125,7 +125,7 @@ def leaves_shape(turned: Array, normals: Array) -> bool:
 
 
 def read_hits(hits: Array, ends: Array, low: Array, high: Array, ranges: Array) -> None:
-    """Write each beam's nearest hit [m]; beam i starts at ray ``ends[i]``, hits < 0 are misses."""
+    """Write each beam's nearest hit [m]; beam i starts at ray ``ends[i]``, misses are < 0."""
     for beam in range(len(ranges)):
         nearest = high[beam]
         for ray in range(int(ends[beam]), int(ends[beam + 1])):

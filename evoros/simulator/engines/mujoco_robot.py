@@ -24,10 +24,10 @@ from evoros.simulator.engines.mujoco_bodies import (
     scalar_first,
 )
 
-CHASSIS_FRICTION = 1.0  # the chassis touches the ground only if the robot tips over
+CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
 
 MOTOR_INERTIA = 1e6
-"""Inertia [kg m2] of a motor's rotor, so large that loads do not change the rotor's rate."""
+"""Inertia [kg m2] of a motor's rotor, so large that loads do not affect the rotor's rate."""
 
 
 ROOT_JOINT = "evoros root"
@@ -43,11 +43,11 @@ class Making(NamedTuple):
     prefix: str = ""  # prefix of the robot's names
     masks: tuple[int, int] = MEETS[
         ROBOT
-    ]  # contype and conaffinity of links that collide with obstacles
+    ]  # contype and conaffinity of the links that collide with obstacles
 
 
 def add_robot(spec: Any, library: Any, robot: Robot, making: Making) -> list[Sole]:
-    """Add a robot with its root link at the origin; return its shapes that can touch the ground.
+    """Add a robot with its root link at the origin; return the shapes that can touch the ground.
 
     Raises:
         SimulationError: the engine does not support a joint's type.
@@ -144,8 +144,8 @@ def _add_wheel_motor(
 ) -> None:
     """Make a joint follow its rotor, with a torque of at most ``effort`` [N m].
 
-    Friction between joint and rotor, which the engine solves together with the contacts, transmits
-    the torque. An actuator would need a gain, and would oscillate at its torque limit.
+    The torque is transmitted by friction between joint and rotor, which the engine solves together
+    with the contacts. An actuator would need a gain, and would oscillate at its torque limit.
     """
     tendon = spec.add_tendon(
         name=joint,
@@ -158,7 +158,7 @@ def _add_wheel_motor(
 
 
 def _add_servo(spec: Any, library: Any, joint: str, gain: float, bond: dict[str, Any]) -> None:
-    """Make a joint follow the angle of its rotor, which an actuator turns to the target angle.
+    """Make a joint follow the angle of its rotor, which an actuator turns toward the target.
 
     The actuator moves only the rotor, by ``angle += gain * (target - angle)`` in each step.
     """
@@ -175,7 +175,7 @@ def _add_servo(spec: Any, library: Any, joint: str, gain: float, bond: dict[str,
     step = spec.option.timestep
     stiffness = MOTOR_INERTIA * gain / (step * step)
     actuator = spec.add_actuator(name=joint, target=rotor, trntype=library.mjtTrn.mjTRN_JOINT)
-    # This explicit damping cancels the previous rate, so only the error moves the rotor.
+    # This explicit damping cancels the previous rate, so that only the error moves the rotor.
     actuator.set_to_position(kp=stiffness, kv=MOTOR_INERTIA / step)
 
 
@@ -190,7 +190,7 @@ def _add_link(
     """Add the collision shapes of a link; return the names of those that touch the ground.
 
     ``masks`` is None if obstacles cannot touch the link. Each shape of an exposed wheel or caster
-    is added twice, for the ground and for obstacles, so that the engine's contact sensors tell
+    is added twice, for the ground and for obstacles, so that the engine's contact sensors can tell
     these contacts apart at no cost.
     """
     posed = [(shape.pose, shape) for shape in shapes]
@@ -201,7 +201,7 @@ def _add_link(
         names = add_shapes(spec, library, body, body.name, ROBOT, posed)
         for name in names:
             spec.geom(name).contype, spec.geom(name).conaffinity = masks
-            spec.add_sensor(  # counts the contacts of a shape
+            spec.add_sensor(  # detects the contacts of a shape
                 name=name,
                 type=library.mjtSensor.mjSENS_CONTACT,
                 objtype=library.mjtObj.mjOBJ_GEOM,

@@ -1,4 +1,4 @@
-"""One mission in MuJoCo: observe, sense and advance."""
+"""A mission in MuJoCo: observe, sense and advance."""
 
 import re
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ class MujocoSignals(RigidSignals):
         engine, data, parts = model.model, model.data, model.robots[index]
         super().__init__(robot, -float(engine.opt.gravity[2]))
         self._data = data
-        # Contacts with the ground and between the robot's own parts do not count.
+        # Contacts with the ground and between parts of the same robot do not count.
         self._ours = np.isin(np.arange(engine.ngeom), parts.visible)
         self._theirs = (engine.geom_group != mujoco_bodies.GROUND) & ~self._ours
         position, rate = parts.root
@@ -42,7 +42,7 @@ class MujocoSignals(RigidSignals):
             self.fill(signals, motion, self._data.qpos[self._angles])
 
     def feel(self) -> None:
-        """Count, for each contact zone, a step in which the robot touches something there."""
+        """Count this step for each contact zone in which something touches the robot."""
         contact = self._data.contact
         ours, theirs = self._ours[contact.geom], self._theirs[contact.geom]
         felt = (ours & theirs[:, ::-1]).any(axis=1)
@@ -55,12 +55,12 @@ class MujocoSignals(RigidSignals):
 
 
 HARMLESS = "Linesearch"
-"""First word of warnings about a truncated solver step, for which the next step compensates."""
+"""First word of warnings about a truncated solver step, which the next step makes up for."""
 _PLACE = re.compile(r" at DOF (\d+)")
 """Matches the index of the degree of freedom that a warning names."""
 
 GROUND, OBSTACLE, WALKER = -1, -2, -3
-"""Owners of shapes that belong to no robot; the walkers' numbers are -3, -4, -5 ..."""
+"""Owners of shapes that do not belong to a robot; the walkers' numbers are -3, -4, -5 ..."""
 
 
 class MujocoSimulation:
@@ -98,7 +98,7 @@ class MujocoSimulation:
         """Fill ``state`` with the base links' true states, and any contact since the last call.
 
         Raises:
-            SimulationError: the engine has warned of something that it cannot simulate.
+            SimulationError: the engine has warned that it cannot simulate something.
         """
         grave = [line for line in self._warnings if not line.startswith(HARMLESS)]
         if grave:
@@ -160,7 +160,7 @@ class _Vehicle:
         self._all_rates = data.qvel
         self._wheel_rates: tuple[float, ...] = (0.0,) * len(self._parts.rotors)
         self._command: tuple[float, ...] | None = None
-        self.touched = False  # contact since the last observation
+        self.touched = False  # True after a contact since the last observation
         self._sight, self._ranges = MujocoSight(model, robot, index), robot.beam_count
         self._signals = MujocoSignals(model, robot, index)
 
@@ -192,4 +192,4 @@ class _Vehicle:
             self._command = command
             angles, self._wheel_rates = find_targets(self._drive, *command)
             self._data.ctrl[self._parts.servos] = angles
-        self._all_rates[self._parts.rotors] = self._wheel_rates  # the load slows rotors slightly
+        self._all_rates[self._parts.rotors] = self._wheel_rates  # loads slow the rotors slightly

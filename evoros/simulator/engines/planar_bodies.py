@@ -1,4 +1,4 @@
-"""Movable bodies and walkers in the plane: their parameters, and their poses during a mission."""
+"""Movable bodies and walkers in the plane: parameters, and poses during a mission."""
 
 import math
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ from evoros.world.model import KEPT_WORLDS, World
 from evoros.world.standing import GAP_M, Part, place_parts, sight_rows, standing_obstacles
 
 OVERLAP_M = 1e-3
-"""Overlap [m] in top view beyond which one body carries the other."""
+"""Overlap [m] in top view beyond which one body counts as carrying the other."""
 
 
 class Pushable(NamedTuple):
@@ -34,11 +34,11 @@ class Pushable(NamedTuple):
     body: Body
     parts: tuple[Part, ...]
     radius: float  # [m], about the centre of mass
-    arm: float  # [m], maximum moment of friction, divided by its maximum force
+    arm: float  # [m], ratio of the maximum friction moment to the maximum friction force
 
 
 def split_obstacles(world: World, height_m: float) -> tuple[tuple[Body, ...], tuple[Pushable, ...]]:
-    """Return the immovable obstacles, and those that a robot of this height [m] can push.
+    """Return the fixed obstacles, and the bodies that a robot of this height [m] can push.
 
     A movable body counts as immovable if it overlaps, carries or rests on another obstacle.
     """
@@ -56,7 +56,7 @@ def split_obstacles(world: World, height_m: float) -> tuple[tuple[Body, ...], tu
 
 
 def _penetration(first: Part, second: Part) -> float:
-    """Return the overlap [m] of two shapes in top view, or 0 if their height ranges do not meet."""
+    """Return the overlap [m] of two shapes in top view; 0 if their height ranges are disjoint."""
     if first.bottom > second.top + GAP_M or second.bottom > first.top + GAP_M:
         return 0.0
     (ax, ay, reach), (bx, by, other) = bounding_circle(first.area), bounding_circle(second.area)
@@ -76,11 +76,10 @@ def _describe(body: Body, parts: tuple[Part, ...]) -> Pushable:
 
 
 def _friction_arm(areas: Sequence[Footprint], centre: Array) -> float:
-    """Return the mean distance [m] of a body's supports from its centre of mass.
+    """Return the mean distance [m] from a body's supports to its centre of mass.
 
-    This is the ratio of the maximum friction moment to the maximum friction force if the corners
-    or rims of the footprints carry equal loads, as in engines. Uniform pressure would give about
-    half.
+    It is the ratio of the maximum friction moment to the maximum friction force if the corners or
+    rims of the footprints carry equal loads, as in engines. Uniform pressure would give about half.
     """
     arms = [np.linalg.norm(area.vertices - centre, axis=1) for area in areas]
     rims = [area.radius for area in areas]
@@ -89,13 +88,18 @@ def _friction_arm(areas: Sequence[Footprint], centre: Array) -> float:
 
 
 START_X, START_Y, BODY_RADIUS, ARM_SQUARED, FRICTION, LOAD, FIRST_PART, END_PART = range(8)
-"""Columns of a body: initial centre of mass [m]; radius [m] about it; square of the friction arm
-[m2]; friction coefficient; friction coefficient times mass [kg]; index of the first part; end
-index of the parts."""
+"""Columns of a body.
+
+Initial centre of mass [m]; radius [m] about it; square of the friction arm [m2]; friction
+coefficient; friction coefficient times mass [kg]; index of the first part; end index of the parts.
+"""
 BODY_SIZE = 8
 RADIUS, START, END, BOTTOM, TOP = range(5)
-"""Columns of a part: radius around its corners [m], index of its first corner, end index of its
-corners, lowest and highest point [m]."""
+"""Columns of a part.
+
+Radius around its corners [m], index of its first corner, end index of its corners, lowest and
+highest point [m].
+"""
 PART_SIZE = 5
 FIXED_BOTTOM, FIXED_TOP = FOOTPRINT_SIZE, FOOTPRINT_SIZE + 1
 """Columns of a fixed shape after its footprint (``evoros.geometry.footprint``): height range [m].
@@ -103,14 +107,16 @@ FIXED_BOTTOM, FIXED_TOP = FOOTPRINT_SIZE, FOOTPRINT_SIZE + 1
 FIXED_SIZE = FOOTPRINT_SIZE + 2
 
 BODY_X, BODY_Y, BODY_COS, BODY_SIN = range(4)
-"""Columns of a body's pose: centre of mass [m], and the cosine and sine of its rotation since
-the start."""
+"""Columns of a body's pose.
+
+Centre of mass [m], and the cosine and sine of its rotation since the start.
+"""
 POSE_SIZE = 4
 
 PlanarPose: TypeAlias = tuple[float, float, float, float]
 """x, y [m], and the cosine and sine of the heading."""
 
-MAX_FRICTION = 1.0  # the friction of PyBullet's chassis
+MAX_FRICTION = 1.0  # friction coefficient of PyBullet's chassis
 
 
 class Movables(NamedTuple):
@@ -118,8 +124,8 @@ class Movables(NamedTuple):
 
     bodies: Matrix  # (b, BODY_SIZE)
     parts: Matrix  # (s, PART_SIZE), the shapes of the bodies
-    corners: Matrix  # (c, 2) [m] of the parts, relative to their body's centre of mass
-    sights: Matrix  # (s, OBSTACLE_SIZE) of the parts, relative to their body's centre of mass
+    corners: Matrix  # (c, 2) [m], corners of the parts, relative to their body's centre of mass
+    sights: Matrix  # (s, OBSTACLE_SIZE), the parts for rays, about their body's centre of mass
     faces: Matrix  # faces of polyhedra, see evoros.geometry.ray
     grid: Array  # see evoros.geometry.grid
     starts: Array  # index of the first entry of each grid cell
@@ -134,9 +140,9 @@ class Placed(NamedTuple):
 
     poses: Matrix  # (b, POSE_SIZE)
     saved: Matrix  # (b, POSE_SIZE), before the step
-    levels: Array  # (b,) rank in the chain of pushed bodies, 1 next to the robot; 0: not pushed
+    levels: Array  # (b,) rank in the chain of pushed bodies, from 1 at the robot; 0: not pushed
     corners: Matrix  # (c, 2) [m] of the parts, in the world
-    sights: Matrix  # (s, OBSTACLE_SIZE) of the parts, then of the walkers, in the world
+    sights: Matrix  # (s, OBSTACLE_SIZE), the parts and then the walkers for rays, in the world
     robots: Matrix  # (r, 4), robot poses to which the walkers react
     walking: Array = NO_VALUES  # a packed Walking
 
@@ -205,7 +211,7 @@ def place_bodies(movables: Movables) -> Placed:
 
 @compilable
 def place_body(movables: Movables, placed: Placed, index: int) -> None:
-    """Move the corners and the ray shapes of a body to its current pose."""
+    """Move a body's corners and ray shapes to its current pose."""
     x, y, cos, sin = pose_of(placed, index)
     body = movables.bodies[index]
     for i in range(int(body[FIRST_PART]), int(body[END_PART])):

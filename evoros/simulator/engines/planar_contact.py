@@ -16,11 +16,11 @@ from evoros.simulator.engines.planar_pushing import TOLERANCE_M, is_near
 from evoros.simulator.engines.rays import Zone, crosses_zone
 
 SKIN_M = 1e-3
-"""Maximum distance [m] at which a robot still touches the body that it has pushed away."""
+"""Maximum gap [m] at which a robot still touches the body that it has pushed away."""
 
 
 class Outline(NamedTuple):
-    """The outline of a robot, wrapped because compiled code must not return bare views."""
+    """The outline of a robot, in a class because compiled code must not return bare views."""
 
     corners: Matrix  # (k, 2) [m]
 
@@ -76,7 +76,7 @@ def touches(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> b
 
 @compilable
 def is_far(footprint: Array, radius: float, x: float, y: float) -> bool:
-    """Return True if a footprint is too far from a robot at (x, y) [m] for a contact."""
+    """Return True if a footprint is too far from a robot at (x, y) [m] for contact."""
     dx = footprint[CENTRE_X] - x
     dy = footprint[CENTRE_Y] - y
     near = radius + footprint[CIRCLE]
@@ -87,7 +87,7 @@ def is_far(footprint: Array, radius: float, x: float, y: float) -> bool:
 def overlaps_robot(
     parameters: Array, memory: Array, index: int, pose: PlanarPose, other: int
 ) -> bool:
-    """Return True if a robot at a pose overlaps another; then both outlines have been placed."""
+    """Return True if a robot at a pose overlaps another; both outlines are then placed."""
     there = pose_of(memory, other)
     dx = there[0] - pose[0]
     dy = there[1] - pose[1]
@@ -112,7 +112,7 @@ def feel_robots(parameters: Array, memory: Array, index: int, pose: PlanarPose) 
 
 @compilable
 def feel_pressed(parameters: Array, memory: Array, index: int) -> bool:
-    """Return True if bodies pushed by a robot overlap others, and record the others' contacts."""
+    """Return True if bodies pushed by a robot overlap other robots; record their contacts."""
     movables = unpack(Movables, unpack(Plane, parameters).movables)
     placed = unpack(Placed, unpack(Memory, memory).movables)
     pressed = False
@@ -217,12 +217,12 @@ def feels_bodies(
 def lies_in_zone(
     contact: tuple[float, float, float, float, float, float], zone: Zone, pose: PlanarPose
 ) -> bool:
-    """Return True if a contact of a robot at a pose lies in a contact zone."""
+    """Return True if a contact of a robot at a pose is inside a contact zone."""
     depth, nx, ny, along, low, high = contact
     if depth <= 0.0:
         return False
     x, y, cos, sin = pose
-    # End points of the contact, relative to the robot's origin, along the world's axes.
+    # End points of the contact relative to the robot's origin, along the world's axes.
     ax = along * nx - low * ny - x
     ay = along * ny + low * nx - y
     bx = along * nx - high * ny - x

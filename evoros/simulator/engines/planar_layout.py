@@ -1,4 +1,4 @@
-"""Array layouts of the planar simulator's parameters, and of the memory of a mission."""
+"""Array layouts for the planar simulator: its parameters, and the memory of a mission."""
 
 from typing import NamedTuple
 
@@ -16,7 +16,10 @@ from evoros.simulator.engines.rays import ZONE_SIZE, find_zones
 PLACE = 0
 """First column of every probe: the index of its signal."""
 FRAME, GRAVITY = 1, 8
-"""Columns of a motion probe: the frame's position (3,) [m] and quaternion (4,); gravity [m/s2]."""
+"""Columns of a motion probe.
+
+The frame's position (3,) [m] and quaternion (4,), and the gravity [m/s2].
+"""
 MOTION_PROBE_SIZE = 9
 ZONE = 1
 """First column of a contact probe's zone."""
@@ -51,25 +54,31 @@ def list_probes(robot: Robot, gravity: float) -> Probes:
 
 
 def _face(yaw: float, pitch: float) -> tuple[float, float, float, float]:
-    """Return the quaternion (w, x, y, z) of a yaw to the left, then a pitch, nose up [rad]."""
+    """Return the quaternion (w, x, y, z) of a yaw to the left followed by a nose-up pitch [rad]."""
     sy, cy = elementary.sin_cos(yaw / 2)
     sp, cp = elementary.sin_cos(pitch / 2)
     return cy * cp, sy * sp, -cy * sp, sy * cp
 
 
 STEERING_ANGLE, CURVATURE, ROLLED, TURNED, COS, SIN = range(STATE_SIZE, STATE_SIZE + 6)
-"""Columns of a robot's motion after its state: steering angle [rad], curvature [1/m], distance
-[m] and rotation [rad] of its rear axle since the start, and cosine and sine of its yaw."""
+"""Columns of a robot's motion after its state.
+
+Steering angle [rad], curvature [1/m], distance [m] and rotation [rad] of its rear axle since the
+start, and cosine and sine of its yaw.
+"""
 MOTION_SIZE = STATE_SIZE + 6
 
 HULL, SIGHT, PROBES, SIGNALS, CORNERS, TOUCHES, SHAPES = range(7)
-"""Columns of ``places``: start indices of a robot's values in ``hulls``, ``sights`` and
-``probes``, and of its signals, outline corners, touches and shapes."""
+"""Columns of ``places``.
+
+Start indices of a robot's values in ``hulls``, ``sights`` and ``probes``, and of its signals,
+outline corners, touches and shapes.
+"""
 PLACES = 7
 
 
 class Drive(NamedTuple):
-    """The motion parameters of a robot."""
+    """Motion parameters of a robot."""
 
     steering_gain: float  # fraction of the steering error corrected per step
     speed_gain: float  # fraction of the speed error corrected per step
@@ -77,7 +86,7 @@ class Drive(NamedTuple):
     speed_mean: float  # mean speed over a step, on the same scale
     max_speed: float  # [m/s]
     speed_limit_offset: (
-        float  # [m] from the rear axle's centre to the side, to the point with the speed limit
+        float  # [m], lateral distance from the rear axle's centre to the point with the speed limit
     )
     steering_limit: float  # [rad]
     wheelbase: float  # [m]
@@ -85,9 +94,9 @@ class Drive(NamedTuple):
 
 
 class Hull(NamedTuple):
-    """A robot's body, and the obstacles that it may touch, in the order of ``obstacle_arrays``."""
+    """A robot's body and the obstacles that it may touch, in the order of ``obstacle_arrays``."""
 
-    radius: float  # [m] from the origin to the farthest outline corner
+    radius: float  # [m], from the origin to the farthest corner of the outline
     height: float  # [m]
     mass: float  # [kg], including sensors
     outline: Matrix  # (k, 2) corners [m]
@@ -104,7 +113,7 @@ class Sight(NamedTuple):
     beams: Matrix  # (n, BEAM_SIZE)
     groups: Matrix  # (g, GROUP_SIZE)
     rays: Matrix  # (m, 3) unit vectors, in the robot's frame
-    steered: Array  # see ``rays``; empty if no sensor can see a steered wheel
+    steered: Array  # a packed ``SteeredSight``; empty if no sensor can see a steered wheel
     grid: Array
     starts: Array  # index of the first entry of each grid cell
     entries: Array  # rows of the obstacles that sensors in a cell can reach
@@ -113,7 +122,7 @@ class Sight(NamedTuple):
 
 
 class Plane(NamedTuple):
-    """Parameters of the planar simulator's rules: robots in a world."""
+    """Parameters of the planar simulator's rules for robots in a world."""
 
     time_step: float  # [s]
     drives: Matrix  # a Drive for each robot
@@ -121,16 +130,16 @@ class Plane(NamedTuple):
     hulls: Array  # a packed Hull for each robot
     sights: Array  # a packed Sight for each robot
     probes: Array  # packed Probes for each robot
-    shapes: Matrix  # (s, OBSTACLE_SIZE) of each robot in its frame, seen by other robots
+    shapes: Matrix  # (s, OBSTACLE_SIZE), each robot's shapes in its frame, as other robots see them
     faces: Matrix  # faces of polyhedra among the shapes
     movables: Array  # packed Movables
 
 
 class Memory(NamedTuple):
-    """The memory of a mission; arrays hold the values of one robot after another."""
+    """The memory of a mission; each array holds the values of one robot after another."""
 
     motions: Matrix  # (robots, MOTION_SIZE)
-    outlines: Matrix  # (k, 2) corners [m], where they were last placed
+    outlines: Matrix  # (k, 2) [m], corners of the outlines where they were last placed
     touches: Array  # number of touches of each contact probe
     shapes: Matrix  # (s, OBSTACLE_SIZE) at the robots' poses
     movables: Array  # packed Placed
@@ -145,7 +154,7 @@ def hull_of(parameters: Array, index: int) -> Hull:
 
 @inlined
 def sight_of(parameters: Array, index: int) -> Sight:
-    """Return the sight of a robot."""
+    """Return the range sensors of a robot, and the obstacles that they may see."""
     plane = unpack(Plane, parameters)
     return unpack(Sight, plane.sights[int(plane.places[index, SIGHT]) :])
 

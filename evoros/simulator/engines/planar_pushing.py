@@ -1,7 +1,7 @@
-"""Pushing of the bodies of ``planar_bodies`` by a robot in the plane.
+"""Pushing of movable bodies by a robot in the plane.
 
-The motion is quasi-static: bodies move only while pushed, without inertia. In each step, the
-contacts push overlapping bodies apart, one after another, until no overlap is left.
+The motion is quasi-static: bodies move only while pushed, without inertia. In each step,
+overlapping bodies are pushed apart contact by contact, until no overlap is left.
 
 Ground friction follows its limit surface (Goyal, Ruina and Papadopoulos, Wear 143, 1991),
 approximated by an ellipsoid (Howe and Cutkosky, International Journal of Robotics Research 15,
@@ -40,9 +40,9 @@ class Push(NamedTuple):
 
 @compilable
 def move_body(movables: Movables, placed: Placed, index: int, push: Push) -> None:
-    """Displace a body at a contact by the push, and rotate it accordingly."""
+    """Displace a body at a contact by the push, and rotate the body accordingly."""
     x, y, cos, sin = pose_of(placed, index)
-    # The moment arms of unit forces along the perpendicular and along the normal.
+    # The moment arms of unit forces, along the perpendicular and along the normal.
     arm = push.along - (x * push.nx + y * push.ny)
     lever = -(push.side - (y * push.nx - x * push.ny))
     squared = max(movables.bodies[index, bodies.ARM_SQUARED], 1e-6)
@@ -83,7 +83,7 @@ def solve_contact(push: Push, arm: float, lever: float, squared: float) -> tuple
 
 
 UNTOUCHED, PUSHED, BLOCKED = range(3)
-SWEEPS = 40  # maximum number of passes over all contacts; overlaps left then block the robot
+SWEEPS = 40  # maximum number of passes over all contacts; overlaps that remain then block the robot
 TOLERANCE_M = 1e-5  # tolerated overlap
 
 Contact: TypeAlias = tuple[float, float, float, float, float, float]
@@ -103,7 +103,7 @@ class Pusher(NamedTuple):
 
 @compilable
 def push_bodies(movables: Movables, placed: Placed, robot: Pusher) -> int:
-    """Push bodies off a robot's outline, or put them back; return UNTOUCHED, PUSHED or BLOCKED."""
+    """Push bodies out of an outline, or restore them; return UNTOUCHED, PUSHED or BLOCKED."""
     levels = placed.levels
     for i in range(len(levels)):
         levels[i] = 0.0
@@ -145,7 +145,7 @@ def put_back(movables: Movables, placed: Placed) -> None:
 
 @compilable
 def push_by_robot(movables: Movables, placed: Placed, robot: Pusher, slip: float) -> bool:
-    """Push each body off the robot; return True if any body overlapped it.
+    """Push each body out of the robot's outline; return True if any body overlapped the outline.
 
     ``slip`` is 1 if friction drags bodies along with the robot, or 0 if the contact points stay in
     place.
@@ -176,11 +176,11 @@ def push_by_robot(movables: Movables, placed: Placed, robot: Pusher, slip: float
 
 @compilable
 def drag_along(robot: Pusher, contact: Contact, side: float) -> float:
-    """Return the robot's motion [m], across the contact normal, at the point ``side`` [m]."""
+    """Return the robot's motion [m] across the contact normal at the position ``side`` [m]."""
     _, nx, ny, along, _, _ = contact
     x, y, cos, sin = robot.pose
     old_x, old_y, old_cos, old_sin = robot.before
-    # The contact point relative to the robot, and the robot's displacement there.
+    # The contact point relative to the robot, and the robot's displacement at this point.
     px = along * nx - side * ny - x
     py = along * ny + side * nx - y
     ahead = cos * px + sin * py
@@ -200,7 +200,7 @@ def is_near(placed: Placed, index: int, x: float, y: float, distance: float) -> 
 
 @compilable
 def middle_of(placed: Placed, index: int, contact: Contact) -> float:
-    """Return the position [m] across the contact normal of the contact point nearest to a body."""
+    """Return the position [m] across the normal of the contact point nearest to a body."""
     _, nx, ny, _, low, high = contact
     x, y, _, _ = pose_of(placed, index)
     return min(max(y * nx - x * ny, low), high)
@@ -217,7 +217,7 @@ class Wall(NamedTuple):
 
 @compilable
 def push_off(movables: Movables, placed: Placed, index: int, wall: Wall) -> bool:
-    """Push a body off a wall without friction; return True if it overlapped the wall."""
+    """Push a body out of a wall without friction; return True if it overlapped the wall."""
     body = movables.bodies[index]
     overlaps = False
     for p in range(int(body[bodies.FIRST_PART]), int(body[bodies.END_PART])):
@@ -236,7 +236,7 @@ def push_off(movables: Movables, placed: Placed, index: int, wall: Wall) -> bool
 
 @compilable
 def push_by_fixed(movables: Movables, placed: Placed, index: int) -> bool:
-    """Push a body off the fixed obstacles; return True if it overlapped one."""
+    """Push a body out of the fixed obstacles; return True if it overlapped one."""
     radius = movables.bodies[index, bodies.BODY_RADIUS]
     pose = placed.poses[index]
     cell = cell_at(movables.grid, pose[bodies.BODY_X], pose[bodies.BODY_Y])
@@ -256,7 +256,7 @@ def push_by_fixed(movables: Movables, placed: Placed, index: int) -> bool:
 
 @compilable
 def push_by_body(movables: Movables, placed: Placed, index: int) -> bool:
-    """Push all bodies farther from the robot off this body; return True if any overlapped it."""
+    """Push all bodies farther from the robot out of this body; return True if any overlapped it."""
     levels = placed.levels
     overlaps = False
     for j in range(len(levels)):
@@ -273,7 +273,7 @@ def push_by_body(movables: Movables, placed: Placed, index: int) -> bool:
 
 @compilable
 def push_body_by_body(movables: Movables, placed: Placed, index: int, other: int) -> bool:
-    """Push another body off a body; return True if they overlapped."""
+    """Push another body out of a body; return True if the two overlapped."""
     body, pose = movables.bodies[index], placed.poses[index]
     reach = body[bodies.BODY_RADIUS] + movables.bodies[other, bodies.BODY_RADIUS]
     if not is_near(placed, other, pose[bodies.BODY_X], pose[bodies.BODY_Y], reach):

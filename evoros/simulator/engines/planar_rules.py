@@ -1,8 +1,8 @@
 """The motion rules of the planar simulator, on the arrays of ``planar_layout``.
 
-In each step, the robots move one after another. A robot does not push another robot: it stops if
-its step would end inside the other's present outline. Compiled and interpreted rules give bitwise
-equal results, and robots that are far apart move as if alone.
+In each step, the robots move one after another. Robots do not push each other: a robot stops if its
+step would end inside another's present outline. Compiled and interpreted rules give bitwise equal
+results, and robots far apart move as if they were alone.
 """
 
 import math
@@ -40,7 +40,7 @@ from evoros.walkers.motion import walk
 from evoros.world.standing import sight_rows
 
 NEAR_M = 1.0
-"""Upper bound [m] on a robot's motion in a step."""
+"""Upper bound [m] on the distance that a robot moves in a step."""
 
 
 def place_crowd(placed: Placed, crowd: Crowd, robots: int) -> Placed:
@@ -57,7 +57,7 @@ def place_crowd(placed: Placed, crowd: Crowd, robots: int) -> Placed:
 
 @compilable
 def place_walkers(now: Walking, shapes: Array) -> None:
-    """Move the walkers' ray shapes, the last rows of ``shapes``, to the walkers' positions."""
+    """Move the walkers' shapes for rays, the last rows of ``shapes``, to the walkers' positions."""
     first = len(shapes) - len(now.places)
     for i in range(len(now.places)):
         shapes[first + i, ray.AT_X] = now.places[i, 0]
@@ -82,7 +82,7 @@ def move_walkers(parameters: Array, memory: Array) -> None:
 
 @compilable
 def meet_walkers(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> int:
-    """Return UNTOUCHED, PUSHED or BLOCKED for a robot among walkers at a pose; record the touches.
+    """Return UNTOUCHED, PUSHED or BLOCKED for a robot among walkers at a pose; record touches.
 
     A robot that overlaps a walker is blocked only if it would drive deeper into the walker.
     """
@@ -115,7 +115,7 @@ def meet_walkers(parameters: Array, memory: Array, index: int, pose: PlanarPose)
 
 @compilable
 def measure_gap(outline: Array, pose: PlanarPose, x: float, y: float) -> float:
-    """Return the distance [m] of (x, y) from an outline at a pose, negative inside."""
+    """Return the distance [m] of (x, y) from an outline at a pose; negative inside."""
     px, py, cos, sin = pose
     dx = x - px
     dy = y - py
@@ -127,7 +127,7 @@ FULL_TURN = 2.0 * math.pi
 
 
 class Stride(NamedTuple):
-    """The motion of a robot in a step if nothing blocks it."""
+    """The motion of a robot in a step unless something blocks the robot."""
 
     rolled: float  # [m], of the rear axle's centre
     turned: float  # [rad]
@@ -136,9 +136,9 @@ class Stride(NamedTuple):
 
 
 def observe(parameters: Array, memory: Array, states: Array) -> None:
-    """Copy the states of all robots, with any contact since the last call, and clear the contacts.
+    """Copy all robots' states, with any contact since the last call, and clear the contacts.
 
-    The walkers' reports follow; see ``evoros.walkers.layout``.
+    Reports on the walkers follow; see ``evoros.walkers.layout``.
     """
     motions = unpack(Memory, memory).motions
     for i in range(len(motions)):
@@ -162,7 +162,7 @@ def advance(parameters: Array, memory: Array, commands: Array, duration: float) 
 def advance_pushing(parameters: Array, memory: Array, commands: Array, duration: float) -> None:
     """Drive like ``advance``, but also push bodies and count the touches of contact sensors.
 
-    Pushable bodies block a robot only if they cannot move. In worlds without such bodies and for
+    Pushable bodies block a robot only if they cannot move. For worlds without pushable bodies and
     robots without contact sensors, ``advance`` gives the same results and compiles in a quarter of
     the time.
     """
@@ -264,7 +264,7 @@ def roll(drive: Drive, motions: Matrix, index: int, commands: Array) -> tuple[fl
 def roll_unevenly(
     drive: Drive, motion: Array, target: float, curvature: float, left: float, right: float
 ) -> None:
-    """Let speed and yaw rate follow wheels of which one side is weakened; see ``find_targets``."""
+    """Let speed and yaw rate follow the wheels if one side is weakened; see ``find_targets``."""
     half, gain = drive.speed_limit_offset, drive.speed_gain
     left *= target * (1.0 - curvature * half)
     right *= target * (1.0 + curvature * half)
@@ -289,7 +289,7 @@ def move(parameters: Array, memory: Array, index: int, stride: Stride, blocked: 
 
 @compilable
 def push(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> int:
-    """Push the bodies in a robot's way, but not into other robots; see ``push_bodies``."""
+    """Push the bodies in a robot's way, unless into other robots; see ``push_bodies``."""
     robot = hull_of(parameters, index)
     outline = contact.place_outline(parameters, memory, index, pose).corners
     before = pose_of(memory, index)

@@ -1,7 +1,7 @@
 """The sensing rules of robots in the plane, on the arrays of ``planar_layout``.
 
-Compiled and interpreted rules give bitwise equal results. The signals of sensors that cast no rays
-are exact, because wheels do not slip in the planar simulator.
+Compiled and interpreted rules give bitwise equal results. Signals of sensors without rays are
+exact, because wheels do not slip in the planar simulator.
 """
 
 import math
@@ -38,24 +38,30 @@ from evoros.simulator.engines.rays import Beam, see_parts_at
 
 FULL_TURN = 2.0 * math.pi
 
-# Each beam, that is, a channel of a sensor, is a row of BEAMS with these columns.
+# A beam, that is, a channel of a sensor, is a row of BEAMS with these columns.
 ORIGIN, MIN_RANGE, FREE_RANGE, FIRST_RAY, END_RAY, LEFT_EDGE, RIGHT_EDGE = 0, 3, 4, 5, 6, 7, 9
-"""Origin (3,) [m]; minimum range [m]; reading without obstacles [m]; first ray; end of its rays;
-outward unit normals (2,) of the beam's left and right edge, or 0 without edges."""
+"""Columns of BEAMS.
+
+Origin (3,) [m]; minimum range [m]; reading without obstacles [m]; first ray; end of its rays;
+outward unit normals (2,) of the beam's left and right edge, or 0 without edges.
+"""
 BEAM_SIZE = 11
 
-# Each group of beams is a row of GROUPS with these columns.
+# A group of beams is a row of GROUPS with these columns.
 FIRST_BEAM, END_BEAM, BEARING, SPACING, REACH = range(5)
-"""First beam; end of its beams; bearing of the first beam and spacing [rad], positive to the
-left, or zeros unless the beams are single rays, evenly spaced, from one origin; maximum range
-without obstacles [m]."""
+"""Columns of GROUPS.
+
+First beam; end of its beams; bearing of the first beam and spacing [rad], positive to the left, or
+zeros unless the beams are single, evenly spaced rays from one origin; maximum range without
+obstacles [m].
+"""
 GROUP_SIZE = 5
 _UNEVEN_RAD = 1e-9
 Indices = NDArray[np.int64]
 
 
 def beam_rows(robot: Robot, frames: Array, beams: Sequence[Beam], rays: Array) -> Array:
-    """Return BEAMS, given one frame per mount and the rays of all beams."""
+    """Return BEAMS from one frame per mount and the rays of all beams."""
     rows = np.zeros((len(beams), BEAM_SIZE))
     if not len(beams):
         return rows
@@ -72,7 +78,7 @@ def beam_rows(robot: Robot, frames: Array, beams: Sequence[Beam], rays: Array) -
 
 
 def _facing(robot: Robot, frames: Array, sums: Array) -> Iterator[float]:
-    """Yield each beam's yaw [rad]: its sensor's, or with several channels its mean ray's."""
+    """Yield each beam's yaw [rad]: the sensor's or, with several channels, the mean ray's."""
     for part, frame in zip(robot.beam_layout, frames, strict=True):
         if part.stop - part.start == 1:
             yield elementary.atan2(frame[1, 0], frame[0, 0])
@@ -101,7 +107,7 @@ def _edges(rays: Array, first: Indices, yaws: Array) -> Array:
 
 
 def group_rows(robot: Robot, rows: Array, rays: Array) -> Array:
-    """Return GROUPS: one for each evenly spaced sensor, and one for each run of other sensors."""
+    """Return GROUPS, one for each evenly spaced sensor and one for each run of other sensors."""
     groups: list[tuple[float, float, float, float, float]] = []
     for part in robot.beam_layout:
         bearing, spacing = _measure_spacing(rows[part], rays)
@@ -114,7 +120,7 @@ def group_rows(robot: Robot, rows: Array, rays: Array) -> Array:
 
 
 def _measure_spacing(rows: Array, rays: Array) -> tuple[float, float]:
-    """Return the bearing of a sensor's first beam and the spacing [rad]; 0 if unevenly spaced."""
+    """Return the first beam's bearing and the spacing [rad]; zeros if unevenly spaced."""
     single = rows[:, END_RAY] - rows[:, FIRST_RAY] == 1.0
     if len(rows) < 2 or not single.all():
         return 0.0, 0.0
@@ -130,8 +136,8 @@ def _measure_spacing(rows: Array, rays: Array) -> tuple[float, float]:
 def find_span(group: Array, x: float, y: float, radius: float) -> tuple[float, float]:
     """Return the index range of an even group's beams that may hit a circle.
 
-    (x, y) [m] is the circle's centre relative to the beams' origin. The range may be off by a full
-    turn.
+    (x, y) [m] is the circle's centre relative to the beams' origin. The range may be shifted by a
+    full turn.
     """
     squared = x * x + y * y
     if squared <= radius * radius:
@@ -146,7 +152,7 @@ def find_span(group: Array, x: float, y: float, radius: float) -> tuple[float, f
 
 @compilable
 def fill_signals(parameters: Array, memory: Array, index: int, signals: Array) -> None:
-    """Write the signal of each probe of a robot."""
+    """Write the signal of each of a robot's probes."""
     probes, now = probes_of(parameters, index), unpack(Memory, memory)
     motion = now.motions[index]
     for i in range(len(probes.motion)):
@@ -173,7 +179,7 @@ def fill_motion(parameters: Array, memory: Array, index: int, probe: Array, sign
     signals[signal.POSITION] = x + cos * px - sin * py
     signals[signal.POSITION + 1] = y + sin * px + cos * py
     signals[signal.POSITION + 2] = probe[FRAME + 2]
-    # Robot yaw rotation times sensor mounting rotation.
+    # The robot's yaw rotation times the sensor's mounting rotation.
     z, w = elementary.sin_cos(0.5 * motion[YAW])
     qw = probe[FRAME + 3]
     qx = probe[FRAME + 4]
@@ -202,7 +208,7 @@ class Sensors(NamedTuple):
     groups: Matrix
     rays: Matrix
     pose: PlanarPose
-    ranges: Array  # [m] of the beams; shortened by obstacles
+    ranges: Array  # [m], one per beam; obstacles shorten them
 
 
 @compilable
@@ -215,9 +221,9 @@ def sense(parameters: Array, memory: Array, signals: Array) -> None:
 
 
 def sense_signals(parameters: Array, memory: Array, signals: Array) -> None:
-    """Fill ``signals`` like ``sense``, and also with the signals of all other sensors.
+    """Fill ``signals`` like ``sense``, and include the signals of sensors without rays.
 
-    This takes a sixth longer to compile than ``sense``, which suffices for most first runs.
+    This takes a sixth longer to compile than ``sense``, which is enough for most first runs.
     """
     sense(parameters, memory, signals)
     places = unpack(Plane, parameters).places
@@ -274,7 +280,7 @@ def detect_all(obstacles: Array, faces: Array, sensors: Sensors) -> None:
 
 @compilable
 def detect(obstacle: Array, faces: Array, sensors: Sensors) -> None:
-    """Shorten the range of each beam that sees the obstacle."""
+    """Shorten the range of each beam that sees this obstacle."""
     x, y, cos, sin = sensors.pose
     dx = obstacle[ray.AT_X] - x
     dy = obstacle[ray.AT_Y] - y

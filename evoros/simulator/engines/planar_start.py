@@ -30,9 +30,9 @@ _Description: TypeAlias = tuple[str, tuple[str, ...], tuple[str, ...], frozenset
 
 
 def list_shapes(robots: Sequence[Robot]) -> tuple[Array, Array, list[int]]:
-    """Return the ray shapes of several robots, the faces of these shapes, and the number per robot.
+    """Return the ray shapes of several robots, the shapes' faces, and the number per robot.
 
-    One robot needs none, because robots do not see themselves.
+    A single robot needs no shapes, because robots do not see themselves.
     """
     if len(robots) == 1:
         return *sight_rows([])[:2], [0]
@@ -142,7 +142,7 @@ def _lay_out_surroundings(
 
 
 def _measure_sight(beams: Array) -> float:
-    """Return the sensors' reach [m], rounded up to 0.5 m so that designs share a world's arrays."""
+    """Return the sensors' maximum reach [m], rounded up to 0.5 m so that designs share arrays."""
     if not len(beams):
         return 0.5
     farthest = (np.sqrt((beams[:, :2] * beams[:, :2]).sum(axis=1)) + beams[:, FREE_RANGE]).max()

@@ -1,7 +1,7 @@
-"""The bodies of a world in PyBullet: their shapes, collision groups and sleep.
+"""The bodies of a world in PyBullet: their shapes, collision groups and sleeping.
 
-PyBullet accepts the corners of a polyhedron directly only if the polyhedron is the only shape of
-its body. It reads all other polyhedra from files, which are temporary.
+PyBullet accepts the corners of a polyhedron directly only if the polyhedron is its body's only
+shape. All other polyhedra must be read from files, which are temporary.
 """
 
 import math
@@ -23,11 +23,11 @@ from evoros.world.standing import GAP_M
 
 
 def split_body(body: Body) -> Iterator[tuple[Pose, tuple[Shape, ...]]]:
-    """Yield the pose in the world and the shapes of each engine body that represents a world body.
+    """Yield the world pose and the shapes of each engine body that represents a world body.
 
-    Each polyhedron of a fixed body becomes a separate engine body, which needs no file. So does a
-    height field, which must be the only shape of an engine body, and whose origin is midway
-    between its lowest and highest point.
+    Each polyhedron of a fixed body becomes a separate engine body, which needs no file. A height
+    field also becomes one, because it must be the only shape of an engine body and has its origin
+    midway between its lowest and highest point.
     """
     kinds = {shape.kind for shape in body.shapes}
     if body.mass is not None or not kinds & {"convex", "heightfield"}:
@@ -125,9 +125,9 @@ def load_urdf(bullet: Any, urdf: str, frame: Frame, flags: int) -> int:
 
 
 def _format_urdf(urdf: str, folder: Path) -> str:
-    """Return a robot's URDF as the engine reads it.
+    """Return a robot's URDF in the form that the engine reads.
 
-    Elements ``<convex corners="x y z ...">`` become files in ``folder``. Every element starts a
+    Elements ``<convex corners="x y z ...">`` become files in ``folder``. Every element starts on a
     new line, because the engine truncates lines of more than 8,191 characters.
     """
     root = etree.fromstring(urdf.encode())
@@ -146,33 +146,40 @@ def _format_urdf(urdf: str, folder: Path) -> str:
 
 # Collision groups. The engine casts rays in group 1, so no body is in that group. Wheels and
 # casters covered by the chassis collide only with the ground. A robot never collides with itself.
-# Fixed bodies never collide with each other, because such pairs cost time wherever walls touch.
+# Fixed bodies never collide with each other, because checking such pairs costs time wherever walls
+# touch.
 RAY, ROBOT, GROUND, FIXED, MOVABLE = 1, 2, 4, 8, 16
 VISIBLE = GROUND | FIXED | MOVABLE
 MOVING = RAY | ROBOT | MOVABLE
 ROBOT_BIT = 32
-"""Group of the first of several robots; each further robot has the next bit. Robots collide with
-each other but not with themselves."""
+"""Group of the first of several robots; each further robot has the next bit.
+
+Robots collide with each other but not with themselves.
+"""
 
 MARGIN_M = 1e-4
-"""Collision margin [m] of fixed polyhedra. Rays miss polyhedra with a smaller margin. With the
-engine's default, 1 mm, rays that graze a floor hit it centimetres too early."""
+"""Collision margin [m] of fixed polyhedra.
+
+Rays miss polyhedra with a smaller margin. With the engine's default, 1 mm, rays that graze a floor
+hit it centimetres too early.
+"""
 UPWARDS = 0.1  # minimum upward component of the normal at a contact that supports a body
 
 
 MAX_FRICTION = 1.0
 """Maximum friction coefficient of a body.
 
-Many worlds have coefficients of 100, which have no effect in Gazebo, because it uses the smaller
-of two coefficients. Bullet multiplies them, and 100 must not multiply the wheels' coefficient.
+Many worlds have coefficients of 100, which have no effect in Gazebo, because Gazebo uses the
+smaller of two coefficients. Bullet multiplies the two, so a coefficient of 100 would make wheels
+grip far too well.
 """
 
 
 def add_body(bullet: Any, body: Body) -> list[int]:
-    """Add one body of the world; return the ids of the engine's bodies.
+    """Add a body of the world; return the ids of its engine bodies.
 
     A movable body starts asleep and wakes when a robot comes near. Bodies use maximal coordinates,
-    because the engine's default coordinates, made for chains of links, cost more.
+    because the engine's default, reduced coordinates for chains of links, is slower.
     """
     group, meets = (GROUND if body.is_ground else FIXED), MOVING
     if body.mass is not None:
@@ -199,7 +206,7 @@ def add_body(bullet: Any, body: Body) -> list[int]:
 
 
 def add_walker(bullet: Any, radius: float, height: float) -> int:
-    """Add a walker, which collides only with robots and is moved by callers; return its id."""
+    """Add a walker, which collides only with robots and is moved by the caller; return its id."""
     shapes = [Shape("cylinder", (radius, height))]
     body_id: int = bullet.createMultiBody(
         0.0, create_shape(bullet, shapes), _create_look(bullet, shapes), (0, 0, 0), (0, 0, 0, 1)
@@ -216,11 +223,11 @@ def _create_look(bullet: Any, shapes: Sequence[Shape]) -> int:
 
 
 def _make_movable(bullet: Any, body_id: int, body: Body) -> None:
-    inertia = body.inertia  # None: the engine computes the inertia, but treats polyhedra as boxes
+    inertia = body.inertia  # None: computed by the engine, which treats polyhedra as boxes
     if inertia is None and any(shape.kind == "convex" for shape in body.shapes):
         inertia = joint_moments(body.shapes, body.mass or 0.0)
     if inertia is not None:
-        bullet.changeDynamics(  # the engine would set the mass to 0 if no inertia were given
+        bullet.changeDynamics(  # if no inertia were given, the engine would set the mass to 0
             body_id, -1, mass=body.mass, localInertiaDiagonal=inertia
         )
     asleep = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_SLEEP
@@ -241,7 +248,7 @@ def _is_carried(bullet: Any, body_id: int) -> bool:
     low = (low[0], low[1], low[2] - GAP_M)
     near = bullet.getOverlappingObjects(low, high) or ()
     return any(
-        point[7][2] > UPWARDS  # contact normal, towards this body
+        point[7][2] > UPWARDS  # contact normal, pointing to this body
         for other in dict.fromkeys(other for other, _ in near)
         if other != body_id
         for point in bullet.getClosestPoints(body_id, other, GAP_M)
@@ -249,7 +256,7 @@ def _is_carried(bullet: Any, body_id: int) -> bool:
 
 
 def measure_radius(bullet: Any, body_id: int) -> float:
-    """Return the radius [m], about its centre of mass, of a sphere that contains a body."""
+    """Return the radius [m] of a sphere about a body's centre of mass that contains the body."""
     low, high = bullet.getAABB(body_id, -1)
     centre, _ = bullet.getBasePositionAndOrientation(body_id)
     middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
@@ -257,6 +264,6 @@ def measure_radius(bullet: Any, body_id: int) -> float:
 
 
 def wake(bullet: Any, body_id: int) -> None:
-    """Wake a body; it sleeps again once at rest."""
+    """Wake a body, which sleeps again once it is at rest."""
     awake = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_WAKE_UP
     bullet.changeDynamics(body_id, -1, activationState=awake)

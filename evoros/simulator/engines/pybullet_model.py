@@ -27,7 +27,7 @@ from evoros.world.model import World
 
 @cache
 def import_pybullet() -> Any:
-    """Import the pybullet module, and suppress its start-up message."""
+    """Import the pybullet module with its start-up message suppressed."""
     try:
         with quiet():
             import pybullet
@@ -46,12 +46,12 @@ class Client:
         attribute = getattr(self._library, name)
         if isroutine(attribute):
             attribute = partial(attribute, physicsClientId=self._id)
-        setattr(self, name, attribute)  # looked up once
+        setattr(self, name, attribute)  # look each function up only once
         return attribute
 
 
 def not_installed() -> InputError:
-    """Return the error for a Python without PyBullet."""
+    """Return the error for an environment without PyBullet."""
     return InputError(
         "simulator=pybullet: PyBullet is not installed, and PyPI has wheels only for Python up to "
         "3.11; use simulator=physics, install evoros with Python 3.11, or build PyBullet with "
@@ -61,7 +61,7 @@ def not_installed() -> InputError:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Suppress all terminal output, including output of C code."""
+    """Suppress all terminal output, including that from C code."""
     libc = ctypes.CDLL(None)
     libc.fflush(None)
     saved = [(os.dup(descriptor), descriptor) for descriptor in (1, 2)]
@@ -97,10 +97,10 @@ class Model:
 
     robots: tuple[LoadedRobot, ...]
     ground: frozenset[int]  # ids of bodies that are not obstacles
-    movable: Mapping[int, Frame]  # initial frames of the bodies that can be pushed, by id
+    movable: Mapping[int, Frame]  # initial frames of the movable bodies, by id
     falling: tuple[int, ...]  # ids of unsupported movable bodies
-    watched: Mapping[int, float]  # bounding radii [m] of bodies that need finer steps, by id
-    walkers: Mapping[int, int]  # indices in the crowd, by id
+    watched: Mapping[int, float]  # bounding radii [m] of the bodies that require finer steps, by id
+    walkers: Mapping[int, int]  # walkers' indices in the crowd, by id
 
 
 class Engine:
@@ -112,7 +112,7 @@ class Engine:
         self._model: Model | None = None
 
     def close(self) -> None:
-        """Disconnect from PyBullet, after which the engine is unusable."""
+        """Disconnect from PyBullet; the engine is then unusable."""
         self.bullet.disconnect()
 
     def forget(self) -> None:
@@ -120,7 +120,7 @@ class Engine:
         self._built_from = None
 
     def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Model:
-        """Return the model in its initial state, reset if possible and otherwise rebuilt.
+        """Return the model in its initial state: reset if possible, otherwise rebuilt.
 
         Raises:
             SimulationError: PyBullet rejects a robot or the world.
@@ -147,8 +147,8 @@ class Engine:
     def _disturbed(self, model: Model) -> bool:
         """Return True if a body other than a robot has moved since the build, or is unsupported.
 
-        A body can move without being touched: the engine wakes it when a robot is near, and then
-        it settles.
+        A body can move without being touched: the engine wakes it when a robot comes near, and it
+        settles.
         """
         bullet = self.bullet
         return bool(model.falling) or any(
@@ -158,10 +158,10 @@ class Engine:
         )
 
     def _reset(self, robots: Sequence[LoadedRobot]) -> None:
-        """Put the robots at rest at their start.
+        """Put the robots at rest at their home poses.
 
-        New models are reset, too, for bitwise equal results. The engine retains contacts, with
-        their forces, as long as the bodies are near each other. So the robots first make one step
+        New models are also reset, for bitwise equal results. The engine retains contacts and their
+        forces as long as the bodies are near each other. Therefore, the robots first make one step
         far above the ground, each at a different height.
         """
         for index, robot in enumerate(robots):
@@ -171,7 +171,7 @@ class Engine:
             self._place(robot, 0.0)
 
     def _place(self, robot: LoadedRobot, lift: float) -> None:
-        """Put a robot at rest at a height [m] above its start."""
+        """Put a robot at rest at a height [m] above its home pose."""
         bullet = self.bullet
         (x, y, z), facing = robot.start
         bullet.resetBasePositionAndOrientation(robot.body, (x, y, z + lift), facing)
@@ -186,19 +186,19 @@ class Engine:
         bullet.setPhysicsEngineParameter(
             fixedTimeStep=settings.time_step,
             numSolverIterations=settings.solver_iterations,
-            enableFileCaching=0,  # else a rewritten URDF loads its old geometry
+            enableFileCaching=0,  # cached files would load an old geometry
             deterministicOverlappingPairs=1,
-            collisionFilterMode=0,  # otherwise a pair collides if only one of its masks permits it
+            collisionFilterMode=0,  # otherwise, one permitting mask suffices for a collision
         )
         if any(skids(robot.drive) for robot, _ in robots):
-            # The engine's default friction on a sliding wheel does not oppose the slip.
+            # The engine's default friction on a sliding wheel does not act against the slip.
             bullet.setPhysicsEngineParameter(enableConeFriction=0)
         bodies = [(body_id, body) for body in world.bodies for body_id in add_body(bullet, body)]
         movable = {body_id: body for body_id, body in bodies if body.mass is not None}
         frames = {body_id: bullet.getBasePositionAndOrientation(body_id) for body_id in movable}
         ground = frozenset(body_id for body_id, body in bodies if body.is_ground)
         falling = find_falling(bullet, world, movable)
-        # Nothing is pushed in a mission that ends at the first contact.
+        # A mission that ends at the first contact pushes nothing.
         pushing = falling or not world.course.end_on_collision
         watched = {body_id: measure_radius(bullet, body_id) for body_id in movable if pushing}
         loaded = tuple(self._load(robots, index, world, settings) for index in range(len(robots)))

@@ -20,12 +20,12 @@ from evoros.simulator.engines.pybullet_bodies import (
 )
 from evoros.simulator.engines.teams import Frame
 
-CHASSIS_FRICTION = 1.0  # the chassis touches the ground only if the robot tips over
+CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
 
 
 @dataclass(frozen=True)
 class LoadedRobot:
-    """The robot as a body of the engine, with the engine's indices of its links and joints."""
+    """A robot as a body of the engine, with the engine's indices of its links and joints."""
 
     body: int
     touching: tuple[int, ...]  # links that can touch obstacles
@@ -47,7 +47,7 @@ class Groups(NamedTuple):
 
 
 class _Joint(NamedTuple):
-    """A joint and its child link, which have the same index in the engine."""
+    """A joint and its child link, which share an index in the engine."""
 
     joint_id: int
     name: str
@@ -69,7 +69,7 @@ def load_robot(
         pybullet.error: the engine rejects the robot.
     """
     drive = robot.drive
-    # URDF_MERGE_FIXED_LINKS would lose the origin of the chassis' inertia.
+    # URDF_MERGE_FIXED_LINKS would lose the origin of the chassis's inertia.
     flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_IGNORE_VISUAL_SHAPES
     elements = robot.urdf_elements()
     if _rolls_on_cylinders(elements, drive):
@@ -79,7 +79,7 @@ def load_robot(
     joints = _read_joints(bullet, body)
     steering, steering_forces = _motors(joints, drive.steering_joints)
     wheels, wheel_forces = _motors(joints, drive.wheel_joints)
-    for joint in joints:  # otherwise the engine's default motors brake the undriven joints
+    for joint in joints:  # otherwise, the engine's default motors brake the undriven joints
         if not joint.fixed and joint.joint_id not in (*steering, *wheels):
             bullet.setJointMotorControl2(body, joint.joint_id, bullet.VELOCITY_CONTROL, force=0)
     center = bullet.getDynamicsInfo(body, -1)[3:5]
@@ -100,8 +100,8 @@ def load_robot(
 def _rolls_on_cylinders(elements: Element, drive: Drive) -> bool:
     """Return True if wheels should be exact cylinders: they are cylinders and do not slip.
 
-    By default the engine uses a prism with a margin of 1 mm, on which a robot drives up to 4 % too
-    fast and not straight. Wheels that slip sideways turn better on prisms.
+    By default, the engine uses a prism with a margin of 1 mm, on which a robot drives up to 4 % too
+    fast and not straight. For wheels that slip sideways, prisms are more accurate in turns.
     """
     if skids(drive):
         return False

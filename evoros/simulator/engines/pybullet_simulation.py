@@ -1,4 +1,4 @@
-"""One mission in PyBullet: observe, sense and advance."""
+"""A mission in PyBullet: observe, sense and advance."""
 
 import math
 from collections.abc import Collection, Iterator, Sequence
@@ -26,7 +26,7 @@ class Span(NamedTuple):
     """The rays of one beam within a batch."""
 
     first: int
-    end: int  # one past the last
+    end: int  # index after the last ray
     range_min: float  # [m]
     range_max: float  # [m]
     clear_range: float  # [m], reading without obstacles
@@ -41,7 +41,7 @@ class Batch(NamedTuple):
 
 
 class BulletRays:
-    """The rays of all range sensors of a robot, which the engine moves with the robot."""
+    """The rays of all range sensors of a robot; the engine moves them with the robot."""
 
     def __init__(self, bullet: Any, loaded: LoadedRobot, robot: Robot) -> None:
         self._bullet, self._body = bullet, loaded.body
@@ -69,7 +69,7 @@ class BulletRays:
             np.maximum(ranges, self._low, out=ranges)
 
     def _cast(self, starts: Sequence[Any], ends: Sequence[Any], rank: int = -1) -> Sequence[Any]:
-        """Return each ray's nearest hit or, with a ``rank``, one of all its hits, unordered."""
+        """Return each ray's nearest hit or, if ``rank`` is given, one of its unordered hits."""
         hits: Sequence[Any] = self._bullet.rayTestBatch(
             starts,
             ends,
@@ -83,7 +83,7 @@ class BulletRays:
     def _look_beyond(
         self, starts: Sequence[Any], ends: Sequence[Any], fractions: list[float]
     ) -> None:
-        """Correct the fractions of rays that the engine ends in the shape around their start."""
+        """Correct the fractions of rays that the engine ends in the shape around their origin."""
         inside = [ray for ray, fraction in enumerate(fractions) if fraction == 0.0]
         starts, ends = [starts[ray] for ray in inside], [ends[ray] for ray in inside]
         nearest, rank, left = [1.0] * len(inside), 0, True
@@ -115,7 +115,7 @@ def _batches(robot: Robot, bullet: Any, to_base: Frame) -> list[Batch]:
 
 
 def _turn_rays(robot: Robot, rotation: Array) -> Iterator[Array]:
-    """Yield the directions (k, 3) of each beam after a rotation, rounded only once."""
+    """Yield the directions (k, 3) of each beam after a rotation, with a single rounding."""
     for mount, frame in zip(robot.mounts, robot.sensor_frames, strict=True):
         if mount.sensor in robot.sorted_rays:
             rays, ends = robot.sorted_rays[mount.sensor]
@@ -150,8 +150,8 @@ class BulletSignals(RigidSignals):
         return Motion(np.array(position), rotation, velocity + np.cross(turning, arm), turning)
 
     def feel(self) -> None:
-        """Count, for each contact zone, a step in which the robot touches something there."""
-        touches: dict[tuple[int, int, int], list[Any]] = {}  # keys: link, other body, its link
+        """Count this step for each contact zone in which something touches the robot."""
+        touches: dict[tuple[int, int, int], list[Any]] = {}  # keyed by link, other body, other link
         for link, point in find_touches(self._bullet, self._robot, self._ground):
             touches.setdefault((link, point[2], point[4]), []).append(point[5])
         if touches:
@@ -165,7 +165,7 @@ def find_touches(
 ) -> Iterator[tuple[int, Any]]:
     """Yield (link, engine contact point) for each contact of a robot with an obstacle.
 
-    The engine lists points of all nearby bodies. Only points with a force or an overlap are
+    The engine lists points of all nearby bodies. Only points with a force or an overlap count as
     contacts.
     """
     for link in robot.touching:
@@ -175,17 +175,22 @@ def find_touches(
 
 
 FINE_STEP_S = 0.0025
-"""The time step [s] used while a movable body moves. The engine finds one contact with a plane
-per step, and keeps it until the body has slid by 2 % of its size. With longer steps a contact
-is lost as soon as it is found, so a body rests on one corner at a time and sinks."""
+"""Time step [s] while a movable body moves.
+
+The engine finds one contact with a plane per step, and keeps it until the body has slid by 2 % of
+its size. With longer steps, a contact is lost as soon as it is found, so a body rests on one corner
+at a time and sinks.
+"""
 
 NEAR_STEPS = 2.0
-"""Distance from a body within which steps are fine, as a multiple of the distance that the robot
-can travel in a normal step."""
+"""Distance from a body within which steps are fine.
+
+It is a multiple of the distance that the robot can travel in a normal step.
+"""
 
 
 class PyBulletSimulation:
-    """The robots of a PyBullet model in their world, which step together."""
+    """The robots of a PyBullet model in their world, which advance together."""
 
     def __init__(
         self,
@@ -276,7 +281,7 @@ class _Vehicle:
         self._gap = NEAR_STEPS * robot.drive.max_speed_mps * settings.time_step
         self._reach = self._gap + 2.0 * float(np.linalg.norm(robot.outline, axis=1).max())
         self._command: tuple[float, ...] | None = None
-        self._touched = False  # contact since the last observation
+        self._touched = False  # True after a contact since the last observation
         self._rays, self._ranges = BulletRays(bullet, self._robot, robot), robot.beam_count
         self._signals = BulletSignals(bullet, model, robot, index)
 
@@ -305,13 +310,13 @@ class _Vehicle:
             self._signals.feel()
 
     def adapt_gain(self, step: float) -> None:
-        """Set the motors for a new time step [s], because their gains are per step."""
+        """Adapt the motors to a new time step [s], because their gains are per step."""
         self._step = step
         if self._command is not None:
             self._set_motors(self._command)
 
     def disturbs(self, body: int) -> bool:
-        """Return True if a movable body is moving, or the robot may reach it in this step."""
+        """Return True if a movable body is moving, or a robot may reach one in this step."""
         bullet, robot = self._bullet, self._robot.body
         if bullet.getBaseVelocity(body) != AT_REST:
             return True
@@ -326,7 +331,7 @@ class _Vehicle:
         bullet, robot = self._bullet, self._robot
         angles, rates = find_targets(self._drive, *command)
         if angles:
-            # The engine's default gain is constant: the lag would be ten steps of any length.
+            # The engine's default gain is constant, so the lag would be ten steps of any length.
             gain = lag_gain(self._step, self._lag)
             bullet.setJointMotorControlArray(
                 robot.body,

@@ -1,7 +1,7 @@
 """The beams of a robot's range sensors, its contact zones, and the steered parts that beams see.
 
-All engines share these rules. The array ``sight`` is a packed SteeredSight, or empty if no sensor
-can see a steered part at any angle.
+All engines share these rules. The array ``sight`` is a packed ``SteeredSight``; it is empty if no
+sensor can see a steered part at any steering angle.
 """
 
 import math
@@ -23,17 +23,17 @@ from evoros.sensor.protocol import feels, sees
 
 
 class Beam(NamedTuple):
-    """The rays of one channel of a mounted sensor; the channel's range is the nearest hit."""
+    """The rays of one channel of a mounted sensor, whose range is the nearest hit."""
 
     origin: Array  # (3,) [m]
     directions: Array  # (k, 3) unit vectors
     range_min: float  # [m]
     range_max: float  # [m]
-    clear_range: float  # [m], without obstacles: range_max, or the distance to a part of the robot
+    clear_range: float  # [m] without obstacles: range_max, or the distance to the robot itself
 
 
 def sensor_beams(robot: Robot) -> list[Beam]:
-    """Return the beam of each range sensor channel, in the order of the true ranges."""
+    """Return the beam of each channel of range sensors, in the order of the true ranges."""
     rows, starts = robot.ray_table
     lowest = [
         sensor.range_min_m
@@ -61,7 +61,7 @@ class Zone(NamedTuple):
 
     x: float  # [m], position of the mount
     y: float
-    cos: float  # direction that the sensor faces
+    cos: float  # cosine of the direction that the sensor faces
     sin: float
     depth: float  # [m]
     width: float  # [m]
@@ -76,7 +76,7 @@ def find_zones(robot: Robot) -> dict[int, Zone]:
     for index, sensor in enumerate(robot.mounted_sensors()):
         if feels(sensor):
             x, y, across = float(frames[index, 0, 3]), float(frames[index, 1, 3]), frames[index]
-            # The mount's left axis stays level under a pitch.
+            # The mount's left axis stays level when the mount is pitched.
             cos, sin = float(across[1, 1]), -float(across[0, 1])
             zones[index] = Zone(x, y, cos, sin, float(sensor.depth_m), float(sensor.width_m))
     return zones
@@ -94,8 +94,7 @@ def crosses_zone(zone: Zone, ax: float, ay: float, bx: float, by: float) -> bool
     leftward = cos * (by - ay) - sin * (bx - ax)
     half = 0.5 * width
     for side in range(3):
-        # Distance of the segment's start inside an edge, and the change of that distance along the
-        # segment.
+        # Distance of the segment's start inside an edge, and its change along the segment.
         if side == 0:
             inside = ahead
             gain = forward
@@ -116,13 +115,18 @@ def crosses_zone(zone: Zone, ax: float, ay: float, bx: float, by: float) -> bool
 
 
 JOINT, PIVOT, NARROWING, INSIDE, ROLLS, SHAPE = 0, 1, 3, 4, 5, 6
-"""Columns of a steered part: index of its steering joint; x, y [m] of the joint's vertical axis;
-``narrowing_of(drive, joint)``; ``inside`` and ``rolls`` of the part in ``OccluderRows``; the
-part's row for rays, relative to the axis."""
+"""Columns of a steered part.
+
+Index of its steering joint; x, y [m] of the joint's vertical axis; ``narrowing_of(drive, joint)``;
+``inside`` and ``rolls`` of the part in ``OccluderRows``; the part's row for rays, relative to the
+axis.
+"""
 PART_SIZE = SHAPE + OBSTACLE_SIZE
 PART, BEAM, FIRST_RAY, END_RAY = range(4)
-"""Columns of a beam that may see a part: index of the part; index of the beam; first ray; end of
-its rays."""
+"""Columns of a beam that may see a part.
+
+Index of the part; index of the beam; first ray; end of its rays.
+"""
 PAIR_SIZE = 4
 
 
@@ -174,7 +178,7 @@ def narrowing_of(drive: Drive, joint: int) -> float:
 
 
 class SteeredParts:
-    """The steered parts of a robot that its sensors may see, for rigid-body engines."""
+    """Shortens ranges that see a robot's steered parts, for rigid-body engines."""
 
     def __init__(self, robot: Robot) -> None:
         self._sight = lay_out_steered_sight(robot, measure_clear_ranges(robot))
@@ -189,7 +193,7 @@ class SteeredParts:
 
 @compilable
 def see_parts_at(sight: Array, steering: float, ranges: Array) -> None:
-    """Shorten the range [m] of each beam that sees a part, given a bicycle model's angle [rad]."""
+    """Shorten the range [m] of each beam that sees a part, given a bicycle-model angle [rad]."""
     parts = unpack(SteeredSight, sight).parts
     tangent = elementary.tan(steering)
     for index in range(len(parts)):

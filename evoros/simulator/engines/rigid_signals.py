@@ -1,4 +1,4 @@
-"""Signals of sensors that cast no rays, from a rigid-body engine."""
+"""Signals of sensors without rays, computed from a rigid-body engine's state."""
 
 from collections.abc import Iterable, Sequence
 from itertools import combinations
@@ -42,9 +42,9 @@ class RigidSignals:
         self._rolling = solve_rolling(robot.drive) if self._wheels else np.zeros((2, 0))
 
     def touch(self, contacts: Iterable[Array]) -> None:
-        """Count a step with contacts, each given by points (k, 2) [m] in the robot's frame.
+        """Count a step with contacts, each given as points (k, 2) [m] in the robot's frame.
 
-        A contact extends over the hull of its points; engines report only the corners.
+        Engines report only the corners of a contact, which extends over the hull of these points.
         """
         pieces = [
             (*a, *b)
@@ -56,7 +56,7 @@ class RigidSignals:
                 self._touches[start] += 1.0
 
     def fill(self, signals: Array, motion: Motion, angles: Sequence[float]) -> None:
-        """Write all signals; ``angles`` [rad] are the angles of the drive's wheel joints."""
+        """Write all signals, given the ``angles`` [rad] of the drive's wheel joints."""
         for start, frame in self._frames.items():
             self._fill_motion(signals[start:], motion, frame)
         for start in self._wheels:
@@ -95,8 +95,8 @@ def fill_state(
 def solve_rolling(drive: Drive) -> Array:
     """Return the matrix (2, wheels) that maps wheel angles to the WHEELS signal.
 
-    The rates of unsteered wheels are linear in the robot's speed and yaw rate. The matrix inverts
-    this relation by linear regression, and is 0 for steered wheels.
+    The rates of unsteered wheels are linear in the robot's speed and yaw rate. The matrix is the
+    pseudo-inverse of this relation, and has zeros for steered wheels.
     """
     speed, steering = 0.1 * drive.max_speed_mps, 0.5 * drive.steering_limit
     ahead, left, right = (

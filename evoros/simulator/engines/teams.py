@@ -1,4 +1,4 @@
-"""The robots of a simulation: their number, names, home frames, and slices of its arrays."""
+"""The robots of a simulation: number, names, home frames, and slices of the arrays."""
 
 import math
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from evoros.world.model import World
 
 Frame = tuple[tuple[float, ...], tuple[float, ...]]  # position [m], quaternion (x, y, z, w)
 MAX_ROBOTS = 16
-"""Maximum number of robots; each needs a bit of an engine's collision masks."""
+"""Maximum number of robots; each uses one bit of an engine's collision masks."""
 
 
 class Share(NamedTuple):
@@ -25,12 +25,12 @@ class Share(NamedTuple):
 
     state: slice
     command: slice
-    strength: slice  # empty if the simulator has no weak wheels
+    strength: slice  # empty unless the simulator supports weak wheels
     signals: slice
 
 
 def share_arrays(robots: Sequence[Robot]) -> list[Share]:
-    """Return each robot's slices of the arrays, in order."""
+    """Return each robot's slice of each array, in order."""
     shares, end = [], 0
     for i, robot in enumerate(robots):
         start, end = end, end + robot.signal_count
@@ -43,17 +43,17 @@ def share_arrays(robots: Sequence[Robot]) -> list[Share]:
 
 
 def read_command(commands: Array, share: Share) -> tuple[float, ...]:
-    """Return speed [m/s] and steering angle [rad], and the wheel strengths if wheels can fail."""
+    """Return speed [m/s], steering angle [rad] and, if wheels can fail, the wheel strengths."""
     return (*commands[share.command].tolist(), *commands[share.strength].tolist())
 
 
 def sum_others(bit: int, index: int, count: int) -> int:
-    """Return the bits of all robots but one; the first has ``bit``, each further one the next."""
+    """Return the sum of all robots' bits but one; the first has ``bit``, each next the next bit."""
     return sum(bit << other for other in range(count) if other != index)
 
 
 def check_number(robots: Sequence[PlacedRobot]) -> None:
-    """Reject a number of robots that engines cannot simulate.
+    """Require a number of robots that engines can simulate.
 
     Raises:
         SimulationError: there are no robots, or too many.
@@ -63,21 +63,21 @@ def check_number(robots: Sequence[PlacedRobot]) -> None:
 
 
 def describe_for_engine(robot: Robot) -> tuple[Any, ...]:
-    """Return everything that an engine's model of a robot depends on."""
+    """Return everything on which an engine's model of a robot depends."""
     drive = robot.drive
     joints = (drive.steering_joints, drive.wheel_joints, drive.caster_links)
     return robot.urdf, robot.engine_text, joints, robot.exposed_links
 
 
 def name_robots(robots: Sequence[PlacedRobot]) -> str:
-    """Name the robots in a message; if there are several, each name has an index."""
+    """Return the robots' names for a message; with several robots, each name has an index."""
     if len(robots) == 1:
         return robots[0].robot.name
     return " and ".join(name_robot(i, placed.robot) for i, placed in enumerate(robots))
 
 
 def name_robot(index: int, robot: Robot) -> str:
-    """Name one of several robots in a message."""
+    """Return the name of one robot for a message."""
     return f"robot {index} ({robot.name})"
 
 
@@ -87,8 +87,8 @@ MAX_POINTS = 12  # maximum number of outline points at which the ground's slope 
 def home_frame(robot: Robot, home: tuple[float, float, float, float], world: World) -> Frame:
     """Return the frame of the base link at a home: x, y, z [m] and yaw [rad].
 
-    On level ground this is the home. Otherwise the robot is tilted like the ground below its
-    outline, and lifted until it is above all of that ground.
+    On level ground, this is the home pose. Otherwise, the robot is tilted like the ground below its
+    outline, and lifted until it is above all of this ground.
     """
     x, y, z, yaw = home
     sin, cos = elementary.sin_cos(yaw)

@@ -1,4 +1,4 @@
-"""The walkers of a mission in a rigid-body engine, placed where their rule moves them."""
+"""The walkers of a mission in a rigid-body engine, which moves them as their rule says."""
 
 from collections.abc import Sequence
 
@@ -20,7 +20,7 @@ GAP_M = 1e-3
 
 
 class EngineWalkers:
-    """Walkers that an engine moves in each of its steps.
+    """Walkers whose positions the engine updates in each of its steps.
 
     During a control period, they react to the robots' poses at the start of the period.
     """
@@ -67,5 +67,5 @@ def plan(parameters: Array, memory: Array, robots: Array, step: float, ways: Arr
 
 
 def report(memory: Array, reports: Array) -> None:
-    """Write the walkers' reports."""
+    """Write the reports on the walkers."""
     report_walkers(unpack(Walking, memory), reports)
