@@ -265,7 +265,7 @@ def _modules(values: Any) -> set[str]:
     inner = (_modules(value) for key, value in values.items() if key not in FREE)
     modules: set[str] = set().union(*inner)
     name = str(values.get("_target_", ""))
-    while name and name not in sys.modules:  # from the class up to its module
+    while name and name not in sys.modules:  # walks from the class up to its module
         name = name.rpartition(".")[0]
     if name.partition(".")[0] != "evoros" and _file(name):
         modules.add(name)

@@ -47,7 +47,7 @@ def log_for_job(job: str) -> Iterator[None]:
 
 @contextmanager
 def attach(handler: logging.Handler, own_job: bool = False) -> Iterator[None]:
-    """Send messages also to this handler, only those of this thread's job if ``own_job``."""
+    """Also send messages to this handler; with ``own_job``, only messages of this thread's job."""
     job = _JOB.get()
     if own_job:
         handler.addFilter(lambda record: _JOB.get() == job)
