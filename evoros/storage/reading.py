@@ -113,7 +113,7 @@ class Run:
         return self._read_trajectory(f"champion/trajectory_{world}.csv")
 
     def require_trajectories(self, of_others: bool = False) -> None:
-        """Require that the run stores the champion's trajectories, or other ones if ``of_others``."""
+        """Require that the run stores the champion's or, if ``of_others``, other trajectories."""
         recorded = self.manifest.get("record")
         if recorded == "none" or (of_others and recorded == "champion"):
             kind, fix = (" of all missions", "all") if of_others else ("", "champion")
