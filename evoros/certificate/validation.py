@@ -105,7 +105,7 @@ def check_precision(validation: Validation, missions: int, bounds: Sequence[floa
 
 
 def find_least_width(room: Bounds, count: int, confidence: float) -> float:
-    """Return the interval's width for ``count`` equal scores at these distances from the limits."""
+    """Return the interval's width for ``count`` equal scores at these distances from the bounds."""
     errors = (1 - confidence) * LOWER_SHARE, (1 - confidence) * (1 - LOWER_SHARE)
     parts = zip(room, errors, strict=True)
     return sum(width * (1 - float(error ** (1 / count))) for width, error in parts)

@@ -122,7 +122,6 @@ class _Checks:
 
 
 def _describe(config: Configuration, ignored: Sequence[str]) -> str:
-    """Serialize the values of a configuration without the ``ignored`` keys."""
     values = {key: value for key, value in config.values.items() if key not in ignored}
     return json.dumps([values, config.designs, config.like], sort_keys=True, default=str)
 

@@ -135,7 +135,6 @@ def _start_again(folder: Path, resume: str, told: str) -> str:
 
 
 def _is_gone(folder: Path, error: BaseException) -> bool:
-    """Return True if an error was caused by the removal of the folder."""
     cause = error.__cause__ if isinstance(error, EvorosError) else error
     if not isinstance(cause, FileNotFoundError) or exists(folder):
         return False

@@ -224,7 +224,6 @@ def _describe_certificate(certificate: Mapping[str, Any]) -> list[str]:
 
 
 def _describe_precision(certificate: Mapping[str, Any]) -> str:
-    """Describe how to reach the requested precision if it was missed."""
     precision, wanted = certificate["precision"], certificate["precision_trials"]
     half_width = (certificate["fitness_high"] - certificate["fitness_low"]) / 2
     if precision is None or half_width <= precision:

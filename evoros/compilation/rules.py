@@ -141,7 +141,6 @@ def _get_function(rule: Any) -> Any:
 
 
 def _adapt(rule: Any) -> Any:
-    """Return a rule as a function with the signature of its kind."""
     function = substitute(_get_function(rule))
     if isinstance(rule, NamedRule):
         return rule.adapt(njit(inline="always", **NJIT_OPTIONS)(function))

@@ -88,7 +88,6 @@ def check_classes(values: Mapping[str, Any], choices: Mapping[str, str]) -> tupl
 
 
 def _check_arguments(node: Any, key: str, choices: Mapping[str, str]) -> None:
-    """Require that each class in a configuration gets the arguments that it declares."""
     inner = enumerate(node) if isinstance(node, list) else ()
     for name, value in node.items() if isinstance(node, Mapping) else inner:
         _check_arguments(value, f"{key}.{name}" if key else str(name), choices)

@@ -44,7 +44,6 @@ def show(
 
 @contextmanager
 def _wrap_lines() -> Iterator[None]:
-    """Wrap long printed lines, such as the choices of a group."""
     printed = io.StringIO()
     try:
         with redirect_stdout(printed):

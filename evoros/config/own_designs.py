@@ -70,7 +70,6 @@ def plan_design(
 
 
 def _choose_settings(kind: str, described: Mapping[str, float]) -> tuple[dict[str, Any], list[str]]:
-    """Return the settings supported by a type of sensor, and notes on changes."""
     known = _read_bundled(SENSOR, kind)
     settings: dict[str, Any] = {
         key: round(value, 6) for key, value in described.items() if key in known

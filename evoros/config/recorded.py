@@ -104,7 +104,6 @@ def flatten(config: Configuration) -> dict[str, Any]:
 
 
 def _flatten(value: Any, above: str = "") -> dict[str, Any]:
-    """Return the values of nested mappings by dotted key, as in ``optimizer.generations``."""
     if not isinstance(value, dict) or not value:
         return {above: value}
     flat: dict[str, Any] = {}

@@ -152,5 +152,4 @@ def map_texts(node: Any, change: Callable[[str], str]) -> Any:
 
 
 def _escape(text: str) -> str:
-    """Escape ``${``, so that OmegaConf finds no reference in the string."""
     return re.sub(r"(\\*)\$\{", r"\1\1\\${", text)

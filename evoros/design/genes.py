@@ -157,7 +157,6 @@ def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
 
 
 def _check_bound(name: str, gene: Gene, end: float, parts: Mapping[str, object]) -> None:
-    """Check that a gene may take a bound while all other values are as configured."""
     refusals = {place: _refuse(gene, place, parts) for place in (end, 1.0 - end)}
     if refusals[end] and refusals[1.0 - end]:  # both bounds fail, so the key may be wrong
         raise InputError(f"design.genes.{name}: {refusals[end]}")
@@ -167,7 +166,6 @@ def _check_bound(name: str, gene: Gene, end: float, parts: Mapping[str, object])
 
 
 def _refuse(gene: Gene, end: float, parts: Mapping[str, object]) -> str:
-    """Return why a gene must not take a bound, or "" if it may."""
     try:
         replace_values(parts, {gene.key: gene.value(end)})
     except InputError as error:

@@ -201,7 +201,6 @@ class _Batch:
         return self.pool.join(run_batches, self, share, self.packed, asked)
 
     def _pop_missions(self, workers: int, seconds: float) -> list[Mission]:
-        """Return the missions of the next call, or [] at the end."""
         if self.alone:
             return [self.alone.popleft()]
         most = max(1, MISSIONS_OUT // (CALLS_PER_WORKER * workers))

@@ -209,7 +209,7 @@ def certify(validated: Validated, last: Generation, choice: Choice) -> Certifica
 
 
 def _find_advantage(rivals: Sequence[Rival], low: float) -> float:
-    """Return a rival's maximum advantage over the champion; NaN without rivals or intervals."""
+    """Return a bound on rivals' advantage over the champion; NaN without rivals or intervals."""
     ends = [rival.high for rival in rivals]
     return (
         round(max(ends) - low, rates.DIGITS)
@@ -279,7 +279,6 @@ def keep_missions(scores: Scores, individuals: Sequence[Individual]) -> None:
 
 
 def _list_first(scores: Scores, individual: Individual) -> list[Mission]:
-    """List the first mission in each world that counts for an individual's fitness."""
     experiment, design_id = scores.trials.experiment, individual.id
     plan, confirmed = experiment.plan, design_id in scores.confirmed.scores
     list_missions = plan.confirmation if confirmed else plan.selection

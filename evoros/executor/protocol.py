@@ -182,8 +182,6 @@ class Kept:
 
 @dataclass(frozen=True)
 class _Reference:
-    """Stands for a shared argument in a pickled call."""
-
     digest: bytes
 
 

@@ -21,7 +21,7 @@ class IndependentFailure(Failure):
     By default a failed sensor is silent from the start, as if the robot did not have it.
     """
 
-    probability: Annotated[float, PROBABILITY] = 0.3  # per sensor and mission
+    probability: Annotated[float, PROBABILITY] = 0.3  # probability of each sensor in a mission
     earliest_s: Annotated[float, NOT_NEGATIVE] = 0.0
     latest_s: Annotated[float, NOT_NEGATIVE] = 0.0
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # applied to the readings

@@ -188,7 +188,6 @@ def _find_route(
     spacings: tuple[float, ...],
     rng: Generator,
 ) -> _Route | None:
-    """Find home and corners that form a long loop of unobstructed legs."""
     centres = space.centres()
     if len(centres) < 2:
         return None

@@ -95,7 +95,6 @@ def _mark(file: BinaryIO, length: int) -> bytes:
 
 
 def _check_members(path: Path, members: list[ZipInfo]) -> dict[str, ZipInfo]:
-    """Require that members can be unpacked safely, and return them by name."""
     if len(members) > MOST_MEMBERS:
         raise _refuse(path, f"at most {MOST_MEMBERS} files", f"not {len(members)}")
     total, by_name = 0, dict[str, ZipInfo]()

@@ -156,7 +156,6 @@ def _min_clearance(track: Array, outline: Array, rows: Array, corners: Array) ->
 
 @compilable
 def _reach(outline: Array) -> float:
-    """Return the distance [m] from an outline's origin to its farthest corner."""
     squared = 0.0
     for i in range(len(outline)):
         squared = max(squared, outline[i, 0] * outline[i, 0] + outline[i, 1] * outline[i, 1])

@@ -133,7 +133,6 @@ def _get_stage(context: Any, builder: Any, signature: Any, arguments: Any) -> An
 
 
 def _make_generator(context: Any, builder: Any, address: Any) -> Any:
-    """Build a generator from the ``bitgen_t`` (numpy/random/bitgen.h) at an address."""
     functions = builder.inttoptr(address, WORD.as_pointer())
     rng = create_struct_proxy(RNG)(context, builder)
     bits = create_struct_proxy(_BITS)(context, builder)

@@ -158,7 +158,7 @@ Run = Callable[[LoopCall], LoopResult]
 OBSERVE, SENSE, ADVANCE = range(3)
 """Indices of the engine's call addresses in the simulation parameters."""
 TIME, ANSWER = range(2)
-"""Indices into the memory of a layer that calls Python; the only parameter is an address."""
+"""Indices into the memory of a layer that calls Python; the layer's parameter is an address."""
 
 CALLBACK = CFUNCTYPE(None)
 Expose: TypeAlias = Callable[[Callable[[], object]], float]

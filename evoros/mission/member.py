@@ -74,7 +74,7 @@ class Member:
         return self.design.bind(self.robot, find_declared_genes(self.controller))
 
     def find_design(self, design: Design) -> Design:
-        """Return the part of a design for this robot."""
+        """Return this robot's part of a design."""
         parts = design.parts
         if not self.has_own_design and self.name in parts:
             raise InputError(

@@ -59,7 +59,6 @@ def is_geotiff(content: bytes) -> bool:
 
 
 def _read_levels(file: Path, element: Element, reading: Reading) -> Array:
-    """Return the grey levels (rows, columns) of an image."""
     from io import BytesIO
 
     from PIL import Image, UnidentifiedImageError

@@ -215,7 +215,6 @@ def _insert_and_delete(container: Element) -> None:
 
 
 def _read_gravity(container: Element) -> float:
-    """Return the gravity [m/s2] of a world, by default the Earth's."""
     for parent in (container, *container.findall("physics")):
         gravity = find_child(parent, "gravity")
         if gravity is not None:
@@ -236,7 +235,6 @@ def _apply_state(
     reading: Reading,
     left_out: set[str],
 ) -> None:
-    """Move and scale the parts of ``owner``, the world or a model, according to its ``state``."""
     for element in state.iterchildren("model", "link"):
         name = read_name(element)
         if not scope and name in left_out:

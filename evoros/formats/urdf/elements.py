@@ -247,7 +247,6 @@ def _is_possible(inertial: Element, mass: float, extent_m: float) -> bool:
 
 
 def _assume_tensor(link: Element, mass: float) -> Array:
-    """Return the tensor (3, 3) [kg m2] of a homogeneous box around the link's shapes."""
     shapes = read_shapes(link)
     if not shapes:
         return mass * _DEFAULT_GYRATION_M * _DEFAULT_GYRATION_M * np.eye(3)

@@ -36,7 +36,7 @@ _QUANTITIES = {
     "rate": ("angular_velocity", "rate"),
     "acceleration": ("linear_acceleration", "accel"),
 }
-"""The XML element of each IMU quantity in new and old files, keyed by its filters' name prefix."""
+"""XML elements of an IMU quantity in new and old files, keyed by the prefix of filter names."""
 _AXES = ("x", "y", "z")
 
 

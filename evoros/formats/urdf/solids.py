@@ -210,7 +210,6 @@ def _is_empty(solid: Element) -> bool:
 
 
 def _ellipsoid(radii: list[float]) -> tuple[Vector, ...]:
-    """Return corners on an ellipsoid with these radii [m]."""
     a, b, c = radii
     corners = [(0.0, 0.0, c), (0.0, 0.0, -c)]
     for ring in range(1, _ELLIPSOID_RINGS):
