@@ -45,7 +45,7 @@ _ANALYSIS = os.path.join(os.path.dirname(__file__), "analysis")
 if os.path.isfile(_ANALYSIS):  # a copy of the checkout that lacks its symbolic links
     raise ImportError(
         f"{_ANALYSIS} must be a symbolic link to ../analysis, but is a file: "
-        "this copy lost its links; clone again with `git -c core.symlinks=true clone`"
+        "this copy lost its symbolic links; clone again with `git -c core.symlinks=true clone`"
     )
 
 if not TYPE_CHECKING:  # otherwise, type checkers would accept any name

@@ -66,13 +66,20 @@ def list_passages() -> Iterator[Passage]:
         for file in sorted((ROOT / folder).rglob("*.py")):
             if "tests" not in file.parts:
                 yield from _read_module(file)
-    for file in sorted((ROOT / "conf").rglob("*.yaml")):
+    for file in _list_files("conf", "yaml"):
         for number, line in enumerate(file.read_text().splitlines(), 1):
             if line.lstrip().startswith("#"):
                 yield Passage(PAGE, _place(file, number), line.lstrip("# "))
-    for file in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
+    for file in (ROOT / "README.md", *_list_files("docs", "md")):
         if file.name not in GENERATED:
             yield from _read_page(file)
+
+
+def _list_files(folder: str, suffix: str) -> list[Path]:
+    """List the files of a folder and of the plug-ins, without their tests."""
+    own = (ROOT / folder).rglob(f"*.{suffix}")
+    plugins = (ROOT / "evoros/plugins").rglob(f"*.{suffix}")
+    return sorted(file for file in (*own, *plugins) if "tests" not in file.parts)
 
 
 def _place(file: Path, line: int) -> str:

@@ -87,7 +87,8 @@ def _report_sources(runs: pd.DataFrame) -> Iterator[str]:
             trials = ", ".join(f"{count:.0f}" for count in sorted(set(rows[column])))
             name = "evaluations" if source == BY_EVALUATION else "the runs themselves"
             share = f"{len(rows)} of {len(runs)} runs"
-            yield f"validated fitness of {share}: from {name}, {trials} trials"
+            unit = "trial" if trials == "1" else "trials"
+            yield f"validated fitness of {share}: from {name}, {trials} {unit}"
     if (runs["validated_by"] != BY_EVALUATION).any():
         yield (
             "to validate on more trials, evaluate the champions under the conditions of their runs "

@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add ``--run``, ``--world`` and ``--readings``."""
     add_run(parser)
     add_worlds(parser)
-    about = "also plot the readings of sensors that cast no rays"
+    about = "also plot the readings of sensors without rays"
     parser.add_argument("--readings", action="store_true", help=about)
 
 

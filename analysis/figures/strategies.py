@@ -88,7 +88,7 @@ def report_designs(summary: pd.DataFrame) -> list[str]:
         count = f"{clusters.value:.0f} clusters" if clusters.value > 1 else "no clusters"
         adjusted = not few and clusters.p_holm > clusters.p
         holm = f", {clusters.p_holm:.2g} after Holm" if adjusted else ""
-        line += "too few for clusters" if few else f"{count} (p {clusters.p:.2g}{holm})"
+        line += "too few to find clusters" if few else f"{count} (p {clusters.p:.2g}{holm})"
         if treatment != ALL:
             for name in (FRONT, SIDE, "redundant"):
                 row = measures.loc[name]

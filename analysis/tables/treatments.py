@@ -158,7 +158,7 @@ def _read_entry(entry: object, place: str) -> NamedTreatment:
     if not isinstance(entry, dict) or not any(key in entry for key in _SELECTING):
         raise InputError(
             f"{place}: needs the keys name, and where (levels of factors) or folders (patterns of "
-            f"run names)"
+            f"run names); add them, as in {{name: GA, where: {{optimizer: ga}}}}"
         )
     given = {str(key): value for key, value in entry.items() if key not in _SELECTING}
     problem = describe_problem(given) or ("" if given.get("name") else "name must be a string")

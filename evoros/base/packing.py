@@ -18,7 +18,7 @@ P = TypeVar("P", bound=NamedTuple)
 
 _DIMENSIONS: dict[Any, int] = {float: 0, Array: 1, Matrix: 2}
 _FLOAT = np.dtype(float)
-_KINDS = "a number", "an array of one dimension", "an array of two dimensions"
+_KINDS = "a number", "a one-dimensional array", "a two-dimensional array"
 
 
 @cache

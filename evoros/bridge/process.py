@@ -59,7 +59,7 @@ class OutsideProcess:
         when = "before the mission started" if time is None else f"at {time:g} simulated s"
         log = self.read_log()
         words = single_line(log)[-WORDS:]
-        said = f"its last words: {words}" if words else "it printed nothing"
+        said = f"its last output: {words}" if words else "it printed nothing"
         return PilotLost(f"{self.name} {what} {when}; {said}", log)
 
     def read_log(self) -> str:
@@ -119,7 +119,9 @@ def start_process(
         made = [stack.enter_context(socket.socket(fileno=file)) for file in descriptors]
         name = Path(command[0]).name
         if not news and keeper.wait(END_LIMIT_S) == -signal.SIGKILL:
-            raise PilotLost(f"{name} was not started: its keeper was killed")
+            raise PilotLost(
+                f"{name} was not started, because the process that starts and guards it was killed"
+            )
         if "started" not in news:
             raise _explain(command[0], isolate, news)
         folders += filter(None, [news["folder"]])
@@ -209,8 +211,8 @@ def _explain(program: str, isolated: bool, news: Mapping[str, Any]) -> LaunchErr
             f"{why}); set controller.isolate=false, or allow user namespaces"
         )
     return LaunchError(
-        f"{program}: no folder or process could be created for it ({where}: {why}); free the "
-        f"resources that the system lacks"
+        f"{program}: cannot start, because no folder or process could be created ({where}: {why}); "
+        "free the resource that has run out"
     )
 
 

@@ -10,7 +10,7 @@ from evoros.base.errors import InputError
 from evoros.certificate.rates import LOWER_SHARE, Bounds, bound_mean, share_level
 
 PRECISION = Rule("null, or a number greater than 0", lambda v: v is None or POSITIVE.holds(v))
-TRIALS = Rule("null, or a whole number, minimum 1", lambda v: v is None or COUNT.holds(v))
+TRIALS = Rule("null, or a whole number of at least 1", lambda v: v is None or COUNT.holds(v))
 CONFIDENCE = Rule("a number from 0.5 to 0.999", lambda v: is_number(v) and 0.5 <= v <= 0.999)
 
 
@@ -100,7 +100,8 @@ def check_precision(validation: Validation, missions: int, bounds: Sequence[floa
     raise InputError(
         f"validation.precision: must be at least {reached:.2g}, not {validation.precision:g}, "
         f"because validation.max_trials={validation.max_trials} cannot give a finer precision at a "
-        f"fitness of {bounds[0] + level:g}; raise one of the two (validation.max_trials={wanted})"
+        f"fitness of {bounds[0] + level:g}; raise validation.precision, or set "
+        f"validation.max_trials={wanted}"
     )
 
 

@@ -200,6 +200,6 @@ def advise_seeds(seeds: list[set[int]]) -> Iterator[str]:
         why = (
             "its smallest possible p-value is 0.067"
             if counts[0] > 1
-            else "a mean of one run has no spread"
+            else "the spread is unknown with one run of a treatment"
         )
         yield advise(f"{head} factors cannot show an effect", why, 3 if len(counts) == 3 else 2)

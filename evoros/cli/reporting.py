@@ -104,7 +104,7 @@ def explain_end(
     if _is_gone(folder, error):
         return JobResult(
             console.STOPPED,
-            f"{folder}: was moved or deleted during the run; move it back and type: {resume}",
+            f"{folder}: moved or deleted during the run; move the folder back and type: {resume}",
         )
     if isinstance(error, EvorosError):
         again = _start_again(folder, resume, str(error)) if isinstance(error, PartFault) else ""

@@ -61,7 +61,7 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
     "export": Subcommand(
         "evoros.cli.export:export",
         "TRACKER FOLDER...",
-        "send runs that a tracker does not have yet",
+        "send runs that a tracker does not have",
         ("--config-dir",),
     ),
     "inspect": Subcommand(

@@ -247,7 +247,7 @@ def _write_rates(rates: Mapping[str, Rate], confidence: float) -> str:
     first = next(iter(rates.values()))
     if len(rates) > 1 and set(rates.values()) == {first}:
         (interval,) = set(ends.values())
-        each = f"each {first.completed} of {first.trials} ({percent} {interval})"
+        each = f"{first.completed} of {first.trials} in each ({percent} {interval})"
         return f"{done} of {trials} missions; {each}"
     listed = ", ".join(
         f"{name} {rate.completed}/{rate.trials} ({ends[name]})" for name, rate in rates.items()
@@ -258,7 +258,7 @@ def _write_rates(rates: Mapping[str, Rate], confidence: float) -> str:
 def _describe_rivals(certificate: Mapping[str, Any]) -> str:
     rivals, advantage = certificate["rivals"], certificate["rival_advantage"]
     if not rivals:
-        return "none tested on the same draws; set their number with validation.rivals"
+        return "none tested on the same draws; to test some, set validation.rivals"
     if advantage is None:
         return f"{len(rivals)} on the same draws, but without an interval to compare them by"
     better = [rival for rival in rivals if rival["low"] > certificate["fitness_high"]]

@@ -9,7 +9,7 @@ from evoros.files.resources import expand_home
 from evoros.terminal.console import DONE, CommandParser, print_result, reports_errors, require_keys
 
 NAME = "evoros world"
-ABOUT = """Write a generated world as an SDF file, for Gazebo or for your own choice of world.
+ABOUT = """Write a generated world as an SDF file, to open in Gazebo or to use as a fixed world.
 
 FILE must not exist. Meshes and height fields are written next to it, in files named after it.
 The keys are the same as in a run with world=generated:

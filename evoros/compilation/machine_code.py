@@ -133,8 +133,9 @@ def cache_folder() -> Path | None:
     folder = private_folder(digest.hexdigest()[:16])
     if folder is None:
         LOGGER.warning(
-            "no cache for compiled rules: neither %s nor the folder for temporary files has a "
-            "folder that only this user can write to; rules are compiled in every process",
+            "no cache for compiled rules: neither in %s nor in the folder for temporary files is "
+            "there a folder that only this user can write to; every process compiles the rules "
+            "again",
             cache_home(),
         )
     return folder

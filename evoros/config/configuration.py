@@ -115,7 +115,10 @@ def _describe_missing(key: str, name: str) -> str:
     files = (file for folder in conf_folders() for file in folder.glob(f"{name}/*.yaml"))
     choices = sorted(file.stem for file in files)
     if choices and not key:
-        return f"{name}: no choice was made; type {name}=NAME, one of: {', '.join(choices)}"
+        return (
+            f"{name}: no choice was made; type {name}=NAME, where NAME is one of: "
+            f"{', '.join(choices)}"
+        )
     return f"{key}: missing key {name!r}; add it" if key else f"missing key {name!r}; add it"
 
 

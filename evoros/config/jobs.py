@@ -83,7 +83,7 @@ class Jobs:
                 f"leave out one of the two"
             )
         if not self.plugins and self._base.hydra.get("callbacks"):
-            raise InputError("hydra.callbacks: are not called by evoros; leave them out")
+            raise InputError("hydra.callbacks: evoros calls no callbacks; leave them out")
         self._overrides: list[tuple[str, ...]] = []
         self._composed: dict[
             tuple[str, ...], Configuration
@@ -261,7 +261,10 @@ def _check_values(typed: str, swept: object) -> None:
     elif isinstance(swept, RangeSweep):
         start, stop, step = (float(value or 0) for value in (swept.start, swept.stop, swept.step))
         if not all(map(math.isfinite, (start, stop, step))) or step == 0:
-            raise InputError(f"{typed}: range() must have finite ends and a nonzero step")
+            raise InputError(
+                f"{typed}: range() must have finite ends and a nonzero step; write, for example, "
+                "range(0,10,2)"
+            )
         if (stop - start) / step > _MAX_JOBS:
             raise InputError(f"{typed}: must have at most {_MAX_JOBS} values; choose a larger step")
 

@@ -136,8 +136,8 @@ def _describe_word(word: str) -> str:
     for name in re.findall(r"(\w+)\(", re.sub(r"[\"'].*", "", value)):
         if name not in parser.functions.functions:
             return (
-                f"{word!r}: Hydra's grammar has no function {name}, but choice, range, glob and "
-                f"others; correct the word or quote the value"
+                f"{word!r}: {name} is not a function of Hydra's grammar, unlike choice, range or "
+                "glob; correct the word or quote the value"
             )
     unlike_keys = re.search("[=/]", value) or not value.isascii()
     if equals and unlike_keys and not re.search("[\"'()\\[\\]{}]", value):
@@ -186,7 +186,11 @@ def _no_such_key(key: str, parent: Any, above: str, rest: Sequence[str]) -> str:
     fix = HELP if not siblings else f"the keys here are {', '.join(siblings)}"
     target = str(_select(parent, "_target_") or "")
     is_own = target.startswith("evoros.")
-    if parent is None or (is_own and last in inspect.signature(get_object(target)).parameters):
+    if (
+        parent is None
+        or parent == {}
+        or (is_own and last in inspect.signature(get_object(target)).parameters)
+    ):
         return f"{key}: not in the configuration; to add it, type +{key}=..."
     group = above.rstrip(".")
     owners = name_owners(group, rest[0])

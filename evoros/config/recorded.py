@@ -83,7 +83,7 @@ def find_difference(
     """
     before, now = flatten(recorded), flatten(wanted)
     for key in list_differences(before, now, free):
-        return f"{key} is {now.get(key)!r} and was {before.get(key)!r}"
+        return f"{key} is {now.get(key)!r}, but was {before.get(key)!r}"
     return ""
 
 

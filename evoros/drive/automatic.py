@@ -49,7 +49,10 @@ _KINDS = {
 }
 _PUSHING_PLUGIN = re.compile(r"planar_?move", re.IGNORECASE)
 _SIDEWAYS_PLUGIN = re.compile(r"planar_?move|mecanum|omni|holonomic", re.IGNORECASE)
-HOLD_STRAIGHT = "set robot.drive.kind={} to lock the steering and turn by different wheel speeds"
+HOLD_STRAIGHT = (
+    "set robot.drive.kind={} to lock the steering and turn by driving the wheels at different "
+    "speeds"
+)
 _MIN_ROLLERS = 3  # minimum number of turning joints on a wheel with rollers
 _DIAGONAL = (elementary.cos(math.radians(60.0)), elementary.cos(math.radians(30.0)))
 """Range of the cosine between a mecanum wheel's axle and <fdir1>."""
@@ -97,7 +100,7 @@ def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
         reason = reason or f"Gazebo plugin {plugin}"
         raise urdf.error(
             f"the robot also moves sideways ({reason}), which no drive models; wheels: {names}",
-            f"set robot.drive.kind={kind} to drive it as if on plain wheels"
+            f"set robot.drive.kind={kind} to simulate it as if it had plain wheels"
             if kind
             else "write a drive for it (docs/parts/drive.md)",
         )
@@ -159,7 +162,7 @@ def _find_rollers(urdf: Urdf, joint: Joint) -> str:
             return f"{kind} wheels, according to the name {named!r}"
     rollers = [j for link in group for j in urdf.children_of(link) if j.type in TURNING]
     if len(rollers) >= _MIN_ROLLERS:
-        return f"wheels with rollers; {joint.child!r} has {len(rollers)}"
+        return f"wheels with rollers: {joint.child!r} has {len(rollers)}"
     return ""
 
 
@@ -341,7 +344,11 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
     ]
     if slippery:
         names = ", ".join(slippery)
-        _LOG.warning("%s: wheels that slide in Gazebo (<mu> of 0) grip: %s", urdf.source, names)
+        _LOG.warning(
+            "%s: in evoros, these wheels grip, although they slide in Gazebo (<mu> is 0): %s",
+            urdf.source,
+            names,
+        )
     driven = urdf.actuated - {*chosen.wheel_joints, *chosen.steering_joints}
     called = (joint for joint in urdf.joints.values() if is_called_wheel(joint))
     left_out = ", ".join(joint.name for joint in called if joint.name in driven)
@@ -349,4 +356,6 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
         _LOG.warning("%s: driven wheels are not part of the drive: %s", urdf.source, left_out)
     fixed = [wheel.joint.name for wheel in wheels if not wheel.turns]
     if fixed:
-        _LOG.warning("%s: fixed wheels are made to turn: %s", urdf.source, ", ".join(fixed))
+        _LOG.warning(
+            "%s: wheels on fixed joints get joints that turn: %s", urdf.source, ", ".join(fixed)
+        )

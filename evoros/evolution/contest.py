@@ -48,8 +48,8 @@ class Contest:
             done = len(self.scores.get(design_id, ()))
             if design_id not in self.earlier or trials < 1 or done + trials > most:
                 raise self._refuse(
-                    f"must give a design of this generation at least 1 further trial and at "
-                    f"most {most} in all, not {trials} to design {design_id}, which has {done}"
+                    "must give a design of this generation at least 1 further trial and at most "
+                    f"{most} in total, not {trials} to design {design_id}, which has {done}"
                 )
             wanted[design_id] = range(done, done + trials)
         self.rounds.append(further)

@@ -101,8 +101,8 @@ class Judgement:
         more = "" if wanted else "more than "
         text = f"{more}{max(wanted or MOST_REPEATS * known, looks[0])}"
         LOGGER.info(
-            "validation.precision: %g will probably need %s trials of the champion, judging by %d; "
-            "validation.max_trials allows %d",
+            "validation.precision: %g will probably need %s trials of the champion, judging by the "
+            "first %d; validation.max_trials allows %d",
             *(precision, text, known, looks[-1]),
         )
 

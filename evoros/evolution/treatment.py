@@ -29,8 +29,8 @@ def describe_problem(given: Mapping[Any, Any]) -> str:
 
 
 TREATMENT = Rule(
-    f"a mapping from 'name' and factors to strings or numbers of at most {MAX_LENGTH} characters, "
-    f"with no factor called {' or '.join(RESERVED)}",
+    f"a mapping from 'name' and the names of factors to strings or numbers of at most {MAX_LENGTH} "
+    f"characters, with no factor called {' or '.join(RESERVED)}",
     lambda value: isinstance(value, Mapping) and not describe_problem(value),
     plain=True,
 )

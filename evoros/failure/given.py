@@ -53,7 +53,8 @@ class GivenFailure(Failure):
         beyond = [sensor for sensor in self.sensors if sensor >= channels.size]
         if beyond:
             raise InputError(
-                f"failure.sensors: must be indices of the robot's sensors, 0 to "
-                f"{channels.size - 1}, not {beyond[0]}"
+                "failure.sensors: must be indices of the robot's sensors, 0 to "
+                f"{channels.size - 1}, not {beyond[0]}; remove that index, or give designs with "
+                "more sensors"
             )
         return make_faults(self, self.case, channels.size)

@@ -124,7 +124,7 @@ class Maze:
             if min(places) >= 0 and places == sorted(set(places)):
                 return _leave_corridor(doors, way)
             doors = self._connect(rng)
-        rule = f"must lie in this order on a corridor of one of {MAX_ATTEMPTS} drawn mazes"
+        rule = f"must lie in this order on a corridor in at least one of {MAX_ATTEMPTS} drawn mazes"
         fix = "give fewer waypoints, or set dead_ends to keep or open"
         raise invalid(self, "course.waypoints", [*self.course.waypoints], rule, fix)
 

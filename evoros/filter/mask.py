@@ -48,7 +48,10 @@ class Mask(Filter):
             )
         last = max((span[1] for span in self.beams), default=0)
         if last >= self.scan:
-            raise InputError(f"Mask.beams: must be below {self.scan}, not {last}")
+            raise InputError(
+                f"Mask.beams: must be below {self.scan}, not {last}; lower it, or set scan to the "
+                "sensor's number of beams"
+            )
         masked = np.zeros((channels.size // self.scan, self.scan))
         for first, last in self.beams:
             masked[:, first : last + 1] = 1.0

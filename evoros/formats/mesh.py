@@ -154,7 +154,7 @@ def _list_remarks(path: Path, dropped: int, up_axis: bool) -> Iterator[str]:
         axis = re.search(rb"<up_axis>\s*([XY]_UP)", file.read(100_000))
     if axis and path.suffix.lower() == ".dae" and not up_axis:
         name = axis[1].decode()
-        yield f"its up axis {name} is not applied, as in Gazebo Classic and RViz; z is up"
+        yield f"the up axis {name} is ignored, as in Gazebo Classic and RViz; z points up"
 
 
 def _corners(points: Array) -> Corners:

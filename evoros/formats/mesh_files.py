@@ -42,9 +42,9 @@ def _find_cut(suffix: str, content: bytes) -> str:
     is_text = begin.encode() in content[:_SHORT].lower()
     if suffix == ".stl" and not is_text:  # a binary file states its number of faces
         whole = 84 + 50 * int.from_bytes(content[80:84], "little")
-        return f"it has {len(content)} of {whole} bytes" if len(content) < whole else ""
+        return f"the file has {len(content)} of {whole} bytes" if len(content) < whole else ""
     cut = is_text and end.encode() not in content[-_SHORT:].lower()
-    return f"it does not end with {end}" if cut else ""
+    return f"the file does not end with {end}" if cut else ""
 
 
 def _to_utf8(content: bytes) -> bytes:

@@ -61,7 +61,7 @@ class Absences:
         first, names = self._absences[0], self.names()
         if len(names) == 1:
             more = len(self._absences) - 1
-            again = f" (and {more} more times)" if more else ""
+            again = f" (and {more} more like this)" if more else ""
             problem = f"{first.sentence}{again}"
         else:
             listed = ", ".join(self._list())

@@ -119,7 +119,7 @@ def find_declared_genes(controller: object) -> dict[str, Gene]:
         if name in genes:
             raise InputError(
                 f"{at}: must not declare the gene {name}, which another part of the controller "
-                f"declares too; rename the gene in one of the classes"
+                "also declares; rename the gene in one of the classes"
             )
         low, high = float(value.low), float(value.high)
         genes[name] = Gene(f"{at}.{value.path}", low, high, group=value.group or None)

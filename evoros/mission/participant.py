@@ -117,7 +117,7 @@ class Ask:
 
     def __init__(self, pilot: protocol.Pilot, modes: int) -> None:
         self._exchange = pilot.exchange
-        text = f"the number of its mode, from 0 to {modes}"
+        text = f"a mode number from 0 to {modes}"
         self._rule = Rule(text, lambda v: is_whole(v) and bool(0 <= v <= modes))
 
     def __call__(

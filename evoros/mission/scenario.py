@@ -87,14 +87,14 @@ class Scenario:
             if len(set(names)) < len(names):
                 twice = next(one for one in names if names.count(one) > 1)
                 raise InputError(
-                    f"walkers: names in world.{name} must differ, but two are called {twice}; "
-                    f"rename the group or the actor"
+                    f"walkers: two walkers in world.{name} have the name {twice}; rename the group "
+                    "or the actor"
                 )
             if not self.simulator.has_walkers:
                 raise InputError(
-                    f"walkers: must be none with {type(self.simulator).__name__}, which does not "
-                    f"move them (has_walkers); {advise(name, self.walkers)}, or use another "
-                    f"simulator, for example simulator=planar"
+                    f"walkers: must be empty with {type(self.simulator).__name__}, which does not "
+                    f"move walkers (has_walkers); {advise(name, self.walkers)}, or use another "
+                    "simulator, for example simulator=planar"
                 )
         for name, group in self.walkers.items():
             longest = FASTEST * group.paces[1] * self.simulator.time_step
@@ -103,7 +103,7 @@ class Scenario:
                     f"walkers.{name}.pace_mps: must be at most "
                     f"{group.radius_m / (FASTEST * self.simulator.time_step):.2g} m/s, not "
                     f"{group.paces[1]:g}, so that a walker moves less than radius_m in a time "
-                    "step; lower it, or lower simulator.time_step"
+                    "step; lower the pace or simulator.time_step"
                 )
 
     def draw_world(self, name: str, draws: str, robots: Sequence[PlacedRobot]) -> World:

@@ -103,9 +103,9 @@ class Setup:
         if STRENGTH in failing:
             if not self._weakens_wheels:
                 raise InputError(
-                    "failure: must not affect the wheels, because this simulator has no weak "
-                    "wheels (weakens_wheels); choose another failure, for example failure=drive, "
-                    "or use another simulator, for example simulator=planar"
+                    "failure: must not affect the wheels, because this simulator does not model "
+                    "weak wheels (weakens_wheels); choose another failure, for example "
+                    "failure=drive, or use another simulator, for example simulator=planar"
                 )
             if len(driven) == len(commands):
                 return np.concatenate([driven, np.ones(self.agents.awaited.size * STRENGTH_SIZE)])
@@ -160,8 +160,8 @@ def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array)
         fits = isinstance(array, np.ndarray) and array.dtype == np.dtype(float) and array.ndim == 1
         if not (fits and array.flags.c_contiguous and array.flags.writeable):
             raise InputError(
-                f"{name_rule(rule)}: its {name} must be a contiguous and writeable array of one "
-                f"dimension of float64, not {array!r}; make it with np.array(..., dtype=float)"
+                f"{name_rule(rule)}: its {name} must be a contiguous, writeable, one-dimensional "
+                f"float64 array, not {array!r}; make it with np.array(..., dtype=float)"
             )
 
 

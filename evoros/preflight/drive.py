@@ -98,8 +98,8 @@ def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) 
             f"lower robot.drive.steering_limit_rad to {limit:g}, up to which it turns as commanded"
         )
     general = (
-        "compare the drive's wheels, casters and effort limits, the friction, the masses and the "
-        "collision shapes with the real robot"
+        "check the drive's wheels, casters and effort limits, the friction, the masses and the "
+        "collision shapes against the real robot"
     )
     if isinstance(simulator, Mujoco):
         return general
@@ -285,7 +285,11 @@ def _tell_doubt(simulators: Mapping[str, Simulator], setting: Setting) -> Iterat
     """Yield the warning about engines that simulate a drive inaccurately at any time step."""
     first = next(iter(simulators.values()))
     faults = setting.describe(setting.in_engine(first).run())
-    shown = f"{faults}, and no step corrects that" if faults else "cannot be driven accurately"
+    shown = (
+        (f"{faults}, and no smaller time step corrects that")
+        if faults
+        else "cannot be driven accurately"
+    )
     yield (
         f"{' and '.join(simulators)}: {setting.robot.name} {shown}, because "
         f"{first.doubt_drive(setting.robot.drive)}; {advise_mujoco(simulators, setting, first)}"
@@ -305,7 +309,7 @@ def _check(key: str, simulator: Simulator, setting: Setting) -> Iterator[str]:
             fix = f"set {_settings(key, finer)}, with which the robot moves as commanded"
             break
     else:
-        fix = f"no step down to {finest.time_step:g} s corrects that; "
+        fix = f"no time step down to {finest.time_step:g} s corrects that; "
         fix += advise(key, simulator, setting, trial)
     yield f"{key}: at time_step={simulator.time_step:g}, {setting.robot.name} {faults}; {fix}"
 

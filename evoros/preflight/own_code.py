@@ -99,8 +99,8 @@ def find_difference(first: Array, second: Array, columns: Sequence[str]) -> str:
         row = int(differing[0])
         column = int(np.flatnonzero(~same[row])[0])
         values = f"{columns[column]} {first[row, column]:g} and {second[row, column]:g}"
-        return f"the two differ from tick {row} on, at {first[row, TIME]:g} s ({values})"
+        return f"the two runs differ from tick {row} on, at {first[row, TIME]:g} s ({values})"
     if len(first) != len(second):
         times = f"{first[-1:, TIME].sum():g} and {second[-1:, TIME].sum():g} s"
-        return f"the two differ from tick {rows} on, because they end at {times}"
+        return f"the two runs differ from tick {rows} on, because they end at {times}"
     return ""

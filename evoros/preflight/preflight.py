@@ -187,8 +187,8 @@ def check_workers(experiment: Experiment) -> Iterator[str]:
     executor, cores = experiment.executor, available_cores()
     if isinstance(executor, Processes) and executor.workers > _MAX_WORKERS_PER_CORE * cores:
         yield (
-            f"executor.workers: {executor.workers} workers share {cores} cores, and each takes "
-            f"memory; remove the key to get one worker per core"
+            f"executor.workers: {executor.workers} workers share {cores} cores, and each worker "
+            "needs memory; remove the key to get one worker per core"
         )
 
 
@@ -271,7 +271,8 @@ def check_cases(subject: scene.Subject) -> Iterator[str]:
         if trials < cases:
             yield (
                 f"failure: {sensors} sensors can fail in {cases} ways, of which each design meets "
-                f"{trials} at random, one per trial; set trials={cases} to test each once"
+                f"{trials} at random, one per trial; set trials={cases} to test each of these "
+                "cases once"
             )
 
 

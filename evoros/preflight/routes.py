@@ -109,10 +109,9 @@ def _check_spacing(course: Course) -> Iterator[str]:
     if min(lengths) <= course.acceptance_m:
         index = lengths.index(min(lengths))
         yield (
-            f"leg {index + 1} of the course, {lengths[index]:.3g} m long, is complete from the "
-            "start, "
-            f"because acceptance_m is {course.acceptance_m:g} m; lower course.acceptance_m, or "
-            f"move the waypoints apart"
+            f"leg {index + 1} of the course, {lengths[index]:.3g} m long, counts as complete from "
+            f"the start, because acceptance_m is {course.acceptance_m:g} m; lower "
+            "course.acceptance_m, or move the waypoints apart"
         )
 
 

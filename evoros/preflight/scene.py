@@ -238,7 +238,7 @@ def check_onsets(subject: Subject) -> Iterator[str]:
         if len(problems) == len(found):
             raise InputError(f"failure.onset: must be {next(iter(problems.values()))}")
         for name, problem in problems.items():
-            yield f"failure.onset: never occurs in {name}: it must be {problem}"
+            yield f"failure.onset: must be {problem}; otherwise, the failure never occurs in {name}"
 
 
 def _list_triggers(subject: Subject) -> list[Trigger]:

@@ -148,16 +148,16 @@ def _make(name: str, fields: Any) -> Requirement:
         raise InputError(f"{key}: must be {NAME.text}; rename the requirement")
     if not isinstance(fields, Mapping):
         raise InputError(
-            f"{key}: must be a mapping, as in {{of: completed, at_least: 0.9}}, not {fields!r}; "
-            f"correct it"
+            f"{key}: must be a mapping, as in {{of: completed, at_least: 0.9}}, not {fields!r}"
         )
     kind, first = (Survival, "survives") if "survives" in fields else (Claim, "of")
     known = [rule_of for rule_of, _, _ in list_rules(kind)]
     unknown = [field for field in fields if field not in known]
     if unknown or first not in fields:
+        fix = "remove the others" if unknown else f"add {first}"
         raise InputError(
             f"{key}: must have the key {first} and may have only {', '.join(known)}, but has "
-            f"{', '.join(map(str, unknown or fields))}"
+            f"{', '.join(map(str, unknown or fields))}; {fix}"
         )
     try:
         return kind(**fields)
@@ -183,7 +183,8 @@ def check_requirements(
         for key, world in (("world", claim.world), *(("each.world", one) for one in stated)):
             if world is not None and world not in worlds:
                 raise InputError(
-                    f"requirements.{name}.{key}: must be one of {', '.join(worlds)}, not {world!r}"
+                    f"requirements.{name}.{key}: must be one of {', '.join(worlds)}, not "
+                    f"{world!r}; choose one of these, or add that world to the evaluation"
                 )
     list_conditions(requirements)
 

@@ -39,7 +39,7 @@ def hold_joints(elements: Element, urdf: Urdf, driven: Collection[str]) -> list[
                 joint.remove(part)
     notes = [f"{len(held)} joints outside the drive are held at zero: {', '.join(held)}"]
     if excluded:
-        notes.append(f"joints held at zero cannot be there: {', '.join(excluded)}")
+        notes.append(f"the limits of some held joints exclude zero: {', '.join(excluded)}")
     return notes if held else []
 
 
@@ -68,7 +68,7 @@ def place_on_ground(elements: Element, urdf: Urdf, wheels: Sequence[Wheel]) -> l
     where = [f"{abs(down):.4g} m {'below' if down < 0.0 else 'above'}"] * bool(down)
     where += [f"{abs(side):.4g} m to the {'left' if side > 0.0 else 'right'} of"] * bool(side)
     place = f"{' and '.join(where)} the root link {urdf.root}"
-    return [f"the wheels touch the ground {place}; the robot's frame is put there"]
+    return [f"the wheels touch the ground {place}; the robot's frame is moved there"]
 
 
 def complete_body(

@@ -117,7 +117,7 @@ def _adapt_drive(
         "wheels that mimic another joint get their own motor": notes.mimics,
         "wheels whose joints have stops turn without them": notes.unstopped,
         f"steering joints without limits stop at {stop:g} rad": notes.stops,
-        "swapped lower and upper limits of steering joints are exchanged": notes.switched,
+        "swapped lower and upper limits of steering joints are put in order": notes.switched,
         "steering limits exceed half a turn and may be in degrees": notes.spins,
     }
     return chosen, wheels, [f"{text}: {', '.join(names)}" for text, names in lines.items() if names]
@@ -167,7 +167,7 @@ def _tell_dense(elements: Element, urdf: Urdf) -> list[str]:
         volume = float(np.prod(np.ptp(points, axis=0)))
         if float(mass.get("value", "0")) > DENSEST_KG_M3 * volume:
             dense.append(f"{name} ({float(mass.get('value', '0')):g} kg in {1e3 * volume:.3g} l)")
-    note = f"links are denser than any metal, and their masses are kept: {', '.join(dense)}"
+    note = f"links are denser than any metal, but their masses are kept: {', '.join(dense)}"
     return [note] if dense else []
 
 

@@ -77,8 +77,8 @@ def _check_draws(experiment: Experiment) -> None:
         asked[f"requirements.{name}"] = need_conditions(requirement)
     for key in (key for key, has_draws in asked.items() if has_draws):
         raise InputError(
-            f"{key}: cannot be combined with evaluation_draws=validation, because it uses other "
-            f"draws; leave out one of the two"
+            f"{key}: cannot be combined with evaluation_draws=validation, because the two use "
+            "different draws; leave out one of them"
         )
 
 

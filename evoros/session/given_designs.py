@@ -139,7 +139,7 @@ def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesi
     for source in sources:
         for path, named in _read_source(source, experiment):
             if path.resolve() in known:
-                raise InputError(f"designs: {path} is named twice")
+                raise InputError(f"designs: {path} is named twice; remove one of the two")
             known.add(path.resolve())
             for one in named:
                 if (one.source, one.name) in names:

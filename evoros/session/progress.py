@@ -105,7 +105,7 @@ class Progress(_Shown):
     def _describe_time(self, elapsed: float) -> str:
         if self.missions:
             return f"{write_clock(self._left() * elapsed / self.missions)} left"
-        return f"after {write_clock(_elapsed(self._created))}"
+        return f"{write_clock(_elapsed(self._created))} elapsed"
 
     @property
     def share(self) -> float:
@@ -167,7 +167,7 @@ class SweepProgress(_Shown):
                 1,
                 f"{write_clock(left)} left"
                 if share
-                else f"after {write_clock(_elapsed(self._created))}",
+                else f"{write_clock(_elapsed(self._created))} elapsed",
             ),
         ]
         return fit(parts, width)
@@ -193,7 +193,7 @@ class RecordedProgress(_Shown):
             (2, f"{states.count(RUNNING)} running"),
             (1, _best(job.best for job in begun)),
             (3, f"missions {sum(job.missions for job in begun)}"),
-            (4, f"after {write_clock(_elapsed(self._created))}"),
+            (4, f"{write_clock(_elapsed(self._created))} elapsed"),
         ]
         return fit(parts, width)
 

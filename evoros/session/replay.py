@@ -89,7 +89,8 @@ def replay_in_plane(
     for scenario in (experiment.scenario, experiment.confirming):
         if not isinstance(scenario.simulator, Planar) or scenario.is_live:
             raise InputError(
-                f"{run.path}: has an engine or a live controller; choose one with simulator=planar"
+                f"{run.path}: the run uses a physics engine or a live controller; choose a run "
+                "with simulator=planar"
             )
     designs = replay_designs(run, experiment)
     for key in keys:
@@ -123,9 +124,7 @@ def _find_row(path: Path, columns: Mapping[str, str]) -> Row:
     typed = " with " * bool(columns) + " ".join(f"{name}={text}" for name, text in columns.items())
     if unknown or not found:
         wrong = f"column {unknown[0]}" if rows and unknown else f"mission{typed}"
-        raise InputError(
-            f"{path / layout.MISSIONS}: no {wrong};  copy the values from missions.csv"
-        )
+        raise InputError(f"{path / layout.MISSIONS}: no {wrong}; copy the values from missions.csv")
     if len(found) > 1:
         differing = [name for name in known if len({row[name] for row in found}) > 1]
         raise InputError(

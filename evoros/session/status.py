@@ -105,7 +105,7 @@ class Status:
 
 CONSEQUENCES = {
     layout.MISSIONS: "missing missions run again",
-    layout.DIGESTS: "rewritten for known files",
+    layout.DIGESTS: "rewritten for the known files",
 }
 """The consequences of a problem in each file that has no backup copy."""
 
@@ -118,7 +118,7 @@ def log_repair(repair: Repair) -> None:
         LOGGER.warning("%s%s: %s; %s", repair.path, repair.where, repair.problem, kept)
         return
     if repair.kept is not None:
-        lost = ", repeated, of another run, or without its trajectory"
+        lost = ", repeated, from another run, or without a trajectory"
         LOGGER.warning(
             "%s%s: damaged (for example by a disk fault or an editor)%s; rewritten; the damaged "
             "file is kept as %s",
@@ -126,7 +126,7 @@ def log_repair(repair: Repair) -> None:
         )
         return
     damage = f"{repair.where}: damaged" if repair.where else ": missing"
-    effects = {layout.MISSIONS: "; all missions run again", layout.DIGESTS: " for known files"}
+    effects = {layout.MISSIONS: "; all missions run again", layout.DIGESTS: " for the known files"}
     LOGGER.warning("%s%s; rewritten%s", repair.path, damage, effects.get(name, ""))
 
 

@@ -204,7 +204,7 @@ class DigestLog:
         self._damaged, self._appendable = [], True
 
 
-FOREIGN = "of another run"
+FOREIGN = "from another run"
 _HASHES = {CONFIG: "configuration"}
 """The names of hashes in the manifest that differ from their file's name, by file name."""
 
@@ -233,7 +233,7 @@ def require_origin(folder: Path, manifest: Mapping[str, Any], entries: Mapping[s
     fix = "restore it from a copy; the rest of the folder is kept"
     if foreign == DIGESTS:
         fix = f"restore it or type: {resume_command(folder)}"
-    raise InputError(f"{folder / foreign}: is {FOREIGN} ({others}); {fix}")
+    raise InputError(f"{folder / foreign}: the file is {FOREIGN} ({others}); {fix}")
 
 
 def read_original(folder: Path, name: str, manifest: Mapping[str, Any]) -> bytes:

@@ -24,7 +24,7 @@ from evoros.storage.trajectory_files import TrajectoryFiles
 from evoros.storage.verification import has_all_digests
 
 CHANGED = "changed since it was finished, although each row is undamaged"
-UNWANTED = "of missions that the run does not request"
+UNWANTED = "rows of missions that the run does not request"
 """Problems of a mission table; the first is also a problem of digests."""
 
 

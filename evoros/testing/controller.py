@@ -62,8 +62,8 @@ class _LayersSuite(_OnRobot):
                         given[name][:] = math.nan
                     decides, command = rule(*given.values()), given["command"]
                     assert not decides or np.isfinite(command).all(), (
-                        f"the command is {command} while {' and '.join(silent) or 'nothing'} "
-                        f"is silent"
+                        f"the command must be finite while {' and '.join(silent) or 'nothing'} is "
+                        f"silent, not {command}"
                     )
 
 
@@ -107,13 +107,17 @@ class ControllerSuite(_LayersSuite):
     def test_it_has_a_mode_for_each_layer(self) -> None:
         """``modes`` are known before a start, in the order of the layers."""
         modes = self.part.modes
-        assert all(isinstance(mode, str) and mode for mode in modes), f"modes are {modes}"
+        assert all(isinstance(mode, str) and mode for mode in modes), (
+            f"modes must be non-empty strings, not {modes}"
+        )
         count = len(self.start_layers(self.part, 1))
         assert len(modes) == count, f"there must be {count} modes, one for each layer, not {modes}"
 
     def test_its_period_is_possible(self) -> None:
         """The period is finite and greater than 0."""
-        assert 0 < self.part.period_s < math.inf, f"period_s is {self.part.period_s}"
+        assert 0 < self.part.period_s < math.inf, (
+            f"period_s must be finite and greater than 0, not {self.part.period_s}"
+        )
 
 
 class EstimatorSuite(_OnRobot):
@@ -164,8 +168,12 @@ class LiveControllerSuite(PartSuite):
         """Modes are non-empty strings, and the period is finite and greater than 0."""
         modes = self.part.modes
         assert modes, "a controller must have a mode"
-        assert all(isinstance(mode, str) and mode for mode in modes), f"modes are {modes}"
-        assert 0 < self.part.period_s < math.inf, f"period_s is {self.part.period_s}"
+        assert all(isinstance(mode, str) and mode for mode in modes), (
+            f"modes must be non-empty strings, not {modes}"
+        )
+        assert 0 < self.part.period_s < math.inf, (
+            f"period_s must be finite and greater than 0, not {self.part.period_s}"
+        )
 
     def test_its_files_exist(self) -> None:
         """All files exist, so a run can record their hashes."""
@@ -175,5 +183,7 @@ class LiveControllerSuite(PartSuite):
     def test_its_answers_are_finite(self) -> None:
         """Commands are finite, and each mode is a number from 0 to the number of modes."""
         for mode, command in self.use(self.part, 1):
-            assert 0 <= mode <= len(self.part.modes), f"the mode is {mode}"
-            assert np.isfinite(command).all(), f"the command is {command}"
+            assert 0 <= mode <= len(self.part.modes), (
+                f"the mode must be from 0 to {len(self.part.modes)}, not {mode}"
+            )
+            assert np.isfinite(command).all(), f"the command must be finite, not {command}"

@@ -52,7 +52,9 @@ class RegionSuite(PartSuite):
         """Each range has the name of a pose coordinate, and its minimum comes first."""
         for name, (low, high) in self.bind(self.part).ranges.items():
             assert name in (*POSITION, *ANGLES), f"{name} must be one of {(*POSITION, *ANGLES)}"
-            assert -math.inf < low <= high < math.inf, f"the range of {name} is {low} to {high}"
+            assert -math.inf < low <= high < math.inf, (
+                f"the range of {name} must be finite and in order, not {low} to {high}"
+            )
 
     def test_its_link_can_carry_sensors(self) -> None:
         """The link is one of the robot's sensor links, also in the area to be drawn."""
@@ -67,11 +69,13 @@ class RegionSuite(PartSuite):
         low, high = self.robot.outline.min(axis=0), self.robot.outline.max(axis=0)
         for pose in self.place_some():
             numbers = (*pose.position, pose.yaw_deg, pose.pitch_deg)
-            assert all(map(math.isfinite, numbers)), f"the pose is {pose}"
+            assert all(map(math.isfinite, numbers)), f"a pose must be finite, not {pose}"
             along, aside, _ = pose.position
             place = np.array([
                 x + along * elementary.cos(yaw) - aside * elementary.sin(yaw),
                 y + along * elementary.sin(yaw) + aside * elementary.cos(yaw),
             ])  # fmt: skip
             beyond = float(np.maximum(low - place, place - high).max())
-            assert beyond <= self.part.overhang_m + 1e-9, f"{pose} protrudes by {beyond:g} m"
+            assert beyond <= self.part.overhang_m + 1e-9, (
+                f"{pose} must protrude by at most overhang_m, not {beyond:g} m"
+            )

@@ -44,9 +44,15 @@ class DriveSuite(PartSuite):
         for name in NUMBERS:
             value = getattr(drive, name)
             low = 0.0 if name == "speed_limit_offset_m" else math.nextafter(0.0, 1.0)
-            assert low <= value < math.inf, f"{name} is {value}"
-        assert drive.steering_limit < math.pi / 2, f"steering_limit is {drive.steering_limit} rad"
-        assert math.isfinite(drive.rear_axle_x_m), f"rear_axle_x_m is {drive.rear_axle_x_m}"
+            assert low <= value < math.inf, (
+                f"{name} must be finite and at least {low:g}, not {value}"
+            )
+        assert drive.steering_limit < math.pi / 2, (
+            f"steering_limit must be less than pi/2 rad, not {drive.steering_limit}"
+        )
+        assert math.isfinite(drive.rear_axle_x_m), (
+            f"rear_axle_x_m must be finite, not {drive.rear_axle_x_m}"
+        )
 
     def test_each_joint_has_a_finite_target(self) -> None:
         """Each command gives an angle for each steering joint and a rate for each wheel joint."""

@@ -123,13 +123,13 @@ class FilterSuite(RuleSuite):
     def test_lasting_silence_stays_silent(self) -> None:
         """A filter does not invent values for readings that were never there."""
         output = self.filter(np.full((20, POSE_SIZE), math.nan), 1)
-        assert np.isnan(output).all(), "the filter turns silence into values"
+        assert np.isnan(output).all(), "the filter must keep lasting silence silent"
 
     def test_values_are_finite_or_silent(self) -> None:
         """Infinity is not a reading."""
         for seed in range(5):
             output = self.filter(draw_recording(seed), seed)
-            assert not np.isinf(output).any(), "the filter returns an infinite value"
+            assert not np.isinf(output).any(), "filtered values must be finite or NaN"
 
     def test_a_channel_does_not_shift_the_draws_of_another(self) -> None:
         """Silent channels, and channels that the filter leaves alone, draw as many numbers."""

@@ -32,30 +32,39 @@ class FitnessSuite(PartSuite):
         """Scores are finite even if a clearance is NaN or a mission was not run."""
         for score in self.use(self.part, 0):
             assert isinstance(score, float | int), f"a score must be a number, not {score!r}"
-            assert math.isfinite(score), f"a score is {score}"
+            assert math.isfinite(score), f"a score must be finite, not {score}"
 
     def test_scores_are_within_the_bounds(self) -> None:
         """A fitness function that states ``bounds`` never scores outside them."""
         for trial in list_trials():
             low, high = bound_fitness(self.part, len(trial)) or UNBOUNDED
             score = self.part.score(trial)
-            assert low <= score <= high, f"the score {score} is outside the bounds {low} to {high}"
+            assert low <= score <= high, (
+                f"a score must be within the bounds, {low} to {high}, not {score}"
+            )
 
     def test_a_trial_that_was_not_run_is_worst(self) -> None:
         """A lost trial's score is at most the score of any other trial."""
         lowest = min(map(self.part.score, list_trials()))
         for trial in list_lost_trials():
             worst = self.part.worst(trial)
-            assert worst <= lowest, f"worst() returns {worst}, but another trial scores {lowest}"
+            assert worst <= lowest, (
+                f"worst() must return at most the lowest score, {lowest}, not {worst}"
+            )
 
     def test_scores_of_missions_have_the_score_of_the_trial_as_their_mean(self) -> None:
         """An additive fitness function scores a trial as the mean of its missions."""
         for trial in list_trials():
             if isinstance(self.part, AdditiveFitness):
                 scores, whole = self.part.score_missions(trial), self.part.score(trial)
-                assert len(scores) == len(trial), f"{len(scores)} scores for {len(trial)} missions"
+                assert len(scores) == len(trial), (
+                    f"score_missions() must return {len(trial)} scores, not {len(scores)}"
+                )
                 mean = math.fsum(scores) / len(scores)
-                assert math.isclose(mean, whole, rel_tol=1e-9), f"mean {mean}, score {whole}"
+                assert math.isclose(mean, whole, rel_tol=1e-9), (
+                    f"the mean of the missions' scores must be the trial's score, {whole}, not "
+                    f"{mean}"
+                )
 
 
 def example_result(share: float, trials: int) -> Evaluated:
@@ -80,7 +89,7 @@ class MeasureSuite(PartSuite):
         """A measure must be finite to distinguish designs."""
         for value in self.use(self.part, 2):
             assert isinstance(value, float | int), f"a measure must be a number, not {value!r}"
-            assert math.isfinite(value), f"the measure is {value}"
+            assert math.isfinite(value), f"a measure must be finite, not {value}"
 
     def test_it_can_be_drawn_and_compared(self) -> None:
         """The measure has a title, a unit, ordered bounds and a direction."""

@@ -76,14 +76,16 @@ class ObserverSuite(DescriptionSuite):
         live = _grow("live", origin, 3)
         shown = self.send(*live, end(live[-1]))
         later = end(example_run("later", origin, 3))
-        assert self.send(later) == shown, "a run sent all at once is stored differently"
-        assert self.read(live[-1]) == shown, "sending a run changes another run"
+        assert self.send(later) == shown, (
+            "a run sent at once must be stored like a run sent while it goes on"
+        )
+        assert self.read(live[-1]) == shown, "sending a run must not change another run"
 
     def test_sending_twice_changes_nothing(self, tmp_path: Path) -> None:
         """The tracker recognises what it has, over the same and over a new connection."""
         run = end(example_run("twice", self.choose_origin(tmp_path), 3))
         shown = self.send(run)
-        assert self.send(run, run) == shown, "sending a run again duplicates content"
+        assert self.send(run, run) == shown, "sending a run again must not duplicate content"
 
     def test_a_part_is_completed(self, tmp_path: Path) -> None:
         """A run that stopped, or was not fully sent, is continued and not duplicated."""
@@ -91,7 +93,7 @@ class ObserverSuite(DescriptionSuite):
         whole = self.send(end(example_run("whole", origin, 4)))
         self.send(*_grow("part", origin, 2))
         assert self.send(end(example_run("part", origin, 4))) == whole, (
-            "a run sent in two parts is stored differently from a run sent at once"
+            "a run sent in two parts must be stored like a run sent at once"
         )
 
     def test_a_finished_run_goes_on(self, tmp_path: Path) -> None:
@@ -100,7 +102,7 @@ class ObserverSuite(DescriptionSuite):
         self.send(end(example_run("longer", origin, 2)))
         steps = *_grow("longer", origin, 4), end(example_run("longer", origin, 4), 3.0)
         shown = self.send(*steps)
-        assert self.send(*steps) == shown, "sending an extended run again changes it"
+        assert self.send(*steps) == shown, "sending an extended run again must not change it"
 
 
 def _grow(name: str, origin: Path, generations: int) -> Sequence[ObservedRun]:

@@ -144,7 +144,7 @@ class OptimizerSuite(PartSuite):
     def test_another_generator_gives_another_search(self) -> None:
         """The search draws from its random generator, unless it is an enumeration."""
         genomes = [bits([one.genome for one in self.start(seed=seed).ask()]) for seed in (3, 4)]
-        assert genomes[0] != genomes[1], "the first generation does not depend on the generator"
+        assert genomes[0] != genomes[1], "the first generation must depend on the random generator"
 
     def test_the_order_of_scores_does_not_matter(self) -> None:
         """``tell`` identifies individuals by id."""
@@ -164,7 +164,7 @@ class OptimizerSuite(PartSuite):
         for _ in range(GENERATIONS):
             asked, table = step(search, sphere)
             for one in asked:
-                assert one.id not in seen, f"individual {one.id} was proposed more than once"
+                assert one.id not in seen, f"individual {one.id} must be proposed only once"
                 assert one.genome.shape == (THREE_SENSORS.size,), (
                     f"a genome must have shape ({THREE_SENSORS.size},), not {one.genome.shape}"
                 )
@@ -205,7 +205,8 @@ class OptimizerSuite(PartSuite):
             except InputError as error:
                 refusal = str(error)
             assert "scores" in refusal, (
-                f"{bad or 'a missing score'} must be refused, naming 'scores': {refusal!r}"
+                f"{bad or 'a missing score'} must be refused in a message that names scores, not "
+                f"{refusal!r}"
             )
             assert [one.id for one in search.ask()] == [one.id for one in asked]
             search.tell(good)

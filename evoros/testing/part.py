@@ -104,14 +104,16 @@ class DescriptionSuite:
 
     def test_it_pickles(self) -> None:
         """A worker process receives an equal part."""
-        assert bits(self.copy()) == bits(self.part), "pickling changes the fields of the part"
+        assert bits(self.copy()) == bits(self.part), (
+            "pickling must not change the fields of the part"
+        )
 
     def copy(self) -> Any:
         """Return the part as a worker process receives it."""
         try:
             return pickle.loads(pickle.dumps(self.part))
         except Exception as error:
-            raise AssertionError(f"the part cannot be pickled: {error!r}") from error
+            raise AssertionError(f"the part must be picklable, but raises {error!r}") from error
 
     def test_bad_values_are_refused_in_one_line(self) -> None:
         """A value that breaks its field's rule raises an InputError that names the field."""
@@ -147,7 +149,7 @@ class PartSuite(DescriptionSuite):
     def test_equal_uses_give_equal_bits(self) -> None:
         """Equal arguments and random streams give equal results."""
         assert self.record(self.part, 1) == self.record(self.part, 1), (
-            "two equal uses give different results"
+            "two equal uses must give equal results"
         )
 
     def test_uses_share_no_state(self) -> None:
@@ -157,26 +159,28 @@ class PartSuite(DescriptionSuite):
         for step in self.use(self.part, 1):
             steps.append(bits(step))
             next(other, None)
-        assert steps == alone, "a use changes the results of another use"
+        assert steps == alone, "a use must not change the results of another use"
 
     def test_fields_stay_as_they_are(self) -> None:
         """A use changes nothing in the description, including its lists and arrays."""
         before = bits(self.part)
         self.record(self.part, 1)
-        assert bits(self.part) == before, "a use changes the fields of the part"
+        assert bits(self.part) == before, "a use must not change the fields of the part"
 
     def test_arguments_stay_as_they_are(self) -> None:
         """The part changes only arguments that its protocol lets it change."""
         self.record(self.part, 1)
         for value, before in self.lent:
-            assert bits(value) == before, f"the part changes an argument, which is now {value!r}"
+            assert bits(value) == before, (
+                f"the part must not change an argument, which is now {value!r}"
+            )
 
     def test_the_clock_does_not_matter(self) -> None:
         """Results do not depend on the time of day."""
         now = self.record(self.part, 1)
         with later():
             then = self.record(self.part, 1)
-        assert then == now, "the results depend on the clock"
+        assert then == now, "the results must not depend on the clock"
 
     def test_global_random_generators_do_not_matter(self) -> None:
         """All draws come from the generators that the part is given."""
@@ -184,12 +188,14 @@ class PartSuite(DescriptionSuite):
         for seed in (1, 2):
             with _global_seed(seed) as is_untouched:
                 records.append(self.record(self.part, 1))
-                assert is_untouched(), "the part draws from numpy.random or random"
-        assert records[0] == records[1], "the results depend on numpy.random or random"
+                assert is_untouched(), "the part must not draw from numpy.random or random"
+        assert records[0] == records[1], "the results must not depend on numpy.random or random"
 
     def test_a_pickled_part_gives_equal_bits(self) -> None:
         """A worker process computes what this process computes."""
-        assert self.record(self.copy(), 1) == self.record(self.part, 1), "a pickled part differs"
+        assert self.record(self.copy(), 1) == self.record(self.part, 1), (
+            "a pickled part must give the same results"
+        )
 
 
 def _list_bad_values(part: Any) -> Iterator[dict[str, Any]]:
@@ -231,15 +237,15 @@ def _find_problem(part: Any, values: Mapping[str, Any]) -> str:
         if "\n" in message:
             return f"{call} must be refused in one line, not {message!r}"
         if not any(f"{field.name}: must" in message for field in fields(part)):
-            return f"{call} must be refused by a line with FIELD: must, not {message!r}"
+            return f"{call} must be refused by a line that contains 'FIELD: must', not {message!r}"
         if not any(quote(value) in message for value in _pieces(values)):
             return f"{call} must be refused by a line that quotes the value, not {message!r}"
         return ""
     except Exception as error:
         return f"{call} must raise InputError, not {error!r}"
     return (
-        f"{call} must raise InputError; is `@checked` below `@dataclass`, and has each field a "
-        f"rule?"
+        f"{call} must raise InputError; put `@checked` below `@dataclass`, and give each field a "
+        "rule"
     )
 
 

@@ -112,7 +112,10 @@ class RuleSuite(PartSuite):
                 steps = zip(compiled, self.play(case, interpreted.__call__, seed), strict=True)
                 for tick, (fast, slow) in enumerate(steps):
                     same = bits((fast, bound.memory)) == bits((slow, interpreted.memory))
-                    assert same, f"compiled {fast}, interpreted {slow} at tick {tick}"
+                    assert same, (
+                        f"at tick {tick}, the compiled rule must return {slow}, like the "
+                        f"interpreted one, not {fast}"
+                    )
 
     def test_compiled_rules_allocate_nothing(self) -> None:
         """A rule runs for every sample, and an allocation would dominate the time of a call."""
@@ -124,7 +127,8 @@ class RuleSuite(PartSuite):
                     for given in self.draw_calls(case, seed)
                 ]
                 assert not any(allocated), (
-                    f"the compiled rule allocates memory {max(allocated)} times per call"
+                    f"the compiled rule must not allocate memory, but does so {max(allocated)} "
+                    "times per call"
                 )
 
     def draw_calls(self, case: RuleCase, seed: int) -> Iterator[dict[str, Any]]:

@@ -66,9 +66,11 @@ class SimulatorSuite(PartSuite):
     def test_states_and_signals_are_filled_with_finite_values(self) -> None:
         """``observe`` and ``sense`` fill every value."""
         for state, signals in self.use(self.part, 1):
-            assert np.isfinite(state).all(), f"the state is {state}"
-            assert np.isfinite(signals).all(), f"the signals are {signals}"
-            assert state[CONTACT] >= 0.0, f"the contact flag is {state[CONTACT]}"
+            assert np.isfinite(state).all(), f"the state must be finite, not {state}"
+            assert np.isfinite(signals).all(), f"signals must be finite, not {signals}"
+            assert state[CONTACT] >= 0.0, (
+                f"the contact flag must be at least 0, not {state[CONTACT]}"
+            )
 
     def test_ranges_are_within_the_limits_of_their_sensors(self) -> None:
         """Ranges are within the limits of their sensors."""
@@ -77,16 +79,22 @@ class SimulatorSuite(PartSuite):
             for sensor, place in zip(robot.mounted_sensors(), robot.signal_layout, strict=True):
                 if sees(sensor):
                     ranges = signals[place]
-                    assert (ranges >= sensor.range_min_m).all(), f"ranges are {ranges} m"
-                    assert (ranges <= sensor.range_max_m).all(), f"ranges are {ranges} m"
+                    assert (ranges >= sensor.range_min_m).all(), (
+                        f"ranges must be at least range_min_m, not {ranges}"
+                    )
+                    assert (ranges <= sensor.range_max_m).all(), (
+                        f"ranges must be at most range_max_m, not {ranges}"
+                    )
 
     def test_the_robot_starts_at_home_and_drives(self) -> None:
         """The robot starts where the course starts, and then moves."""
         x, y, _, yaw = self.world.course.home
         (first, _), *_, (last, _) = self.use(self.part, 1)
-        assert np.allclose(first[:3], (x, y, yaw), atol=0.05), f"the robot starts at {first[:3]}"
+        assert np.allclose(first[:3], (x, y, yaw), atol=0.05), (
+            f"the robot must start at home, not at {first[:3]}"
+        )
         assert math.dist(first[:2], last[:2]) > 0.1, (
-            f"the robot hardly moves: it ends at {last[:2]}"
+            f"the robot must move from {first[:2]}, but ends at {last[:2]}"
         )
 
     def test_a_mission_does_not_depend_on_another_world(self) -> None:
@@ -94,4 +102,6 @@ class SimulatorSuite(PartSuite):
         alone = self.record(self.part, 1)
         with open_alone(self.part.open, example_robot(0.3), example_world("blocks")) as other:
             other.advance(np.array([0.3, 0.2]), 1.0)
-        assert self.record(self.part, 1) == alone, "a mission in another world changes the results"
+        assert self.record(self.part, 1) == alone, (
+            "a mission in another world must not change the results"
+        )

@@ -94,9 +94,7 @@ class Walkers:
             corners = tuple((float(x), float(y)) for x, y in self.route)
             ends = zip(corners, (*corners[1:], corners[0]), strict=True)
             if any(start == end for start, end in ends):
-                raise checks.invalid(
-                    self, "route", self.route, "must have different corners in succession"
-                )
+                raise checks.invalid(self, "route", self.route, "must not repeat a corner directly")
             object.__setattr__(self, "route", corners)
 
     @property

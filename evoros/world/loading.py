@@ -98,11 +98,11 @@ def _tell_lifts(bodies: Sequence[Body], lifts: Lifts, source: str) -> None:
     if depths:
         deepest = max(depths, key=depths.__getitem__)
         carried = len(lifts.heights) - len(depths)
-        on_top = f", with {carried} on top" if carried else ""
+        on_top = f" together with {carried} on top" if carried else ""
         text = (
-            f"{_count(depths)} in the ground or in a body below, by at most "
-            f"{depths[deepest]:.3g} m ({bodies[deepest].name!r}); lifted to the surface{on_top}; "
-            f"edit <pose> to choose another position"
+            f"{_count(depths)} up to {depths[deepest]:.3g} m deep in the ground or in a body below "
+            f"({bodies[deepest].name!r}); lifted to the surface{on_top}; edit <pose> to choose "
+            "another position"
         )
         _LOG.warning("%s: %s", source, text)
 
@@ -119,9 +119,9 @@ def _tell_fixed(
     deepest = max(depths, key=depths.__getitem__)
     depth, other = depths[deepest]
     text = (
-        f"{_count(fixed)} in fixed bodies, directly or through others, by at most {depth:.3g} m "
-        f"({bodies[deepest].name!r} in {other}); fixed in place, so robots cannot push them; "
-        f"edit <pose> to separate the bodies"
+        f"{_count(fixed)} up to {depth:.3g} m deep in fixed bodies, directly or through other "
+        f"bodies ({bodies[deepest].name!r} in {other}); fixed in place, so robots cannot push "
+        "them; edit <pose> to separate the bodies"
     )
     _LOG.warning("%s: %s", source, text)
 
@@ -135,7 +135,7 @@ def _tell_joined(
     depth, i, j = max((depth, i, j) for (i, j), depth in pairs.items() if i in members)
     joined = "one body" if len(groups) == 1 else f"{len(groups)} bodies"
     text = (
-        f"{_count(members)} inside each other, by at most {depth:.3g} m ({bodies[i].name!r} in "
+        f"{_count(members)} up to {depth:.3g} m deep inside each other ({bodies[i].name!r} in "
         f"{bodies[j].name!r}); they move as {joined}; edit <pose> to separate the bodies"
     )
     _LOG.warning("%s: %s", source, text)

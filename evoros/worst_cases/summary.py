@@ -20,14 +20,14 @@ def describe_worst_cases(
     """
     for (source, design), rows in table.groupby(["source", "design"], sort=False):
         yield f"design {design} of {source}: {_describe_design(rows)}"
-        yield f"  under the failure model: {_describe_model(rows)}"
+        yield f"  under the run's failure model: {_describe_model(rows)}"
         smallest = rows[rows["smallest"]]
         if len(smallest):
             case = Case.parse(str(smallest["case"].iloc[0]))
             trials = int(rows.loc[rows["stage"] == CONFIRMED, "trials"].max())
             screened = int(rows.loc[rows["stage"] == SCREENED, "trials"].max())
             again = write_command(typed, option, str(source), case, screened + trials)
-            yield f"  again: {again}"
+            yield f"  repeat this case: {again}"
 
 
 def _describe_design(table: pd.DataFrame) -> str:

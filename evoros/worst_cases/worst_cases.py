@@ -40,7 +40,7 @@ class WorstCases:
         if self.latest_s < min(self.times_s):
             raise InputError(
                 f"worst_cases.latest_s: must be at least the first of worst_cases.times_s "
-                f"({min(self.times_s):g}), not {self.latest_s:g}"
+                f"({min(self.times_s):g}), not {self.latest_s:g}; raise latest_s"
             )
 
 

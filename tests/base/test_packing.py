@@ -110,11 +110,11 @@ GOOD = Values(1.0, np.zeros(2), np.zeros((2, 3)), np.zeros(0), 2.0)
     [
         ("first", np.zeros(1), "a number, not"),
         ("first", None, "a number, not None"),
-        ("vector", [0.0, 1.0], r"an array of one dimension of float64, not \[0.0, 1.0\]"),
-        ("vector", np.zeros((2, 2)), "an array of one dimension of float64"),
-        ("vector", np.zeros(2, dtype=np.int64), "an array of one dimension of float64"),
-        ("vector", 1.0, "an array of one dimension of float64"),
-        ("matrix", np.zeros(3), "an array of two dimensions of float64"),
+        ("vector", [0.0, 1.0], r"a one-dimensional array of float64, not \[0.0, 1.0\]"),
+        ("vector", np.zeros((2, 2)), "a one-dimensional array of float64"),
+        ("vector", np.zeros(2, dtype=np.int64), "a one-dimensional array of float64"),
+        ("vector", 1.0, "a one-dimensional array of float64"),
+        ("matrix", np.zeros(3), "a two-dimensional array of float64"),
     ],
 )
 def test_a_value_that_its_field_does_not_allow_is_named(field: str, value: Any, rule: str) -> None:

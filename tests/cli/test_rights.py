@@ -277,7 +277,7 @@ def test_a_cache_that_cannot_be_written_costs_time_only(
             caplog.clear()
             rule = NamedRule(Silence.rule, FILTER_ARGUMENTS, Silence.Parameters)
             assert isinstance(rules._compile.__wrapped__(rule, FILTER), CompiledRule)
-        warned = ["rules are compiled in every process" in text for text in caplog.messages]
+        warned = ["every process compiles the rules again" in text for text in caplog.messages]
         assert warned == ([True] if closed_folders == folders else [])
         assert not any(folders[0].iterdir())
     # The folder for temporary files served until it was closed, too.

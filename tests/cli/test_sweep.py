@@ -350,7 +350,7 @@ def test_the_line_of_a_sweep_counts_and_promises(monkeypatch: pytest.MonkeyPatch
     now = [0.0]
     monkeypatch.setattr("evoros.session.progress.time.monotonic", lambda: now[0])
     display = SweepProgress(4, shown=False)
-    assert display.line(79) == "0 of 4 done | after 0:00:00"
+    assert display.line(79) == "0 of 4 done | 0:00:00 elapsed"
     flown: Any = (type("Flown", (), {"time_s": 30.0}),)
     with display.job() as one:
         now[0] += 100.0  # to compile; is no measure of what follows

@@ -173,7 +173,7 @@ ENDS = {
     "silent": "did not answer within 0.5 s",
     "close": "closed its (in|out)put",
 }
-WORDS = "; its last words: these are the last words$"
+WORDS = "; its last output: these are the last words$"
 
 
 @pytest.mark.parametrize("tick", [0, LAST])

@@ -52,7 +52,7 @@ ROLLERS = "".join(
     [
         (four("{}_mecanum_wheel"), "mecanum wheels, according to the name 'fl_mecanum_wheel'"),
         (four(body=ROUND + MESH.format("Mecanum_left.dae")), "the name 'Mecanum_left.dae'"),
-        (four(below=ROLLERS), "wheels with rollers; 'fl_wheel' has 3"),
+        (four(below=ROLLERS), "wheels with rollers: 'fl_wheel' has 3"),
         (
             four() + '<gazebo><plugin filename="ign_ros2_control-system" name="c"><parameters>'
             "/c/mecanum_drive_controller.yaml</parameters></plugin></gazebo>",

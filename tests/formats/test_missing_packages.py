@@ -90,7 +90,10 @@ def test_a_name_that_an_absent_package_may_define_asks_for_the_package_alone(
     name = write(tmp_path, BASE + INCLUDE.format("arm") + '\n<link name="${arm_size}"/>')
     message = refused(name, ignored_packages=ignored)
     assert f"{name}:3: xacro cannot expand the file: name 'arm_size' is not defined" in message
-    assert "; provide arm (left out, may define it) with robot.packages, or edit" in message
+    assert (
+        "; provide arm, which was left out and may define the name, with robot.packages; or edit"
+        in message
+    )
 
 
 def test_an_argument_without_a_value_is_told_before_absent_packages(tmp_path: Path) -> None:

@@ -315,5 +315,5 @@ def test_links_that_are_only_visible_are_told_once(caplog: pytest.LogCaptureFixt
     assert len(world(f"{fixed}{loose}<model name='box'>{STATIC}{LINK}</model>")) == 1
     (message,) = caplog.messages
     assert "'wall'" in message
-    assert "has no <collision>, so nothing can touch or see it" in message
+    assert "without a <collision>, nothing can touch or see the model" in message
     assert "(and 1 more of this kind: 'ball')" in message

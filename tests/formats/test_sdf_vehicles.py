@@ -148,7 +148,7 @@ def test_a_joint_of_the_world_fixes_its_models(
     with caplog.at_level(logging.WARNING):
         bodies = load(tmp_path, models + joint("world", "a::l")).bodies
         assert [body.mass for body in bodies] == [None, 1.0, 1.0]
-    assert sum("models that it connects are fixed" in message for message in caplog.messages) == 1
+    assert sum("connected models are fixed" in message for message in caplog.messages) == 1
     bodies = load(tmp_path, models + joint("c", "a::l")).bodies
     assert [body.mass for body in bodies] == [None, 1.0, None]
     with pytest.raises(InputError, match="'d::l'"):

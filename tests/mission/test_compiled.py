@@ -236,7 +236,7 @@ class Vague(Smooth):
             Short,
             r"Short\.start: Memory must have .* field \(missing .* 'before'\); correct",
         ),
-        (smooth, Flat, r"Memory\.before: must be an array of one dimension of float64"),
+        (smooth, Flat, r"Memory\.before: must be a one-dimensional array of float64"),
         (smooth, Vague, r"Vague\.effect: must be one of ends, alters, grows, not 'worsens'"),
     ],
 )
@@ -552,7 +552,7 @@ def test_without_a_cache_at_home_another_place_is_found_or_none(
         check=True,
     )
     assert done.stdout.startswith(str(other) if writable else "None")
-    assert ("compiled in every process" in done.stderr) is not writable
+    assert ("every process compiles the rules again" in done.stderr) is not writable
 
 
 @pytest.mark.parametrize("lower", [False, True])

@@ -372,7 +372,7 @@ def test_an_event_that_one_of_the_worlds_lacks_is_a_warning(
     experiment = configured(*far.split(), "failure.onset.radius_m=0.1")
     wide = replace(experiment.world["boxes"], course=square(waypoints=[[21.0, 0.0]]))
     preflight(replace(experiment, world={**experiment.world, "wide": wide}))
-    assert "never occurs in boxes" in caplog.text
+    assert "otherwise, the failure never occurs in boxes" in caplog.text
     assert "never occurs in wide" not in caplog.text
 
 

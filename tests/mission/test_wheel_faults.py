@@ -144,7 +144,7 @@ def test_a_simulator_without_weak_wheels_refuses_them_in_one_line() -> None:
     class Strong(Mujoco):
         weakens_wheels = False
 
-    with pytest.raises(InputError, match="has no weak wheels") as refusal:
+    with pytest.raises(InputError, match="does not model weak wheels") as refusal:
         fly("robot=two_wheeler", "failure=wheel", simulator=Strong(), time_limit_s=1.0)
     assert "\n" not in str(refusal.value)
     assert is_of(str(refusal.value), "evoros/mission/setup.py failure=drive")

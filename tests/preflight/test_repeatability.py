@@ -52,7 +52,7 @@ def test_the_first_tick_that_differs_is_named(
     else:
         # The command of 2 s has turned the front wheels, and it is recorded in that decision's row.
         (line,) = lines
-        assert "differ from tick 20 on, at 2 s (steering_rad" in line
+        assert "runs differ from tick 20 on, at 2 s (steering_rad" in line
 
 
 COLUMNS = [*TRAJECTORY, "range_0_m", "range_1_m"]

@@ -63,7 +63,7 @@ def test_cases_of_failure_that_no_trial_meets_are_told(caplog: pytest.LogCapture
         caplog.clear()
         preflight(build("failure=exhaustive", times, f"trials={trials}"))
         assert is_of(caplog.text, "evoros/preflight/preflight.py trials={cases}") == told
-        assert not told or "set trials=64 to test each once" in caplog.text
+        assert not told or "set trials=64 to test each of these cases once" in caplog.text
 
 
 def test_an_engine_whose_wheels_do_not_slide_as_stated_is_told() -> None:
@@ -317,7 +317,7 @@ def test_a_step_that_is_too_coarse_is_told_with_one_that_does() -> None:
 @pytest.mark.slow
 def test_a_motion_that_no_step_corrects_is_told() -> None:
     (line,) = check_drive(two_wheeler(wheel_friction=0.005))
-    assert "no step down to 0.00078125 s corrects that; compare" in line
+    assert "no time time step down to 0.00078125 s corrects that; compare" in line
     fast = build(
         "robot=two_wheeler", "robot.drive.max_speed_mps=3", "controller.avoidance.speed_mps=3"
     )

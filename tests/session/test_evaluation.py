@@ -297,7 +297,7 @@ def test_a_run_of_a_sweep_is_not_scored_twice(
     sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert scored(tmp_path / "scores", f"[{sweep / 'a-9'},{sweep}]") == INPUT
-    assert "is named twice" in capsys.readouterr().err
+    assert "is named twice; remove one of the two" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -508,7 +508,7 @@ def test_bad_sources_are_one_clear_line_each(
     )
     refused(tmp_path, tmp_path, "but contains no run", capsys)
     refused(tmp_path, whole, "but contains an evaluation", capsys)
-    refused(tmp_path, f"[{file},{file}]", "is named twice", capsys)
+    refused(tmp_path, f"[{file},{file}]", "is named twice; remove one of the two", capsys)
     refused(tmp_path, file, "designz: no such key", capsys, "designz=1")
     (tmp_path / "latin.csv").write_bytes(f"{HEADER}\n0,0,0,0,\xe9".encode("latin-1"))
     refused(tmp_path, tmp_path / "latin.csv", "must be a CSV file in UTF-8", capsys)

@@ -90,7 +90,7 @@ def test_the_status_of_another_run_is_not_believed(
     whole, other = folders[kind]
     folder = copied(whole, tmp_path / "copy")
     (folder / "status.json").write_bytes((other / "status.json").read_bytes())
-    with pytest.raises(InputError, match=r"status\.json \(it is of another run\)"):
+    with pytest.raises(InputError, match=r"status\.json \(it is from another run\)"):
         load_run(folder)
     assert resume(folder) == DONE
     load_run(folder)

@@ -185,12 +185,12 @@ def test_a_manifest_of_another_run_is_named(
     folder = copied(run, tmp_path / "run")
     (folder / "manifest.json").write_bytes((other / "manifest.json").read_bytes())
     before = everything(folder)
-    with pytest.raises(InputError, match=r"manifest\.json: is of another"):
+    with pytest.raises(InputError, match=r"manifest\.json: the file is from another"):
         load_run(folder)
     capsys.readouterr()
     assert resume(folder) == INPUT
     (line,) = capsys.readouterr().err.splitlines()
-    assert f"{folder / 'manifest.json'}: is of another run" in line
+    assert f"{folder / 'manifest.json'}: the file is from another run" in line
     assert everything(folder) == before
 
 
@@ -199,12 +199,12 @@ def test_digests_of_another_run_are_named_and_written_anew(
 ) -> None:
     folder = copied(run, tmp_path / "run")
     (folder / "digests.csv").write_bytes((other / "digests.csv").read_bytes())
-    with pytest.raises(InputError, match=r"digests\.csv: is of another"):
+    with pytest.raises(InputError, match=r"digests\.csv: the file is from another"):
         load_run(folder)
     capsys.readouterr()
     assert resume(folder) == DONE
     (line,) = [s for s in capsys.readouterr().err.splitlines() if "digests.csv" in s]
-    assert "of another run" in line
+    assert "from another run" in line
     free = ("evoros.log", "status.json", "damaged")
     mended = {n: content for n, content in everything(folder).items() if not n.startswith(free)}
     assert mended == {n: everything(run)[n] for n in mended}
@@ -240,7 +240,7 @@ def test_a_folder_that_is_moved_during_a_run_is_one_line_with_the_fix(
     monkeypatch.setattr(RunFolder, "append", move)
     assert tiny(folder, "optimizer.generations=1") == STOPPED
     (line,) = capsys.readouterr().err.splitlines()[-1:]
-    assert f"{folder}: was moved or deleted during the run; move it back" in line
+    assert f"{folder}: moved or deleted during the run; move the folder back" in line
     assert f"type: evoros resume {folder}" in line
     away.rename(folder)
     assert resume(folder) == DONE

@@ -136,7 +136,7 @@ def test_a_building_without_effort_is_its_hull_which_is_told_as_area(
 ) -> None:
     triangles, lines = draw(PLANS["a U"], roof=False, sheets=False)
     world = load(tmp_path, triangles, 1e-9, home_x_m=20.0, waypoints=[[21.0, 0.0]])
-    assert "world.NAME.mesh_effort=1e-08 takes longer" in caplog.text
+    assert "world.NAME.mesh_effort=1e-08 makes finer parts, but takes longer" in caplog.text
     (area,) = measure_meshes(world, HEIGHT_M)
     whole = lines[0][-1] * lines[1][-1]
     assert area.footprint_m2 == pytest.approx(whole, rel=1e-4)
@@ -179,7 +179,9 @@ def test_houses_next_to_the_course_come_first_whatever_the_order_in_the_file(
     whole = count_parts(1.0)
     assert min(whole[:-1]) > 1
     assert whole[-1] == 1
-    assert "remote.stl: the mesh has coarse parts, because it is over 30 m" in caplog.text
+    assert (
+        "remote.stl: the mesh is divided into coarse parts, because it is over 30 m" in caplog.text
+    )
     # A house may take a quarter of the work, which is ten times what it needs.
     limited = count_parts(2.5 * divide_mesh(triangles).work / WORK)
     assert limited[:8] == whole[:8]

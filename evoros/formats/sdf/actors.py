@@ -68,7 +68,10 @@ def settle_vehicles(container: Element, reading: Reading) -> set[str]:
         elif joints:
             names = ", ".join(quote(joint.get("name", "")) for joint in joints[:3])
             more = f" and {len(joints) - 3} more" if len(joints) > 3 else ""
-            problem = f"has its joints {names}{more} fixed, because models do not move in evoros"
+            problem = (
+                f"gets fixed joints instead of {names}{more}, because evoros does not move the "
+                "parts of a model"
+            )
             reading.notes.add(model, problem, "joints")
             for joint in joints:
                 joint.set("type", "fixed")
@@ -84,7 +87,7 @@ def _fix_to_world(world: Element, reading: Reading) -> None:
             if model is None and name != "world":
                 problem = f"refers to {quote(name)}, which is not in the world"
                 raise element_error(joint, problem, "name a link of a model")
-        reading.notes.add(joint, "is ignored, because the models that it connects are fixed")
+        reading.notes.add(joint, "is ignored, because the connected models are fixed")
         for model in ends:
             if model is not None:
                 etree.SubElement(model, "static", {SOURCE: source_of(model)}).text = "true"

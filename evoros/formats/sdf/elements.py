@@ -68,7 +68,7 @@ _REPORTED = {
 
 _LEFT_OUT = {
     "population": "is left out: write its models into the file to keep them",
-    "road": "is left out: it is only paint, which robots neither touch nor see",
+    "road": "is left out: robots neither touch nor see paint",
 }
 
 # Plugins that move nothing, because they configure Gazebo, publish, or feed sensors
@@ -121,7 +121,7 @@ def _note_plugins(root: Element, notes: Notes) -> None:
         if _HARMLESS.search(f"{name} {plugin.get('name', '')}"):
             harmless.setdefault(name, plugin)
         else:
-            problem = f"{name} is ignored: evoros runs no plugins, so it moves nothing"
+            problem = f"{name} is ignored: evoros runs no plugins, so the model does not move"
             notes.add(plugin, problem, "plugin that moves", name)
     if harmless:
         names = ", ".join(harmless)

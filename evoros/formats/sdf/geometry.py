@@ -96,7 +96,7 @@ def _read_sizes(solid: Element, reading: Reading) -> tuple[float, ...]:
         element = find_child(solid, tag)
         if element is None:
             value = " ".join(f"{length:g}" for length in default)
-            reading.notes.add(solid, f"has no <{tag}>: {value} m is assumed, the default of SDF")
+            reading.notes.add(solid, f"has no <{tag}>: SDF's default of {value} m is assumed")
         sizes += default if element is None else read_positive(element, len(default))
     return tuple(sizes)
 
@@ -234,10 +234,13 @@ def divide_meshes(
     left = effort * _MINUTE
     for use in sorted(places, key=places.__getitem__):
         wanted, distance, work = 10 * effort, places[use][0], min(effort * WORK, left)
-        remark = "the mesh has coarse parts to save time"
+        remark = "the mesh is divided into coarse parts to save time"
         if distance > reach:
             wanted, work = max(wanted, math.ceil(distance / REACH_M)), 0.0
-            remark = f"the mesh has coarse parts, because it is over {reach:g} m from the course"
+            remark = (
+                f"the mesh is divided into coarse parts, because it is over {reach:g} m from the "
+                "course"
+            )
         with suppress(InputError):
             parts = _read_parts(elements[use], use, work, reading)
             left -= parts.work
@@ -245,7 +248,7 @@ def divide_meshes(
             for note in parts.remarks:
                 reading.notes.add_file(use.path, note)
             if parts.is_cut_short:
-                more = f"world.NAME.mesh_effort={wanted:g} takes longer and gives finer parts"
+                more = f"world.NAME.mesh_effort={wanted:g} makes finer parts, but takes longer"
                 reading.notes.add_file(use.path, f"{remark}; {more}")
             if parts.is_cut_short and distance > reach:
                 reading.meshes[use] = tuple(replace(shape, mesh=None) for shape in parts.shapes)

@@ -122,7 +122,7 @@ def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Elemen
         )
     root = reading.parse(file)
     if root.tag == "robot":
-        problem = f"is left out: {file} is a robot's description (URDF), not a part of a world"
+        problem = f"is left out: {file} describes a robot (URDF), not a part of a world"
         reading.notes.add(include, problem)
         return None
     model = _choose_model(root, include, reading, file)
@@ -173,7 +173,7 @@ def _choose_model(root: Element, include: Element, reading: Reading, file: Path)
         return None
     if len(models) > 1:
         names = ", ".join(strict_xml.quote(model.get("name", "")) for model in models[1:])
-        problem = f"includes only the first model of {file}, as in Gazebo, without {names}"
+        problem = f"includes only the first model of {file}, as in Gazebo; {names} are left out"
         reading.notes.add(include, problem)
     return models[0]
 

@@ -136,7 +136,7 @@ def read_link(element: Element, path: Path, frames: Frames, static: bool, readin
             friction, density = _read_friction(collision), _read_density(collision, element)
             solids.append(Solid(name, pose, shapes, friction, density))
     if not names and any(element.find(tag) is not None for tag in ("visual", "inertial")):
-        problem = "is left out: it has no <collision>, so nothing can touch or see it"
+        problem = "is left out: without a <collision>, nothing can touch or see the model"
         reading.notes.add(
             element, f"{problem}; add a <collision>, such as the shape of the <visual>"
         )
@@ -144,7 +144,7 @@ def read_link(element: Element, path: Path, frames: Frames, static: bool, readin
         return Link(path, element, tuple(solids), None)
     held = bool(solids) and _is_held(element, solids, reading)
     if solids and not held and element.find("inertial/mass") is None and not is_auto(element):
-        problem = "is not static and has no mass: it gets 1 kg, the default of SDF"
+        problem = "is not static and has no mass: SDF's default of 1 kg is assumed"
         reading.notes.add(element, problem)
     weights = (
         (shape, solid.place(shape), solid.density) for solid in solids for shape in solid.shapes
@@ -158,13 +158,13 @@ def _is_held(link: Element, solids: Sequence[Solid], reading: Reading) -> bool:
     for tag, moves in (("gravity", True), ("kinematic", False)):
         element = strict_xml.find_child(link, tag)
         if element is not None and strict_xml.read_flag(element) != moves:
-            problem = f"is {str(not moves).lower()}: its link is fixed in place"
+            problem = f"is {str(not moves).lower()}, so the link is fixed in place"
             reading.notes.add(element, problem)
             return True
     kinds = {shape.kind for solid in solids for shape in solid.shapes}
     kind = next((kind for kind in ("plane", "heightfield") if kind in kinds), "")
     if kind:
-        reading.notes.add(link, f"has a {kind} and is fixed in place, because it cannot move")
+        reading.notes.add(link, f"is fixed in place, because a link with a {kind} cannot move")
     return bool(kind)
 
 
@@ -190,7 +190,7 @@ def _read_shapes(
             return ()
         shape, place, origin = box
         size = " x ".join(f"{edge:.3g}" for edge in shape.size)
-        problem = f"names a mesh that is absent; a {size} m box of its {origin} replaces it"
+        problem = f"names an absent mesh, which is replaced with a {size} m box from its {origin}"
         reading.notes.add(collision, problem, "box")
         return (replace(shape, pose=pose.inverse() @ place),)
 

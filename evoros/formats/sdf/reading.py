@@ -71,7 +71,7 @@ class Addresses:
         places = (packages.find_in_any_case(path) for path in dict.fromkeys(candidates))
         place = next((place for place in places if place is not None and accepts(place)), None)
         if place is not None:
-            text = f"{self._file}: {uri} is found with different letter case: {place}"
+            text = f"{self._file}: {uri} found only with different letter case: {place}"
             self._notes.add_line(text, "case of letters", place.name)
         return place
 
@@ -94,8 +94,8 @@ class Addresses:
                 remedy = Remedy("add the missing files to the folder {}", str(folder))
                 return f"names {uri}, but {folder} has {lacking}", remedy
             return (
-                f"names {uri}, but no folder {name} is in the declared, the surrounding or "
-                f"the environment's model folders",
+                f"names {uri}, but no model folder contains {name} (searched: the declared "
+                "folders, those around the file, and those in environment variables)",
                 Remedy(
                     "add the folder that holds {} to world.NAME.model_paths or "
                     "GZ_SIM_RESOURCE_PATH",

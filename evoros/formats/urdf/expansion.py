@@ -87,8 +87,8 @@ def _fill_placeholders(
     if unknown:
         knows = f"the placeholders {', '.join(names)}" if names else "no arguments"
         raise InputError(
-            f"{file}: unknown argument {', '.join(unknown)}: this plain URDF has {knows}; "
-            f"remove it or name a .xacro file"
+            f"{file}: unknown argument {', '.join(unknown)}: this plain URDF has {knows}; remove "
+            "the argument or name a .xacro file"
         )
     if not names:
         return root
@@ -212,7 +212,7 @@ def _resolve(name: str, element: Element, file: Path, packages: PackageIndex, no
         real = next((p for p in map(find_in_any_case, candidates) if p and p.is_file()), None)
         if real is None:
             return name
-        text = f"{file}: {name} is found with different letter case: {real}"
+        text = f"{file}: {name} found only with different letter case: {real}"
         notes.add_line(text, "case of letters", real.name)
         real = real.resolve()
     if not packages.allows(real) and not any(map(real.is_relative_to, above)):

@@ -224,7 +224,7 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
     settings |= noise.settings
     told = noise.notes
     if "range_max_m" not in settings:
-        told += ("states no end of its range, so the default of its type applies",)
+        told += ("states no maximum range, so the default of the sensor type applies",)
     single = beams == 1 or high - low < _LEAST_FIELD
     # Gazebo Classic ignores the scan angles of a single-beam ``ray`` sensor.
     ahead = beams == 1 and element.get("type") == "ray"
@@ -239,7 +239,7 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
         return replace(sensor, kind=SONAR, pose=pose, settings=settings, notes=told)
     vertical = find_child(scan, "vertical")
     if vertical is not None and _read_fan(vertical)[0] > 1:
-        notes += ("has several layers, of which only the layer level with the sensor is used",)
+        notes += ("has several layers; evoros uses only the layer that is level with the sensor",)
     if max(high, -low) > LARGEST_RAD:
         notes += (f"has angles from {low:g} to {high:g} rad, which may be in degrees",)
     settings["beams"] = beams

@@ -35,7 +35,7 @@ _MAX_CORNERS = 256  # maximum number of corners of a convex part, beyond which e
 _ELLIPSOID_RINGS = 9
 _LARGEST_M = 20.0  # maximum plausible size of a robot's mesh
 _KINDS = _EMPTY, _STRANGE, _BOXES, _ROUND, _ABSENT = (
-    "shapes without a size are left out in the links",
+    "shapes without a size are left out of the links",
     "invalid elements of <geometry> are left out:",
     "absent meshes are replaced by boxes:",
     "absent meshes of turning links are replaced by cylinders:",
@@ -135,7 +135,9 @@ class SolidsReader:
             return self._replace_absent(link, solid, name)
         x, y, z = read_values(solid, "scale", 3, "1 1 1")
         if not x * y * z:
-            problem = f"must have a scale without 0, not {quote(solid.get('scale', ''))}"
+            problem = (
+                f"must have a nonzero scale along each axis, not {quote(solid.get('scale', ''))}"
+            )
             raise element_error(solid, problem, "write the scale of each axis, 1 1 1 for metres")
         parts = self._read_file(Path(name), (x, y, z), hull)
         return tuple(Shape("convex", (), pose @ part.pose, corners=part.corners) for part in parts)

@@ -193,13 +193,13 @@ def _find_root(robot: Element, links: Mapping[str, Element], joints: Mapping[str
     for joint in joints.values():
         if joint.child in joint_above:
             both = f"{joint_above[joint.child]!r} and {joint.name!r}"
-            problem = f"must have one joint above {joint.child!r}, not {both}"
+            problem = f"must have only one joint above {joint.child!r}, not {both}"
             raise element_error(robot, problem, "delete one of them")
         joint_above[joint.child] = joint.name
     roots = [name for name in links if name not in joint_above]
     if len(roots) != 1:
         names = ", ".join(roots[:5]) or "none"
-        problem = f"must have one link that is not a joint's child, not {names}"
+        problem = f"must have exactly one root link, the child of no joint, not {names}"
         raise element_error(robot, problem, "connect all links to one root by joints")
     return roots[0]
 

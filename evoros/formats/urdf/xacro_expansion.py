@@ -67,7 +67,8 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
         again = _request_expansion(later, file, options.time_limit_s)
         if "error" not in again:
             _LOG.warning(
-                "%s: uses names before they are defined, so definitions are read first", file
+                "%s: uses names before they are defined, so evoros reads all definitions first",
+                file,
             )
             answer = again
     absences = _collect_absences(file, answer.get("absent", {}), options)
@@ -131,7 +132,10 @@ def _explain_error(answer: Mapping[str, Any], lacking: Sequence[str], packages_k
     fix = f"set robot.arguments.{argument[1]}" if argument else "edit the file"
     if lacking and _UNDEFINED.search(reason):
         names = ", ".join(lacking)
-        fix = f"provide {names} (left out, may define it) with {packages_key}, or {fix}"
+        fix = (
+            f"provide {names}, which was left out and may define the name, with {packages_key}; or "
+            f"{fix}"
+        )
     return f"{place}: xacro cannot expand the file: {reason}; {fix}"
 
 
@@ -140,9 +144,9 @@ def _tell_skipped(file: Path, answer: Mapping[str, Any]) -> None:
     skipped = [name for name in answer["skipped"] if name.partition("/")[0] not in absent]
     for text, names in (
         ("%s: left out, because their packages are ignored: %s", skipped),
-        ("%s: found with different letter case: %s", answer["unlike"]),
+        ("%s: found only with different letter case: %s", answer["unlike"]),
         (
-            "%s: tags without the prefix xacro:, as before 2014, are read with it: %s",
+            "%s: tags without the prefix xacro:, which old files omit, are read as xacro tags: %s",
             answer["legacy"],
         ),
     ):
@@ -159,15 +163,15 @@ def _request_expansion(
     request: dict[str, object], file: Path, time_limit_s: float
 ) -> dict[str, Any]:
     rule = f"xacro must expand within {time_limit_s:g} s and {xacro_child.MEMORY_BYTES >> 20} MiB"
-    fix = "look for an endless or huge expression, include or macro"
+    fix = "remove the endless or huge expression, include or macro"
     try:
         status, output, messages = _run_child(json.dumps(request), file.parent, 3 * time_limit_s)
     except subprocess.TimeoutExpired as error:
-        raise InputError(f"{file}: {rule}, but it did not; {fix}") from error
+        raise InputError(f"{file}: {rule}, but exceeded a limit; {fix}") from error
     messages = " ".join(messages.split())
     if status != 0:
         raise InputError(
-            f"{file}: {rule}, but it ended with status {status} {messages[-200:]}; {fix}"
+            f"{file}: {rule}, but exited with status {status} {messages[-200:]}; {fix}"
         )
     if messages:
         _LOG.warning("%s: xacro reports: %s", file, messages)

@@ -4,7 +4,7 @@ from evoros.files.plugins import Plugin, Subcommand
 
 PLUGIN = Plugin(
     __name__,
-    "a study and everything that reproduces it, in one file",
+    "a study and everything needed to rerun it, in one file",
     subcommands={
         "reproduce": Subcommand(
             f"{__name__}.reproduce:reproduce",
@@ -15,7 +15,7 @@ PLUGIN = Plugin(
         "archive": Subcommand(
             f"{__name__}.archive:archive",
             "FOLDER ...",
-            "write a study and all that reproduces it into one file",
+            "write a study, and everything needed to rerun it, into one file",
             ("--output", "--config-dir", "--license", "--author", "--version"),
         ),
     },

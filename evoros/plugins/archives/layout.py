@@ -63,7 +63,7 @@ class Layout:
         place = _join(self.places[above], path.relative_to(above))
         if escape(place) != place:
             raise InputError(
-                f"{path}: its name cannot be archived, because it is not UTF-8; rename it"
+                f"{path}: the name is not UTF-8, so the file cannot be archived; rename the file"
             )
         return place
 

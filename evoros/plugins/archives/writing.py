@@ -174,7 +174,7 @@ def _build(folder: Path, place: str, request: Request) -> _Source:
     manifest = read_sealed(folder, MANIFEST)
     if manifest.get(CONFIG_DIR) and request.config_dir is None:
         raise InputError(
-            f"{folder}: was made with your own parts, which must be archived, too; add "
+            f"{folder}: was made with your own parts, which must also be archived; add "
             f"{shell_line('--config-dir', str(manifest[CONFIG_DIR]))}"
         )
     with collect_reads() as reads:

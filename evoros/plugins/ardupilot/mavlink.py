@@ -44,7 +44,7 @@ def accept(process: OutsideProcess, listening: socket.socket, limit_s: float) ->
     waiting: list[socket.socket | OutsideProcess] = [listening, process]
     ready, _, _ = select.select(waiting, [], [], limit_s)
     if listening not in ready:
-        raise process.lost(f"did not connect MAVLink within {limit_s:g} s")
+        raise process.lost(f"did not connect over MAVLink within {limit_s:g} s")
     connection, _ = listening.accept()
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", SEND_S, 0))

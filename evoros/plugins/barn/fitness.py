@@ -58,8 +58,8 @@ class Barn(AdditiveFitness):
         for name, world in worlds.items():
             if world.shortest_m is None:
                 raise InputError(
-                    f"world.{name}: no shortest_m, the length of its shortest path, which "
-                    f"fitness=barn needs; use world=barn, or another fitness"
+                    f"world.{name}: the world must have shortest_m, the length of the shortest "
+                    "path, for fitness=barn; use world=barn, or another fitness"
                 )
 
 

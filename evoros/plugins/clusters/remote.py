@@ -121,7 +121,7 @@ class RemotePool:
             modules = () if sent.modules is None else (sent.modules,)
             self._send(sent, (*sent.call.shared, *modules), node)
         elif kind == REFUSED:
-            fix = "install the main process's versions on that machine"
+            fix = "install the versions of the main process on that machine"
             try:
                 self._transport.exclude(node, f"{content.decode()}; {fix}")
             except EvorosError as problem:
@@ -137,9 +137,9 @@ class RemotePool:
                 return
             self._warned.add(node)
         LOGGER.warning(
-            "executor: the C library or the processor of %s differs, so last digits may differ "
-            "there in missions with a physics engine, and in your own parts that use the "
-            "module math",
+            "executor: the C library or the processor of %s differs; there, the last digits of "
+            "results may differ in missions with a physics engine or with your own parts that use "
+            "the module math",
             node,
         )
 

@@ -217,7 +217,7 @@ def judge_gain(table: pd.DataFrame, line: str) -> finding.Finding:
     against = finding.Against(steady, logarithmic)
     if not gain.low > 0:
         return claim.conclude(
-            NOTHING, len(known), (finding.UNKNOWN, f"{why}: not certainly a gain"), against
+            NOTHING, len(known), (finding.UNKNOWN, f"{why}: a gain is not certain"), against
         )
     verdict = finding.require_replicates(finding.judge_above(share, steady), len(known))
     why += f"; a steady gain: {steady:.0%}, random designs: {logarithmic:.0%}"
@@ -249,7 +249,7 @@ def judge_approach(table: pd.DataFrame) -> finding.Finding:
     ratio = ratio_interval(table.gap_last.to_numpy(float), table.gap_first.to_numpy(float))
     verdict = finding.require_replicates(finding.judge_above(-ratio, -0.5), len(table))
     first, last = table.gap_first.mean(), table.gap_last.mean()
-    why = f"from {first:.1f} to {last:.1f} below the best"
+    why = f"the mean is {first:.1f} below the best at first, {last:.1f} at the end"
     return APPROACH.conclude(ratio, len(table), (verdict, why), finding.Against(0.5))
 
 
@@ -297,7 +297,7 @@ def judge_completion(
             share = ratio_interval(done, total)
             unharmed = int((~rows.failed).sum())
             why = f"{done.sum():.0f} of {total.sum():.0f} missions with a failed sensor"
-            why += f"; {unharmed} ended before the failure" if unharmed else ""
+            why += f"; {unharmed} ended before the sensor failed" if unharmed else ""
             rate = _random_rate(drawn, kind)
             why += "" if np.isnan(rate) else f"; random designs: {rate:.0%}"
             verdict = finding.require_replicates(finding.judge_above(share, 0.5), len(total))

@@ -23,17 +23,18 @@ NONE, RANDOM, SPATIAL = "none", "random", "spatial"
 
 CONFIGURATIONS = finding.Claim(
     "Two main configurations emerge: sensors across the front, and at the sides",
-    "silhouette of the best clustering by where champions look",
+    "silhouette of the best clustering by viewing directions",
     finding.NUMBER,
 )
 REDUNDANCY = finding.Claim(
-    "Random failure: in six of ten, two sensors nearly share place and direction",
+    "Random failure: in six of ten champions, two sensors have nearly the same position and "
+    "direction",
     "champions with a redundant pair",
 )
 DAMAGE = "Spatial failure: there are clusters of sensors within the radius of damage"
 BETWEEN = finding.Claim(
     "Placed freely, without symmetry, designs converge little",
-    "spread of champions relative to random designs: free minus mirrored",
+    "spread of champions relative to random designs, free minus mirrored",
     finding.NUMBER,
 )
 WITHIN = finding.Claim(

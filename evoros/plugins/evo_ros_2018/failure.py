@@ -26,10 +26,10 @@ from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext, Ring
 
 ONE_ROBOT = True
-HELP = "sensors that spatial damage at each sensor of a champion destroys (Fig. 10)"
+HELP = "sensors destroyed by spatial damage centred at each sensor of a champion (Fig. 10)"
 NEEDS = "a run with spatial failure"
 FILES = {
-    "failure.csv": "a row for each sensor and each sensor at the centre of the damage",
+    "failure.csv": "a row for each pair of a sensor and the sensor at the centre of the damage",
 }
 PANEL_IN = 1.4  # minimum width of a panel
 MIN_RATIO = 0.65  # minimum ratio of a panel's height to its width
@@ -59,7 +59,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 def _read_sensors(record: Record, study: Study) -> pd.DataFrame:
     if read_champion_sensors(record).empty:
         raise InputError(
-            f"{record.path}: the champion has no sensors; choose another run with --run"
+            f"{record.path}: the champion has no sensors to damage; choose another run with --run"
         )
     return study.keep([record]).gather(read_champion_sensors)
 

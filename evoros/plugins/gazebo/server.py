@@ -99,7 +99,7 @@ def find_library() -> Library:
         if _call("pkg-config", "--exists", release.physics).returncode == 0:
             lacking.append(single_line(found.stderr)[:WORDS])
     known = ", ".join(release.physics for release in RELEASES)
-    reason = lacking[0] if lacking else f"pkg-config finds none of {known}"
+    reason = lacking[0] if lacking else f"pkg-config found none of {known}"
     raise InputError(f"simulator=gazebo: needs Gazebo's physics library ({reason}); {INSTALL}")
 
 

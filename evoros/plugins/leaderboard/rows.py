@@ -161,7 +161,8 @@ def _list_overrides(folder: Path, config_dir: str | None) -> tuple[str, list[str
     nearest = min(strange, key=lambda task: len(strange[task]))
     raise InputError(
         f"{folder}: not the configuration of a task ({', '.join(TASKS)}); it differs from "
-        f"{nearest} in {', '.join(strange[nearest])}; leave these as in experiment={nearest}"
+        f"{nearest} in {', '.join(strange[nearest])}; give these keys the values of "
+        f"experiment={nearest}"
     )
 
 

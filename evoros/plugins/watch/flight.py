@@ -41,7 +41,9 @@ def fly_best(record: Record) -> ShownDesign:
     design = find_shown(record)
     if design is None:
         record.require_finished()
-        raise EvorosError(f"{record.path}: the finished run has kept the champion's missions")
+        raise EvorosError(
+            f"{record.path}: the run is finished, so the champion's missions are recorded"
+        )
     first = {
         find_key(row): row
         for row in (find_first_mission(record.run, design, name) for name in record.context.courses)

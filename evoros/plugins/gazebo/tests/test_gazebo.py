@@ -219,7 +219,7 @@ def test_a_mission_whose_server_ends_is_flown_again(
         dispatcher = Dispatcher(pool, WORST, lambda *_: None)
         (((_, (lost,)),),) = dispatcher.run(flown.scenario, [mission(flown, "maze")])
     assert lost.ended == LOST
-    assert "exit status 3 before the mission started; its last words: these are the" in lost.reason
+    assert "exit status 3 before the mission started; its last output: these are the" in lost.reason
     assert not list(find_servers())
 
 
@@ -326,7 +326,7 @@ def fresh_library() -> Iterator[None]:
     [
         ({}, "program pkg-config not found"),
         ({"pkg-config": "exit 1"}, r"program g\+\+ not found"),
-        ({"pkg-config": "exit 1", "g++": "exit 1"}, "pkg-config finds none of gz-physics"),
+        ({"pkg-config": "exit 1", "g++": "exit 1"}, "pkg-config found none of gz-physics"),
         ({"pkg-config": "[ $1 = --exists ] || { echo no sdf >&2; exit 1; }", "g++": ""}, "no sdf"),
     ],
 )

@@ -114,7 +114,7 @@ HELP = "recorded missions as rosbags, with a layout for Foxglove"
 NEEDS = "a run or an evaluation that recorded trajectories, and the package rosbags"
 FILES = {
     "bag_WORLD/": "a rosbag2; with `--format ros1`, a file `bag_WORLD.bag`",
-    "bag_GENERATION_DESIGN_WORLD_TRIAL/": "its name if missions are chosen by number",
+    "bag_GENERATION_DESIGN_WORLD_TRIAL/": "name with --design, --generation or --trial",
     "bag.foxglove.json": "a layout for Foxglove",
 }
 FORMATS = {"mcap": "rosbag2, also for Foxglove", "ros1": "for rosbag play"}

@@ -194,7 +194,7 @@ def add_missions(parser: argparse.ArgumentParser) -> None:
     """Add the options that choose missions."""
     add_run(parser)
     add_worlds(parser)
-    every = "instead of the champion's missions: the recorded missions"
+    every = "instead of the champion's missions, the recorded missions"
     parser.add_argument("--design", type=int, metavar="ID", help=f"{every} of this individual")
     parser.add_argument("--generation", type=int, metavar="N", help=f"{every} of this generation")
     parser.add_argument("--trial", type=int, metavar="N", help=f"{every} of this trial")

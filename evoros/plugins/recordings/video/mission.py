@@ -78,7 +78,7 @@ def check_poses(trajectory: pd.DataFrame, source: str = "trajectory") -> None:
             raise InputError(f"{source}: no column {name}; restore the file")
     if trajectory.empty:
         raise InputError(
-            f"{source}: no rows, because the mission could not be run; show another mission"
+            f"{source}: no rows, because the mission could not be run; choose another mission"
         )
     numbers = trajectory[[*POSE]].to_numpy(float)
     for row in np.flatnonzero(~np.isfinite(numbers).all(axis=1)):
