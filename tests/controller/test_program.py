@@ -246,7 +246,7 @@ def test_a_lost_mission_is_flown_as_often_as_the_executor_says(
         results = [result for results in worst.run(scenario, missions) for result in results]
         assert (tmp_path / "tally").read_text().count("started") == 3 * len(missions)
         assert {lost.key: "these are the\nlast words\n" for lost in missions} == logs
-        reason = r"ended by signal 9 \(Killed\) at 0.5 simulated s; its last words"
+        reason = r"ended by signal 9 \(Killed\) at 0.5 simulated s; its last output"
         for _, (outcome,) in results:
             assert outcome.ended == LOST
             assert re.search(reason, outcome.reason)

@@ -246,7 +246,7 @@ def test_a_warning_that_robots_share_is_given_once(caplog: pytest.LogCaptureFixt
     preflight(build("robot.mount.pitch_deg=0", "agents.oncoming.route=[[0.1,0],[5,-5.2]]"))
     lines = [record.getMessage() for record in caplog.records]
     assert sum("sees the ground" in line for line in lines) == 1
-    (warning,) = (line for line in lines if "is complete from the start" in line)
+    (warning,) = (line for line in lines if "counts as complete from the start" in line)
     assert warning.startswith("agents.oncoming.world.blocks: ")
 
 

@@ -154,5 +154,5 @@ def test_a_rate_that_is_none_is_a_reading_at_every_step(rate: str) -> None:
 @pytest.mark.parametrize("furthest", ["inf", "1e16"])
 def test_a_range_without_an_end_is_not_stated(furthest: str) -> None:
     assert "range_max_m" not in ray("20", furthest)
-    assert "no end of its range" in " ".join(sensor("20", furthest).notes)
+    assert "no maximum range" in " ".join(sensor("20", furthest).notes)
     assert ray("20", "4")["range_max_m"] == 4.0

@@ -94,9 +94,7 @@ def test_the_coordinates_of_a_dae_have_z_up_whatever_it_says(tmp_path: Path, up:
     path = write(tmp_path / "wedges.dae", DAE.format(up=up))
     mesh = read_mesh(path, submesh="left")
     assert bounds(*mesh.shapes) == [[5, 0, 0], [6, 2, 3]]
-    assert [f"up axis {up} is not applied" in note for note in mesh.notes] == [True] * (
-        up != "Z_UP"
-    )
+    assert [f"up axis {up} is ignored" in note for note in mesh.notes] == [True] * (up != "Z_UP")
 
 
 @pytest.mark.parametrize(

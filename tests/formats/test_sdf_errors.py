@@ -84,7 +84,7 @@ TOLD = [
     ("<image><uri>walls.png</uri></image>", "geometry", "left out"),
     # What is assumed.
     ("<box/>", "geometry", "1 1 1 m is assumed"),
-    ("<cylinder><radius>1</radius></cylinder>", "geometry", "<length>: 1 m is assumed"),
+    ("<cylinder><radius>1</radius></cylinder>", "geometry", "<length>: SDF's default of 1 m"),
     ("<inertial><mass>0</mass></inertial>", "link", "1 kg is assumed"),
     ("<inertial><mass>-5</mass></inertial>", "link", "1 kg is assumed"),
     ("<inertial><inertia><ixx>1</ixx><iyy>1</iyy></inertia></inertial>", "link", "no izz"),
