@@ -14,6 +14,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,12 +23,11 @@ from evoros.base.errors import InputError
 from evoros.files.private import private_folder
 from evoros.formats.mesh_files import read_content, read_faces
 from evoros.geometry.shapes import MeshFile, Shape, Vector, is_flat
-from evoros.terminal.activity import announce
 
 TOLD_M = 0.01  # minimum deviation that is reported
 WORK = 3e6
 """Maximum work per mesh (see ``divide_mesh``), which takes about 15 s on one core."""
-_VERSION = 2  # increased with every change to the algorithm
+_VERSION = 3  # increased with every change to the algorithm
 
 Corners = tuple[Vector, ...]
 
@@ -67,11 +67,25 @@ def read_mesh(
     box to the origin. ``up_axis`` rotates a DAE according to its ``<up_axis>``. ``work`` limits the
     time (see ``divide_mesh``). Results are cached in the user's cache folder.
     """
-    content = read_content(path)
-    choices = (*map(float, scale),), submesh, bool(center), up_axis, float(work)
-    parameters = repr((path.suffix.lower(), *choices))
-    key = hashlib.sha256(parameters.encode() + content).hexdigest()
+    key = _make_key(path, scale, submesh, center, up_axis, float(work))
     return _read(path, key, scale, submesh, center, up_axis, work)
+
+
+def find_box(path: Path, scale: Vector, submesh: str, center: bool, up_axis: bool) -> Array:
+    """Return the lowest and the highest corner (2, 3) [m] of a mesh; see ``read_mesh``."""
+    key = _make_key(path, scale, submesh, center, up_axis)
+    return _find_box(path, key, scale, submesh, center, up_axis)
+
+
+@lru_cache(maxsize=1024)
+def _find_box(path: Path, _: str, *choices: Any) -> Array:
+    triangles = read_faces(path, *choices).triangles
+    return np.array([triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))])
+
+
+def _make_key(path: Path, scale: Vector, *choices: object) -> str:
+    parameters = repr((path.suffix.lower(), (*map(float, scale),), *choices))
+    return hashlib.sha256(parameters.encode() + read_content(path)).hexdigest()
 
 
 @lru_cache(maxsize=256)
@@ -122,8 +136,7 @@ def _read(
     if division is None:
         from evoros.geometry.mesh_parts import divide_mesh  # imports scipy, which is slow
 
-        with announce(f"dividing {path.name} into convex parts"):
-            parts = divide_mesh(read_faces(path, scale, submesh, center, up_axis).triangles, work)
+        parts = divide_mesh(read_faces(path, scale, submesh, center, up_axis).triangles, work)
         corners = tuple(_corners(hull.corners) for hull in parts.hulls)
         division = _Division(
             corners, parts.dropped, parts.deviation, parts.work, parts.is_cut_short

@@ -22,6 +22,9 @@ from evoros.geometry.triangles import Surface, find_normals, separate
 Plane = tuple[Array, float]
 """A plane's unit normal (3,), and its offset [m] from the origin along the normal."""
 
+TOLERANCE_M = 0.02
+"""Distance from the surface up to which differences are ignored."""
+
 _SUSPECTS = 64  # maximum number of faces examined in hollows
 _FINE = 300  # number of faces above which fewer cuts are tried
 _CUT_WORK = 200  # number of faces whose handling takes as long as the fixed cost of a cut
@@ -65,11 +68,14 @@ def make_solid(surface: Surface) -> Any:
     return solid if solid.status() == Error.NoError and same else None
 
 
-def divide(solid: Any, tolerance: float, most: int, work: float) -> tuple[list[Piece], float, bool]:
+def divide(
+    solid: Any, tolerance: float, few: int, most: int, work: float
+) -> tuple[list[Piece], float, bool]:
     """Cut a solid into pieces until their concavity [m] is within the tolerance.
 
-    The piece with the largest concavity is cut first. ``most`` limits the number of pieces, and
-    ``work`` the number of faces examined in all cuts tried.
+    The piece with the largest concavity is cut first. There are at most ``few`` pieces if that
+    leaves no concavity above ``TOLERANCE_M``, and else at most ``most``. ``work`` limits the number
+    of faces examined in all cuts tried.
 
     Returns:
         The pieces, the number of faces examined, and True if ``work`` ran out before all cuts were
@@ -83,7 +89,8 @@ def divide(solid: Any, tolerance: float, most: int, work: float) -> tuple[list[P
         concavity, _, worst = heapq.heappop(waiting)
         pieces: list[Piece] = []
         each = worst.solid.num_tri() + _CUT_WORK
-        if -concavity > tolerance and len(done) + len(waiting) + 1 < most:
+        limit = most if -concavity > TOLERANCE_M else few
+        if -concavity > tolerance and len(done) + len(waiting) + 1 < limit:
             is_cut_short |= spent + each > work
             if not is_cut_short:
                 pieces, tried = _cut(worst)

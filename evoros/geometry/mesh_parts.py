@@ -9,7 +9,7 @@ import numpy as np
 from manifold3d import CrossSection, FillRule, JoinType
 
 from evoros.base.arrays import Array
-from evoros.geometry.convex_parts import divide, make_solid
+from evoros.geometry.convex_parts import TOLERANCE_M, divide, make_solid
 from evoros.geometry.footprint import convex_hull
 from evoros.geometry.hull import THICKNESS_M, Hull, is_hull, make_hull, simplify
 from evoros.geometry.polyhedron import clip_polyhedron, convex_polyhedron, divide_into_polygons
@@ -22,9 +22,6 @@ from evoros.geometry.triangles import (
     split_by_edges,
     weld,
 )
-
-TOLERANCE_M = 0.02
-"""Distance from the surface up to which differences are ignored."""
 
 
 class Sections(NamedTuple):
@@ -101,17 +98,19 @@ class _Limits:
 
 
 def _limit_pieces(most: int, extent: float) -> int:
-    """Return the number of pieces, up to ``most``, that a surface of an extent [m] may have."""
+    """Return the number of pieces, up to ``most``, of a surface [m] whose pieces deviate little."""
     return min(most, max(_FEWEST, math.ceil(2 * extent / TOLERANCE_M)))
 
 
-_FEWEST = 12  # smallest limit on the number of a surface's pieces
+_FEWEST = 12  # smallest limit on the number of surfaces, or of pieces of a surface
 _PLATES = 128  # maximum number of plates of a surface, unless its share is larger
 _SMALL, _LARGE = _Limits(256, 0, 64), _Limits(2048, 4096, 256)
 _LARGE_M = 5.0  # extent from which a mesh counts as a building or a landscape
 _MOST_FACES = 2000  # maximum number of faces of a solid that is cut; a finer one is coarsened
 _FULL = 0.9  # fraction of its hull that a solid must fill to be replaced by the hull
-_FACE_WORK = 100  # work of merging one face with others in its plane, in faces examined by cuts
+_READ, _MERGE, _HULL, _PART = 4, 10, 400, 400
+"""Work, in faces examined by cuts (about 5 us each), on a face that is read, on a face that is
+merged with others in its plane, on the hull of a surface, and on a part that simulators use."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,19 +120,23 @@ class Parts:
     hulls: tuple[Hull, ...]
     dropped: int  # number of parts that are too small to count
     deviation: float  # maximum distance [m] from the surface to the surfaces of the parts
-    work: float  # number of faces examined in cuts, or the equivalent
+    work: float  # number of faces examined in cuts, or the equivalent; includes reading the mesh
     is_cut_short: bool  # True: more work would give better parts
 
 
 def divide_mesh(triangles: Array, work: float = math.inf) -> Parts:
     """Divide triangles (n, 3, 3) [m] into convex parts, with at most about ``work``.
 
-    Work counts the faces examined, not time, so that the parts are the same on every machine.
+    Work counts operations, not time, so that the parts are the same on every machine.
     """
-    surface = weld(triangles)
+    surface, spent = weld(triangles), float(_READ * len(triangles))
     limits = _LARGE if np.ptp(surface.points, axis=0).max() >= _LARGE_M else _SMALL
-    groups, deviation = _gather(list_surfaces(surface), limits.surfaces)
-    divider = _Divider(limits, surface.area, work)
+    most = int(min(limits.surfaces, max(_FEWEST, (work - spent) / (_HULL + _PART))))
+    surfaces = list_surfaces(surface)
+    groups, deviation = _gather(surfaces, most)
+    spent += len(groups) * (_HULL + _PART)
+    divider = _Divider(limits, surface.area, work, spent)
+    divider.is_cut_short = most < min(limits.surfaces, len(surfaces))
     hulls: list[Hull] = []
     dropped = 0
     for group in groups:
@@ -150,11 +153,11 @@ def divide_mesh(triangles: Array, work: float = math.inf) -> Parts:
 class _Divider:
     """Divides the surfaces of a mesh with a total area [m2] within a limit of work."""
 
-    def __init__(self, limits: _Limits, area: float, work: float) -> None:
+    def __init__(self, limits: _Limits, area: float, limit: float, work: float) -> None:
         self._limits = limits
         self._area = area
-        self._limit = work
-        self.work = 0.0
+        self._limit = limit
+        self.work = work
         self.is_cut_short = False
 
     def divide(self, group: list[Surface]) -> tuple[list[Hull], float]:
@@ -175,10 +178,11 @@ class _Divider:
         error, tolerance = extent, min(max(0.01, 0.03 * extent), 0.1)
         if solid is not None and self.work < self._limit:
             hulls, error = self._cut(solid, extent, tolerance)
+        self.is_cut_short |= error > tolerance and self.work >= self._limit
         if error > tolerance and self.work < self._limit:
             plates, moved = self._make_plates(surface, extent)
             hulls, error = (plates, moved) if plates and moved < error else (hulls, error)
-        self.is_cut_short |= not hulls
+        self.work += _PART * max(len(hulls) - 1, 0)
         return (hulls, error) if hulls else ([hull], float(np.cbrt(hull.volume)))
 
     def _cut(self, solid: Any, extent: float, tolerance: float) -> tuple[list[Hull], float]:
@@ -187,8 +191,9 @@ class _Divider:
             error = cell
             solid, cell = solid.simplify(cell), 1.5 * cell
         allowed = (self._limit - self.work) / 2  # the rest is left for other surfaces
-        most = _limit_pieces(self._limits.parts, extent)
-        pieces, work, is_cut_short = divide(solid, tolerance, most, allowed)
+        most = self._limits.parts
+        few = _limit_pieces(most, extent)
+        pieces, work, is_cut_short = divide(solid, tolerance, few, most, allowed)
         self.work += work
         self.is_cut_short |= is_cut_short
         hulls = [hull for piece in pieces if (hull := make_hull(piece.points)) is not None]
@@ -197,17 +202,17 @@ class _Divider:
     def _make_plates(self, surface: Surface, extent: float) -> tuple[list[Hull], float]:
         """Return the hulls of a surface's flat polygons, and their deviation [m]."""
         share = int(self._limits.plates * surface.area / self._area)
-        most = max(_limit_pieces(_PLATES, extent), share)
-        most_faces = min(8 * most, (self._limit - self.work) / _FACE_WORK)
+        most, few = max(_PLATES, share), max(_limit_pieces(_PLATES, extent), share)
+        most_faces = min(8 * most, (self._limit - self.work) / _MERGE)
         coarse, error, cell = surface, 0.0, min(max(extent / 200, 0.002), 0.1)
         polygons: list[Array] = []
         while True:
+            joined, kept, moved = join_near(surface, cell)
             if len(coarse.faces) <= most_faces:
                 polygons = divide_into_polygons(coarse)
-                self.work += _FACE_WORK * len(coarse.faces)
-                if len(polygons) <= most:
+                self.work += _MERGE * len(coarse.faces)
+                if len(polygons) <= (few if moved <= TOLERANCE_M else most):
                     break
-            joined, kept, moved = join_near(surface, cell)
             if not len(kept):
                 break
             coarse, error, cell = joined, moved, 1.5 * cell

@@ -45,19 +45,23 @@ def weld(triangles: Array) -> Surface:
     # inch does.
     first, indices = unique_rows(np.round(corners * 1.03e6))
     points, faces = corners[first], indices.reshape(-1, 3)
-    distinct_corners = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    sizes = np.abs(find_normals(points[faces])).max(axis=1, initial=0.0)
-    faces = faces[distinct_corners & (sizes > 1e-12)]
+    faces = faces[_have_area(points, faces)]
     first, _ = unique_rows(np.sort(faces, axis=1))
     return compact(points, faces[np.sort(first)])
+
+
+def _have_area(points: Array, faces: Indices) -> NDArray[np.bool_]:
+    distinct_corners = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    sizes = np.abs(find_normals(points[faces])).max(axis=1, initial=0.0)
+    return np.asarray(distinct_corners & (sizes > 1e-12))
 
 
 def join_near(surface: Surface, cell: float) -> tuple[Surface, Indices, float]:
     """Replace the points in each cube of ``cell`` [m] by their mean.
 
     Returns:
-        The surface of the faces that keep three corners, the indices of these faces, and the
-        maximum displacement [m] of a point.
+        The surface of the faces that keep an area, the indices of these faces, and the maximum
+        displacement [m] of a point.
     """
     _, indices = unique_rows(np.floor(surface.points / cell))
     counts = np.bincount(indices)
@@ -65,7 +69,7 @@ def join_near(surface: Surface, cell: float) -> tuple[Surface, Indices, float]:
         [np.bincount(indices, surface.points[:, i]) / counts for i in range(3)], axis=1
     )
     faces = indices[surface.faces]
-    kept = np.flatnonzero((faces != np.roll(faces, 1, axis=1)).all(axis=1))
+    kept = np.flatnonzero(_have_area(points, faces))
     error = float(np.linalg.norm(points[indices] - surface.points, axis=1).max())
     return compact(points, faces[kept]), kept, error
 

@@ -28,6 +28,7 @@ from evoros.storage.layout import SCORES
 from evoros.storage.run_folder import RunFolder
 from evoros.storage.tables import to_csv
 from evoros.storage.verdicts import write_verdicts
+from evoros.terminal.activity import tell_slow
 from evoros.terminal.log import LOGGER
 
 MAX_WARNINGS = 3  # maximum number of warnings about given designs
@@ -39,7 +40,8 @@ def build_evaluation(config: Configuration) -> tuple[Experiment, list[NamedDesig
     for key in FREE[1:]:
         if any(text.lstrip("+~").startswith(key) for text in config.overrides):
             raise InputError(f"{key}: must not be given for an evaluation; leave it out")
-    experiment = config.build()
+    with tell_slow("reading the robot and the worlds"):
+        experiment = config.build()
     _check_draws(experiment)
     preflight(experiment)
     warn_of_changes(config, experiment)

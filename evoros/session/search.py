@@ -21,6 +21,7 @@ from evoros.session.observation import Tell, ignore
 from evoros.session.status import Status
 from evoros.storage.layout import RUNNING
 from evoros.storage.run_folder import RunFolder
+from evoros.terminal.activity import tell_slow
 from evoros.terminal.log import LOGGER, log_progress
 
 UNUSED: dict[str, object] = {
@@ -33,7 +34,8 @@ UNUSED: dict[str, object] = {
 
 def build_search(config: Configuration) -> Experiment:
     """Build and check the experiment of a search."""
-    experiment = config.build()
+    with tell_slow("reading the robot and the worlds"):
+        experiment = config.build()
     for observer in experiment.observers.values():
         observer.check()
     for key, unset in UNUSED.items():

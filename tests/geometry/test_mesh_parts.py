@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
 from evoros.geometry.hull import MOST_CORNERS
-from evoros.geometry.mesh_parts import Parts, divide_mesh
+from evoros.geometry.mesh_parts import TOLERANCE_M, Parts, divide_mesh
 from evoros.geometry.shapes import Pose
+from evoros.geometry.triangles import find_normals, join_near, weld
 
 
 def turned(triangles: Array) -> Array:
@@ -155,6 +156,36 @@ def test_the_leaves_of_a_tree_become_clumps() -> None:
     parts = divide_mesh(leaves)
     assert len(parts.hulls) <= 256
     assert parts.deviation < 0.5
+
+
+@pytest.mark.parametrize("radius", [0.15, 0.25, 0.4])
+def test_small_furniture_deviates_little_or_has_many_plates(radius: float) -> None:
+    """A thin bowl, which is open and curved, so that its plates cannot be exact."""
+    sphere = trimesh.creation.icosphere(subdivisions=4, radius=radius).triangles
+    parts = divide_mesh(np.asarray(sphere[sphere[:, :, 2].max(axis=1) < 0.3 * radius]))
+    assert parts.deviation <= TOLERANCE_M or 48 < len(parts.hulls) <= 128
+    assert not parts.is_cut_short  # no limit of work, so nothing would be gained
+
+
+def test_the_limit_of_work_covers_reading_and_the_number_of_parts() -> None:
+    post = np.asarray(trimesh.creation.box((0.1, 0.1, 1.0)).triangles)
+    triangles = np.concatenate([post + np.array((0.4 * i, 0.0, 0.0)) for i in range(200)])
+    whole = divide_mesh(triangles)
+    limited = divide_mesh(triangles, 0.2 * whole.work)
+    assert len(whole.hulls) == 200
+    assert not whole.is_cut_short
+    assert len(limited.hulls) < 60
+    assert limited.is_cut_short
+    assert limited.work < 0.3 * whole.work
+
+
+def test_joined_corners_leave_no_face_without_area() -> None:
+    """Two corners are joined in the middle of the line between the others of a face."""
+    flat = [[0.05, 0.05, 0.0], [1.05, 0.09, 0.0], [2.05, 0.05, 0.0]]
+    other = [[0.05, 0.05, 0.0], [1.05, 0.01, 0.0], [1.0, -1.0, 0.0]]
+    joined, kept, _ = join_near(weld(np.array([flat, other])), 0.1)
+    assert kept.tolist() == [1]
+    assert find_normals(joined.triangles)[0, 2] != 0.0
 
 
 def test_specks_are_left_out() -> None:

@@ -15,8 +15,7 @@ from lxml.etree import _Element as Element
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.formats.mesh import WORK, Mesh, read_mesh
-from evoros.formats.mesh_files import read_faces
+from evoros.formats.mesh import WORK, Mesh, find_box, read_mesh
 from evoros.formats.missing import MissingFileError
 from evoros.formats.sdf.heightmaps import read_heightmap
 from evoros.formats.sdf.inclusion import CHOICES, find_uri, require_file
@@ -32,6 +31,7 @@ from evoros.formats.strict_xml import (
 )
 from evoros.geometry.polyhedron import decompose, placed_corners
 from evoros.geometry.shapes import Pose, Shape, Vector
+from evoros.terminal.activity import announce
 
 _MINUTE = 1.2e7
 """Work on meshes (see ``divide_mesh``) that takes about a minute on one core.
@@ -43,6 +43,8 @@ REACH_M = 30.0
 
 The limit does not apply if ``mesh_effort`` exceeds 1.
 """
+HIGH_M = 0.6
+"""Height above which few robots reach or look."""
 
 
 _KINDS = (
@@ -212,6 +214,8 @@ def divide_meshes(
 ) -> None:
     """Divide meshes at their world poses, those nearest to the ``course`` (n, 2) [m] first.
 
+    Meshes above ``HIGH_M`` come last, such as the small parts of items on desks.
+
     A mesh keeps its coarse convex parts if they fit well enough, if it is out of reach of the
     course, or once the work for the world is used up. Without a course, every mesh is in reach, and
     distances are measured from the origin.
@@ -220,7 +224,7 @@ def divide_meshes(
     reach = math.inf if course is None else REACH_M * max(effort, 1.0)
     points = np.zeros((1, 2)) if course is None else course
     boxes: dict[_MeshUse, Array] = {}
-    places: dict[_MeshUse, tuple[float, float]] = {}
+    places: dict[_MeshUse, tuple[bool, bool, float, float]] = {}
     elements: dict[_MeshUse, Element] = {}
     for mesh, pose in placed:
         with suppress(InputError):  # the body's reader raises the error or leaves the mesh out
@@ -228,20 +232,24 @@ def divide_meshes(
             if 0.0 in use.scale:
                 continue
             if use not in boxes:
-                boxes[use] = _find_box(use, reading)
-            place = _measure_place(boxes[use], pose, points)
+                with announce(f"reading {use.path.name}, mesh {len(boxes) + 1}"):
+                    ends = find_box(*use, reading.options.mesh_up_axis == "apply")
+                boxes[use] = np.array([*product(*ends.T)])
+            place = _measure_place(boxes[use], pose, points, reach)
             elements[use], places[use] = mesh, min(place, places.get(use, place))
     left = effort * _MINUTE
-    for use in sorted(places, key=places.__getitem__):
-        wanted, distance, work = 10 * effort, places[use][0], min(effort * WORK, left)
+    for index, use in enumerate(sorted(places, key=places.__getitem__), 1):
+        is_far, _, distance, _ = places[use]
+        wanted, work = 10 * effort, _limit_work(effort * WORK, left)
         remark = "the mesh is divided into coarse parts to save time"
-        if distance > reach:
+        if is_far:
             wanted, work = max(wanted, math.ceil(distance / REACH_M)), 0.0
             remark = (
                 f"the mesh is divided into coarse parts, because it is over {reach:g} m from the "
                 "course"
             )
-        with suppress(InputError):
+        text = f"dividing {use.path.name} into convex parts, mesh {index} of {len(places)}"
+        with suppress(InputError), announce(text):
             parts = _read_parts(elements[use], use, work, reading)
             left -= parts.work
             reading.meshes[use] = parts.shapes
@@ -250,23 +258,28 @@ def divide_meshes(
             if parts.is_cut_short:
                 more = f"world.NAME.mesh_effort={wanted:g} makes finer parts, but takes longer"
                 reading.notes.add_file(use.path, f"{remark}; {more}")
-            if parts.is_cut_short and distance > reach:
+            if parts.is_cut_short and is_far:
                 reading.meshes[use] = tuple(replace(shape, mesh=None) for shape in parts.shapes)
 
 
-def _find_box(use: _MeshUse, reading: Reading) -> Array:
-    """Return the corners (8, 3) [m] of a mesh's bounding box in its frame."""
-    faces = read_faces(*use, reading.options.mesh_up_axis == "apply")
-    low, high = faces.triangles.min(axis=(0, 1)), faces.triangles.max(axis=(0, 1))
-    return np.array([*product(*zip(low, high, strict=True))])
+def _limit_work(most: float, left: float) -> float:
+    """Return the largest of ``most``, its half, quarter ... within ``left``; parts are cached."""
+    limits = (most / 2**i for i in range(7))
+    return next((limit for limit in limits if limit <= left), 0.0)
 
 
-def _measure_place(corners: Array, pose: Pose, points: Array) -> tuple[float, float]:
-    """Return the distance [m] of corners at ``pose`` from points (n, 2), and the lowest height."""
+def _measure_place(
+    corners: Array, pose: Pose, points: Array, reach: float
+) -> tuple[bool, bool, float, float]:
+    """Return whether a mesh is out of reach [m], whether it is high, its distance, and its bottom.
+
+    The mesh has its corners at ``pose``; the distance [m] is measured from points (n, 2).
+    """
     corners = placed_corners(corners, pose.rotation, pose.position)
     low, high = corners.min(axis=0), corners.max(axis=0)
     gaps = np.maximum(np.maximum(low[:2] - points, points - high[:2]), 0.0)
-    return float(np.sqrt((gaps * gaps).sum(axis=1)).min()), float(low[2])
+    distance = float(np.sqrt((gaps * gaps).sum(axis=1)).min())
+    return distance > reach, bool(low[2] > HIGH_M), distance, float(low[2])
 
 
 def _read_submesh(submesh: Element | None) -> tuple[str, bool]:

@@ -48,6 +48,7 @@ class Addresses:
         self._declared = declared
         self._notes = notes
         self._explained: dict[tuple[str, Path], tuple[str, Remedy]] = {}
+        self._places: dict[tuple[str, Path, object], Path | None] = {}
 
     def find(
         self, uri: str, beside: Path, accepts: Callable[[Path], bool] = Path.exists
@@ -56,7 +57,12 @@ class Addresses:
 
         The first path that ``accepts`` approves counts; names with different letter case come last.
         """
-        uri = _normalize(uri)
+        key = (uri, beside, accepts)
+        if key not in self._places:
+            self._places[key] = self._find(_normalize(uri), beside, accepts)
+        return self._places[key]
+
+    def _find(self, uri: str, beside: Path, accepts: Callable[[Path], bool]) -> Path | None:
         address = _parse_address(uri)
         if address is not None:
             return _find_in_cache(address, self._declared)

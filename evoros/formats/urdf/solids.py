@@ -25,6 +25,7 @@ from evoros.formats.urdf.parts import (
     read_values,
 )
 from evoros.geometry.shapes import Pose, Shape, Vector
+from evoros.terminal.activity import announce
 
 _LOG = logging.getLogger(__name__)
 
@@ -165,7 +166,8 @@ class SolidsReader:
 
         if hull:
             return (simplify(read_hull(path, scale)),)
-        mesh = read_mesh(path, scale)
+        with announce(f"dividing {path.name} into convex parts"):
+            mesh = read_mesh(path, scale)
         self._tell_size(path, mesh.shapes)
         if len(mesh.shapes) <= _MAX_PARTS:
             self._divided += 1
