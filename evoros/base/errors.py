@@ -13,7 +13,7 @@ PATH_REMEDIES = {
     errno.ENAMETOOLONG: "choose a shorter name",
     errno.ELOOP: "remove one of the symbolic links that form a loop",
 }
-"""Fixes for errors of path operations, by error number."""
+"""Fixes for errors in path operations, keyed by error number."""
 _LOOP = "Symlink loop from "
 
 

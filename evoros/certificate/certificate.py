@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Rate:
-    """The champion's completion rate in a world, with its interval."""
+    """The champion's completion rate in a world, with the rate's interval."""
 
     completed: int
     trials: int

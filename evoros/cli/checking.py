@@ -168,7 +168,7 @@ def find_treatment(config: Configuration) -> str:
 
 
 def advise_seeds(seeds: list[set[int]]) -> Iterator[str]:
-    """Yield a warning for each test that cannot find a difference, with the number of seeds needed.
+    """Yield a warning, with the number of seeds needed, for each test that can find no difference.
 
     ``compare`` tests pairs. Holm's correction multiplies the smallest p by the number of pairs, and
     the two treatments with the most seeds have the smallest p. ``factors`` tests three or more

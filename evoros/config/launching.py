@@ -54,7 +54,7 @@ class _Task:
 def launch(jobs: Jobs, ready: Sequence[Job], run: RunJob) -> dict[Path, EvorosError | None]:
     """Run the ``ready`` jobs of a sweep with the chosen launcher, and wait for them.
 
-    Return the error of each job by folder; None for a job that finished.
+    Return the error of each job, keyed by folder; None for a job that finished.
 
     Raises:
         RunStopped: the launcher itself failed.

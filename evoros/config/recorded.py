@@ -99,7 +99,7 @@ def list_differences(
 
 
 def flatten(config: Configuration) -> dict[str, Any]:
-    """Return the values of a configuration by dotted key, with unresolved references."""
+    """Return the values of a configuration, keyed by dotted key, with unresolved references."""
     return _flatten(_parse(config.text))
 
 

@@ -109,7 +109,7 @@ class AnyController(ControllerPart, ABC):
     period_s: float
     """Time [s] between two decisions."""
     localization: Mapping[str, Localizer] = MappingProxyType({})
-    """The filters, or the estimator, that act on the pose, by name and in this order.
+    """The filters, or the estimator, that act on the pose, keyed by name, in order.
 
     Filters change the true pose. An estimator replaces the pose, and must come first.
     """

@@ -27,5 +27,5 @@ class Design:
 
     @property
     def parts(self) -> Mapping[str, "Design"]:
-        """The designs of all robots that have one, by robot name; "" is the first robot."""
+        """The designs of all robots that have one, keyed by robot name; "" is the first robot."""
         return {"": self, **self.agents}

@@ -62,7 +62,7 @@ class Layout:
 
     @property
     def index(self) -> Mapping[str, int]:
-        """Gene index by gene name."""
+        """The index of each gene, keyed by gene name."""
         return self._blocks_and_index[1]
 
     @cached_property

@@ -144,11 +144,11 @@ class Asked(NamedTuple):
 
 
 _notes: dict[str | bytes, str] = {}
-"""Reasons for running missions one by one in this process, by device or scenario digest."""
+"""Reasons to run missions one by one in this process, keyed by device or scenario digest."""
 
 
 _batchers: "dict[str, Batcher]" = {}
-"""The batcher of each device that this process has opened, by the device's name."""
+"""The batchers of the devices that this process has opened, keyed by device name."""
 
 
 def _open_batcher(batches: Batches) -> "Batcher":

@@ -154,7 +154,7 @@ class AckermannDescription(DriveDescription):
         return cls.build(found, given)
 
     def fit(self, urdf: Urdf) -> Ackermann:
-        """Return the drive, with the wheelbase, tracks, radii and stops of a robot."""
+        """Return the drive with the wheelbase, tracks, radii and stops measured on a robot."""
         pairs = (self.front_wheel_joints, self.rear_wheel_joints)
         front, rear = axles = [(measure_axle(urdf, names), names) for names in pairs]
         if front[0].x <= rear[0].x:

@@ -214,7 +214,7 @@ def _find_drives() -> Mapping[str, type[DriveDescription]]:
 _LOG = logging.getLogger(__name__)
 
 DRIVES = _find_drives()
-"""The drives that can be detected, by the value of ``kind``."""
+"""The drives that can be detected, keyed by ``kind``."""
 
 
 def _choose_kind(pairs: Sequence[Pair]) -> str:
@@ -227,7 +227,7 @@ GIVEN = (
     *("max_speed_mps", "steering_limit_rad", "wheelbase_m", "caster_links"),
     *("wheel_separation_multiplier", "turning_resistance"),
 )
-"""Fields that the user may set, in place of the values detected on the robot."""
+"""Fields that the user may set to replace the values detected on the robot."""
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ class DifferentialDescription(DriveDescription):
         return cls.build({"wheel_joints": joints, **default_bicycle(others)}, given)
 
     def fit(self, urdf: Urdf) -> Differential:
-        """Return the drive, with the track and radius of a robot."""
+        """Return the drive with the track and the wheel radius measured on a robot."""
         axle = measure_axle(urdf, self.wheel_joints)
         for link in self.caster_links:
             check_caster(urdf, link, self.wheel_joints)

@@ -151,7 +151,7 @@ class SkidSteerDescription(DriveDescription):
         return cls.build(found, given)
 
     def fit(self, urdf: Urdf) -> SkidSteer:
-        """Return the drive, with the tracks, radii and turning resistance of a robot."""
+        """Return the drive with the tracks, radii and turning resistance of a robot."""
         pairs = list(zip(self.left_wheel_joints, self.right_wheel_joints, strict=False))
         if not len(pairs) == len(self.left_wheel_joints) == len(self.right_wheel_joints):
             rule = "both sides must have the same number of wheels"

@@ -67,7 +67,8 @@ class Champion:
     design: Design
     gene_names: Mapping[str, Mapping[str, str]]  # robot -> key in ``design.values`` -> name
     robots: Mapping[str, Robot]
-    """Robots by name, with the design's sensors and values; empty if a part rejects the values."""
+    """Robots, keyed by name, with the design's sensors and values; empty if a part rejects the
+    values."""
     worlds: Mapping[str, World]
     tracks: Sequence[str]  # names of the worlds whose trajectories are kept
     columns: Mapping[str, Sequence[str]]  # column names of the trajectories, by world

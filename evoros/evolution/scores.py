@@ -66,7 +66,7 @@ class NumberLog:
 
 
 class Ledger:
-    """The scores of a run's individuals so far, by id."""
+    """The scores of a run's individuals so far, keyed by id."""
 
     def __init__(self, measures: int, final_choice: FinalChoice | None) -> None:
         self._final_choice = final_choice
@@ -92,11 +92,11 @@ class Ledger:
         self._told.add(individual, [fitness, *measures])
 
     def find_told(self, individuals: Iterable[int]) -> dict[int, list[float]]:
-        """Return, by individual, the fitness and measures last reported to the search."""
+        """Return each individual's fitness and measures as last reported to the search."""
         return self._told.find_last(individuals)
 
     def find_fitness(self, individuals: Iterable[int]) -> dict[int, float]:
-        """Return, by individual, the fitness last reported to the search."""
+        """Return each individual's fitness as last reported to the search."""
         return {i: row[0] for i, row in self.find_told(individuals).items()}
 
     def show(self, individual: int, generation: int, earlier: int) -> None:
@@ -169,7 +169,7 @@ class Confirmed:
         return fitness | {i: experiment.scoring.combine(self.scores[i]) for i in known}
 
     def list_losses(self) -> dict[int, float]:
-        """Return each confirmed design's screened minus confirmed fitness, by id."""
+        """Return each confirmed design's screened minus confirmed fitness, keyed by id."""
         combine = self.trials.experiment.scoring.combine
         return {i: combine(self.screened[i]) - combine(scores) for i, scores in self.scores.items()}
 

@@ -31,7 +31,7 @@ class Measuring:
 
     experiment: Experiment
     trials: dict[tuple[str, int], list[list[Outcomes]]] = field(default_factory=dict)
-    """The outcomes of trials, by purpose and individual, if a measure needs them."""
+    """The outcomes of trials, keyed by purpose and individual, if a measure needs them."""
     reported: set[str] = field(default_factory=set)
 
     def note(

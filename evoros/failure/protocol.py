@@ -123,7 +123,7 @@ PARTS: Mapping[str, str] = {
     DRIVE: "drive",
     STRENGTH: "wheels",
 }
-"""The default name of the failed part, by the signal that the fault affects."""
+"""Default names of failed parts, keyed by the signal that the fault affects."""
 
 
 @dataclass(frozen=True)

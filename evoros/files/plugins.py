@@ -39,7 +39,7 @@ class Subcommand:
 
 @dataclass(frozen=True)
 class Plugin:
-    """A plug-in, and its additions by the names that users type.
+    """A plug-in, and its additions, keyed by the names that users type.
 
     The YAML files in the folder ``conf`` of the plug-in's package are choices of configuration
     groups.
