@@ -47,8 +47,11 @@ _KINDS = {
     "mecanum": re.compile(r"mecanum", re.IGNORECASE),
     "omni": re.compile(r"omni(?!vision)", re.IGNORECASE),
 }
-_PUSHING_PLUGIN = re.compile(r"planar_?move", re.IGNORECASE)
-_SIDEWAYS_PLUGIN = re.compile(r"planar_?move|mecanum|omni|holonomic", re.IGNORECASE)
+_PUSHING_PLUGIN = re.compile(r"(planar|force_?based)_?move", re.IGNORECASE)
+_SIDEWAYS_PLUGIN = re.compile(
+    rf"{_PUSHING_PLUGIN.pattern}|mecanum|holonomic|omni_?(base|control|dir|drive|wheel)",
+    re.IGNORECASE,
+)
 HOLD_STRAIGHT = (
     "set robot.drive.kind={} to lock the steering and turn by driving the wheels at different "
     "speeds"
@@ -81,16 +84,22 @@ def refuse_articulated(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
 def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
     """Reject a robot whose wheels, rollers or controller also move it sideways.
 
-    If a robot has plain wheels and only a Gazebo plugin pushes it sideways, this is only logged.
+    If a robot has plain wheels and only a Gazebo plugin pushes it sideways, this is only logged,
+    unless the robot's name says otherwise or its wheels slide in Gazebo.
     """
     pairs = pair_up([wheel for wheel in wheels if wheel.steering is None])
     turning = [joint for joint in urdf.joints.values() if joint.type in TURNING]
     joints = [wheel.joint for wheel in wheels] if pairs else turning
     reason = next(filter(None, (_find_rollers(urdf, joint) for joint in joints)), "")
     plugin = _name_sideways_plugin(urdf.plugins)
+    if plugin and not reason:  # neither a name nor slippery wheels prove it without a plugin
+        reason = _read_kind([urdf.name, Path(urdf.source).name])
+        if len(pairs) > 1 and all(_slides(urdf, joint) for joint in joints):
+            reason = f"wheels slide in Gazebo, where plugin {plugin} moves the robot"
     if not reason and plugin and (len(pairs) == 1 or (pairs and _PUSHING_PLUGIN.search(plugin))):
         _LOG.warning(
-            "%s: the Gazebo plugin %s can also push the robot sideways; missions never command it",
+            "%s: the Gazebo plugin %s can also push the robot sideways; missions never command it, "
+            "and the wheels roll and slip as plain ones",
             urdf.source,
             plugin,
         )
@@ -100,7 +109,8 @@ def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
         reason = reason or f"Gazebo plugin {plugin}"
         raise urdf.error(
             f"the robot also moves sideways ({reason}), which no drive models; wheels: {names}",
-            f"set robot.drive.kind={kind} to simulate it as if it had plain wheels"
+            f"set robot.drive.kind={kind} to simulate it as if it had plain wheels, which slip in "
+            "turns"
             if kind
             else "write a drive for it (docs/parts/drive.md)",
         )
@@ -156,13 +166,20 @@ def _find_rollers(urdf: Urdf, joint: Joint) -> str:
     """Return why a wheel is known to have rollers; empty if it is a plain wheel."""
     group = urdf.rigid_group(joint.child)
     names = [joint.name, *group, *(mesh for link in group for mesh in urdf.meshes.get(link, ()))]
+    if kind := _read_kind(names):
+        return kind
+    rollers = [j for link in group for j in urdf.children_of(link) if j.type in TURNING]
+    if len(rollers) >= _MIN_ROLLERS:
+        return f"wheels with rollers: {joint.child!r} has {len(rollers)}"
+    return ""
+
+
+def _read_kind(names: Sequence[str]) -> str:
+    """Return the kind of wheels that a name states; empty if none does."""
     for kind, pattern in _KINDS.items():
         named = next(filter(pattern.search, names), "")
         if named:
             return f"{kind} wheels, according to the name {named!r}"
-    rollers = [j for link in group for j in urdf.children_of(link) if j.type in TURNING]
-    if len(rollers) >= _MIN_ROLLERS:
-        return f"wheels with rollers: {joint.child!r} has {len(rollers)}"
     return ""
 
 
@@ -190,6 +207,10 @@ def _is_diagonal(urdf: Urdf, link: str, joint: Joint) -> bool:
     along: Array = product(pose.rotation, np.array(direction)) / size
     low, high = _DIAGONAL
     return low < abs(float(product(along, urdf.axis_of(joint)))) < high
+
+
+def _slides(urdf: Urdf, joint: Joint) -> bool:
+    return not urdf.slippery.isdisjoint(urdf.rigid_group(joint.child))
 
 
 def _name_sideways_plugin(plugins: Sequence[Plugin]) -> str:
@@ -337,11 +358,7 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
             urdf.source,
             ", ".join(diagonal),
         )
-    slippery = [
-        wheel.joint.name
-        for wheel in wheels
-        if not urdf.slippery.isdisjoint(urdf.rigid_group(wheel.joint.child))
-    ]
+    slippery = [wheel.joint.name for wheel in wheels if _slides(urdf, wheel.joint)]
     if slippery:
         names = ", ".join(slippery)
         _LOG.warning(

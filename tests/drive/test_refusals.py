@@ -2,14 +2,29 @@
 
 import math
 import re
+from dataclasses import replace
 
 import pytest
-from drive_cases import FRONT, LIMIT, PAIR, REAR, ROUND, Z, choose, joint, link, steered, wheel
+from drive_cases import (
+    FRONT,
+    LIMIT,
+    PAIR,
+    REAR,
+    ROUND,
+    Z,
+    choose,
+    joint,
+    link,
+    read,
+    steered,
+    wheel,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
 from evoros.base.errors import InputError
 from evoros.drive.ackermann import AckermannDescription
+from evoros.drive.automatic import AutomaticDescription
 from evoros.drive.differential import DifferentialDescription
 from evoros.drive.skid_steer import SkidSteerDescription
 
@@ -41,6 +56,8 @@ def four(name: str = "{}_wheel", body: str = ROUND, below: str = "") -> str:
     return "".join(parts)
 
 
+PUSHED = '<gazebo><plugin filename="libnew_force_based_move.so" name="m"/></gazebo>'
+SLIPPERY = '<gazebo reference="{}_wheel"><mu1>0.0</mu1></gazebo>'
 ROLLERS = "".join(
     link(f"CORNER_roller_{i}", "") + joint(f"CORNER_r{i}", f"CORNER_roller_{i}", "0 0 0", more=Z)
     for i in range(3)
@@ -57,6 +74,10 @@ ROLLERS = "".join(
             four() + '<gazebo><plugin filename="ign_ros2_control-system" name="c"><parameters>'
             "/c/mecanum_drive_controller.yaml</parameters></plugin></gazebo>",
             "Gazebo plugin mecanum_drive_controller.yaml",
+        ),
+        (
+            four() + PUSHED + "".join(SLIPPERY.format(corner) for corner, _ in FOUR),
+            "wheels slide in Gazebo, where plugin libnew_force_based_move.so moves the robot",
         ),
     ],
 )
@@ -108,6 +129,22 @@ def test_a_plugin_that_pushes_a_robot_on_plain_wheels_is_told(
         caplog.clear()
         assert isinstance(choose(wheels, move), kind)
         assert "libgazebo_ros_planar_move.so can also push the robot sideways" in caplog.text
+
+
+def test_a_name_with_mecanum_counts_if_a_plugin_pushes_the_robot(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Neither the name alone counts, nor a plugin of sensors that look in all directions."""
+    seen = '<gazebo><plugin filename="libvision.so" name="ir_omni_plugin"/></gazebo>'
+    named = replace(read(four()), source="my_mecanum.urdf")
+    assert isinstance(AutomaticDescription().choose(named), SkidSteerDescription)
+    assert isinstance(choose(four(), seen), SkidSteerDescription)
+    assert "sideways" not in caplog.text
+    pushed = replace(read(four(), PUSHED), source="my_mecanum.urdf")
+    with pytest.raises(InputError, match=r"mecanum wheels.*'my_mecanum.urdf'.*kind=skid_steer"):
+        AutomaticDescription().choose(pushed)
+    asked = AutomaticDescription(kind="skid_steer").choose(pushed)
+    assert isinstance(asked, SkidSteerDescription)
 
 
 def test_a_robot_that_faces_along_y_is_told_so() -> None:
