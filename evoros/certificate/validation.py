@@ -124,7 +124,7 @@ def estimate_trials(
     confidence: float,
     precision: float,
 ) -> int | None:
-    """Estimate the number of trials that a precision needs, from the scores of ``trials`` trials.
+    """Estimate the trials needed for a precision, given the scores of ``trials`` trials.
 
     ``limits`` are the minimum and maximum score. The result is None if the precision is out of
     reach.

@@ -18,7 +18,7 @@ from evoros.base.packing import pack, unpack
 Started: TypeAlias = "NamedTuple | tuple[NamedTuple | None, NamedTuple] | None"
 """The start values of a rule: parameters, (parameters, memory), or None for neither."""
 
-UNUSED = "_"  # an argument of the loop that rules of a kind do not receive
+UNUSED = "_"  # a loop argument that the rules of a kind do not receive
 
 
 class Nothing(NamedTuple):

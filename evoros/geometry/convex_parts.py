@@ -141,7 +141,7 @@ def _try_planes(piece: Piece, planes: list[Plane]) -> tuple[float, list[Piece]]:
         pieces = _split(*piece.solid.split_by_plane(normal, offset))
         share = sum(part.hull.volume() for part in pieces) / piece.hull.volume()
         score = (round(share, 6), len(pieces))
-        # A cut that removes only a skin, left by rounding on a face, leaves one piece.
+        # A cut that removes only a thin layer left by rounding gives a single piece.
         if (len(pieces) > 1 or (pieces and share < 0.999)) and score < best:
             best, chosen = score, pieces
     return best[0], chosen
