@@ -97,7 +97,7 @@ def open_evoros(scene: Scene) -> Peer:
     from evoros.geometry.shapes import Body, Pose, Shape
     from evoros.sensor.lidar import Lidar
     from evoros.sensor.protocol import Mount
-    from evoros.simulator.protocol import open_alone
+    from evoros.simulator.protocol import RuleSimulation, open_alone
     from evoros.world.model import World
 
     experiment = compose(["simulator=planar", "robot=two_wheeler"]).build()
@@ -122,6 +122,7 @@ def open_evoros(scene: Scene) -> Peer:
 
     stack = open_alone(experiment.simulator.open, robot, world)
     simulation = stack.__enter__()
+    assert isinstance(simulation, RuleSimulation)
     _, sense, advance = map(compile_rule, simulation.rules, SIMULATION_RULES)
     readings, command = np.zeros(scene.beams), np.array([SPEED_MPS, TURN_RADPS])
     parts = (sense, advance, simulation.parameters, simulation.memory, readings, command)
@@ -364,8 +365,8 @@ def main() -> None:
             for name in names:
                 try:
                     results[name].append(run_alone(name, scene))
-                except RuntimeError as error:
-                    print(f"{name}, {scene}: {error}", file=sys.stderr)
+                except RuntimeError as fault:
+                    print(f"{name}, {scene}: {fault}", file=sys.stderr)
         for name, found in results.items():
             if found:
                 paces = [one["pace"] for one in found]

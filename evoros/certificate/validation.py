@@ -142,5 +142,5 @@ def estimate_trials(
     while many - few > 1:
         middle = (few + many) // 2
         few, many = (few, middle) if is_narrow(middle) else (middle, many)
-    unit = 10 ** max(0, len(str(many * trials)) - 2)  # two significant digits
+    unit: int = 10 ** max(0, len(str(many * trials)) - 2)  # two significant digits
     return -(-many * trials // unit) * unit

@@ -181,7 +181,10 @@ def test_a_design_sees_and_costs_what_its_slots_and_its_fixed_sensors_do(name: s
     slots, fixed = TeamSpace({"": space}).view(genome, 2.0)
     mounts = space.decode(genome).mounts
     seen = find_seen(space.robot.with_sensors(mounts, space.design.sensors), 2.0)
-    assert sum(view.counts for view in [*slots, fixed]).tolist() == seen.sum(axis=0).tolist()
+    assert (
+        np.sum([view.counts for view in [*slots, fixed]], axis=0).tolist()
+        == seen.sum(axis=0).tolist()
+    )
     price = add_prices(mounts, space.design.sensors)
     assert sum(view.price for view in [*slots, fixed]) == pytest.approx(price)
 

@@ -414,7 +414,7 @@ class Together:
 
 
 def test_runs_share_the_time_of_a_batch_by_their_missions(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(calls._batchers, "device", Together())  # type: ignore[arg-type]
+    monkeypatch.setitem(calls._batchers, "device", Together())
     batches: Any = SimpleNamespace(device="device", missions=8)
     asked = [Asked(missions()[:1], 1e9, False), Asked(missions()[1:4], 1e9, False)]
     begun = perf_counter()

@@ -11,8 +11,9 @@ from mesh_cases import grid_mesh
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
+from evoros.geometry.convex_parts import TOLERANCE_M
 from evoros.geometry.hull import MOST_CORNERS
-from evoros.geometry.mesh_parts import TOLERANCE_M, Parts, divide_mesh
+from evoros.geometry.mesh_parts import Parts, divide_mesh
 from evoros.geometry.shapes import Pose
 from evoros.geometry.triangles import find_normals, join_near, weld
 
