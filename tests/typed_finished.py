@@ -103,6 +103,7 @@ OF_FIGURES = (
         {"r": "design=views controller.avoidance.range_m=1 simulator=planar"},
         "analyze regions r",
         (f"{{tiny}} {{}} {_NEW}", "analyze regions r new"),
+        slow=True,
     ),
     Finished("analysis/run_figures.py figures", {}, f"{{tiny}} figures=[nothing] {_NEW}"),
     Finished(
@@ -117,6 +118,7 @@ OF_FIGURES = (
         "analyze compare r",
         (f"evaluate {{parts}} {{}} {_NEW}", "analyze compare r new"),
         {"SWEEP": "r"},
+        slow=True,
     ),
     Finished(
         "analysis/figures/factors.py seed=range({MIN_VALUES})",
@@ -144,6 +146,7 @@ OF_FIGURES = (
         "analyze worst ev",
         (f"evaluate {{parts}} like=r {{}} {_NEW}",),
         made=("evaluate {parts} like=r trials=1 hydra.run.dir=ev",),
+        slow=True,
     ),
     Finished(
         "analysis/report/requirements.py like=FOLDER",
@@ -201,24 +204,28 @@ OF_THE_PAPER = (
         {"none": CALM},
         "analyze claims none",
         (f"{{tiny}} {{}} {_NEW}", "analyze claims none new"),
+        slow=True,
     ),
     Finished(
         f"{_CLAIMS}/claims_designs.py experiment=free_placement",
         _RUN,
         "analyze claims r",
         (f"{{small}} {{}} optimizer.population_size=4 {_NEW}", "analyze claims r new"),
+        slow=True,
     ),
     Finished(
         f"{_CLAIMS}/claims_designs.py failure=random",
         {"none": CALM},
         "analyze claims none",
         (f"{{tiny}} {{}} {_NEW}", "analyze claims none new"),
+        slow=True,
     ),
     Finished(
         f"{_CLAIMS}/claims_designs.py failure=spatial",
         {"none": CALM},
         "analyze claims none",
         (f"{{tiny}} {{}} {_NEW}", "analyze claims none new"),
+        slow=True,
     ),
     Finished(
         f"{_CLAIMS}/course.py record=all",
@@ -245,12 +252,14 @@ OF_THE_PAPER = (
         "analyze paper none spatial",
         ("resume none {parts}", "analyze paper none spatial"),
         made=("cut none",),
+        slow=True,
     ),
     Finished(
         f"{_PAPER} failure={{failure}}",
         _RUN,
         "analyze paper r",
         (f"{{small}} {{}} {_NEW}", "analyze paper r new"),
+        slow=True,
     ),
 )
 
@@ -273,12 +282,14 @@ OF_EVALUATIONS = (
         "evoros/design/team.py agents.{name}.design.number=0",
         {"p": "simulator=planar"},
         f"{_TEAM} {TEAM.partition(' ')[2]} {_NEW}",
+        slow=True,
     ),
     Finished(
         "evoros/mission/member.py +design@{self.key}design=...",
         {"p": "simulator=planar", "team": TEAM},
         f"{_TEAM} designs=team agents=oncoming {_NEW}",
         filled={"...": "six_sonars"},
+        slow=True,
     ),
     Finished(
         "evoros/session/design_tables.py agents=...",
@@ -310,6 +321,7 @@ OF_EVALUATIONS = (
         {"study/a": "", "study/b": SPATIAL},
         "evaluate -m {parts} like=study trials=1 hydra.sweep.dir=new",
         filled={"...": "random,spatial"},
+        slow=True,
     ),
     Finished(
         "evoros/session/given_designs.py {choice}=...",

@@ -510,6 +510,7 @@ def test_a_suggestion_says_where_it_lies_and_how_to_choose_another(
 
 
 @pytest.mark.usefixtures("undrawn")
+@pytest.mark.slow
 def test_a_course_stays_on_the_floors_of_a_house_without_walls(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

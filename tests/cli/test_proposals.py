@@ -160,20 +160,22 @@ def _fill(text: str) -> str:
 
 
 def pack(pairs: Iterable[tuple[str, str]]) -> Iterator[list[str]]:
-    """Pack overrides into as few lines as their keys allow."""
-    lines: list[dict[str, str]] = []
+    """Pack overrides, with what their keys need, into as few lines as these allow."""
+    lines: list[dict[str, list[str]]] = []
     for key, value in pairs:
-        top = re.split("[.@/=]", key.lstrip("+~"))[0]
-        line = next((line for line in lines if top not in line), None)
+        words = [*NEEDS.get(key, ()), f"{key}={value}"]
+        tops = [re.split("[.@/=]", word.lstrip("+~"))[0] for word in words]
+        line = next((line for line in lines if line.keys().isdisjoint(tops)), None)
         if line is None:
             lines.append(line := {})
-        line[top] = f"{key}={value}"
-    return (list(line.values()) for line in lines)
+        for top, word in zip(tops, words, strict=True):
+            line.setdefault(top, []).append(word)
+    return ([word for words in line.values() for word in words] for line in lines)
 
 
 def test_every_override_is_one_that_evoros_takes() -> None:
     overrides = {(key, value): place for key, value, place in typed_overrides()}
-    lines: dict[tuple[str, tuple[str, ...]], list[tuple[str, str]]] = {}
+    of_commands: dict[str, list[tuple[str, str]]] = {"evaluate": [], "config": []}
     for (key, value), place in overrides.items():
         chosen = bundled_folder("conf") / key.lstrip("+").partition("@")[0]
         if key in IN_FILES:
@@ -184,10 +186,10 @@ def test_every_override_is_one_that_evoros_takes() -> None:
             pass  # a choice of the user
         else:
             primary = "evaluate" if key in OF_EVALUATIONS else "config"
-            lines.setdefault((primary, NEEDS.get(key, ())), []).append((key, value))
-    for (primary, needed), pairs in lines.items():
+            of_commands[primary].append((key, value))
+    for primary, pairs in of_commands.items():
         for line in pack(pairs):
-            compose_with_hydra([*needed, *line], primary=primary)
+            compose_with_hydra(line, primary=primary)
 
 
 def mentioned_keys() -> Iterator[tuple[str, str]]:
@@ -199,12 +201,9 @@ def mentioned_keys() -> Iterator[tuple[str, str]]:
 
 
 def test_every_key_that_is_mentioned_exists() -> None:
-    lines: dict[tuple[str, ...], list[str]] = {}
-    for key, _ in mentioned_keys():
-        lines.setdefault(NEEDS.get(key, ()), []).append(key)
-    for needed, keys in lines.items():
-        for line in pack((key, "1") for key in dict.fromkeys(keys)):
-            compose_with_hydra([*needed, *line])
+    keys = dict.fromkeys(key for key, _ in mentioned_keys())
+    for line in pack((key, "1") for key in keys):
+        compose_with_hydra(line)
 
 
 def test_every_option_is_one_of_a_command() -> None:

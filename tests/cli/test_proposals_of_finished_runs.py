@@ -10,6 +10,7 @@ from helpers import cut, finished_run
 from proposal_sites import is_of, list_alternatives, replaces
 from typed_finished import CASES, QUICK, WORDS, Finished, Step
 
+from evoros.analysis.drawing import style
 from evoros.base.errors import InputError
 from evoros.cli.main import evoros
 from evoros.terminal.console import DONE, INPUT, NOT_DECIDED, NOT_MET
@@ -81,6 +82,8 @@ def list_steps(case: Finished, proposed: Words) -> Iterator[Step]:
 def test_a_message_stays_away_once_a_proposal_is_typed(
     case: Finished, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read: Read
 ) -> None:
+    monkeypatch.setattr(style, "save", lambda *_: None)  # no message tells of a picture
+
     def enter(name: str) -> None:
         (tmp_path / name).mkdir()
         monkeypatch.chdir(tmp_path / name)

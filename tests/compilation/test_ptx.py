@@ -70,6 +70,7 @@ def test_exact_arithmetic_is_not() -> None:
     assert not find_inexact("\n".join(f"\t{name} %fd1, %fd2, %fd3;" for name in (*exact, *others)))
 
 
+@pytest.mark.slow
 def test_the_kernel_of_the_baseline_is_exact_and_whole(ptx: str) -> None:
     assert find_inexact(ptx) == []
     assert f".entry {ENTRY}(" in ptx

@@ -75,6 +75,7 @@ def check(file: Path, *more: str, lines: Sequence[Row]) -> int:
     return leaderboard(["--check", str(file), *more])
 
 
+@pytest.mark.slow
 def test_a_right_row_passes_and_a_forged_one_does_not(
     row: Row, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
