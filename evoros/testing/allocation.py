@@ -9,16 +9,16 @@ from evoros.evolution.contest import Contest
 from evoros.testing.part import PartSuite
 
 Draw = Callable[[int, int], float]
-"""Return a trial's score, given a design and a trial number."""
+"""Returns a trial's score, given a design and the number of the trial."""
 
 SIZES = (1, 0, 1), (12, 0, 1), (5, 3, 2), (1, 12, 3), (12, 12, 1), (3, 1, 2)
-"""The numbers of new designs, survivors and trials of each contest."""
+"""The numbers of new designs, survivors and trials in each contest."""
 
 
 def hold_contest(
     allocation: Allocation, trials: int, earlier: Mapping[int, list[float]], draw: Draw
 ) -> Contest:
-    """Run trials until the allocation asks for no more; evoros rejects too many trials."""
+    """Run trials until the allocation requests no more; evoros rejects excess trials."""
     contest = Contest(allocation, trials, earlier)
     while wanted := contest.next_round():
         for design, range_ in wanted.items():
@@ -29,7 +29,7 @@ def hold_contest(
 
 
 def draw_noisy(seed: int, spread: float = 1.0) -> Draw:
-    """Return a draw of scores in which design i is worth -i plus noise."""
+    """Return a draw of scores in which design i has the expected score -i."""
     table = np.random.default_rng(seed).normal(size=(64, 256)) * spread
     return lambda i, k: float(table[i, k] - i)
 

@@ -32,7 +32,7 @@ SILENT_TICK = 2
 class _OnRobot(RuleSuite):
     @cached_property
     def robot(self) -> Robot:
-        """The robot with its sensors; override it if the part needs another robot."""
+        """The robot with its sensors; override this if the part needs a different robot."""
         return example_robot()
 
 
@@ -52,7 +52,7 @@ class _LayersSuite(_OnRobot):
         ]
 
     def test_commands_are_finite(self) -> None:
-        """A layer that decides gives finite numbers even if sensors or localization are silent."""
+        """A layer that decides gives finite commands, even if sensors or localization are silent."""
         for case in self.start_rules(self.part, 1):
             for silent in ((), ("readings",), ("state",), ("readings", "state")):
                 rule, inputs, rng = case.bind(), np.random.default_rng(1), generator("", "")
@@ -105,7 +105,7 @@ class ControllerSuite(_LayersSuite):
             return list(layers)
 
     def test_it_has_a_mode_for_each_layer(self) -> None:
-        """``modes`` are known before a start, in the order of the layers."""
+        """``modes`` are known before a start, and are in the order of the layers."""
         modes = self.part.modes
         assert all(isinstance(mode, str) and mode for mode in modes), (
             f"modes must be non-empty strings, not {modes}"
@@ -143,11 +143,11 @@ class LiveControllerSuite(PartSuite):
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot with its sensors; override it if the controller needs another robot."""
+        """The robot with its sensors; override this if the controller needs a different robot."""
         return example_robot()
 
     def use(self, part: LiveController, seed: int) -> Iterator[tuple[int, Array]]:
-        """Launch the controller and exchange some values; the localization is silent once."""
+        """Launch the controller and exchange some values, one time without a localized pose."""
         robot, rng = self.robot, np.random.default_rng(seed)
         home, route = example_world().course.home, np.array([[3.0, 0.0], [0.0, 0.0]])
         briefing = self.lend(Briefing(robot, home, route, 0.5, 60.0, seed))

@@ -23,7 +23,7 @@ class RegionSuite(PartSuite):
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot on which the region lies; override it if the region needs another robot."""
+        """The robot that carries the region; override this if the region needs another robot."""
         return example_experiment().robot
 
     def bind(self, part: RegionDescription) -> BoundRegion:
@@ -41,7 +41,7 @@ class RegionSuite(PartSuite):
             )
 
     def place_some(self) -> Iterator[SensorPose]:
-        """Place sensors at equal shares of all ranges."""
+        """Place sensors at equal fractions of all ranges."""
         region = self.bind(self.part)
         for share in SHARES:
             yield region.place(
@@ -49,7 +49,7 @@ class RegionSuite(PartSuite):
             )
 
     def test_its_ranges_are_those_of_a_pose(self) -> None:
-        """Each range has the name of a pose coordinate, and its minimum comes first."""
+        """Each range is named after a pose coordinate, and its minimum comes first."""
         for name, (low, high) in self.bind(self.part).ranges.items():
             assert name in (*POSITION, *ANGLES), f"{name} must be one of {(*POSITION, *ANGLES)}"
             assert -math.inf < low <= high < math.inf, (
@@ -57,13 +57,13 @@ class RegionSuite(PartSuite):
             )
 
     def test_its_link_can_carry_sensors(self) -> None:
-        """The link is one of the robot's sensor links, also in the area to be drawn."""
+        """The link is one of the robot's sensor links, also in the area shown in figures."""
         region = self.bind(self.part)
         assert region.link in self.robot.sensor_links, f"{region.link!r} must be a sensor link"
         assert region.area().link == region.link
 
     def test_its_places_are_finite_and_on_the_robot(self) -> None:
-        """Poses are finite, and a sensor protrudes from the robot by at most ``overhang_m``."""
+        """Poses are finite, and sensors protrude from the robot by at most ``overhang_m``."""
         link = self.bind(self.part).link
         x, y, _, yaw = self.robot.sensor_links[link]
         low, high = self.robot.outline.min(axis=0), self.robot.outline.max(axis=0)

@@ -16,18 +16,18 @@ NUMBERS = "max_speed_mps", "speed_limit_offset_m", "steering_limit", "wheelbase_
 
 
 class DriveSuite(PartSuite):
-    """Conformance tests for a drive's description; ``urdf`` is a robot that the drive fits."""
+    """Conformance tests for a drive's description; ``urdf`` is a robot that suits the drive."""
 
     part: DriveDescription
     protocol = DriveDescription
 
     @cached_property
     def urdf(self) -> Urdf:
-        """The description of a robot that the drive fits."""
+        """The description of a robot that suits the drive."""
         raise NotImplementedError("set `urdf`")
 
     def use(self, part: Any, seed: int) -> Iterator[Any]:
-        """Fit the drive, and request the targets of commands, some of them beyond its limits."""
+        """Fit the drive, and compute the targets for commands, including some beyond the limits."""
         drive = part.fit(self.lend(self.urdf))
         yield [getattr(drive, name) for name in (*NUMBERS, "rear_axle_x_m")]
         yield drive.steering_joints, drive.wheel_joints, drive.caster_links
@@ -55,7 +55,7 @@ class DriveSuite(PartSuite):
         )
 
     def test_each_joint_has_a_finite_target(self) -> None:
-        """Each command gives an angle for each steering joint and a rate for each wheel joint."""
+        """Each command yields an angle for each steering joint and a rate for each wheel joint."""
         drive = self.fit()
         for speed, steering in product(SPEEDS, STEERINGS):
             angles, rates = drive.targets(speed, steering)
@@ -71,7 +71,7 @@ class DriveSuite(PartSuite):
             )
 
     def test_commands_beyond_the_limits_are_clipped(self) -> None:
-        """Commands beyond full speed and full lock have the targets of full speed and full lock."""
+        """Commands beyond full speed or full lock have the targets of full speed or full lock."""
         drive = self.fit()
         for side in (-1.0, 1.0):
             lock, full = side * drive.steering_limit, drive.max_speed_mps

@@ -30,7 +30,7 @@ def place_sensors(count: int) -> Channels:
 
 
 def check_faults(faults: tuple[Fault, ...], count: int, parts: Sequence[str] = ()) -> None:
-    """Require a filter, and an onset for each sensor or for the part that fails."""
+    """Require a filter, and an onset for each sensor or for the failing part."""
     assert isinstance(faults, tuple), f"faults must be a tuple, not {faults!r}"
     for fault in faults:
         assert isinstance(fault.filter, Filter), (
@@ -54,7 +54,7 @@ def check_faults(faults: tuple[Fault, ...], count: int, parts: Sequence[str] = (
 
 
 def check_case(case: Case, count: int) -> None:
-    """Require sensors of a case to exist on a robot with ``count`` sensors, each with a time."""
+    """Require that a case has a time for each sensor, and names only the ``count`` sensors."""
     assert all(0 <= sensor < count for sensor in case.sensors), (
         f"sensors must be from 0 to {count - 1}: {case}"
     )
@@ -70,17 +70,17 @@ class FailureSuite(PartSuite):
     part: Failure
     protocol = Failure
     counts = range(7)
-    """The sensor counts of the robots for which failures are drawn."""
+    """Numbers of sensors of the robots for which failures are drawn."""
 
     def use(self, part: Any, seed: int) -> Iterator[Any]:
-        """Draw the faults of some missions for robots with increasing numbers of sensors."""
+        """Draw the faults of some missions for robots with an increasing number of sensors."""
         for count in self.counts:
             for draw in range(DRAWS):
                 channels = self.lend(place_sensors(count))
                 yield part.draw(channels, generator(f"{seed} {draw}", "failure"))
 
     def test_faults_cover_all_sensors(self) -> None:
-        """Each fault has a filter, and an onset for each sensor or its part (infinity: never)."""
+        """Each fault has a filter and, for each sensor or the part, an onset (infinity: never)."""
         for count in self.counts:
             for draw in range(DRAWS):
                 rng = generator(f"{draw}", "failure")
@@ -88,20 +88,20 @@ class FailureSuite(PartSuite):
 
 
 class SystematicFailureSuite(FailureSuite):
-    """Conformance tests for a failure model with countable cases."""
+    """Conformance tests for a failure model with a countable set of cases."""
 
     part: SystematicFailure
     protocol = SystematicFailure
 
     def use(self, part: SystematicFailure, seed: int) -> Iterator[Any]:
-        """State some cases, too."""
+        """Also list some cases."""
         yield from super().use(part, seed)
         for count in self.counts:
             for number in range(min(part.count_cases(count), TRIALS)):
                 yield part.state_case(count, number)
 
     def test_cases_are_different_and_of_the_robots_sensors(self) -> None:
-        """All cases differ, and all sensors named by cases exist."""
+        """All cases differ, and name only sensors that exist."""
         for count in self.counts:
             cases = self.part.count_cases(count)
             assert cases >= 1, f"there must be a case for a robot with {count} sensors"
@@ -118,14 +118,14 @@ class AdaptiveFailureSuite(FailureSuite):
     protocol = AdaptiveFailure
 
     def use(self, part: AdaptiveFailure, seed: int) -> Iterator[Any]:
-        """Play some generations with randomly drawn scores."""
+        """Adapt the cases over some generations with random scores."""
         yield from super().use(part, seed)
         for count in self.counts:
             adversary = part.start(count, TRIALS, generator(f"{seed}", "adversary"))
             luck = generator(f"{seed}", "scores")
             for _ in range(GENERATIONS):
                 yield adversary.list_cases()
-                # Some designs may have faced only some of the cases.
+                # Some designs may have faced only a part of the cases.
                 met = {i: int(luck.random() * (TRIALS + 1)) for i in range(3)}
                 scores = {
                     i: {int(place): float(luck.random()) for place in luck.permutation(TRIALS)[:n]}
@@ -134,7 +134,7 @@ class AdaptiveFailureSuite(FailureSuite):
                 adversary.tell(self.lend(scores))
 
     def test_each_trial_has_a_case_of_the_robots_sensors(self) -> None:
-        """Whatever the scores, cases name existing sensors, each with a time."""
+        """Cases name only sensors that exist, each with a time, whatever the scores."""
         for count in self.counts:
             adversary = self.part.start(count, TRIALS, generator("", "adversary"))
             luck = generator("", "scores")

@@ -38,9 +38,9 @@ def play(
     seed: int = 0,
     channels: Channels | None = None,
 ) -> Array:
-    """Return the output of a filter in the shape of the recording, computed tick by tick.
+    """Return a filter's output, computed tick by tick, in the shape of the recording.
 
-    The values are sonar readings unless other ``channels`` are given.
+    The values are sonar readings unless ``channels`` says otherwise.
     """
     ticks, count = recording.shape
     channels = channels or sonar_channels(count)
@@ -54,7 +54,7 @@ def play(
 
 
 def draw_recording(seed: int) -> Array:
-    """Draw 30 samples of four values, some of them at the maximum range and some silent."""
+    """Draw 30 samples of four values, some at the maximum range and some silent."""
     rng = np.random.default_rng(seed)
     recording = rng.uniform(LOW_M, HIGH_M, (30, POSE_SIZE))
     recording[rng.random(recording.shape) < 0.2] = math.nan
@@ -81,19 +81,19 @@ class FilterSuite(RuleSuite):
         return sonars
 
     def start_rules(self, part: Filter, seed: int) -> Sequence[RuleCase]:
-        """Start the filter, with onsets at the start, later, or never."""
+        """Start the filter with onsets at the start, later, and never."""
         rng = generator(str(seed), part.name)
         onset = rng.choice([0.0, 0.25, NEVER], POSE_SIZE)
         started = part.start(self.lend(self.channels), self.lend(onset), rng)
         return [RuleCase(part.rule, FILTER_ARGUMENTS, started, {"values": POSE_SIZE})]
 
     def filter(self, recording: Array, seed: int, *onset: float) -> Array:
-        """Return the output of the filter, which acts from the start unless ``onset`` is given."""
+        """Return the filter's output; the filter acts from the start unless ``onset`` is given."""
         times = np.array(onset or [0.0] * POSE_SIZE)
         return play(self.part, recording, times, seed, self.channels)
 
     def test_name_and_effect_can_be_recorded(self) -> None:
-        """The name is a non-empty string, and the effect is one of the permitted three."""
+        """The name is a non-empty string, and the effect is one of the three permitted ones."""
         assert isinstance(self.part.name, str), "name must be a string"
         assert self.part.name, "name must not be empty"
         assert self.part.effect in EFFECTS, f"effect must be one of {EFFECTS}"
@@ -108,12 +108,12 @@ class FilterSuite(RuleSuite):
     def test_values_before_the_onset_stay_untouched(self) -> None:
         """The filter does not act early."""
         recording = draw_recording(3)
-        # The onset lies between two samples, so rounding of the time does not matter.
+        # The onset is between two samples, so rounding of the time does not matter.
         output = self.filter(recording, 3, *[0.95] * POSE_SIZE)
         assert bits(output[:10]) == bits(recording[:10])
 
     def test_it_acts_from_the_sample_of_its_onset_on(self) -> None:
-        """An onset at a sample changes that sample, like an onset just before it."""
+        """An onset at the time of a sample changes that sample, like an onset just before it."""
         for seed in range(5):
             recording, time = draw_recording(seed), 10 * self.channels.period
             exact = self.filter(recording, seed, *[time] * POSE_SIZE)
@@ -121,7 +121,7 @@ class FilterSuite(RuleSuite):
             assert np.allclose(exact, before, rtol=0.0, atol=1e-6, equal_nan=True)
 
     def test_lasting_silence_stays_silent(self) -> None:
-        """A filter does not invent values for readings that were never there."""
+        """A filter does not invent readings where all are missing."""
         output = self.filter(np.full((20, POSE_SIZE), math.nan), 1)
         assert np.isnan(output).all(), "the filter must keep lasting silence silent"
 
@@ -132,7 +132,7 @@ class FilterSuite(RuleSuite):
             assert not np.isinf(output).any(), "filtered values must be finite or NaN"
 
     def test_a_channel_does_not_shift_the_draws_of_another(self) -> None:
-        """Silent channels, and channels that the filter leaves alone, draw as many numbers."""
+        """Silent channels, and channels left alone, use as many random numbers as others."""
         recording = draw_recording(7)
         output, silenced = self.filter(recording, 7), recording.copy()
         silenced[:, 0] = math.nan

@@ -20,7 +20,7 @@ class FitnessSuite(PartSuite):
     protocol = Fitness
 
     def use(self, part: Fitness, seed: int) -> Iterator[float]:
-        """Score trials that ended in all possible ways, and combine the scores."""
+        """Score trials that end in every possible way, and combine the scores."""
         scores = [part.score(self.lend(trial)) for trial in list_trials()]
         yield from scores
         yield from (part.worst(self.lend(trial)) for trial in list_lost_trials())
@@ -53,7 +53,7 @@ class FitnessSuite(PartSuite):
             )
 
     def test_scores_of_missions_have_the_score_of_the_trial_as_their_mean(self) -> None:
-        """An additive fitness function scores a trial as the mean of its missions."""
+        """An additive fitness function's score of a trial is the mean over the trial's missions."""
         for trial in list_trials():
             if isinstance(self.part, AdditiveFitness):
                 scores, whole = self.part.score_missions(trial), self.part.score(trial)
@@ -68,7 +68,7 @@ class FitnessSuite(PartSuite):
 
 
 def example_result(share: float, trials: int) -> Evaluated:
-    """Return the result of a design with equal genes, evaluated in the given number of trials."""
+    """Return the result of a design with equal genes after the given number of trials."""
     chosen = [[(outcome,) for outcome in trial] for trial in list_trials()[:trials]]
     robots, score = {"": example_robot(share)}, Scoring(EquationOne()).score_trial
     return Evaluated(example_design(share), robots, chosen, 5.0, score)
@@ -86,7 +86,7 @@ class MeasureSuite(PartSuite):
             yield part.compute(self.lend(example_result(share, 1 + seed % 3)))
 
     def test_it_is_finite(self) -> None:
-        """A measure must be finite to distinguish designs."""
+        """The measure is finite, because otherwise it could not distinguish designs."""
         for value in self.use(self.part, 2):
             assert isinstance(value, float | int), f"a measure must be a number, not {value!r}"
             assert math.isfinite(value), f"a measure must be finite, not {value}"
@@ -101,7 +101,7 @@ class MeasureSuite(PartSuite):
         assert DIRECTION.holds(part.direction), f"direction must be {DIRECTION.text}"
 
     def test_a_measure_of_the_design_uses_no_outcomes(self) -> None:
-        """A measure of the design has the same value before a run, when there are no trials."""
+        """A measure of the design has the same value before the run, without trials."""
         if self.part.of_design:
             whole = example_result(0.6, 3)
             bare = replace(whole, trials=(), fitness=math.nan)

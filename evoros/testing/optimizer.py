@@ -1,4 +1,4 @@
-"""Conformance tests for optimizers, on small spaces; scores depend only on the genome."""
+"""Conformance tests for optimizers on small spaces, with scores that depend only on genomes."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,7 +26,7 @@ from evoros.testing.part import PartSuite, bits
 
 @dataclass(frozen=True)
 class SensorSpace:
-    """A space like the case study's: a region, two coordinates and an angle per sensor."""
+    """A space like the case study's, with a region, two coordinates and an angle per sensor."""
 
     count: int = 3
 
@@ -63,7 +63,7 @@ class SensorSpace:
         """None, because the number of sensors does not evolve."""
 
     def view(self, genome: Array, distance_m: float) -> tuple[list[View], View]:
-        """Return views in which a sensor sees 60 deg about its heading, at any distance."""
+        """Return views in which a sensor sees 60 deg around its heading at any distance."""
         bearings = np.arange(360) - 179.5
         headings = 180.0 * (genome[3::4] - 0.5)
         seen = np.abs(bearings - headings[:, np.newaxis]) <= 30.0
@@ -104,7 +104,7 @@ GOALS = Goals(("first", "second"), {"one": (0.0, 1.0), "two": (0.0, 1.0)})
 
 
 def sphere(individual: Individual) -> float:
-    """Return a fitness with its maximum, 0, in the middle of the cube."""
+    """Return a fitness that has its maximum, 0, in the middle of the cube."""
     return -float(np.sum((individual.genome - 0.5) ** 2))
 
 
@@ -132,7 +132,7 @@ class OptimizerSuite(PartSuite):
         return self.part.start(space, GOALS, generator(str(seed), "optimizer"))
 
     def use(self, part: Optimizer, seed: int) -> Iterator[object]:
-        """Search for some generations with randomly drawn scores; yield tables and champions."""
+        """Search for some generations with random scores; yield tables and champions."""
         search = part.start(THREE_SENSORS, GOALS, generator(str(seed), "optimizer"))
         luck = np.random.default_rng(seed)
         for _ in range(GENERATIONS):
@@ -142,7 +142,7 @@ class OptimizerSuite(PartSuite):
             yield table, [champion.id for champion in search.champions()]
 
     def test_another_generator_gives_another_search(self) -> None:
-        """The search draws from its random generator, unless it is an enumeration."""
+        """The search depends on its random generator, unless it is an enumeration."""
         genomes = [bits([one.genome for one in self.start(seed=seed).ask()]) for seed in (3, 4)]
         assert genomes[0] != genomes[1], "the first generation must depend on the random generator"
 
@@ -159,7 +159,7 @@ class OptimizerSuite(PartSuite):
         assert records[0] == records[1]
 
     def test_it_asks_for_new_genomes_of_the_cube_and_tables_them(self) -> None:
-        """Ids are new, genes lie between 0 and 1, and parents were evaluated earlier."""
+        """Ids are new, genes are between 0 and 1, and parents were evaluated earlier."""
         search, seen = self.start(), set[int]()
         for _ in range(GENERATIONS):
             asked, table = step(search, sphere)
@@ -187,13 +187,13 @@ class OptimizerSuite(PartSuite):
             step(search, sphere)
 
     def test_equal_scores_are_no_error(self) -> None:
-        """At first, all designs may score equally."""
+        """All designs may have equal scores, as at first in many runs."""
         search = self.start()
         for _ in range(GENERATIONS):
             step(search, lambda _: 0.0)
 
     def test_bad_scores_are_refused_and_change_nothing(self) -> None:
-        """A missing or NaN score raises InputError, after which ``tell`` can be repeated."""
+        """A missing or NaN score raises an InputError, after which ``tell`` can be repeated."""
         for bad in BAD_SCORES:
             search = self.start()
             asked = search.ask()
@@ -223,7 +223,7 @@ class OptimizerSuite(PartSuite):
             assert sphere(first) == sphere(best), "the best individual must come first"
 
     def test_a_changed_score_counts(self) -> None:
-        """An earlier individual takes on a new fitness, even one above all others."""
+        """An earlier individual can get a new fitness, even one that exceeds all others."""
         search = self.start()
         step(search, sphere)
         known = search.champions()[0].id

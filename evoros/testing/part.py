@@ -30,9 +30,9 @@ T = TypeVar("T")
 
 
 def bits(value: Any) -> Any:
-    """Return nested tuples that are equal for values with equal bits, types and shapes.
+    """Return nested tuples that are equal if values have equal bits, types and shapes.
 
-    Dataclasses are compared by fields, other objects by attributes, random generators by state.
+    Dataclasses are compared by field, other objects by attribute, and random generators by state.
     """
     return _bits(value, ())
 
@@ -73,10 +73,10 @@ def _name(definition: Any) -> str:
 
 
 class DescriptionSuite:
-    """Conformance tests for a part's description: a class with fields that a YAML file sets.
+    """Conformance tests for a part's description, a class whose fields a YAML file sets.
 
-    A test class inherits the suite of its kind and sets ``part``. It may also set ``bad_values``:
-    fields that must be refused, such as ``{"low": 2.0, "high": 1.0}``.
+    A test class inherits the suite for its kind of part and sets ``part``. It may also set
+    ``bad_values``, fields that must be rejected, such as ``{"low": 2.0, "high": 1.0}``.
     """
 
     part: Any
@@ -84,7 +84,7 @@ class DescriptionSuite:
     protocol: ClassVar[Any]
 
     def test_it_has_what_its_kind_has(self) -> None:
-        """The part inherits the base class of its kind, and has every attribute declared there."""
+        """The part inherits its kind's base class, and has every attribute declared there."""
         part, kind = type(self.part).__name__, self.protocol
         assert isinstance(self.part, kind), f"{part} must be a subclass of {kind.__name__}"
         declared = [name for base in kind.__mro__ for name in get_annotations(base)]
@@ -94,7 +94,7 @@ class DescriptionSuite:
         )
 
     def test_it_is_a_frozen_dataclass(self) -> None:
-        """Descriptions are immutable, so a mission cannot leave a trace in them."""
+        """Descriptions are immutable, so that a mission cannot change them."""
         assert is_dataclass(self.part), f"{type(self.part).__name__} must be a dataclass"
         try:
             setattr(self.part, "trace_of_the_suite", 0)  # noqa: B010 - no field has this name
@@ -109,7 +109,7 @@ class DescriptionSuite:
         )
 
     def copy(self) -> Any:
-        """Return the part as a worker process receives it."""
+        """Return the part in the form in which a worker process receives it."""
         try:
             return pickle.loads(pickle.dumps(self.part))
         except Exception as error:
@@ -129,21 +129,21 @@ class PartSuite(DescriptionSuite):
     together: ClassVar[bool] = True  # False if two uses must not overlap
 
     def use(self, part: Any, seed: int) -> Iterator[Any]:
-        """Use a part as evoros does, and yield the result of each step."""
+        """Use a part in the way evoros does, and yield the result of each step."""
         raise NotImplementedError
 
     def lend(self, value: T) -> T:
-        """Return an argument that the part must not change, and remember its bits."""
+        """Return an argument that the part must not change, after recording its bits."""
         self.lent.append((value, bits(value)))
         return value
 
     @cached_property
     def lent(self) -> list[tuple[Any, Any]]:
-        """The arguments that the part must not change, with their bits."""
+        """The arguments that the part must not change, and their recorded bits."""
         return []
 
     def record(self, part: Any, seed: int) -> list[Any]:
-        """Return the bits of each step of a use."""
+        """Return the bits of each step when the part is used."""
         return [bits(step) for step in self.use(part, seed)]
 
     def test_equal_uses_give_equal_bits(self) -> None:
@@ -153,7 +153,7 @@ class PartSuite(DescriptionSuite):
         )
 
     def test_uses_share_no_state(self) -> None:
-        """A use gives equal results after another use, and while another use is in progress."""
+        """A use gives the same results after another use, and while another use is in progress."""
         alone, steps = self.record(self.part, 1), []
         other = self.use(self.part, 2) if self.together else iter(self.record(self.part, 2))
         for step in self.use(self.part, 1):
@@ -162,13 +162,13 @@ class PartSuite(DescriptionSuite):
         assert steps == alone, "a use must not change the results of another use"
 
     def test_fields_stay_as_they_are(self) -> None:
-        """A use changes nothing in the description, including its lists and arrays."""
+        """Using a part changes nothing in its description, including lists and arrays."""
         before = bits(self.part)
         self.record(self.part, 1)
         assert bits(self.part) == before, "a use must not change the fields of the part"
 
     def test_arguments_stay_as_they_are(self) -> None:
-        """The part changes only arguments that its protocol lets it change."""
+        """The part changes only the arguments that its protocol permits."""
         self.record(self.part, 1)
         for value, before in self.lent:
             assert bits(value) == before, (
@@ -199,7 +199,7 @@ class PartSuite(DescriptionSuite):
 
 
 def _list_bad_values(part: Any) -> Iterator[dict[str, Any]]:
-    """Yield values that break a field's rule, and NaN for plain numbers."""
+    """Yield values that break the rule of a field, and NaN for plain numbers."""
     settable = {field.name for field in fields(part) if field.init}
     ruled = {name: (rule, optional) for name, rule, optional in list_rules(type(part))}
     for name, (rule, optional) in ruled.items():
@@ -217,7 +217,7 @@ def _list_bad_values(part: Any) -> Iterator[dict[str, Any]]:
 def _holds(rule: Rule, value: Any) -> bool:
     try:
         return bool(rule.holds(value))
-    except Exception:  # then the constructor raises the same error, which the test reports
+    except Exception:  # the constructor then raises the same error, which the test reports
         return False
 
 
@@ -227,7 +227,7 @@ def _is_number(hint: Any) -> bool:
 
 
 def _find_problem(part: Any, values: Mapping[str, Any]) -> str:
-    """Return how a description mishandles bad values, or "" if it refuses them."""
+    """Return how a description mishandles invalid values, or "" if it rejects them."""
     given = ", ".join(f"{name}={quote(value)}" for name, value in values.items())
     call = f"{type(part).__name__}({given})"
     try:
@@ -258,7 +258,7 @@ def _pieces(values: Mapping[str, Any]) -> Iterator[Any]:
 
 @contextmanager
 def later() -> Iterator[None]:
-    """Set Python's clocks forward, in every module that has imported their functions."""
+    """Advance Python's clocks in every module that has imported them."""
     changed: dict[Any, Any] = {
         getattr(time, name): _forward(getattr(time, name), LATER_S) for name in _CLOCKS
     }
@@ -313,7 +313,7 @@ class _LaterDate(datetime.date):
 
 @contextmanager
 def _global_seed(seed: int) -> Iterator[Callable[[], bool]]:
-    """Seed the global generators of Python and numpy; yield a check that they are untouched."""
+    """Seed the global generators of Python and numpy; yield a check that neither has been used."""
     python, numpy = random.getstate(), np.random.get_state()
     random.seed(seed)
     np.random.seed(seed)

@@ -1,4 +1,4 @@
-"""Requirements on designs, for the tests of a robot's software."""
+"""Requirements on designs, for tests of a robot's software."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -20,16 +20,17 @@ from evoros.storage.tables import OUTCOME_COLUMNS, cell, read_outcomes
 
 
 def require(missions: pd.DataFrame, **requirements: float | Mapping[str, Any]) -> None:
-    """Require claims about each design's missions.
+    """Require that each design's missions meet claims.
 
-    ``missions`` is the result of ``evoros.evaluate``, the table of ``evoros.Evaluator.missions``,
-    or the table in a ``missions.csv``. A requirement is either a mapping with the keys of
-    ``requirements`` in a configuration, or the minimum mean of the column that it is named after:
-    ``require(evoros.evaluate(...), completed=0.95)``.
+    ``missions`` is the result of ``evoros.evaluate``, the table ``evoros.Evaluator.missions``, or
+    the table from a ``missions.csv``. A requirement is either a mapping with the keys of
+    ``requirements`` in a configuration, or the minimum mean of the column with the requirement's
+    name: ``require(evoros.evaluate(...), completed=0.95)``.
 
     Raises:
-        AssertionError: a claim is violated, or these missions do not decide it.
-        InputError: there are no missions or no requirements, or missions cannot show a claim.
+        AssertionError: a claim is violated, or the missions do not decide it.
+        InputError: there are no missions or no requirements, or the missions lack a claim's
+            quantity.
     """
     if not requirements:
         raise InputError("require: no requirements are given; add one, such as completed=0.95")
@@ -48,7 +49,7 @@ def require(missions: pd.DataFrame, **requirements: float | Mapping[str, Any]) -
             for name, fields in requirements.items()
         }
     )
-    last = f".{OUTCOME_COLUMNS[0]}"  # suffix of each agent's first column
+    last = f".{OUTCOME_COLUMNS[0]}"  # suffix of the first column of each agent
     agents = [name.removesuffix(last) for name in missions.columns if name.endswith(last)]
     worlds = sorted(set(missions["world"]))
     check_requirements(claims, worlds, agents)

@@ -1,4 +1,4 @@
-"""Conformance tests for parts with a rule, run both interpreted and compiled."""
+"""Conformance tests for parts with a rule, both interpreted and compiled."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
@@ -17,11 +17,11 @@ from evoros.testing.part import PartSuite, bits
 TICKS, PERIOD_S = 5, 0.1
 SEEDS = range(10)
 READINGS = (0.3, 1.7, 4.5, np.nan)
-"""[m]: two in range, the maximum of a sonar, and silent."""
+"""Four readings [m]: two in range, a sonar's maximum, and a missing one."""
 
 
 class RuleCase(NamedTuple):
-    """A rule, its start values, and the lengths of the arrays that depend on the robot."""
+    """A rule, its initial values, and the lengths of the arrays that depend on the robot."""
 
     rule: Callable[..., Any]
     arguments: tuple[str, ...]
@@ -33,7 +33,7 @@ class RuleCase(NamedTuple):
         return bind(self.rule, self.arguments, self.started)
 
     def draw(self, inputs: np.random.Generator, rng: Generator, time: float) -> dict[str, Any]:
-        """Draw the arguments of a call, except parameters and memory, by name."""
+        """Draw a call's arguments, except parameters and memory, by name."""
         drawn: dict[str, Array] = {
             "values": inputs.choice(READINGS, self.lengths.get("values", POSE_SIZE)),
             "readings": inputs.choice(READINGS, self.lengths.get("readings", 0)),
@@ -49,25 +49,26 @@ class RuleCase(NamedTuple):
 
 
 class RuleSuite(PartSuite):
-    """Conformance tests for a rule: compiled results are equal, and nothing is allocated."""
+    """Conformance tests for a rule: compiling does not change results, and nothing is allocated."""
 
-    signature: ClassVar[Any]  # numba signature of the kind of rule
+    signature: ClassVar[Any]  # numba signature of this kind of rule
     fills: ClassVar[str]  # name of the argument that the rule may change
     compiles: ClassVar[bool] = True
-    """False for a rule that is meant to run interpreted, for example because it raises errors.
-    The tests of machine code are then skipped."""
+    """False for a rule that runs only interpreted, for example because it raises errors.
+    The tests of compiled code are then skipped.
+    """
 
     def start_rules(self, part: Any, seed: int) -> Sequence[RuleCase]:
-        """Start the rules of the part for one mission."""
+        """Start the part's rules for one mission."""
         raise NotImplementedError
 
     def use(self, part: Any, seed: int) -> Iterator[Any]:
-        """Start the rules, and call each of them at some ticks."""
+        """Start the rules, and call each at some ticks."""
         for case in self.start_rules(part, seed):
             yield from self.play(case, case.bind().__call__, seed)
 
     def play(self, case: RuleCase, rule: Callable[..., Any], seed: int) -> Iterator[Any]:
-        """Call a rule tick by tick; yield its return value, the arrays and a draw."""
+        """Call a rule tick by tick; yield its return value, the arrays and a random draw."""
         inputs, rng = np.random.default_rng(seed), generator(str(seed), "rule")
         for tick in range(TICKS):
             given = case.draw(inputs, rng, tick * PERIOD_S)
@@ -90,7 +91,7 @@ class RuleSuite(PartSuite):
             ) from error
 
     def test_a_start_keeps_its_values(self) -> None:
-        """The rule reads the parameters and the memory that the start returned."""
+        """The rule reads the parameters and memory that ``start`` has returned."""
         for case in self.start_rules(self.part, 1):
             bound, started = case.bind(), case.started
             pair: Any = started if type(started) is tuple else (started, None)
@@ -103,7 +104,7 @@ class RuleSuite(PartSuite):
                     assert bits([np.float64(v) for v in unpack(kind, packed)]) == bits(floats)
 
     def test_compiled_rules_give_the_bits_of_interpreted_ones(self) -> None:
-        """Machine code gives the same results, memory and random draws as Python code."""
+        """Compiled code gives the same results, memory and random draws as Python code."""
         for seed in SEEDS if self.compiles else ():
             for case in self.start_rules(self.part, seed):
                 code, bound = self.compile(case)
@@ -118,7 +119,7 @@ class RuleSuite(PartSuite):
                     )
 
     def test_compiled_rules_allocate_nothing(self) -> None:
-        """A rule runs for every sample, and an allocation would dominate the time of a call."""
+        """Compiled rules allocate no memory, because they run for every sample."""
         for seed in SEEDS if self.compiles else ():
             for case in self.start_rules(self.part, seed):
                 code, bound = self.compile(case)
@@ -139,12 +140,12 @@ class RuleSuite(PartSuite):
 
 
 def count_allocations(code: CompiledRule, *arguments: Any) -> int:
-    """Return the number of times that compiled code asks numba for memory in a call.
+    """Return the number of times that compiled code requests memory from numba in a call.
 
-    Not counted are numba's own requests: one for each generator, and one for each array if the
-    code can own memory.
+    Not counted are numba's own requests: one per generator and, if the code can own memory, one per
+    array.
     """
-    _nrt_python.memsys_enable_stats()  # numba's tests use this function, too
+    _nrt_python.memsys_enable_stats()  # also used by numba's tests
     before = rtsys.get_allocation_stats().alloc
     code(*arguments)
     taken = rtsys.get_allocation_stats().alloc - before

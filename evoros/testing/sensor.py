@@ -30,7 +30,7 @@ class SensorSuite(PartSuite):
 
     part: Any
     protocol = Sensor
-    simulated_by_gazebo: ClassVar[bool] = True  # False: ``gazebo`` returns ""
+    simulated_by_gazebo: ClassVar[bool] = True  # False if ``gazebo`` returns ""
 
     def test_its_channels_have_names_and_limits(self) -> None:
         """There is at least one channel, and each has a minimum below its maximum."""
@@ -56,7 +56,7 @@ class SensorSuite(PartSuite):
             assert isinstance(item, Filter), f"filters.{name} must be a filter, not {item!r}"
 
     def test_gazebo_is_told_of_it(self) -> None:
-        """``gazebo`` returns one element ``<sensor>`` with the given name."""
+        """``gazebo`` returns a single element ``<sensor>`` with the given name."""
         text = self.part.gazebo("left_1")
         if not self.simulated_by_gazebo:
             assert text == "", f"gazebo must return an empty string, not {text!r}"
@@ -73,7 +73,7 @@ class RangeSensorSuite(SensorSuite):
     protocol = RangeSensor
 
     def use(self, part: RangeSensor, seed: int) -> Iterator[Any]:
-        """Request everything that a simulator requests."""
+        """Compute everything that a simulator uses."""
         yield part.rays()
         yield part.channel_of(), tuple(part.channels)
         yield part.gazebo(f"sensor_{seed}")
@@ -141,13 +141,13 @@ class SignalSensorSuite(SensorSuite, RuleSuite):
 
 
 class ContactSensorSuite(SignalSensorSuite):
-    """Conformance tests for a sensor that senses contact with the robot in a zone."""
+    """Conformance tests for a sensor that detects contacts with the robot in a zone."""
 
     part: ContactSensor
     protocol = ContactSensor
 
     def test_its_zone_is_possible(self) -> None:
-        """The zone has a width, and starts at or behind the mount."""
+        """The zone has a positive width, and begins at or behind the mount."""
         part = self.part
         assert part.measures == CONTACT, f"measures must be {CONTACT!r}, not {part.measures!r}"
         assert 0 < part.width_m < math.inf, f"width_m must be greater than 0, not {part.width_m}"

@@ -20,7 +20,7 @@ TICKS, TICK_S = 30, 0.1
 
 
 class SimulatorSuite(PartSuite):
-    """Conformance tests for a simulator, with a rover that drives curves among boxes."""
+    """Conformance tests for a simulator, in which a rover drives in curves among boxes."""
 
     part: Simulator
     protocol = Simulator
@@ -28,12 +28,12 @@ class SimulatorSuite(PartSuite):
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot with its sensors; override it if the simulator needs another robot."""
+        """The robot with its sensors; override this if the simulator needs a different robot."""
         return example_robot()
 
     @cached_property
     def world(self) -> World:
-        """The world; override it if the simulator needs another world."""
+        """The world; override this if the simulator needs a different world."""
         return example_world()
 
     def use(self, part: Simulator, seed: int) -> Iterator[tuple[Array, Array]]:
@@ -59,7 +59,7 @@ class SimulatorSuite(PartSuite):
         assert 0 < self.part.time_step < math.inf, f"time_step is {self.part.time_step}"
 
     def test_its_packages_are_installed(self) -> None:
-        """Each package is known to pip."""
+        """Each package is installed with pip."""
         for name in self.part.packages:
             assert version(name), f"{name} must be an installed package"
 
@@ -87,7 +87,7 @@ class SimulatorSuite(PartSuite):
                     )
 
     def test_the_robot_starts_at_home_and_drives(self) -> None:
-        """The robot starts where the course starts, and then moves."""
+        """The robot starts at the start of the course, and then moves."""
         x, y, _, yaw = self.world.course.home
         (first, _), *_, (last, _) = self.use(self.part, 1)
         assert np.allclose(first[:3], (x, y, yaw), atol=0.05), (
@@ -98,7 +98,7 @@ class SimulatorSuite(PartSuite):
         )
 
     def test_a_mission_does_not_depend_on_another_world(self) -> None:
-        """A simulation inherits nothing from earlier simulations."""
+        """A simulation is not affected by earlier simulations."""
         alone = self.record(self.part, 1)
         with open_alone(self.part.open, example_robot(0.3), example_world("blocks")) as other:
             other.advance(np.array([0.3, 0.2]), 1.0)

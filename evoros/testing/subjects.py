@@ -1,4 +1,4 @@
-"""An example robot, world and outcomes, for parts that need them."""
+"""An example robot, world and outcomes for the tests of parts."""
 
 from dataclasses import replace
 from functools import cache
@@ -23,14 +23,14 @@ def example_experiment() -> Experiment:
 
 @cache
 def example_design(share: float = 0.6) -> Design:
-    """Return a design of the example's space whose genes all have the same value."""
+    """Return a design of the example's space in which all genes have the same value."""
     space = example_experiment().space
     return space.decode(np.full(space.size, share))
 
 
 @cache
 def example_robot(share: float = 0.6) -> Robot:
-    """Return the example's robot with the sensors of an example design."""
+    """Return the example's robot with the sensors of a design."""
     return example_experiment().members[0].with_design(example_design(share)).robot
 
 
@@ -57,7 +57,7 @@ def example_outcome(progress: float = 0.0, ended: str = TIME_LIMIT) -> Outcome:
 
 
 def list_trials() -> list[list[Outcome]]:
-    """Return trials with two missions each, which end in all possible ways except ``NOT_RUN``."""
+    """Return trials of two missions each, which end in all possible ways except ``NOT_RUN``."""
     near = replace(example_outcome(0.4, COLLISION), collisions=1, first_collision_s=20.0)
     return [
         [example_outcome(0.0), example_outcome(0.0)],

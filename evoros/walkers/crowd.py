@@ -1,4 +1,4 @@
-"""The walkers of one mission and the initial arrays of their rule."""
+"""The walkers of a mission, and the initial arrays of the walkers' rule."""
 
 import math
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from evoros.walkers import layout as at
 from evoros.walkers.layout import REPORT_SIZE, Walk, Walking
 
 MOST_WALKERS = 200
-"""Maximum number of walkers in a group; in every step, each interacts with all others."""
+"""Maximum number of walkers in a group; at every step, each one interacts with all others."""
 
 
 def _is_range(value: object, holds: checks.Rule) -> bool:
@@ -50,12 +50,13 @@ RANDOM, EVEN = "random", "even"
 @dataclass(frozen=True)
 @checks.checked
 class SocialForce:
-    """The forces on a walker per unit mass: Helbing and Molnar, Physical Review E 51, 4282 (1995).
+    """The forces on a walker per unit mass (Helbing and Molnar, Phys. Rev. E 51, 4282, 1995).
 
-    The defaults are the paper's values for people as points. In evoros, they apply to walkers with
-    a radius of 0.25 m, and distances to others are measured from surfaces."""
+    The defaults are the paper's values, for people as points. In evoros, they apply to walkers with
+    a radius of 0.25 m, and distances are measured between surfaces.
+    """
 
-    relaxation_s: Annotated[float, checks.POSITIVE] = 0.5  # time in which a walker adopts its pace
+    relaxation_s: Annotated[float, checks.POSITIVE] = 0.5  # time in which a walker reaches its pace
     repulsion_m2ps2: Annotated[float, checks.NOT_NEGATIVE] = 2.1  # potential between two walkers
     range_m: Annotated[float, checks.POSITIVE] = (
         0.3  # distance over which the potential falls to 1/e
@@ -69,21 +70,24 @@ class SocialForce:
 class Walkers:
     """A group of walkers, which are upright cylinders.
 
-    Each walker follows the corners of its route, and returns from the last to the first. Without a
-    ``route``, each mission draws a route per walker, out and back through free space.
+    Each walker walks along the corners of its route, and returns from the last corner to the first.
+    If there is no ``route``, each mission draws one for each walker, out and back through free
+    space.
     """
 
-    number: Annotated[int | Sequence[int], NUMBER]  # [low, high]: drawn per mission
-    pace_mps: Annotated[float | Sequence[float], PACE] = 1.34  # [low, high]: drawn per walker
+    number: Annotated[int | Sequence[int], NUMBER]  # [low, high]: drawn for each mission
+    pace_mps: Annotated[float | Sequence[float], PACE] = 1.34  # [low, high]: drawn for each walker
     radius_m: Annotated[float, checks.number_between(0.1, 2.0)] = 0.25
     height_m: Annotated[float, checks.number_between(0.05, 10.0)] = 1.7
     route: Annotated[Sequence[Sequence[float]] | None, ROUTE] = None  # corners [m]
     phase: Annotated[str, checks.one_of(RANDOM, EVEN)] = RANDOM  # start position along the route
     avoids_robots: Annotated[bool, checks.FLAG] = True  # True if robots repel the walkers
     stops_for_robots: Annotated[bool, checks.FLAG] = False
-    stop_distance_m: Annotated[float, checks.POSITIVE] = 1.0  # gap between walker and robot
+    stop_distance_m: Annotated[float, checks.POSITIVE] = (
+        1.0  # gap at which a walker stops for a robot
+    )
     patience_s: Annotated[float, checks.NOT_NEGATIVE] = (
-        10.0  # time until a walker goes around the robot
+        10.0  # time after which a waiting walker goes around the robot
     )
     force: Annotated[SocialForce, checks.instance_of(SocialForce, "forces (SocialForce)")] = field(
         default_factory=SocialForce
@@ -114,18 +118,18 @@ WALKERS = checks.mapping_of(Walkers, "walkers (evoros.walkers.crowd.Walkers)")
 
 
 AWAY_M = 1e5
-"""Distance at which walkers absent from a mission are parked, 10 m apart."""
+"""Distance at which the walkers absent from a mission are placed, 10 m apart."""
 
 
 class Walker(NamedTuple):
-    """A walker at the start of a mission."""
+    """A walker's parameters and its state at the start of a mission."""
 
     name: str
     radius: float  # [m]
     height: float  # [m]
     corners: Array  # (k, CORNER_SIZE)
     place: tuple[float, float]  # [m]
-    goal: int = 0  # index of the corner to which the walker walks
+    goal: int = 0  # index of the corner that the walker heads for
     pace: float = 0.0  # [m/s]
     group: Walkers | None = None  # None: an actor, which follows a script
     delay: float = 0.0  # [s] before each repetition of the script
@@ -137,12 +141,12 @@ class Surroundings(NamedTuple):
     """Robots and obstacles around the walkers."""
 
     outlines: Sequence[Array]  # (k, 2) [m], one per robot, in the robot frame
-    borders: tuple[Array, ...]  # the fields of ``Walk`` from ``grid`` on
+    borders: tuple[Array, ...]  # the fields of ``Walk`` from ``grid`` to ``borders``
 
 
 @dataclass(frozen=True, eq=False)
 class Crowd:
-    """The walkers of a mission, with their ``memory`` at the start."""
+    """The walkers of a mission, with the ``memory`` at the start."""
 
     names: tuple[str, ...]
     sizes: tuple[tuple[float, float], ...]  # radius and height [m], one pair per walker
@@ -200,7 +204,7 @@ def _find_heading(walker: Walker) -> Array:
 
 @compilable
 def report_walkers(now: Walking, reports: Array) -> None:
-    """Write the report of each walker, with NaN as the position of absent walkers."""
+    """Write a report on each walker, with NaN as the position of absent walkers."""
     for i in range(len(now.places)):
         away = now.places[i, 1] == AWAY_M
         reports[i * REPORT_SIZE + at.REPORT_X] = math.nan if away else now.places[i, 0]
@@ -220,5 +224,5 @@ def note_touch(now: Walking, walker: int, robot: int) -> None:
 
 
 def has_touched(report: float, robot: int) -> bool:
-    """Return True if a walker with this report has touched a robot."""
+    """Return True if the walker of this report has touched a robot."""
     return bool(int(report) >> robot & 1)

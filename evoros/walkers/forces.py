@@ -1,9 +1,9 @@
 """The forces on a walker per unit mass, and the resulting velocity.
 
-Helbing and Molnar, Physical Review E 51, 4282 (1995), without the random part. Two walkers who meet
-head-on would stop, because the paper's forces cancel. Therefore a walker also turns right when
-something approaches from ahead. A walker that makes no progress, for example because two cannot
-pass each other, turns back.
+The model is by Helbing and Molnar, Physical Review E 51, 4282 (1995), without the random part. In
+the paper's model, the forces on two walkers who meet head-on cancel, and both stop. Here, a walker
+therefore also steers to the right when something approaches from ahead. A walker that makes no
+progress, for example because two cannot pass each other, turns back.
 """
 
 import math
@@ -19,25 +19,25 @@ from evoros.walkers import layout as at
 from evoros.walkers.layout import Walk, Walking
 
 AHEAD_M = 1.0
-"""Distance along the leg of the point that a walker heads for, so that it returns to the leg."""
+"""Distance along the leg to the point that a walker heads for, which brings it back to the leg."""
 REACHED_M, PASSED_M = 0.3, 1.0
-"""Distances at which a corner counts as reached: before and after the walker passes it."""
+"""Distances at which a corner counts as reached, before and after the walker passes it."""
 FOREIGN_REACH_M = 2.5
-"""Distance beyond which obstacles have no effect, as their potential has fallen to e**-12."""
+"""Distance [m] beyond which obstacles have no effect; their potential has fallen to e**-12."""
 STRIDE_S = 2.0
-"""Time ahead for which others keep clear of a walker's path, as in the paper."""
+"""Time ahead for which others stay out of a walker's path, as in the paper."""
 SIGHT_COS, UNSEEN = -0.17364817766693033, 0.5
-"""The paper's cosine of half the field of view (100 degrees) and weight of unseen forces."""
+"""The cosine of half the field of view (100 degrees) and the weight of unseen forces (paper)."""
 SLOW, BLOCKED_S = 0.1, 3.0
-"""Minimum fraction of the pace that counts as progress, and time [s] without it until a turn."""
+"""Minimum progress as a fraction of the pace, and time [s] below it until the walker turns back."""
 FASTEST = 1.3  # maximum speed relative to the pace, as in the paper
 RIGHTWARDS = 0.3  # fraction of a force from ahead that acts to the right
-PERSON_M = 0.25  # radius at which distances match the paper
+PERSON_M = 0.25  # radius for which the distances are as in the paper
 
 
 @compilable
 def steer(parameters: Array, memory: Array, robots: Array, i: int, step: float) -> None:
-    """Set the next velocity of a walker from the forces on it."""
+    """Set a walker's next velocity from the forces on it."""
     walker = unpack(Walk, parameters).walkers[i]
     motion = unpack(Walking, memory).motions[i]
     vx = motion[at.VELOCITY_X]
@@ -111,7 +111,7 @@ def find_heading(parameters: Array, memory: Array, i: int) -> tuple[float, float
 
 @compilable
 def follow(corner: int, first: int, end: int, backwards: bool) -> int:
-    """Return the next corner of a closed route, or the previous one if ``backwards``."""
+    """Return the corner after one on a closed route, or before it if ``backwards``."""
     if backwards:
         return corner - 1 if corner > first else end - 1
     return corner + 1 if corner + 1 < end else first
@@ -119,7 +119,7 @@ def follow(corner: int, first: int, end: int, backwards: bool) -> int:
 
 @compilable
 def turn_back(parameters: Array, memory: Array, i: int) -> None:
-    """Reverse the direction in which a walker follows its route."""
+    """Reverse a walker's direction along its route."""
     walker = unpack(Walk, parameters).walkers[i]
     motion = unpack(Walking, memory).motions[i]
     motion[at.BACKWARDS] = 1.0 - motion[at.BACKWARDS]
@@ -131,7 +131,7 @@ def turn_back(parameters: Array, memory: Array, i: int) -> None:
 
 @compilable
 def waits(parameters: Array, memory: Array, robots: Array, i: int, step: float) -> bool:
-    """Return True if a walker waits for a nearby robot, which it does for a limited time."""
+    """Return True if a walker is waiting for a nearby robot; waiting times are limited."""
     walker = unpack(Walk, parameters).walkers[i]
     motion = unpack(Walking, memory).motions[i]
     near = False
@@ -151,7 +151,7 @@ def waits(parameters: Array, memory: Array, robots: Array, i: int, step: float) 
 def repel_by_walkers(
     parameters: Array, memory: Array, i: int, ex: float, ey: float
 ) -> tuple[float, float]:
-    """Return the force of all other walkers on one that heads for (ex, ey)."""
+    """Return the force of all other walkers on a walker that heads for (ex, ey)."""
     walkers, now = unpack(Walk, parameters).walkers, unpack(Walking, memory)
     walker = walkers[i]
     fx = 0.0
@@ -162,7 +162,7 @@ def repel_by_walkers(
         distance = math.sqrt(rx * rx + ry * ry)
         if j == i or walkers[j, at.KIND] == at.ABSENT or distance == 0.0:
             continue
-        # Lines of equal potential are ellipses around the other walker and its next stride.
+        # Lines of equal potential are ellipses around the other walker and the end of its stride.
         wx = STRIDE_S * now.motions[j, at.VELOCITY_X]
         wy = STRIDE_S * now.motions[j, at.VELOCITY_Y]
         sx = rx - wx
@@ -184,7 +184,7 @@ def repel_by_walkers(
 def repel_by_robots(
     parameters: Array, memory: Array, robots: Array, i: int, ex: float, ey: float
 ) -> tuple[float, float]:
-    """Return the force of robots, treated as obstacles, on a walker that heads for (ex, ey)."""
+    """Return the force of robots, as obstacles, on a walker that heads for (ex, ey)."""
     walker = unpack(Walk, parameters).walkers[i]
     place = unpack(Walking, memory).places[i]
     fx = 0.0
@@ -228,13 +228,13 @@ def push_off(walker: Array, gap: float) -> float:
 
 @compilable
 def decay(share: float) -> float:
-    """Return e**-share, limited to e**4 in case of overlap."""
+    """Return e**-share, limited to e**4 for the case of overlap."""
     return elementary.exp(-max(share, -4.0))
 
 
 @compilable
 def weigh(fx: float, fy: float, ex: float, ey: float) -> tuple[float, float]:
-    """Weigh a force on a walker that heads for (ex, ey); turn a force from ahead to the right."""
+    """Weight a force on a walker that heads for (ex, ey); turn a force from ahead to the right."""
     size = math.sqrt(fx * fx + fy * fy)
     ahead = -(fx * ex + fy * ey)
     if ahead < SIGHT_COS * size:
@@ -248,9 +248,9 @@ def weigh(fx: float, fy: float, ex: float, ey: float) -> tuple[float, float]:
 def find_robot(
     parameters: Array, robots: Array, robot: int, x: float, y: float
 ) -> tuple[float, float, float]:
-    """Return the distance [m] from a robot's outline, negative inside, and the direction away.
+    """Return the distance [m] from a robot's outline (negative inside) and the direction away.
 
-    The direction is a unit vector x, y in the world.
+    The direction is a unit vector (x, y) in the world frame.
     """
     crowd = unpack(Walk, parameters)
     outline = crowd.outlines[int(crowd.ends[robot]) : int(crowd.ends[robot + 1])]
@@ -264,7 +264,7 @@ def find_robot(
 
 @compilable
 def find_obstacle(parameters: Array, row: int, x: float, y: float) -> tuple[float, float, float]:
-    """Return the distance [m] from an obstacle, negative inside, and the direction away."""
+    """Return the distance [m] from an obstacle (negative inside) and the direction away."""
     crowd = unpack(Walk, parameters)
     footprint = crowd.footprints[row]
     polygon = crowd.borders[int(footprint[START]) : int(footprint[END])]
@@ -274,7 +274,7 @@ def find_obstacle(parameters: Array, row: int, x: float, y: float) -> tuple[floa
 
 @compilable
 def is_near(footprint: Array, x: float, y: float, reach: float) -> bool:
-    """Return True if a footprint may lie within a distance [m] of a position."""
+    """Return True if a footprint may be within a distance [m] of a position."""
     dx = footprint[CENTRE_X] - x
     dy = footprint[CENTRE_Y] - y
     near = footprint[CIRCLE] + reach

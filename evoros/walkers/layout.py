@@ -1,4 +1,4 @@
-"""The parameters and the state of walkers in a mission."""
+"""Array layouts for walkers: their parameters, and their state in a mission."""
 
 from typing import NamedTuple
 
@@ -8,31 +8,37 @@ from evoros.base.arrays import Array, Matrix
     RADIUS, PACE, FIRST, END, KIND, AVOIDS, STOP_GAP, PATIENCE, RELAXATION, REPULSION, RANGE,
     BORDER_REPULSION, BORDER_RANGE, DELAY, LOOPS,
 ) = range(15)  # fmt: skip
-"""A walker: radius [m]; pace [m/s]; indices of the first corner and the end of the corners; kind;
-1 if robots repel it; gap [m] to a robot at which it stops, or 0, and maximum wait [s]; its
-``SocialForce``; for an actor, the time [s] before each round, and 1 if there are several rounds."""
+"""Columns of a walker.
+
+Radius [m]; pace [m/s]; indices of the first corner and the end of the corners; kind; 1 if robots
+repel it; gap [m] to a robot at which it stops, or 0, and maximum wait [s]; its ``SocialForce``; for
+an actor, the time [s] before each round, and 1 if there are several rounds.
+"""
 WALKER_SIZE = 15
 ABSENT, WALKING, ACTING = range(3)
-"""Kinds: not in this mission; walks by forces; follows a script."""
+"""Kinds of walkers: absent from this mission, moved by forces, or following a script."""
 
 VELOCITY_X, VELOCITY_Y, NEXT_X, NEXT_Y, GOAL, BACKWARDS, BLOCKED, CLOCK, WAITED, TOUCHED = range(10)
-"""Motion of a walker: current and next velocity [m/s]; the corner it walks to; 1 if it follows its
-route backwards; time without progress [s]; time in its script [s]; time it has waited for a robot
-[s]; and the sum of 2**i over the robots i that it has touched."""
+"""Columns of a walker's motion.
+
+Current and next velocity [m/s]; the corner it walks to; 1 if it follows its route backwards; time
+without progress [s]; time in its script [s]; time it has waited for a robot [s]; and the sum of
+2**i over the robots i that it has touched.
+"""
 MOTION_SIZE = 10
 
 CORNER_X, CORNER_Y, CORNER_S = range(3)
-"""A corner: position [m] and, in a script, time [s]."""
+"""Columns of a corner: position [m] and, in a script, time [s]."""
 CORNER_SIZE = 3
 
 REPORT_X, REPORT_Y, REPORT_TOUCHED = range(3)
-"""A simulation's report on each walker, after the robots' states; NaN if the walker is absent."""
+"""Columns of a report on a walker, after the robots' states; NaN if the walker is absent."""
 REPORT_SIZE = 3
 REPORT_COLUMNS = ("x_m", "y_m", "touched_by")
 
 
 class Walk(NamedTuple):
-    """The parameters of the walkers' rule: walkers, robots and obstacles."""
+    """The parameters of the walkers' rule."""
 
     walkers: Matrix  # (n, WALKER_SIZE)
     corners: Matrix  # (c, CORNER_SIZE)
@@ -40,7 +46,7 @@ class Walk(NamedTuple):
     outlines: Matrix  # (k, 2) [m], in the robot frames
     grid: Array  # see evoros.geometry.grid
     starts: Array  # first entry of each grid cell
-    entries: Array  # rows of the footprints within reach of a walker
+    entries: Array  # rows of the footprints within a walker's reach
     footprints: Matrix  # see evoros.geometry.footprint
     borders: Matrix  # (c, 2) [m], corners of the footprints
 

@@ -1,6 +1,6 @@
-"""The rule by which walkers move, identical in all simulators, compiled or not.
+"""The rule that moves walkers, identical in all simulators and whether or not compiled.
 
-A walker slides along an object that it overlaps, and never moves deeper into it.
+A walker slides along an object that it overlaps, and never moves deeper into the object.
 """
 
 import math
@@ -14,13 +14,13 @@ from evoros.walkers.forces import find_obstacle, find_robot, is_near, steer
 from evoros.walkers.layout import Walk, Walking
 
 _FASTEST_MPS = 10.0
-"""Speed above which an actor jumps to the start of another round."""
-SLIDES = 3  # maximum number of times that a step is deflected by obstacles
+"""Speed above which an actor jumps to the start of its next round."""
+SLIDES = 3  # maximum number of deflections by obstacles in one step
 
 
 @compilable
 def walk(parameters: Array, memory: Array, robots: Array, step: float) -> None:
-    """Move all walkers by a step [s]; ``robots`` (r, 4) are x, y, cosine and sine of the yaw."""
+    """Move all walkers by a step [s]; ``robots`` (r, 4) holds x, y, cosine and sine of the yaw."""
     walkers = unpack(Walk, parameters).walkers
     for i in range(len(walkers)):
         if walkers[i, at.KIND] == at.WALKING:
@@ -34,7 +34,7 @@ def walk(parameters: Array, memory: Array, robots: Array, step: float) -> None:
 
 @compilable
 def advance_walker(parameters: Array, memory: Array, robots: Array, i: int, step: float) -> None:
-    """Move a walker by its next velocity, deflected by obstacles."""
+    """Move a walker at its next velocity, deflected by obstacles."""
     now = unpack(Walking, memory)
     motion = now.motions[i]
     x = now.places[i, 0]
@@ -65,7 +65,7 @@ def advance_walker(parameters: Array, memory: Array, robots: Array, i: int, step
 def find_barrier(
     parameters: Array, memory: Array, robots: Array, i: int, x: float, y: float
 ) -> tuple[float, float]:
-    """Return the direction away from whatever blocks a position, or zeros if it is free.
+    """Return the direction away from whatever blocks a position; zeros if the position is free.
 
     A robot blocks the position if the walker overlaps the robot and would move deeper into it.
     """
@@ -105,7 +105,7 @@ def find_barrier(
 
 @compilable
 def act(parameters: Array, memory: Array, robots: Array, i: int, step: float) -> None:
-    """Move an actor by its script, which pauses while a robot is in its way."""
+    """Move an actor along its script, which pauses while a robot is in the way."""
     walker = unpack(Walk, parameters).walkers[i]
     now = unpack(Walking, memory)
     motion = now.motions[i]
@@ -132,7 +132,7 @@ def act(parameters: Array, memory: Array, robots: Array, i: int, step: float) ->
 
 @compilable
 def _find_scripted(parameters: Array, i: int, clock: float) -> tuple[float, float]:
-    """Return the position of an actor at a time [s] of its script."""
+    """Return an actor's position at a time [s] of its script."""
     crowd = unpack(Walk, parameters)
     walker = crowd.walkers[i]
     first, end = int(walker[at.FIRST]), int(walker[at.END])

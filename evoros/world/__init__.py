@@ -1,1 +1,1 @@
-"""Worlds: bodies on the ground and a course between them."""
+"""Worlds: bodies on the ground, and a course among them."""

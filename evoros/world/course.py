@@ -1,4 +1,4 @@
-"""The route through a world."""
+"""The course, a robot's route through a world."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,16 +18,16 @@ DIRECTION = checks.one_of("random", "forward", "backward", "parity", ONE_WAY)
 @dataclass(frozen=True)
 @checks.checked
 class Course:
-    """A route in two phases: along the corners and back home, then the same in reverse.
+    """A route in two phases: around the corners back to home, then the same in reverse.
 
-    With the direction ``one_way``, the route ends at the last corner.
+    With ``direction=one_way``, the route ends at the last corner.
     """
 
     home_x_m: Annotated[float, checks.NUMBER]
     home_y_m: Annotated[float, checks.NUMBER]
     home_z_m: Annotated[float, checks.NOT_NEGATIVE]  # height of the robot's base frame at the start
     home_yaw_rad: Annotated[float, checks.NUMBER]
-    waypoints: Annotated[Sequence[Sequence[float]], PAIRS]  # corners [m]; home is appended
+    waypoints: Annotated[Sequence[Sequence[float]], PAIRS]  # corners [m], without home
     acceptance_m: Annotated[
         float, checks.POSITIVE
     ]  # radius [m] within which a waypoint counts as reached
@@ -44,7 +44,7 @@ class Course:
         for point in self.waypoints:
             if len(point) != 2 or not all(map(checks.is_number, point)):
                 raise checks.invalid(self, "waypoints", point, "each must be two numbers [x, y]")
-        # Tuples make a frozen course immutable, and equal courses compare equal.
+        # Tuples make a frozen course immutable, and let equal courses compare equal.
         corners = tuple((float(x), float(y)) for x, y in self.waypoints)
         object.__setattr__(self, "waypoints", corners)
 
@@ -65,9 +65,9 @@ class Course:
         return np.array([self.home[:2], *self.waypoints, *end], dtype=np.float64)
 
     def goes_forward(self, round_index: int, rng: Generator) -> bool:
-        """Return True if the first phase of a round visits the corners in order.
+        """Return True if the first phase of a round visits the corners in the given order.
 
-        Only a random direction draws a number from ``rng``.
+        Only a random direction uses ``rng``.
         """
         if self.direction == "random":
             return bool(rng.random() < 0.5)
@@ -78,7 +78,7 @@ class Course:
     def route(self, forward: bool) -> Array:
         """Return the goals of all legs in order, (2 * (corners + 1), 2) [m].
 
-        A one-way route has only the corners.
+        A one-way route contains only the corners.
         """
         if self.is_one_way:
             return np.array(self.waypoints, dtype=np.float64)

@@ -23,9 +23,9 @@ from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
 MARGIN_M = 0.1
-"""Minimum distance of drawn routes from obstacles."""
+"""Minimum distance [m] of drawn routes from obstacles."""
 AROUND_M = 2.0
-"""Maximum distance of walkers from the area of the obstacles and the course."""
+"""Maximum distance [m] of walkers from the area with the obstacles and the course."""
 
 
 @lru_cache(maxsize=64)
@@ -38,7 +38,7 @@ def lay_out_borders(world: World, height: float) -> tuple[Array, ...]:
 
 @lru_cache(maxsize=64)
 def find_free_space(world: World, radius: float, height: float) -> FreeSpace:
-    """Return the free positions of a walker's centre that are connected to home.
+    """Return the free positions for a walker's centre that are connected to home.
 
     Raises:
         InputError: there is no such position.
@@ -63,7 +63,7 @@ def find_free_space(world: World, radius: float, height: float) -> FreeSpace:
 def find_blocking(
     world: World, legs: Sequence[Sequence[Sequence[float]]], radius: float, height: float
 ) -> tuple[str, Sequence[Sequence[float]]] | None:
-    """Return the name of the first obstacle that blocks a straight leg, and that leg, or None."""
+    """Return the first obstacle that blocks a straight leg, by name, and that leg; or None."""
     for body in standing_obstacles(world):
         for area in project_bodies([body], height):
             reach = radius + area.radius
@@ -82,14 +82,14 @@ def measure_legs(corners: Array) -> Array:
 
 
 MAX_DRAWS = 200
-"""Maximum number of routes or positions that are drawn for a walker before giving up."""
+"""Maximum number of routes or positions drawn for a walker."""
 MIN_LEG_M = 1.0
 CORNERS = 2, 4
-"""Minimum and maximum number of corners on the way out of a drawn route."""
+"""Minimum and maximum number of corners on the way out along a drawn route."""
 CLEAR_M = 0.5
-"""Minimum distance of a walker's surface from a robot at the start."""
+"""Minimum distance [m] of a walker's surface from a robot at the start."""
 APART_M = 0.05
-"""Minimum distance between the surfaces of two walkers at the start."""
+"""Minimum distance [m] between the surfaces of two walkers at the start."""
 
 
 class Standing(NamedTuple):
@@ -100,7 +100,7 @@ class Standing(NamedTuple):
 
 
 def advise(name: str, walkers: Mapping[str, Walkers]) -> str:
-    """Say how the people of a world are left out."""
+    """Return advice on leaving the people out of a world."""
     return "set walkers=none" if walkers else f"set ++world.{name}.actors=leave_out"
 
 
@@ -138,10 +138,10 @@ def draw_crowd(
 ) -> Crowd:
     """Draw the walkers of a mission: their number, routes, paces and start positions.
 
-    Each group draws from the stream ``walkers.NAME``. The actors of the world come last.
+    Each group uses the random stream ``walkers.NAME``. The actors of the world come last.
 
     Raises:
-        InputError: there is not enough room for all walkers.
+        InputError: there is not enough space for all walkers.
     """
     drawn: list[Walker] = []
     for name, group in walkers.items():
@@ -158,7 +158,7 @@ def draw_crowd(
 
 
 def name_walkers(walkers: Mapping[str, Walkers], world: World) -> list[str]:
-    """Return the names of all walkers that a mission can have, in order."""
+    """Return the names of all walkers that may occur in missions, in order."""
     groups = [f"{name}_{i}" for name, group in walkers.items() for i in range(group.numbers[1])]
     return [*groups, *(actor.name for actor in world.actors)]
 
@@ -197,27 +197,27 @@ def _draw_group(
 
 
 _Start = tuple[Array, int, tuple[float, float]]
-"""The corners of a route, the index of a walker's first goal, and the walker's position [m]."""
+"""The corners of a route, the index of the walker's first goal, and the walker's position [m]."""
 
 
 def _propose(
     world: World, name: str, group: Walkers, place: tuple[int, int], rng: Generator
 ) -> Iterator[_Start]:
-    """Yield candidate starts of a walker; ``place`` is its index and the number of walkers."""
+    """Yield candidate starts for a walker; ``place`` is its index and the number of walkers."""
     for try_ in range(MAX_DRAWS):
         corners = _draw_route(world, name, group, rng) if group.route is None else group.route
         if corners is None:
             continue
         points = np.zeros((len(corners), CORNER_SIZE))
         points[:, :CORNER_S] = corners
-        # Each further try moves the start along the route, away from an occupied position.
+        # Each further attempt moves the start along the route, away from an occupied position.
         even = (place[0] / place[1] + try_ / MAX_DRAWS) % 1.0
         share = float(rng.random()) if group.phase == RANDOM else even
         yield points, *_start_at(points[:, :CORNER_S], share)
 
 
 def _start_at(corners: Array, share: float) -> tuple[int, tuple[float, float]]:
-    """Return the index of the next corner, and the position at a fraction of a closed route."""
+    """Return the index of the next corner and the position at a fraction of a closed route."""
     lengths = measure_legs(corners)
     left = share * float(lengths.sum())
     for i, length in enumerate(lengths.tolist()):
@@ -247,7 +247,7 @@ def _is_clear(
 
 
 def _draw_route(world: World, name: str, group: Walkers, rng: Generator) -> Array | None:
-    """Draw corners (n, 2) [m] of a path through free space and back; None if no leg was found."""
+    """Draw corners (n, 2) [m] of a way out and back in free space; None if no leg was found."""
     try:
         space = find_free_space(world, group.radius_m, group.height_m)
     except InputError as error:

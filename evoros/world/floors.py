@@ -1,7 +1,7 @@
 """Floors: the surfaces that carry a course, and the height of the ground at a point.
 
 A fixed body with a level top at the height of home, such as a slab or a mat, is a floor. If the
-floor at home is not at z = 0, the world is shifted vertically.
+floor at home is not at z = 0, the world is shifted vertically so that it is.
 """
 
 import logging
@@ -22,14 +22,13 @@ _LOG = logging.getLogger(__name__)
 GROUND = Body("ground", Pose(), (Shape("plane", (0.0, 0.0, 1.0)),))
 
 MAT_M = 0.015
-"""Maximum height of a level top, such as a mat's, that still counts as part of the floor."""
+"""Maximum height [m] of a level top that still belongs to the floor, such as a mat's."""
 
 STAGE_M = 1.0
-"""Maximum height above the ground of a level top that becomes the floor if it carries the
-course."""
+"""Maximum height [m] of a level top that can become the floor if it carries the course."""
 
 STEP_M = 0.1
-"""Spacing of the sample points along a course that distinguish a floor from posts."""
+"""Spacing [m] of sample points along a course, which tell a floor from posts."""
 
 _LEVEL = 1e-6
 
@@ -60,7 +59,7 @@ def ground_shapes(bodies: Sequence[Body]) -> Iterator[tuple[Shape, Pose]]:
 
 
 def project_ground(bodies: Sequence[Body]) -> list[footprint.Footprint] | None:
-    """Return the footprints of the ground; None if the ground is unbounded."""
+    """Return the footprints of the ground; None if it is unbounded."""
     shapes = [*ground_shapes(bodies)]
     endless = any(shape.kind == "plane" for shape, _ in shapes)
     return None if endless else [footprint.project_shape(*solid) for solid in shapes]
@@ -73,7 +72,7 @@ def plane_normal(shape: Shape, pose: Pose) -> Array:
 
 
 def is_level(shape: Shape, pose: Pose) -> bool:
-    """Return True if a shape of the ground is level."""
+    """Return True if a shape of the ground has a level surface."""
     if shape.kind == "plane":
         normal = plane_normal(shape, pose)
         return math.hypot(normal[0], normal[1]) <= _LEVEL
@@ -81,7 +80,7 @@ def is_level(shape: Shape, pose: Pose) -> bool:
 
 
 def has_level_ground(bodies: Sequence[Body]) -> bool:
-    """Return True if the ground has no tilted plane and no height field."""
+    """Return True if no part of the ground is a tilted plane or a height field."""
     return all(is_level(shape, pose) for shape, pose in ground_shapes(bodies))
 
 
@@ -101,7 +100,7 @@ def _height_at(shape: Shape, pose: Pose, point: Sequence[float]) -> float | None
 
 
 def interpolate_heights(heights: Array, size: Sequence[float], x: float, y: float) -> float | None:
-    """Return the height [m] of a field at a point [m]; None outside the field's ``size`` [m]."""
+    """Return the height [m] of a field at a point [m]; None beyond the field's ``size`` [m]."""
     rows, columns = heights.shape
     row = (y / size[1] + 0.5) * (rows - 1)
     column = (x / size[0] + 0.5) * (columns - 1)
@@ -113,9 +112,9 @@ def interpolate_heights(heights: Array, size: Sequence[float], x: float, y: floa
     return float((1 - v) * ((1 - u) * a + u * b) + v * ((1 - u) * c + u * d))
 
 
-@lru_cache(maxsize=2**15)  # the parts of a furnished building
+@lru_cache(maxsize=2**15)  # enough for the parts of a furnished building
 def _level_top(shape: Shape, pose: Pose) -> tuple[float, footprint.Footprint] | None:
-    """Return the height [m] and area of a solid shape's level top; None if there is none."""
+    """Return the height [m] and area [m2] of a solid shape's level top; None if it has none."""
     up = np.abs(pose.rotation[2])
     upright = {"box": up.max(), "cylinder": up[2]}.get(shape.kind, 0.0)
     if upright > 1 - _LEVEL:
@@ -129,10 +128,10 @@ def _level_top(shape: Shape, pose: Pose) -> tuple[float, footprint.Footprint] | 
 
 
 def settle(bodies: Sequence[Body], course: Course, source: str) -> tuple[Body, ...]:
-    """Return the bodies with floors marked, shifted so that the floor at home is at z = 0.
+    """Mark the floors among bodies, and shift all bodies so that the floor at home is at z = 0.
 
-    If home or a waypoint has no ground, level ground is added. ``source`` names the world in
-    messages.
+    If there is no ground below home or a waypoint, level ground is added. ``source`` names the
+    world in messages.
     """
     points = [(course.home_x_m, course.home_y_m), *course.waypoints]
     tops = list(_find_tops(bodies))
@@ -172,7 +171,7 @@ def _find_level(
     grounds = [_find_height(solids, point) for point in along.tolist()]
 
     def carries_all(height: float) -> bool:
-        """Return True if floors at this height carry all waypoints and most of the path between."""
+        """Return True if floors at this height carry all waypoints and most of the way between."""
         carried = np.array([g is not None and abs(g - height) <= MAT_M for g in grounds])
         for top in tops:
             if abs(top.height - height) <= MAT_M:
@@ -180,7 +179,7 @@ def _find_level(
         return bool(carried[:corners].all() and carried[corners:].sum() * 2 >= len(along) - corners)
 
     base = ground if ground is not None else min(filter(carries_all, at_home), default=None)
-    if base is None:  # nothing carries the whole course: use a low top at home, if any
+    if base is None:  # no floor carries the whole course: use a low top at home, if any
         return min((height for height in at_home if abs(height) <= STAGE_M), default=0.0)
     raised = [h for h in at_home if base + MAT_M < h <= base + STAGE_M and carries_all(h)]
     highest = max(raised, default=base)
@@ -188,7 +187,7 @@ def _find_level(
 
 
 def points_between(points: Sequence[Sequence[float]]) -> Iterator[tuple[float, float]]:
-    """Yield the points [m] on the straight lines from home along the waypoints and back home."""
+    """Yield points [m] on the straight lines from home through the waypoints and back."""
     for (ax, ay), (bx, by) in zip(points, [*points[1:], points[0]], strict=True):
         count = min(int(math.dist((ax, ay), (bx, by)) / STEP_M), 1000)
         for i in range(1, count):

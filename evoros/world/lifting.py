@@ -1,4 +1,4 @@
-"""Finds how deep movable bodies are in the ground or each other, and the lifts that free them."""
+"""Finds how far movable bodies overlap the ground or each other, and the lifts that free them."""
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -18,11 +18,11 @@ from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.floors import ground_shapes, interpolate_heights, plane_normal
 
 SLACK_M = 0.002
-"""Maximum overlap that is left to the engines, which treat it as a contact.
+"""Maximum overlap [m] that is left to the engines, which treat it as a contact.
 
-At their shortest usual step of 2.5 ms, engines separate two bodies at up to 100 times the depth per
-second. At 2 mm, this is about the final speed of a free fall from the same height. A robot also
-drives over obstacles of this height, and a body this close to the ground counts as standing.
+At their shortest usual step, 2.5 ms, engines separate two bodies at up to 100 times the overlap per
+second. For 2 mm, this is about the final speed of a free fall from 2 cm. Robots also drive over
+obstacles of this height, and a body this close to the ground counts as standing.
 """
 
 
@@ -49,13 +49,13 @@ class Solids:
         return cls(tuple(solid for _, solid in placed), indices, boxes[:, 0], boxes[:, 1])
 
     def list_near(self, shape: int, axes: int) -> Iterator[int]:
-        """Yield other bodies' shapes whose boxes overlap a shape's box along the first axes."""
+        """Yield shapes of other bodies whose boxes overlap a shape's box along the first axes."""
         low, high = self.low[:, :axes], self.high[:, :axes]
         near = (low < high[shape] - SLACK_M) & (high > low[shape] + SLACK_M)
         yield from np.flatnonzero(near.all(axis=1) & (self.body != self.body[shape])).tolist()
 
 
-_RINGS, _SECTORS = 8, 16  # grid of directions for sampling round shapes
+_RINGS, _SECTORS = 8, 16  # grid of directions in which round shapes are sampled
 
 
 def find_sunk(bodies: Sequence[Body], solids: Solids) -> dict[int, float]:
@@ -80,7 +80,7 @@ def _depth_in_plane(solid: Solid, shape: Shape, pose: Pose) -> float:
 
 
 class _Field:
-    """A height field with its points placed in the world, once for all bodies."""
+    """A height field whose points are placed in the world once for all bodies."""
 
     def __init__(self, shape: Shape, pose: Pose) -> None:
         grid = height_points(shape).reshape(-1, 3)
@@ -89,10 +89,9 @@ class _Field:
         self._into, self._base = pose.inverse(), pose.position[2]
 
     def depth(self, solid: Solid) -> float:
-        """Return the lift [m] that brings every point of the solid above the field.
+        """Return the lift [m] that brings every point of a solid above the field.
 
-        The sampled points are the solid's corners, and the field's points below or inside the
-        solid.
+        The sampled points are the solid's corners and the field's points below or inside the solid.
         """
         points = solid.points
         if solid.shape.kind not in ("box", "convex"):  # add samples of a round underside
@@ -120,7 +119,7 @@ def _directions() -> Array:
 
 
 def _heights_above(points: Array, planes: Array) -> list[float]:
-    """Return the heights [m] above a polyhedron's underside of the points within its footprint."""
+    """Return the heights [m] of points in a polyhedron's footprint above its underside."""
     x, y = points[:, 0], points[:, 1]
     within = np.ones(len(points), dtype=np.bool_)
     floor, roof = np.full(len(points), -np.inf), np.full(len(points), np.inf)
@@ -137,17 +136,18 @@ def _heights_above(points: Array, planes: Array) -> list[float]:
 
 
 _STEEP = 1.5
-"""Maximum ratio of the lift to the shortest separation at which a body is lifted out of another.
-Bodies that overlap sideways would otherwise end up on top of each other."""
+"""Maximum ratio of the lift to the shortest separation for which a body is lifted out of another.
+Otherwise, bodies that overlap sideways would end up on top of each other.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Lifts:
-    """The lifts of movable bodies by index, and the reasons for them."""
+    """The lifts of movable bodies, by body index, and the reasons for them."""
 
     heights: dict[int, float] = field(default_factory=dict)  # [m]
-    depths: dict[int, float] = field(default_factory=dict)  # [m] into the body or ground below
-    stuck: dict[int, float] = field(default_factory=dict)  # [m] into the ground, without room above
+    depths: dict[int, float] = field(default_factory=dict)  # [m], depth in the body or ground below
+    stuck: dict[int, float] = field(default_factory=dict)  # [m] in the ground, without room above
 
 
 class _Near(NamedTuple):
@@ -159,9 +159,9 @@ class _Near(NamedTuple):
 def find_lifts(bodies: Sequence[Body], solids: Solids, sunk: Mapping[int, float]) -> Lifts:
     """Find the lifts of movable bodies, from the lowest to the highest.
 
-    A body is lifted out of the ground and out of its supports, together with the bodies that stand
-    on it. It is not lifted into a body above it unless that body moves up as well. ``sunk`` holds
-    the depths [m] of bodies in the ground.
+    A body is lifted out of the ground and out of its supports, together with the bodies on top of
+    it. It is not lifted into a body above unless that body also moves up. ``sunk`` holds the depths
+    [m] of bodies in the ground.
     """
     shapes = {
         i: np.flatnonzero(solids.body == i).tolist()
@@ -183,9 +183,9 @@ def find_lifts(bodies: Sequence[Body], solids: Solids, sunk: Mapping[int, float]
 def _list_near(
     shapes: Sequence[int], solids: Solids, waiting: Collection[int]
 ) -> Iterator[tuple[int, Clearance, float]]:
-    """Yield the bodies above, below or inside the shapes of a body, except those ``waiting``.
+    """Yield the bodies above, below or inside a body's shapes, except the ``waiting`` ones.
 
-    With each body come the lifts at which the shapes would overlap, and the current depth [m] of
+    Each body comes with the lifts at which the shapes would overlap, and the current depth [m] of
     the overlap.
     """
     for shape in shapes:

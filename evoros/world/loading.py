@@ -1,8 +1,8 @@
-"""Loads a world from an SDF file, and frees its bodies from the ground and from each other.
+"""Loads a world from an SDF file, and separates its bodies from the ground and each other.
 
-An engine would push overlapping bodies apart within a few steps, at any speed: a half-buried 1 m
-post leaves the ground at more than 10 m/s. Before any engine starts, bodies are therefore set on
-the surface or joined, and all simulators, pictures and files show the same world.
+Engines push overlapping bodies apart within a few steps, at any speed: a half-buried 1 m post would
+leave the ground at more than 10 m/s. Therefore, bodies are set on the surface or joined before any
+engine starts, so that all simulators, pictures and files show the same world.
 """
 
 import logging
@@ -32,15 +32,15 @@ from evoros.world.model import World
 _LOG = logging.getLogger(__name__)
 
 _Pairs = dict[tuple[int, int], float]
-"""Overlap depths [m] by pair of bodies; the first body of each pair is movable."""
+"""Depths [m] of overlaps by pair of bodies, of which the first is movable."""
 
 
 def free_bodies(bodies: Sequence[Body], source: str) -> tuple[Body, ...]:
-    """Return the bodies, changed so that no movable body starts in the ground or in another body.
+    """Return the bodies, changed so that no movable body overlaps the ground or another body.
 
-    A body is lifted out of the ground and out of its supports. Other movable bodies that overlap
-    are joined into one. Bodies that overlap a fixed body or are stuck in the ground become fixed
-    where they are. ``source`` names the world in messages.
+    A body is lifted out of the ground and out of its supports. Other overlapping movable bodies are
+    joined into one. Bodies that overlap a fixed body or are stuck in the ground become fixed in
+    place. ``source`` names the world in messages.
     """
     if all(body.mass is None for body in bodies):
         return tuple(bodies)
@@ -146,9 +146,9 @@ def _count(members: Collection[int]) -> str:
 
 
 def _join_bodies(bodies: Sequence[Body]) -> Body:
-    """Join movable bodies into one, named after the first.
+    """Join movable bodies into one, which gets the name of the first.
 
-    The joined body has the friction of the lowest body, as a model of several links does.
+    The joined body has the friction of its lowest body, like a model of several links.
     """
     inertias = []
     for body in bodies:
@@ -189,17 +189,18 @@ def load_world(
     actors: str = "walk",
     mesh_effort: float = 1.0,
 ) -> World:
-    """Load the world of an SDF file, with ground below the course and overlapping bodies separated.
+    """Load the world of an SDF file, with ground below the course and overlaps removed.
 
     ``sdf`` is a path, absolute or relative to the bundled folder ``worlds``. ``model_paths`` are
     folders with the models and meshes that the file names, ``world_name`` selects one of several
-    worlds in the file, and ``arguments`` are for a file with xacro. ``missing`` (``error``,
-    ``leave_out`` or ``box``) sets how missing models and meshes are treated, and ``vehicles``
-    (``leave_out`` or ``hold_still``) how vehicles are treated. ``mesh_up_axis`` (``ignore`` or
-    ``apply``) sets whether DAE files are rotated as their ``<up_axis>`` requires, and ``actors``
-    (``walk`` or ``leave_out``) sets whether actors walk. Meshes within 30 m of the course are
-    divided, in about ``mesh_effort`` minutes; more than one minute extends the 30 m in proportion.
-    Messages name the world by its file, tables by its key in the configuration."""
+    worlds in the file, and ``arguments`` are passed to xacro. ``missing`` (``error``, ``leave_out``
+    or ``box``) determines how missing models and meshes are handled, and ``vehicles``
+    (``leave_out`` or ``hold_still``) how vehicles are handled. ``mesh_up_axis`` (``ignore`` or
+    ``apply``) determines whether DAE files are rotated as their ``<up_axis>`` requires, and
+    ``actors`` (``walk`` or ``leave_out``) whether actors walk. Meshes within 30 m of the course are
+    divided into convex parts, in about ``mesh_effort`` minutes; more than one minute extends the 30
+    m in proportion. Messages name the world by its file, tables by its key in the configuration.
+    """
     paths = tuple(model_paths)
     options = SdfOptions(
         paths, world_name, missing, vehicles, mesh_up_axis, actors, float(mesh_effort)
@@ -214,7 +215,7 @@ def load_world(
 def read_world(
     sdf: str, options: SdfOptions, arguments: Mapping[str, object], course: Course | None = None
 ) -> SdfWorld:
-    """Read the bodies of an SDF file, placed as in the file; see ``load_world``."""
+    """Read the bodies of an SDF file, in the poses given there; see ``load_world``."""
     path = find_file(sdf, "worlds")
     content, source = read_file(path), sdf
     if is_xacro(path, content):

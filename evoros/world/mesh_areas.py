@@ -1,4 +1,4 @@
-"""Areas in which a world's meshes differ from their collision parts, up to a robot's height."""
+"""Areas in which a world's meshes differ from their collision parts, below a robot's height."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from evoros.geometry.mesh_parts import Sections
 
 LOWEST_M, SLICES = 0.05, 4
-"""Bottom [m] of the compared slices (for low robots, half their height), and their number."""
+"""Bottom [m] of the compared slices (for low robots, half their height), and number of slices."""
 TOLD_M2, TOLD_SHARE = 0.05, 0.01
-"""Area [m2] and fraction of a mesh's footprint from which a run warns about a difference."""
+"""Area [m2] and fraction of a mesh's footprint above which a run warns about a difference."""
 _COUNTS_M2 = 0.005
 
 
@@ -29,14 +29,14 @@ class MeshArea(NamedTuple):
 
     file: MeshFile
     height_m: float  # robot height
-    uses: int  # number of collisions that use the mesh
-    false_m2: float  # inside the convex parts, but outside the mesh; sum over collisions
-    missed_m2: float  # inside the mesh, but outside the convex parts; sum over collisions
-    footprint_m2: float  # sum over collisions
+    uses: int  # number of collision elements that use the mesh
+    false_m2: float  # inside the convex parts but outside the mesh; sum over collision elements
+    missed_m2: float  # inside the mesh but outside the convex parts; sum over collision elements
+    footprint_m2: float  # sum over collision elements
 
     @property
     def is_large(self) -> bool:
-        """True if the difference affects what robots meet."""
+        """True if the difference is large enough to affect missions."""
         share = max(self.false_m2, self.missed_m2) / self.footprint_m2
         return max(self.false_m2, self.missed_m2) >= TOLD_M2 and share >= TOLD_SHARE
 
@@ -61,7 +61,7 @@ def measure_meshes(world: World, height_m: float) -> tuple[MeshArea, ...]:
 
 
 def _list_sections(world: World, height_m: float) -> Iterator[tuple[MeshFile, "Sections"]]:
-    """Yield each collision's mesh and section areas, computed once for equal collisions."""
+    """Yield each collision element's mesh and section areas; equal elements are computed once."""
     groups = [(body, _group_parts(body)) for body in standing_obstacles(world)]
     if not any(parts for _, parts in groups):
         return

@@ -1,4 +1,4 @@
-"""A world: bodies on the ground and a course between them."""
+"""A world: bodies on the ground, and a course among them."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -20,28 +20,29 @@ from evoros.world.floors import MAT_M, ground_height, has_level_ground, plane_no
 
 LENGTH = Rule("a length greater than 0, or null", lambda v: v is None or POSITIVE.holds(v))
 KEPT_WORLDS = 512
-"""Maximum size of caches with worlds as keys. Missions may take many worlds in turn, such as the
-300 of BARN; a smaller cache would then never hit (67 instead of 54 ms per mission). A world with
-its outlines takes about 0.15 MB.
+"""Maximum size of caches whose keys are worlds.
+
+Missions may run in many worlds, such as the 300 of BARN, one after another; a smaller cache would
+then never hit (67 instead of 54 ms per mission). A world with its outlines takes about 0.15 MB.
 """
 LOW_M = 0.3
-"""Minimum ground clearance of an obstacle that a waypoint may lie below."""
+"""Minimum ground clearance [m] of an obstacle below which a waypoint may be placed."""
 
 
 @runtime_checkable
 class WorldSampler(Protocol):
-    """A distribution of worlds with the same course."""
+    """A distribution of worlds that share a course."""
 
     def draw_world(self, draws: str) -> "World":
-        """Draw the world of a mission; the key ``draws`` determines all its random numbers."""
+        """Draw the world of a mission; the key ``draws`` determines all random numbers."""
 
 
 @runtime_checkable
 class TeamSampler(WorldSampler, Protocol):
-    """A sampler of worlds that can leave room for several robots, each with a separate course."""
+    """A sampler of worlds that can leave space for several robots, each with a separate course."""
 
     def keep_free(self, courses: Sequence[Course]) -> Self:
-        """Return a sampler that keeps these courses free in addition to the first robot's."""
+        """Return a sampler that keeps free these courses as well as the first robot's."""
 
 
 A_SAMPLER = instance_of(WorldSampler, "a world sampler (an object with draw_world)")
@@ -50,9 +51,9 @@ A_SAMPLER = instance_of(WorldSampler, "a world sampler (an object with draw_worl
 @dataclass(frozen=True)
 @checked
 class World:
-    """Bodies and a course between them, with ground at z = 0 at home.
+    """Bodies and a course among them, with the ground at z = 0 at home.
 
-    With a sampler, each mission has a different world, and this world is an example.
+    With a sampler, each mission has a different world; this world is an example.
     """
 
     name: Annotated[str, TEXT]
@@ -63,7 +64,7 @@ class World:
     sampler: Annotated[WorldSampler | None, A_SAMPLER] = None  # None: the same in all missions
     note: str = ""  # comment in the SDF that states the world's origin
     gravity_mps2: Annotated[float, POSITIVE] = 9.81  # downwards
-    actors: Annotated[tuple[Actor, ...], sequence_of(Actor, "actors")] = ()  # actors of the file
+    actors: Annotated[tuple[Actor, ...], sequence_of(Actor, "actors")] = ()  # actors in the file
     shortest_m: Annotated[float | None, LENGTH] = None  # length of the shortest path; None: unknown
     crowd: Crowd | None = field(default=None, compare=False)  # walkers in a mission
 
@@ -73,11 +74,11 @@ class World:
         _check_course(self)
 
     def __hash__(self) -> int:
-        # Worlds are keys of caches, so hashing must be cheap; bodies are left out.
+        # Worlds are keys of caches, so hashing must be fast; it leaves out the bodies.
         return hash((self.name, self.source_sha256))
 
     def at(self, draws: str) -> "World":
-        """Return the world of the mission with this key of random draws, on this world's course."""
+        """Return the world for a mission's key of random draws, with this world's course."""
         if self.sampler is None:
             return self
         drawn = self.sampler.draw_world(draws)
@@ -91,11 +92,11 @@ class World:
 
     @property
     def sdf(self) -> str:
-        """The bodies as SDF text; ``files`` adds the files that it refers to."""
+        """The bodies as SDF text; the text refers to further ``files``."""
         return write_sdf(self.name, self.bodies, self.note, self.gravity_mps2)
 
     def files(self, stem: str) -> dict[str, bytes]:
-        """Return an SDF file with the name ``stem`` and the files that it needs, by file name."""
+        """Return the SDF file, named ``stem``, and the files that it needs, by file name."""
         sdf = write_sdf(self.name, self.bodies, self.note, self.gravity_mps2, stem)
         return {f"{stem}.sdf": sdf.encode(), **write_surfaces(stem, self.bodies)}
 
@@ -106,7 +107,7 @@ class World:
 
     @property
     def is_level(self) -> bool:
-        """True if the ground has no tilted plane and no height field."""
+        """True if no part of the ground is a tilted plane or a height field."""
         return has_level_ground(self.bodies)
 
 

@@ -1,7 +1,7 @@
-"""Obstacles after movable bodies in the air have fallen, as bodies and as arrays.
+"""The obstacles of a world after movable bodies in the air have fallen, as bodies and arrays.
 
-Rigid-body engines let such bodies fall. The planar simulator, clearances and pictures have neither
-gravity nor a ground height, so they use the fallen obstacles.
+Rigid-body engines let such bodies fall. The planar simulator, clearances and pictures have no
+gravity and no ground height, so they use the fallen obstacles.
 """
 
 import math
@@ -31,10 +31,10 @@ from evoros.world.floors import ground_height, has_level_ground, raise_body
 from evoros.world.model import KEPT_WORLDS, World
 
 GAP_M = 0.002
-"""Maximum gap [m] below a movable body that counts as standing rather than in the air."""
+"""Maximum gap [m] below a movable body that counts as standing."""
 
 _INNER = 0.99
-"""Fraction of a footprint that must lie above another body for that body to carry it."""
+"""Fraction of a footprint that must be above another body for that body to carry it."""
 
 
 class Part(NamedTuple):
@@ -49,15 +49,15 @@ class Part(NamedTuple):
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def standing_obstacles(world: World) -> tuple[Body, ...]:
-    """Return the obstacles of a world after they have fallen; see ``stand``."""
+    """Return a world's obstacles after they have fallen; see ``stand``."""
     return stand(world.bodies)
 
 
 def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
-    """Return the obstacles with each movable body set straight down onto its support.
+    """Return the obstacles, with each movable body moved straight down onto its support.
 
     The support is the ground or the highest shape below the body's footprint. A body that overlaps
-    another stays where it is. If the ground is not level, each obstacle is lowered by the ground
+    another one stays in place. If the ground is not level, each obstacle is lowered by the ground
     height below it.
     """
     bodies = [body for body in all_bodies if not body.is_ground]
@@ -84,7 +84,7 @@ def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
 
 
 def place_parts(body: Body, height_m: float = -math.inf) -> tuple[Part, ...]:
-    """Place the shapes of a body, with the footprints of their portions below a height [m]."""
+    """Place a body's shapes, with footprints of the portions below a height [m]."""
     parts = []
     for shape, pose in body.placed:
         bottom, top = find_heights(shape, pose)
@@ -95,7 +95,7 @@ def place_parts(body: Body, height_m: float = -math.inf) -> tuple[Part, ...]:
 
 
 def _drop(shapes: Sequence[Part], settled: Sequence[Part], ground: float) -> float:
-    """Return the distance [m] that a body of these shapes falls."""
+    """Return the distance [m] that a body with these shapes falls."""
     gaps = [min(shape.bottom for shape in shapes) - ground]
     for shape in shapes:
         for below in _overlapping(shape, settled):
@@ -123,22 +123,23 @@ def _overlapping(shape: Part, others: Sequence[Part]) -> Iterator[Part]:
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def outlines(world: World, below_m: float) -> Outlines:
-    """Return the footprints of all solid shapes with a lowest point below a height [m]."""
+    """Return the footprints of all solid shapes that reach below a height [m]."""
     return Outlines.of(project_bodies(standing_obstacles(world), below_m))
 
 
-@lru_cache(maxsize=64)  # up to 7 MB per entry, with a lidar that sees a whole field
+@lru_cache(maxsize=64)  # up to 7 MB per entry if a lidar sees a whole field
 def world_arrays(world: World, height: float, touch: float, see: float) -> tuple[Array, ...]:
-    """Return the ``obstacle_arrays`` of all obstacles of a world."""
+    """Return the ``obstacle_arrays`` for all obstacles of a world."""
     return obstacle_arrays(standing_obstacles(world), height, touch, see)
 
 
 def obstacle_arrays(
     bodies: Sequence[Body], height: float, touch: float, see: float
 ) -> tuple[Array, ...]:
-    """Return the arrays of obstacles for a robot of a height [m].
+    """Return the arrays of obstacles for a robot of this height [m].
 
-    The robot touches obstacles up to ``touch`` [m] and sees them up to ``see`` [m] from its origin.
+    The robot touches obstacles within ``touch`` [m] of its origin, and sees them within ``see``
+    [m].
 
     Returns:
         The grid (see ``evoros.geometry.grid``); for contact, the starts and entries of the
@@ -184,7 +185,7 @@ def sight_rows(solids: Sequence[tuple[Shape, Pose]]) -> tuple[Array, Array, list
 
 
 def _centre(shape: Shape, pose: Pose) -> tuple[Shape, Pose]:
-    """Move the origin of a polyhedron to its middle, the centre of its bounding circle for rays."""
+    """Move a polyhedron's origin to the centre of the bounding circle that rays use."""
     if shape.kind != "convex":
         return shape, pose
     corners = np.array(shape.corners)
@@ -197,7 +198,7 @@ def _centre(shape: Shape, pose: Pose) -> tuple[Shape, Pose]:
 def _to_row(shape: Shape, pose: Pose, footprint: Footprint, faces: tuple[int, int]) -> list[float]:
     kinds = {"box": BOX, "cylinder": CYLINDER, "sphere": SPHERE, "convex": CONVEX}
     x, y, radius = bounding_circle(footprint)
-    # Rays need a circle around the shape's centre, which may not be the footprint's centre.
+    # Rays need a circle around the shape's centre, which may differ from the footprint's centre.
     offset = math.dist((x, y), pose.position[:2])
     return [
         kinds[shape.kind],

@@ -1,4 +1,4 @@
-"""Search for the smallest set of sensors whose failure stops a design."""
+"""Searches for the smallest set of sensors whose failure stops a design."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -16,10 +16,10 @@ from evoros.worst_cases.worst_cases import WorstCases
 
 @dataclass(eq=False)
 class CaseTrials:
-    """The outcomes of a case in each world, in the order of the trials."""
+    """The outcomes of a case in each world, in the order of trials."""
 
     case: Case
-    number: int  # index in the order of trial
+    number: int  # index in the order in which cases were tried
     stage: str = SCREENED
     outcomes: dict[str, list[Outcome]] = field(default_factory=dict)
 
@@ -37,7 +37,7 @@ class CaseTrials:
     def severity(self) -> tuple[float, float]:
         """The minimum completion rate and mean progress over the worlds; lower is worse.
 
-        Two added trials, one of them completed, shrink the rate toward one half.
+        Two imaginary trials, of which one is completed, shrink the rate toward one half.
         """
         rates, progress = [], []
         for world, outcomes in self.outcomes.items():
@@ -55,8 +55,8 @@ class CaseTrials:
     def list_stopped(self, nominal: "CaseTrials", below: float, confidence: float) -> list[str]:
         """Return the worlds in which the case stops the design.
 
-        In these worlds, the completion rate is below both ``below`` and the rate without a failure,
-        each with the given confidence.
+        In these worlds, the completion rate is below ``below`` and below the rate without a
+        failure, both with the given confidence.
         """
         stopped = []
         for world in self.outcomes:
@@ -69,15 +69,15 @@ class CaseTrials:
 
 
 Try = Callable[[Sequence[CaseTrials], range], list[Mapping[str, list[Outcome]]]]
-"""Runs repeats of cases and returns each case's outcomes by world."""
+"""Runs repeats of cases, and returns each case's outcomes by world."""
 
 FIRST_TRIALS = 2
-"""Number of first trials in screening; a case that completes all of these gets no more."""
+"""Number of initial trials in screening; a case that completes all of them gets no more."""
 
 
 @dataclass
 class CaseSearch:
-    """The search for the worst cases of one design, guided by the outcomes of its missions."""
+    """The search for a design's worst cases, guided by the outcomes of missions."""
 
     settings: WorstCases
     sensors: int
@@ -88,7 +88,7 @@ class CaseSearch:
     nominal: CaseTrials = field(init=False)
     confirmed: list[CaseTrials] = field(default_factory=list)
     whole: set[int] = field(default_factory=set)
-    """The set sizes (numbers of failed sensors) at which all sets were tried."""
+    """The numbers of failed sensors for which all sets have been tried."""
 
     def run(self) -> list[CaseTrials]:
         """Return the smallest cases that stop the design; empty if none does."""
@@ -150,7 +150,7 @@ class CaseSearch:
         return Case.of(failures.items())
 
     def _screen(self, cases: Iterable[Case]) -> None:
-        """Try new cases a few times, then up to ``screening`` times if any mission failed."""
+        """Try new cases a few times; if a mission failed, try up to ``screening`` times."""
         new = []
         for case in dict.fromkeys(cases):
             if case not in self.tried:
@@ -173,7 +173,7 @@ class CaseSearch:
     def _confirm(self, ranked: Sequence[CaseTrials]) -> list[CaseTrials]:
         """Try the worst cases on fresh draws; return the cases that stop the design.
 
-        The trials that selected the cases do not count. The tests of all candidates and worlds
+        The trials that selected the cases do not count. The tests for all candidates and worlds
         share one error rate, so false findings are no more frequent than ``confidence`` allows.
         """
         settings = self.settings
@@ -195,11 +195,11 @@ class CaseSearch:
         return trials.list_stopped(self.nominal, settings.stops_below, level)
 
     def _reduce(self, stopping: list[CaseTrials]) -> list[CaseTrials]:
-        """Remove sensors from the worst case as long as the rest still stop the design.
+        """Remove sensors from the worst case as long as the remaining ones still stop the design.
 
-        The result is 1-minimal: no case with one sensor less was seen to stop the design (Zeller
-        and Hildebrandt, Simplifying and isolating failure-inducing input, IEEE Transactions on
-        Software Engineering 28, 2002). If all sets were tried, the result is the smallest.
+        The result is 1-minimal: no case with one sensor fewer stopped the design (Zeller and
+        Hildebrandt, Simplifying and isolating failure-inducing input, IEEE Transactions on Software
+        Engineering 28, 2002). If all sets were tried, the result is the smallest.
         """
         case = min(stopping, key=_rank).case
         size = len(case.sensors) - 1

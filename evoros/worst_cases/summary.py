@@ -1,4 +1,4 @@
-"""Summarizes the worst cases found by an evaluation, with commands that repeat them."""
+"""Summarizes the worst cases that an evaluation has found, with commands that repeat them."""
 
 from collections.abc import Iterator, Sequence
 
@@ -13,10 +13,10 @@ REPLACED = ("worst_cases", "requirements", "failure", "filter@failure", "trials"
 def describe_worst_cases(
     table: pd.DataFrame, typed: Sequence[str], option: Sequence[str]
 ) -> Iterator[str]:
-    """Yield lines for each design, with a command that repeats its worst case.
+    """Yield lines about each design, with a command that repeats the design's worst case.
 
-    ``table`` comes from an evaluation that was started with the overrides ``typed`` and the
-    ``option`` that names a configuration folder, if any.
+    ``table`` comes from an evaluation that was started with the overrides ``typed``; ``option``
+    sets the configuration folder, if any.
     """
     for (source, design), rows in table.groupby(["source", "design"], sort=False):
         yield f"design {design} of {source}: {_describe_design(rows)}"
@@ -75,7 +75,7 @@ def _write_rate(row: dict[str, object] | dict[object, object]) -> str:
 def write_command(
     typed: Sequence[str], option: Sequence[str], source: str, case: Case, trials: int
 ) -> str:
-    """Return the command line that repeats the missions of a case."""
+    """Return the command line that repeats a case's missions."""
     kept = [override for override in typed if not _is_replaced(override)]
     times = ",".join(map(repr, case.times_s))
     stated = [

@@ -1,4 +1,4 @@
-"""The subcommand ``archive``: write a study and all that reproduces it into one file."""
+"""The subcommand ``archive``, which packs a study and its inputs into one reproducible file."""
 
 from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence

@@ -27,16 +27,16 @@ _BETWEEN = re.compile(r"[=\[\],'\"]")
 
 @dataclass(frozen=True)
 class Layout:
-    """A map from full folder paths to paths in the archive."""
+    """A mapping from full folder paths to archive paths."""
 
     places: Mapping[Path, str]
 
     @classmethod
     def around(cls, folders: Iterable[Path], home: Path | None) -> "Layout":
-        """Place folders so that relative paths between them stay valid.
+        """Place folders such that relative paths between them remain valid.
 
         Folders whose only common parent is above the user's ``home`` are placed side by side,
-        because paths from there contain the user's name.
+        because paths from that parent contain the user's name.
         """
         given = dict.fromkeys(folders)
         tops = [one for one in given if not any(_is_inside(one, other) for other in given)]
@@ -58,7 +58,7 @@ class Layout:
         return cls(places)
 
     def place(self, path: Path) -> str:
-        """Return the archive path of a file or folder inside one of the folders."""
+        """Return the archive path of a file or folder in one of these folders."""
         above = next(folder for folder in (path, *path.parents) if folder in self.places)
         place = _join(self.places[above], path.relative_to(above))
         if escape(place) != place:
@@ -68,11 +68,11 @@ class Layout:
         return place
 
     def holds(self, path: Path) -> bool:
-        """Return True if a file lies inside one of the folders."""
+        """Return True if a file is in one of the folders."""
         return any(folder in self.places for folder in path.parents)
 
     def relocation(self, working: str, others: Mapping[str, str]) -> Relocation:
-        """Return ``others`` and the folders' paths relative to a working folder in the archive."""
+        """Return ``others`` plus the folders' paths relative to a working folder in the archive."""
         named = {str(path): place for path, place in self.places.items() if len(path.parts) > 1}
         inside = {path: os.path.relpath(place, working) for path, place in named.items()}
         return Relocation({**others, **inside})
@@ -87,7 +87,7 @@ def _join(place: str, rest: Path) -> str:
 
 
 def list_places(folders: Sequence[Path]) -> dict[Path, str]:
-    """Map the folders of all runs to their paths in the archive.
+    """Return the archive paths of all runs' folders.
 
     Raises:
         InputError: a folder has no finished run, or two runs would have the same path.
@@ -107,15 +107,15 @@ def list_places(folders: Sequence[Path]) -> dict[Path, str]:
 
 def place_inside(top: Path, path: Path) -> str:
     """Return the archive path of ``top`` or of a folder inside it."""
-    name = escape(top.resolve().name).replace("\\", "_")  # archive paths cannot contain a backslash
+    name = escape(top.resolve().name).replace("\\", "_")  # archive paths cannot contain backslashes
     return _join(f"{RUNS}/{name}", path.resolve().relative_to(top.resolve()))
 
 
 def place_named(folder: Path, manifest: Mapping[str, Any], tops: Sequence[Path]) -> dict[str, str]:
-    """Return the archive paths of folders that a run's or evaluation's files may name.
+    """Return the archive path of each folder that may occur in the files of a run or evaluation.
 
     The folders are ``tops`` (all folders to archive), the run's sweep, and the sources of an
-    evaluation's designs. Of folders outside ``tops``, only the name is kept.
+    evaluation's designs. For folders outside ``tops``, only the name is kept.
     """
     places = {
         str(path): place_inside(top, top)
@@ -130,7 +130,7 @@ def place_named(folder: Path, manifest: Mapping[str, Any], tops: Sequence[Path])
 
 
 def _list_sources(folder: Path, manifest: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the recorded sweep of a run, or the sources of an evaluation's designs."""
+    """Yield a run's recorded sweep, or the sources of an evaluation's designs."""
     yield manifest.get(SWEEP) or ""
     if not (folder / DESIGN_FILE).is_file():
         return
@@ -141,7 +141,7 @@ def _list_sources(folder: Path, manifest: Mapping[str, Any]) -> Iterator[str]:
 
 
 def list_parts(folder: Path) -> Iterator[Path]:
-    """Yield the files in a folder of parts, without hidden files, compiled files and results."""
+    """Yield the files in a folder of parts, except hidden files, compiled files and results."""
     for parent, folders, files in os.walk(folder):
         kept = [name for name in folders if not name.startswith(".") and name not in _COMPILED]
         folders[:] = sorted(name for name in kept if not is_run(Path(parent, name)))
@@ -150,7 +150,7 @@ def list_parts(folder: Path) -> Iterator[Path]:
 
 
 def list_read(reads: Iterable[Path], experiment: Experiment, folder: Path) -> set[Path]:
-    """Return the user's files that were read while the run in a folder was built."""
+    """Return the user's files that building the run in a folder has read."""
     robots = [experiment.robot, *(agent.robot for agent in experiment.agents.values())]
     meshes = (_ADDRESS.findall(robot.urdf) for robot in robots if robot is not None)
     paths = {*reads, *(Path(name) for names in meshes for name in names)}
@@ -169,7 +169,7 @@ def list_read(reads: Iterable[Path], experiment: Experiment, folder: Path) -> se
 
 
 def find_top(file: Path) -> Path:
-    """Return the folder to archive with a file: the file's ROS package or parent folder."""
+    """Return the folder that is archived with a file: the file's ROS package or parent folder."""
     return next((p for p in file.parents if (p / _DESCRIBING[0]).is_file()), file.parent)
 
 

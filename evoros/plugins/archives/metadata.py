@@ -63,7 +63,7 @@ Entity = dict[str, Any]
 
 @dataclass(frozen=True)
 class RunFacts:
-    """A run or an evaluation: its path in the archive and its sealed files."""
+    """A run or evaluation, with its path in the archive and its sealed files."""
 
     place: str
     manifest: Mapping[str, Any]
@@ -72,7 +72,7 @@ class RunFacts:
 
 @dataclass(frozen=True)
 class StudyFacts:
-    """The content of an archive, as its metadata describes it."""
+    """The content of an archive, as described in its metadata."""
 
     name: str
     version: str  # version of evoros
@@ -166,7 +166,7 @@ def _describe_run(run: RunFacts, facts: StudyFacts) -> list[Entity]:
 
 
 def _refer(names: Sequence[str]) -> Any:
-    """Return references to files: a list, or a single reference, as is usual in RO-Crates."""
+    """Return references to files: a list, or a single reference, as is customary in RO-Crates."""
     parts = [{"@id": quote(name, safe="#/")} for name in names]
     return parts[0] if len(parts) == 1 else parts
 
@@ -197,7 +197,7 @@ def _describe_file(name: str, facts: StudyFacts) -> Entity:
 
 
 def check_licence(identifier: str | None) -> None:
-    """Require that a licence, if given, is an SPDX identifier."""
+    """Require that the licence, if given, is an SPDX identifier."""
     if identifier is not None and not _IDENTIFIER.fullmatch(identifier):
         raise InputError(
             f"--license: must be an SPDX identifier such as CC-BY-4.0, not {identifier!r}; choose "

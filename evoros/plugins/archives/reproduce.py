@@ -1,4 +1,4 @@
-"""The subcommand ``reproduce``: rerun a folder from its record and compare all bytes."""
+"""The subcommand ``reproduce``, which reruns a folder from its records and compares all bytes."""
 
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Reproduction of archives, which runs the code that they contain."""
+"""Reproduction of archives, which executes the code that they contain."""
 
 from collections.abc import Iterator
 from contextlib import chdir, contextmanager
@@ -19,14 +19,14 @@ from evoros.terminal.log import warn_left_out
 
 @dataclass(frozen=True)
 class Prepared:
-    """Recorded runs, and the folder in which to rerun them."""
+    """Recorded runs, and a folder in which they can be rerun."""
 
     source: Path
     output: Path
     config_dir: Path | None
 
     def relocation(self, folder: Path) -> archives.Relocation:
-        """Return the new paths of a run's inputs that have moved since the run was recorded."""
+        """Return the new paths of inputs that have moved since the run was recorded."""
         return archives.NOWHERE
 
     def compare(self) -> Diff:
@@ -36,7 +36,7 @@ class Prepared:
 
 @dataclass(frozen=True)
 class PreparedArchive(Prepared):
-    """The runs of an archive, with its inputs unpacked in ``base``."""
+    """The runs of an archive whose inputs are unpacked in ``base``."""
 
     base: Path
 
@@ -72,10 +72,10 @@ class PreparedArchive(Prepared):
 
 @contextmanager
 def prepare(source: Path, output: Path, config_dir: Path | None) -> Iterator[Prepared]:
-    """Prepare to rerun a folder or an archive.
+    """Prepare a folder or an archive for rerunning its runs.
 
-    The inputs of an archive are unpacked into ``output``, which becomes the current folder inside
-    the context, so that relative paths in the configurations are valid.
+    An archive's inputs are unpacked into ``output``, which is the current folder inside the
+    context, so that relative paths in configurations are valid.
     """
     archive = archives.find_archive(source)
     if archive is None:
@@ -101,7 +101,7 @@ def prepare(source: Path, output: Path, config_dir: Path | None) -> Iterator[Pre
 
 
 def _require_inside(archive: Path, folder: Path) -> None:
-    """Require that the paths in a manifest stay inside the inputs of its archive."""
+    """Require that the paths in a manifest stay within the archive's inputs."""
     manifest = read_json(folder / MANIFEST)
     for key in ("working_directory", CONFIG_DIR):
         path = PurePosixPath(manifest.get(key) or archives.INPUTS)
@@ -113,7 +113,7 @@ def _require_inside(archive: Path, folder: Path) -> None:
 
 
 def _unpack_inputs(archive: Path, base: Path) -> None:
-    """Unpack the inputs, unless an interrupted reproduction has already done so."""
+    """Unpack the inputs, unless an interrupted reproduction has already done this."""
     base.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(prefix=f".{base.name}.", dir=base.parent) as scratch:
         archives.unpack(archive, lambda name: name.startswith(f"{archives.INPUTS}/"), Path(scratch))
