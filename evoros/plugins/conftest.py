@@ -1,3 +1,3 @@
-"""Loads the fixtures that all tests share."""
+"""Loads the test fixtures that all plug-ins share."""
 
 pytest_plugins = ["needs", "shared_fixtures"]

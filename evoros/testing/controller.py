@@ -52,7 +52,7 @@ class _LayersSuite(_OnRobot):
         ]
 
     def test_commands_are_finite(self) -> None:
-        """A layer that decides gives finite commands, even if sensors or localization are silent."""
+        """A deciding layer gives finite commands, even if sensors or localization are silent."""
         for case in self.start_rules(self.part, 1):
             for silent in ((), ("readings",), ("state",), ("readings", "state")):
                 rule, inputs, rng = case.bind(), np.random.default_rng(1), generator("", "")

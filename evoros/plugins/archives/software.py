@@ -1,4 +1,4 @@
-"""The software in an archive: packages, and the code, licence and citation of evoros."""
+"""The software in an archive: packages, and evoros's code, licence and citation."""
 
 import csv
 import io
@@ -15,13 +15,13 @@ from evoros.files.resources import PACKAGE
 from evoros.storage.circumstances import OWN, normalize
 
 _OF_INSTALLER = ("INSTALLER", "REQUESTED", "RECORD", "direct_url.json")
-"""Files that describe the installation rather than the package."""
+"""Metadata files that describe the installation rather than the package."""
 FOLDER = "software"
 
 
 @dataclass(frozen=True)
 class RecordedCode:
-    """The commits of evoros that made some runs, and any uncommitted changes."""
+    """The commits of evoros with which some runs were made, and any uncommitted changes."""
 
     commits: Sequence[str]  # unique
     changed: bool  # True if any run had uncommitted changes
@@ -29,7 +29,7 @@ class RecordedCode:
 
 
 def read_code(manifests: Sequence[Mapping[str, Any]]) -> RecordedCode:
-    """Return the code of runs; the patch is known only in a checkout of the runs' only commit."""
+    """Return the code of runs; the patch is known only in a checkout of the runs' single commit."""
     known = (manifest.get("commit") for manifest in manifests)
     commits = list(dict.fromkeys(commit for commit in known if commit))
     changed = any(manifest.get("dirty") for manifest in manifests)
@@ -54,7 +54,7 @@ def list_software(
 
 
 def _read_own(name: str) -> bytes | None:
-    """Read a file from the root of evoros's checkout or from the metadata of its wheel."""
+    """Read a file from the root of evoros's checkout, or from the metadata of its wheel."""
     places = [PACKAGE.parent / name, PACKAGE / name]
     if not (PACKAGE.parent / "pyproject.toml").is_file():
         places = [PACKAGE / name]
@@ -67,7 +67,7 @@ def _read_own(name: str) -> bytes | None:
 
 
 def _list_versions(manifests: Iterable[Mapping[str, Any]]) -> dict[str, str]:
-    """Return the versions of the runs' packages and of all packages that these require."""
+    """Return the versions of the runs' packages and of all packages that they require."""
     versions: dict[str, str] = {}
     for manifest in manifests:
         for name, version in manifest["packages"].items():
@@ -86,7 +86,7 @@ def _list_versions(manifests: Iterable[Mapping[str, Any]]) -> dict[str, str]:
 
 
 def _write_hashes(versions: Mapping[str, str]) -> bytes:
-    """Return a CSV table of packages, with hashes of those installed in the given version.
+    """Return a CSV table of packages, with hashes of those installed in the recorded version.
 
     A hash is the SHA-256 of the file names and file hashes that pip recorded.
     """

@@ -1,4 +1,4 @@
-"""Write archives: runs, their inputs, the software, metadata and a README."""
+"""Writes archives: runs, input files, software, metadata and a README."""
 
 import os
 import re
@@ -48,7 +48,7 @@ from evoros.storage.layout import (
 from evoros.storage.portable import PortableRun
 
 _SHORTEST = 8
-"""Length below which names and values of variables may be ordinary words."""
+"""Length below which names and values of variables are treated as ordinary words."""
 LOCAL = "localhost"
 README = "README.md"
 
@@ -106,7 +106,7 @@ class Secrets:
 
 
 def _match(text: str) -> bytes:
-    """Return the pattern for a string; a path matches only if its name ends there."""
+    """Return the pattern for a string; a path does not match the beginning of a longer name."""
     pattern = re.escape(os.fsencode(text))
     return rb"(?<![\w.-])" + pattern + rb"(?![\w-])" if os.path.isabs(text) else pattern
 
@@ -124,18 +124,18 @@ class Request:
 
 @dataclass(frozen=True)
 class _Source:
-    """A rebuilt run or evaluation, and the user's files that it read."""
+    """A rebuilt run or evaluation, and the user's files that building it has read."""
 
     folder: Path
     place: str  # path in the archive
     manifest: Mapping[str, Any]
     experiment: Experiment
     reads: frozenset[Path]
-    named: Mapping[str, str]  # archive paths of folders that its files may name, by full path
+    named: Mapping[str, str]  # archive paths of folders that the files may name, by full path
 
     @property
     def working(self) -> Path:
-        """The folder in which the run was started, or the current folder if that does not exist."""
+        """The folder in which the run was started, or the current folder if that one is missing."""
         return self.origin if self.origin.is_dir() else Path.cwd()
 
     @property
@@ -228,7 +228,7 @@ def _list_content(
 ) -> Iterator[tuple[str, bytes]]:
     for path in inputs:
         place, content = layout.place(path), read_input(path)
-        if path.suffix == ".yaml":  # its paths are as typed; the runs hold copies
+        if path.suffix == ".yaml":  # paths are as typed; the runs contain copies
             content = _relocation(sources[0], layout).relocate_bytes(content)
         yield place, content
     for source in sources:
@@ -247,7 +247,7 @@ def _list_content(
 
 
 def _list_figures(folders: Sequence[Path]) -> Iterator[tuple[str, bytes]]:
-    """Yield the figures of whole sweeps, which lie next to the runs."""
+    """Yield the figures of whole sweeps, which are in the same folder as the runs."""
     for top in folders:
         for file in sorted((top / "figures").glob("[!.]*")):
             if not archives.is_run(top) and file.is_file() and not file.is_symlink():
@@ -282,7 +282,7 @@ def _secrets(sources: Sequence[_Source], request: Request) -> Secrets:
 def _write(
     output: Path, files: Iterator[tuple[str, bytes]], folders: Sequence[str], secrets: Secrets
 ) -> int:
-    """Write the files, then their checksums; if this fails, no file is left behind."""
+    """Write the files and then their checksums; if this fails, leave no file behind."""
     digests: dict[str, str] = {}
     total = 0
     output.parent.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,7 @@
 """The ArduPilot Rover firmware as the controller (SITL), in lock-step with the mission.
 
 As in the 2018 paper on Evo-ROS, the autopilot drives the route in mode AUTO. While an avoidance
-layer sees an obstacle, that layer drives in mode MANUAL in place of the radio.
+layer sees an obstacle, the layer drives in mode MANUAL in place of the radio.
 """
 
 import math
@@ -34,10 +34,12 @@ CENTRE_US, SPAN_US = 1500, 500
 STEERING_SERVO, THROTTLE_SERVO = 0, 2
 AVOIDING, NAVIGATING = 1, 2
 BEYOND_M = 1.0
-"""Distance beyond its range [m] that a silent sonar reports; ArduPilot would keep an old value."""
+"""Distance [m] beyond its range that a silent sonar reports; otherwise, the last value remains."""
 ASKED_AT_ONCE, ANSWER_S = 5, 2.0
-"""Number of parameters requested together, and time limit [simulated s] for the answers; ten times
-a second, ArduPilot answers up to five requests."""
+"""Number of parameters requested at once, and time limit [simulated s] for the answers.
+
+ArduPilot answers up to five requests ten times a second.
+"""
 
 
 class ArduPilotPilot:
@@ -56,7 +58,7 @@ class ArduPilotPilot:
         self._full_speed, self._full_lock = drive.max_speed_mps, drive.steering_limit
         finders = ardupilot_parameters.list_range_finders(robot)
         self._nothing_seen = [float(sensor.range_max_m) for _, sensor in finders]
-        # The index of each range finder's reading, and the range to report if there is no reading.
+        # The index of each range finder's reading, and the range to report without a reading.
         self._finders = [
             (robot.layout[mount].start, limit + BEYOND_M)
             for (mount, _), limit in zip(finders, self._nothing_seen, strict=True)
@@ -79,7 +81,7 @@ class ArduPilotPilot:
         self._avoiding = False
 
     def warm_up(self) -> None:
-        """Bring the autopilot into AUTO mode, at rest at home, with nothing in sight.
+        """Bring the autopilot into AUTO mode, at rest at home and with nothing in sight.
 
         Raises:
             InputError: the autopilot does not arm, or rejects its route or a parameter.
@@ -102,11 +104,11 @@ class ArduPilotPilot:
     def exchange(
         self, time: float, state: Array, leg: Array, readings: Array, command: Array
     ) -> int:
-        """Send messages while the autopilot waits, send the state, and read the servo outputs."""
+        """Send messages while the autopilot waits, then the state; read the servo outputs."""
         if self._tick % self._second == 0:
             self._station.send_heartbeat()
         if self._tick % self._avoid_every == 0:
-            self._station.read(time)  # only the avoidance layer depends on the answers
+            self._station.read(time)  # only the avoidance layer depends on these messages
             self._avoid(time, state, leg, readings)
         self._tick += 1
         x, y, yaw, speed, rate, _ = state.tolist()
@@ -175,7 +177,7 @@ class ArduPilotPilot:
         )
 
     def _check_parameters(self) -> None:
-        """Require that the autopilot knows the given parameters; it would ignore unknown ones."""
+        """Require that the autopilot knows the given parameters; it ignores unknown ones."""
         station, names = self._station, list(self._settings.parameters)
         for first in range(0, len(names), ASKED_AT_ONCE):
             asked = names[first : first + ASKED_AT_ONCE]
@@ -203,22 +205,22 @@ class ArduPilotPilot:
 
 
 def _to_width(demand: float) -> int:
-    """Return the pulse width [us] of a channel for a demand from -1 to 1."""
+    """Return the pulse width [us] of a channel for a demand between -1 and 1."""
     return CENTRE_US + round(SPAN_US * max(-1.0, min(demand, 1.0)))
 
 
 PARAMETERS_FILE = "evoros.parm"
 SOCKETS = {"servos": "udp", "mavlink": "tcp", "radio": "port"}
-START_TIME = 1_500_000_000  # arbitrary start of the autopilot's clock [s]
+START_TIME = 1_500_000_000  # arbitrary initial time of the autopilot's clock [s]
 NO_LIMIT = 1000  # maximum speed relative to real time, never reached
 
 
 @dataclass(frozen=True, kw_only=True)
 class ArduPilot(ardupilot_parameters.ArduPilotSettings):
-    """A controller that starts ``binary``, an ardurover built for simulation, for each mission.
+    """A controller that starts ``binary``, an ardurover built for simulation, in each mission.
 
-    Before the mission starts, the autopilot has its route, is armed, and is in mode AUTO. README.md
-    describes the inputs and outputs.
+    When the mission starts, the autopilot has received its route, is armed and is in mode AUTO.
+    README.md describes the inputs and outputs.
     """
 
     @property

@@ -1,4 +1,4 @@
-"""A MAVLink connection to an autopilot: modes, arming, route and radio."""
+"""A MAVLink connection to an autopilot, for modes, arming, route and radio."""
 
 import select
 import socket
@@ -25,7 +25,7 @@ DEGREES = 1e7
 
 @cache
 def dialect() -> Any:
-    """Return pymavlink's module of ArduPilot's messages.
+    """Return pymavlink's module with ArduPilot's messages.
 
     Raises:
         LaunchError: pymavlink is not installed.
@@ -36,7 +36,7 @@ def dialect() -> Any:
 
 
 def accept(process: OutsideProcess, listening: socket.socket, limit_s: float) -> socket.socket:
-    """Accept the connection from the process.
+    """Accept the connection from the autopilot's process.
 
     Raises:
         PilotLost: the process exited, or did not connect in time.
@@ -54,20 +54,20 @@ def accept(process: OutsideProcess, listening: socket.socket, limit_s: float) ->
 class GroundStation:
     """The autopilot's ground station, for use by one thread only.
 
-    Messages are exchanged while the autopilot waits for a state, so each message belongs to a
-    definite frame.
+    Messages are exchanged while the autopilot waits for a state, so each message belongs to a known
+    frame.
     """
 
     def __init__(self, process: OutsideProcess, connection: socket.socket) -> None:
         self._process, self._connection = process, connection
         self._dialect = dialect()
         self._mavlink = self._dialect.MAVLink(self, *GROUND_STATION)
-        self._mavlink.robust_parsing = True  # so that bytes between messages are skipped
+        self._mavlink.robust_parsing = True  # skip bytes between messages
         self._route: Sequence[tuple[float, float]] = ()
         self.mode: int | None = None  # custom mode in the last heartbeat
         self.armed = False
         self.texts: deque[str] = deque(maxlen=LAST_TEXTS)
-        self.ready = False  # True once the autopilot has reported that it is ready
+        self.ready = False  # True once the autopilot has reported readiness
         self.results: dict[int, int] = {}  # last result by command; 0 means accepted
         self.parameters: dict[str, float] = {}  # reported values by name
         self.route_result: int | None = None  # 0 means that the route was accepted
@@ -78,7 +78,7 @@ class GroundStation:
             self._connection.sendall(data)
 
     def read(self, time: float | None) -> None:
-        """Read the autopilot's messages; ``time`` is the mission time [s], None before the mission.
+        """Read the autopilot's messages at a mission ``time`` [s], or None before the mission.
 
         Raises:
             PilotLost: the autopilot has closed the connection.
@@ -122,7 +122,7 @@ class GroundStation:
         self._mavlink.request_data_stream_send(*AUTOPILOT, everything, 0, 0)
 
     def ask_parameter(self, name: str) -> None:
-        """Request a parameter; the answer appears in ``parameters``."""
+        """Request a parameter; the answer will be in ``parameters``."""
         self._mavlink.param_request_read_send(*AUTOPILOT, name.encode(), -1)
 
     def send_route(self, route: Sequence[tuple[float, float]]) -> None:

@@ -1,10 +1,10 @@
-"""The JSON interface of ArduPilot's simulation (SITL), which exchanges servo outputs and states.
+"""The JSON interface of ArduPilot's simulation (SITL): servo outputs for states.
 
 A frame is one exchange over UDP. SITL sends its servo pulse widths and waits for the next state,
 which also sets its clock. After a long wait, SITL sends the frame again.
 
 Only one side works at a time. On two cores, every hand-over would wake an idle core, which takes
-longer than the work of a frame, above all on virtual machines. Therefore, both sides share a core.
+longer than computing a frame, above all on virtual machines. Therefore, both sides share a core.
 """
 
 import math
@@ -34,7 +34,7 @@ WIDTHS = 3
 """Index of the first pulse width in a packet."""
 LONGEST = 4096
 LOOK_US = 50_000
-"""Interval [us] between checks, while waiting for a packet, that the process still runs."""
+"""Interval [us] at which waiting for a packet checks that the process still runs."""
 
 
 class SitlFrames:
@@ -43,7 +43,7 @@ class SitlFrames:
     def __init__(
         self, process: OutsideProcess, udp: socket.socket, ahead_m: float, range_finders: int
     ) -> None:
-        """Use a bound socket; states are of the point ``ahead_m`` in front of the rear axle."""
+        """Use a bound socket; states describe the point ``ahead_m`` in front of the rear axle."""
         self._process, self._udp, self._ahead = process, udp, ahead_m
         self._ranges = [f"rng_{i}" for i in range(1, range_finders + 1)]
         udp.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", 0, LOOK_US))
@@ -108,7 +108,7 @@ class SitlFrames:
         """Send the state at ``clock`` [s], ``step`` [s] after the previous one.
 
         ``pose`` is x (north), y (west) [m] and yaw (left positive) [rad]. ``motion`` is the forward
-        speed [m/s] and the yaw rate [rad/s] on level ground. ``ranges`` has one reading [m] per
+        speed [m/s] and the yaw rate [rad/s] on level ground. ``ranges`` holds one reading [m] per
         range finder.
         """
         x, y, yaw = pose
@@ -129,13 +129,13 @@ class SitlFrames:
             "velocity": (north, -west, 0.0),
             **dict(zip(self._ranges, ranges, strict=True)),
         }
-        try:  # ArduPilot's parser needs a newline on both sides, and no spaces
+        try:  # ArduPilot's parser needs a newline at both ends, and no spaces
             self._udp.send(b"\n%b\n" % orjson.dumps(state))
         except ConnectionRefusedError:
             return  # ``receive`` reports the missing process
 
     def check_widths(self, widths: Sequence[int], time: float) -> None:
-        """Require that each width [us] is one that a servo can follow, or no pulse.
+        """Require that a servo can follow each width [us], or that there is no pulse.
 
         Raises:
             SimulationError: a width is out of range.
@@ -160,10 +160,10 @@ PROCESSOR = 36
 
 @contextmanager
 def share_core(*, wanted: bool = True) -> Iterator[None]:
-    """Pin this thread, and the processes that it starts, to a core that no other mission uses.
+    """Pin this thread, and processes that it starts, to a core that no other mission uses.
 
-    Nothing changes if pinning is not ``wanted``, all cores are taken, or the system forbids
-    pinning.
+    Nothing changes if pinning is not ``wanted``, if all cores are taken, or if the system forbids
+    it.
     """
     allowed = os.sched_getaffinity(0) if wanted and hasattr(os, "sched_getaffinity") else set()
     claim = _claim_core(allowed)
@@ -177,7 +177,7 @@ def share_core(*, wanted: bool = True) -> Iterator[None]:
         try:
             yield
         finally:
-            with suppress(OSError):  # the core may have gone offline
+            with suppress(OSError):  # the core may be offline
                 os.sched_setaffinity(0, allowed)
 
 

@@ -1,4 +1,4 @@
-"""The worlds and score of the BARN challenge."""
+"""The worlds and the score of the BARN challenge."""
 
 from evoros.files.plugins import Plugin
 

@@ -1,9 +1,9 @@
-"""Worlds generated like BARN's: cylinder fields from a cellular automaton, with a path through.
+"""Worlds like BARN's, fields of cylinders from a cellular automaton with a path through them.
 
-The procedure, constants and positions follow Perille, Truong, Xiao and Stone,
-"Benchmarking Metric Ground Navigation", 2020 (arXiv 2008.13315), and their generator
-(github.com/dperille/jackal-map-creation). The row index of the grid increases across the field (x),
-and the column index along the path through the field (y).
+The procedure, constants and positions follow Perille, Truong, Xiao and Stone, "Benchmarking Metric
+Ground Navigation", 2020 (arXiv 2008.13315), and their generator
+(github.com/dperille/jackal-map-creation). The grid's row index increases across the field (x), its
+column index along the path (y).
 """
 
 import hashlib
@@ -43,15 +43,15 @@ CELL_M = 0.15
 FIRST_X_M, FIRST_Y_M = -4.425, 5.175
 """Position of the centre of the first cell [m]."""
 REACH = 2
-"""Number of free cells that a robot needs on each side of its centre's cell."""
-_BIRTH, _SURVIVAL = 5, 2  # numbers of neighbours that fill a cell, and that keep a cell filled
+"""Number of free cells that a robot needs on each side of the cell of its centre."""
+_BIRTH, _SURVIVAL = 5, 2  # numbers of filled neighbours that fill a cell, and that keep it filled
 _STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
 
 
 def draw_grids(count: int, fill: float, smoothings: int, rng: Generator) -> Cells:
     """Draw grids (count, rows, columns) by a cellular automaton.
 
-    A random share of the cells and both outer rows are filled; then the grids are smoothed.
+    A random share of the cells and both outer rows are filled; the grids are then smoothed.
     """
     cells: Cells = rng.random((count, SIDE, SIDE)) < fill
     cells[:, [0, -1]] = True
@@ -62,7 +62,7 @@ def draw_grids(count: int, fill: float, smoothings: int, rng: Generator) -> Cell
 
 
 def _count_neighbours(cells: Cells) -> NDArray[np.int8]:
-    """Count the filled cells among eight neighbours; those beyond the outer rows are filled."""
+    """Count the filled cells among eight neighbours; cells beyond the outer rows are filled."""
     framed = np.pad(cells.astype(np.int8), ((0, 0), (0, 0), (1, 1)))
     framed = np.pad(framed, ((0, 0), (1, 1), (0, 0)), constant_values=1)
     lines: NDArray[np.int8] = framed[:, :-2] + framed[:, 1:-1] + framed[:, 2:]
@@ -76,7 +76,7 @@ def find_free(cells: Cells) -> Cells:
 
 
 def has_corridor(free: Cells) -> bool:
-    """Return True if one region is the largest free region at both the first and last column."""
+    """Return True if one region is the largest at both the first and the last column."""
     if not free.any(axis=0).all():
         return False
     regions = label_regions(free)
@@ -97,11 +97,11 @@ def locate(row: float, column: float) -> Point:
 
 
 def find_shortest(free: Cells, start: Point, goal: Point) -> list[Point]:
-    """Find the shortest path (points [m]) across the grid, from ``start`` to ``goal`` beyond it.
+    """Find the shortest path across the grid, as points [m], from ``start`` to ``goal``.
 
-    The path leads straight to a free cell in the first column, then from each cell to a free
-    neighbour, but not diagonally between two blocked cells, and straight to ``goal`` from the last
-    column. The result is empty if there is no path.
+    The path leads straight to a free cell in the first column, then from cell to free neighbour
+    (not diagonally between two blocked cells), and straight to ``goal`` from the last column. The
+    result is empty if there is no path.
     """
     lengths: dict[Cell, float] = {}
     before: dict[Cell, Cell | None] = {}
@@ -165,7 +165,7 @@ class BarnField:
     """A distribution of BARN worlds.
 
     Each world is drawn with a random pair of ``fill`` and ``smoothings``; grids without a corridor
-    are redrawn. ``seed`` and the key of the random draws determine the world.
+    are redrawn. ``seed`` and the key of random draws determine the world.
     """
 
     course: Annotated[Course, A_COURSE]
@@ -182,7 +182,7 @@ class BarnField:
                 raise invalid(
                     self, name, list(values), f"must be a list, with each item {rule.text}"
                 )
-            object.__setattr__(self, name, values)  # hashable, as a cache key
+            object.__setattr__(self, name, values)  # hashable, because it is a cache key
 
     def draw_world(self, draws: str) -> World:
         """Draw the world for a key of random draws; recent worlds are cached."""
@@ -221,14 +221,14 @@ def generate_barn(
     seed: int = 0,
     renew: bool = True,
 ) -> World:
-    """Draw a world like BARN's; with ``renew``, each mission gets a different world."""
+    """Draw a world like BARN's; if ``renew``, each mission gets a different one."""
     field = BarnField(course, fill, smoothings, seed)
     return draw_example(field, renew, "generate_barn")
 
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def _draw_world(field: BarnField, draws: str) -> World:
-    # Reading the world back from SDF would give the same world, but take three times as long.
+    # Reading the world back from SDF would give the same world, but would take three times as long.
     cells = field.draw_grid(draws)
     note = note_draws(field, draws)
     return World(
@@ -256,7 +256,7 @@ def build_cylinders(cells: Cells) -> Iterator[Body]:
 
 
 def read_grid(bodies: Sequence[Body]) -> Cells:
-    """Return the cells that contain bodies; bodies outside the grid are ignored."""
+    """Return the cells that contain bodies, ignoring bodies outside the grid."""
     cells = np.zeros((SIDE, SIDE), dtype=np.bool_)
     x, y = locate(0, 0)
     for body in bodies:
@@ -269,7 +269,7 @@ def read_grid(bodies: Sequence[Body]) -> Cells:
 
 @dataclass(frozen=True)
 class BarnFiles:
-    """A folder's world files, sorted by number: trial N uses file N."""
+    """A folder's world files, sorted by number; trial N uses world N."""
 
     files: Annotated[tuple[str, ...], sequence_of(str, "paths")]
     course: Annotated[Course, A_COURSE]
@@ -284,7 +284,7 @@ class BarnFiles:
 def load_barn(folder: str, course: Course) -> World:
     """Load the worlds ``world_N.world`` in a folder; trial N uses world N.
 
-    The shortest path is read from ``path_files/path_N.npy`` and measured as in the challenge; if
+    The shortest path is read from ``path_files/path_N.npy`` and measured as in the challenge. If
     this file is missing, the path is computed as for drawn worlds.
     """
     place = expand_home(folder)
@@ -330,7 +330,7 @@ def _plan(world: World) -> float:
 
 
 def _measure_path(path: Path, course: Course) -> float:
-    """Return the length [m] of a path file's path, from home to the last waypoint."""
+    """Return the length [m] of the path in a file, from home to the last waypoint."""
     try:
         cells = np.load(path, allow_pickle=False)
         points = np.asarray(cells, dtype=np.float64).reshape(-1, 2) * CELL_M + _PATH_ORIGIN_M

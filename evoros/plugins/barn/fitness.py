@@ -18,12 +18,12 @@ SHORTEST, LONGEST = 2.0, 8.0
 @dataclass(frozen=True)
 @checked
 class Barn(AdditiveFitness):
-    """The mean over the worlds of ``optimal time / time``, clipped; 0 for incomplete missions.
+    """The mean over worlds of ``optimal time / time``, clipped; 0 for incomplete missions.
 
     The optimal time is the length of the shortest path divided by ``speed_mps``. Times are clipped
-    to between 2 and 8 optimal times, so that a completed mission scores from 0.125 to 0.5. To guide
-    a search while few designs succeed, ``way_weight`` times the share of the path covered (1 if
-    completed) is added.
+    to between 2 and 8 times the optimal time, so a completed mission scores from 0.125 to 0.5. To
+    guide a search while few designs succeed, ``way_weight`` times the share of the path covered (1
+    if completed) is added.
     """
 
     speed_mps: Annotated[float, POSITIVE] = 2.0
@@ -31,7 +31,7 @@ class Barn(AdditiveFitness):
 
     @property
     def title(self) -> str:
-        """The name in figures, which says whether the path counts."""
+        """The name in figures, which says if progress along the path counts."""
         return "BARN score and path" if self.way_weight > 0 else "BARN score"
 
     def bounds(self, worlds: int) -> tuple[float, float]:
@@ -54,7 +54,7 @@ class Barn(AdditiveFitness):
         return 0.0
 
     def check_worlds(self, worlds: Mapping[str, World]) -> None:
-        """Require that all worlds have the length of a shortest path."""
+        """Require that all worlds state the length of the shortest path."""
         for name, world in worlds.items():
             if world.shortest_m is None:
                 raise InputError(

@@ -1,9 +1,9 @@
-"""The companion process of a cluster worker, whose child processes run the worker's calls.
+"""A cluster worker's companion process, whose child processes run the worker's calls.
 
 The companion has one thread and one child process for each thread of the worker. A call that
-crashes or hangs costs only its child process and is retried on the spot, as in ``Processes``.
-Dask's nanny (distributed 2026.8.0) would instead restart the whole worker, so that a call on
-another thread would run twice.
+crashes or hangs costs only its child process, and is retried at once, as in ``Processes``. Without
+the companion, Dask's nanny (distributed 2026.8.0) would restart the whole worker, and calls on its
+other threads would run twice.
 """
 
 import importlib.machinery
@@ -37,9 +37,9 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 class UserModules:
-    """Modules that this process has imported from the user's folders, and their neighbours.
+    """The modules that this process has imported from the user's folders, and neighbouring ones.
 
-    Files are read only once, so that a run keeps the code that it started with.
+    Files are read only once, so that a run keeps its initial code.
     """
 
     def __init__(self) -> None:
@@ -50,7 +50,7 @@ class UserModules:
         self._archive: Shared | None = None
 
     def pack(self) -> Shared | None:
-        """Return the archive of all modules imported so far, or None if there are none."""
+        """Return an archive of all modules imported so far, or None if there are none."""
         with self._lock:
             if len(sys.modules) != self._known:
                 self._known = len(sys.modules)
@@ -97,7 +97,7 @@ def unpack_modules(archive: bytes, folder: Path) -> list[str]:
 
 
 def _list_files() -> Iterator[tuple[Path, Path]]:
-    """Yield pairs of a folder on ``sys.path`` and a file to send that is imported from there."""
+    """Yield (folder on ``sys.path``, file) for each file to send that is imported from there."""
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
         top = name.partition(".")[0]
@@ -109,7 +109,7 @@ def _list_files() -> Iterator[tuple[Path, Path]]:
             place = folder / name.replace(".", "/")
             if source not in (place.with_suffix(".py"), place / "__init__.py"):
                 continue
-            if source == place.with_suffix(".py"):  # it may import its neighbours later
+            if source == place.with_suffix(".py"):  # its neighbours may be imported later
                 near = (path for path in folder.glob("*.py") if path.is_file())
                 yield from ((folder, p) for p in near if p.stem not in sys.stdlib_module_names)
             if (folder / top).is_dir():
@@ -154,14 +154,14 @@ class Request:
 
 @dataclass(frozen=True)
 class Stop:
-    """A request to end all calls of a pool, and the calls' processes."""
+    """A request to end all of a pool's calls and their processes."""
 
     pool: str
 
 
 @dataclass
 class _Slot:
-    """One thread's process, which serves one pool and one version of the user's modules."""
+    """A thread's process, which serves one pool and one version of the user's modules."""
 
     key: tuple[str, bytes | None]
     worker: Worker
@@ -169,7 +169,7 @@ class _Slot:
     busy: threading.Lock = field(default_factory=threading.Lock)
 
     def end(self) -> None:
-        with suppress(Exception):  # another thread may have done so
+        with suppress(Exception):  # another thread may have closed it
             self.closing.set_result(None)
         with self.busy:
             self.worker.stop()
@@ -184,7 +184,7 @@ class Companion:
         self._lock = threading.Lock()
         self._slots: dict[int, _Slot] = {}  # keyed by thread
         self._closed: list[str] = []
-        self._unpacked: dict[bytes, list[str]] = {}  # folders by the archive's digest
+        self._unpacked: dict[bytes, list[str]] = {}  # folders, by the archive's digest
 
     def serve(self, connection: Connection) -> None:
         """Answer the messages of one worker thread until the thread ends."""
@@ -254,8 +254,8 @@ class Companion:
 def main(control: int, folder: str) -> None:
     """Serve the worker's threads, whose sockets are received through the socket ``control``.
 
-    Standard input is a pipe, of which only the worker holds the other end. This process leads a
-    process group.
+    Standard input is a pipe whose other end only the worker holds. This process leads a process
+    group.
     """
     end_with(sys.stdin.fileno())
     companion = Companion(Path(folder))

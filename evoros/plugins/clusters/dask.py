@@ -25,12 +25,12 @@ class Dask(Limits, Executor):
     """An executor that runs calls in workers of the Dask cluster at ``address``, or a local one.
 
     Each thread of a Dask worker has one process for calls, so that a call that crashes or hangs
-    costs only that process, as with ``Processes``. Calls of a lost worker run on another worker. A
-    call that loses more workers than Dask's setting ``distributed.scheduler.allowed-failures`` is
-    retried while no other call is suspected, and is given up if it loses as many again. Workers
-    may join and leave at any time.
+    costs only that process, as with ``Processes``. The calls of a lost worker run on another
+    worker. A call that loses more workers than Dask's setting
+    ``distributed.scheduler.allowed-failures`` is retried while no other call is under suspicion,
+    and fails if it loses as many again. Workers may join and leave at any time.
 
-    Workers whose Python, evoros, numpy, numba or arithmetic differs from this process's get no
+    Workers whose Python, evoros, numpy, numba or arithmetic differs from this process receive no
     calls.
     """
 
@@ -48,7 +48,7 @@ class Dask(Limits, Executor):
     def open(self) -> Iterator[Pool]:
         """Connect to the scheduler, or start a local cluster.
 
-        Leaving the context ends all calls and any local cluster.
+        Leaving the context ends all calls and the local cluster, if any.
 
         Raises:
             InputError: Dask is not installed.

@@ -18,7 +18,7 @@ from evoros.executor.worker_main import end_with_main_process
 from evoros.plugins.clusters.dask_transport import CONNECT_S, DaskTransport
 
 LOCAL_SETTINGS = {
-    "distributed.scheduler.worker-ttl": "60s",  # replaces a stopped worker
+    "distributed.scheduler.worker-ttl": "60s",  # so that a stopped worker is replaced
     "distributed.worker.memory.terminate": False,  # calls run in separate processes
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.spill": False,
@@ -28,7 +28,7 @@ LOCAL_SETTINGS = {
 
 @contextmanager
 def silence() -> Iterator[None]:
-    """Keep Dask's messages off the terminal; evoros reports each error on one line."""
+    """Keep Dask's messages off the terminal; evoros reports each error in one line."""
     names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
     levels = {logging.getLogger(name): logging.getLogger(name).level for name in names}
     for logger in levels:

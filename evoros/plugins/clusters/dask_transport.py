@@ -24,7 +24,7 @@ def answer(wanted: dict[str, str], request: bytes) -> RawAnswer:
 
 @dataclass(eq=False)
 class Sending:
-    """A call on its way to certain workers, or to any worker if ``nodes`` is None."""
+    """A call sent to certain workers, or to any worker if ``nodes`` is None."""
 
     name: str
     wanted: dict[str, str]
@@ -54,17 +54,17 @@ class Sending:
 
 
 CONNECT_S = 10.0
-"""Time limit for a scheduler's first answer [s]."""
+"""Time limit [s] for a scheduler's first answer."""
 ANSWER_S = 60.0
-"""Time limit for later answers [s], longer because the scheduler may be busy."""
+"""Time limit [s] for later answers, longer because the scheduler may be busy."""
 LOOK_S = 0.5
-"""Interval between queries for the list of workers [s]."""
+"""Interval [s] at which the list of workers is requested."""
 ALONE_S = 10.0
-"""Time after which calls that wait without any worker are reported [s]."""
+"""Time [s] after which calls that wait without any worker are reported."""
 
 
 def _ignore(loop: object, context: dict[str, Any]) -> None:
-    """Log errors of Dask coroutines that nobody awaits after calls have been cancelled."""
+    """Log the errors of Dask coroutines that nobody awaits after calls have been cancelled."""
     LOGGER.debug("dask: %s", context.get("exception") or context.get("message"))
 
 
@@ -84,7 +84,7 @@ class DaskTransport:
         self._watcher = Thread(target=self._watch, daemon=True)
 
     def start(self) -> None:
-        """List the workers, and start to track changes.
+        """List the workers, and start tracking changes.
 
         Raises:
             RunStopped: the scheduler does not answer.
@@ -102,7 +102,7 @@ class DaskTransport:
     def send(
         self, name: str, wanted: dict[str, str], request: bytes, node: str | None
     ) -> "Future[RawAnswer]":
-        """See ``Transport``.
+        """Send a call; see ``Transport``.
 
         Raises:
             RunStopped: the connection to the scheduler is lost.
@@ -116,7 +116,7 @@ class DaskTransport:
         return asyncio.run_coroutine_threadsafe(self._deliver(sending), self._loop)
 
     def exclude(self, node: str, reason: str) -> None:
-        """See ``Transport``."""
+        """Stop sending calls to a worker; see ``Transport``."""
         with self._lock:
             if node not in self._excluded:
                 self._excluded.add(node)
@@ -128,7 +128,7 @@ class DaskTransport:
             )
 
     def stop(self, pool: str) -> None:
-        """See ``Transport``."""
+        """Make the workers end a pool's calls; see ``Transport``."""
         if self._lost is None:
             self.run_everywhere(node.stop, pool)
 
@@ -146,7 +146,7 @@ class DaskTransport:
         self._cancel_all()
 
     async def _deliver(self, sending: Sending) -> RawAnswer:
-        """Submit a call and wait for its answer, independently of other calls."""
+        """Submit a call and wait for its answer, regardless of other calls."""
         self._out.add(sending)
         try:
             return await self._try_twice(sending)
@@ -170,8 +170,8 @@ class DaskTransport:
     async def _try_twice(self, sending: Sending) -> RawAnswer:
         """Try a call until it has lost too many workers, then again as the only suspect.
 
-        Dask blames all calls on a worker for its loss, including innocent calls that ran or waited
-        there. Innocent calls succeed when they are retried one by one.
+        Dask blames the loss of a worker on all calls that ran or waited there. Innocent calls
+        succeed when they are retried one by one.
 
         Raises:
             WorkerLost: the call lost too many workers again.
@@ -182,7 +182,7 @@ class DaskTransport:
             try:
                 return await self._persist(sending)
             except KilledWorker as error:
-                times = error.allowed_failures + 1  # a lower bound, because Dask misses some
+                times = error.allowed_failures + 1  # a lower bound, because Dask misses some losses
                 raise WorkerLost(
                     f"{sending.name}: lost, because at least {2 * times} Dask workers exited while "
                     f"running it, {times} of them while no other call was suspected; read the "
@@ -191,7 +191,7 @@ class DaskTransport:
                 ) from error
 
     async def _persist(self, sending: Sending) -> RawAnswer:
-        """Submit a call, and submit it again if all workers that it was sent to have left."""
+        """Submit a call, and resubmit it if all workers to which it was sent have left."""
         while True:
             if self._lost is not None:
                 raise self._lost
@@ -227,10 +227,10 @@ class DaskTransport:
         self._in_loop(self._free_stranded)
 
     def _free_stranded(self) -> None:
-        """Resubmit calls if all workers that they were sent to have left.
+        """Resubmit calls if all workers to which they were sent have left.
 
-        A scheduler that has had no workers for a time would hold such a call for the old workers,
-        although the call allows others.
+        A scheduler that had no workers for a while would keep such a call for the old workers,
+        although any worker may run it.
         """
         for sending in self._out:
             if sending.nodes and self._threads.keys().isdisjoint(sending.nodes):

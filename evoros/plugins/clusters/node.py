@@ -1,8 +1,8 @@
-"""Code that runs inside a cluster worker, and the environment that all workers must have.
+"""Code that runs inside a cluster worker, and the environment that all workers must share.
 
-A Dask worker cannot have multiprocessing children, because the nanny started it as a daemon, and
-each child would import the worker's main module, a Dask command. Therefore, calls run in children
-of the program ``companion``.
+A Dask worker cannot have multiprocessing children, because it is a daemonic process of the nanny,
+and because each child would import the worker's main module, a Dask command. Therefore, calls run
+in children of the program ``companion``.
 """
 
 import hashlib
@@ -31,7 +31,7 @@ from evoros.files.resources import PACKAGE
 from evoros.plugins.clusters.companion import Stop
 
 ENGINES = ("mujoco-core", "pybullet")
-"""Packages that only some runs need; if installed on both sides, the versions must be equal."""
+"""Packages that only some runs need; versions must agree if both sides have them installed."""
 ARITHMETIC = "arithmetic"
 LIBRARY = "C library"
 SAMPLES = 256
@@ -44,13 +44,13 @@ UNARY = (
 _INVERSE = (elementary.asin, elementary.acos)  # compared on [0, 1]
 BINARY = (elementary.atan2, elementary.hypot, elementary.power)
 _DEVIATES = 10_000
-"""Sample size, enough for tails: one normal deviate in 4000 and one exponential in 2200."""
+"""Sample size, large enough for the tails: one normal deviate in 4000, one exponential in 2200."""
 _LIBRARY_SAMPLES = 20_000
-"""Number of points for the C library, larger because few values differ between processors."""
+"""Number of points for the C library, large because few values differ between processors."""
 REFUSED = -1
-"""Kind of an answer that says why this worker is not suitable."""
+"""Kind of an answer that states why this worker is unsuitable."""
 ATTEMPTS = 2
-"""Number of attempts at a call if the companion is killed."""
+"""Maximum number of attempts at a call if the companion is killed."""
 END_S = 1.0
 """Time [s] that a companion's process has to exit after its connections close."""
 SCRIPT = (
@@ -62,9 +62,9 @@ SCRIPT = (
 def answer(wanted: Mapping[str, str], request: bytes) -> tuple[int, bytes, bool]:
     """Run the pickled ``Request``.
 
-    Return the kind and content of the answer, and True if the C library is the same as the main
-    process's. Arguments and results have built-in types, and the request is not unpickled in a
-    different environment, so this works with any version of evoros.
+    Return the kind and content of the answer, and True if the C library matches the main process's.
+    Arguments and results have built-in types, and the request is unpickled only in an equal
+    environment, so this works with any version of evoros.
     """
     differences = list_differences(wanted)
     if differences:
@@ -73,12 +73,12 @@ def answer(wanted: Mapping[str, str], request: bytes) -> tuple[int, bytes, bool]
 
 
 def stop(pool: str) -> None:
-    """End all calls of a pool, and the calls' processes."""
+    """End all of a pool's calls and their processes."""
     _NODE.stop(pool)
 
 
 class _Companion:
-    """The companion process, which always ends with this process."""
+    """The companion process, which always ends together with this process."""
 
     def __init__(self) -> None:
         self._folder = TemporaryDirectory(prefix="evoros-modules-", ignore_cleanup_errors=True)
@@ -88,9 +88,9 @@ class _Companion:
             self._process = subprocess.Popen(
                 [sys.executable, "-c", script],
                 env={**os.environ, **dict.fromkeys(ONE_THREAD, "1")},
-                stdin=subprocess.PIPE,  # closes when this process ends
+                stdin=subprocess.PIPE,  # closed when this process ends
                 pass_fds=(control.fileno(),),
-                process_group=0,  # so that Ctrl-C in a terminal reaches only the worker
+                process_group=0,  # Ctrl-C in a terminal then reaches only the worker
             )
 
     def runs(self) -> bool:
@@ -176,7 +176,7 @@ def describe_environment() -> Mapping[str, str]:
 def list_differences(wanted: Mapping[str, str]) -> list[str]:
     """Describe the differences between this process and the main process.
 
-    The C library is left out, because only some missions depend on it.
+    The C library is not compared, because only some missions depend on it.
     """
     here = describe_environment()
     return [
@@ -189,7 +189,7 @@ def list_differences(wanted: Mapping[str, str]) -> list[str]:
 
 
 def has_library(wanted: Mapping[str, str]) -> bool:
-    """Return True if the C library gives the same values here as in the main process."""
+    """Return True if the C library computes the same values here and in the main process."""
     return describe_environment()[LIBRARY] == wanted.get(LIBRARY)
 
 
@@ -201,7 +201,7 @@ def _version(package: str) -> str:
 
 
 def _digest_of_sources() -> str:
-    """Return a digest of the package's code, without folders that only a checkout has."""
+    """Return a digest of the package's code, without folders that exist only in a checkout."""
     digest = hashlib.sha256()
     for file in sorted(PACKAGE.rglob("*.py")):
         name = file.relative_to(PACKAGE)
@@ -212,7 +212,7 @@ def _digest_of_sources() -> str:
 
 
 def _digest_of_elementary() -> str:
-    """Return a digest of evoros's elementary functions, equal on every processor."""
+    """Return a digest of values of evoros's elementary functions, equal on every processor."""
     points = _points(SAMPLES)
     values = [np.array([function(x) for x in points.tolist()]) for function in UNARY]
     values += [np.array([function(x) for x in (points / 21.0).tolist()]) for function in _INVERSE]
@@ -222,13 +222,13 @@ def _digest_of_elementary() -> str:
 
 
 def draw_deviates() -> tuple[Array, Array]:
-    """Draw normal and exponential deviates, including some from the distributions' tails."""
+    """Draw normal and exponential deviates, including some from the tails."""
     rng = generator("environment", "deviates")
     return rng.standard_normal(_DEVIATES), rng.standard_exponential(_DEVIATES)
 
 
 def _digest_of_library() -> str:
-    """Return a digest of C library functions, which physics engines use."""
+    """Return a digest of values of the C library's functions, which physics engines use."""
     points = _points(_LIBRARY_SAMPLES).tolist()
     functions = (math.sin, math.cos, math.tan, math.atan, math.exp, math.log)
     return _digest([np.array([function(x) for x in points]) for function in functions])

@@ -1,4 +1,4 @@
-"""The main-process side of a pool on other machines; ``node`` is the worker side."""
+"""The main process's side of a pool on other machines; ``node`` is the workers' side."""
 
 import pickle
 import uuid
@@ -20,11 +20,11 @@ RawAnswer = tuple[int, bytes, bool, str]
 
 
 class Transport(Protocol):
-    """A means to send requests to workers."""
+    """A means of sending requests to workers."""
 
     @property
     def workers(self) -> int:
-        """The number of calls that the workers can run simultaneously at present."""
+        """The number of calls that the workers can currently run at the same time."""
 
     def send(
         self, name: str, wanted: dict[str, str], request: bytes, node: str | None
@@ -48,7 +48,7 @@ class Transport(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class _Sent:
-    """A call that was sent to a worker, and the future that receives the answer."""
+    """A call sent to a worker, and the future that receives the answer."""
 
     call: Call
     modules: Shared | None
@@ -56,7 +56,7 @@ class _Sent:
 
 
 class RemotePool:
-    """A pool that sends calls by a transport, and resends calls that a worker could not start."""
+    """A pool that sends calls through a transport, and resends calls that did not start."""
 
     def __init__(self, transport: Transport, limits: Limits, shares_files: bool) -> None:
         self.shares_files = shares_files
@@ -71,11 +71,11 @@ class RemotePool:
 
     @property
     def workers(self) -> int:
-        """The number of calls that can run simultaneously at present."""
+        """The number of calls that can currently run at the same time."""
         return self._transport.workers
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
-        """See ``Pool``."""
+        """Send a call to a worker; see ``Pool``."""
         sent = _Sent(pack_call(function, args), self._modules.pack())
         with self._lock:
             if self._closed:

@@ -28,15 +28,15 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class MountedSensor:
-    """A sensor of the champion, in the robot's frame: x forward, y left, z up from the ground."""
+    """A sensor of the champion in the robot's frame: x forward, y left, z up from the ground."""
 
-    link: str  # link in the description, with x along the beam
+    link: str  # link in the description, whose x axis is along the beam
     type: str
     position_m: Triple
     yaw_deg: float  # left positive
     pitch_deg: float  # nose up positive
     kind: Beam | Signal
-    size_m: Triple  # size of the sensor's body along the link's axes
+    size_m: Triple  # dimensions of the sensor's body along the link's axes
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +98,7 @@ def _parse_file(path: Any) -> Element:
 
 
 def _effective_values(record: Record) -> Iterator[tuple[str, Any]]:
-    """Yield the configuration values, with the champion's evolved values in their place."""
+    """Yield the configuration values, with evolved values replaced by the champion's."""
     genes = select_robot(record.run.genes)
     evolved = dict(zip(genes.key.astype(str), genes.value.tolist(), strict=True))
     for key, value in {**record.values, **evolved}.items():
@@ -130,7 +130,7 @@ def _read_sensors(record: Record, urdf: Urdf) -> Iterator[MountedSensor]:
 
 
 def _body_size(shape: Shape) -> Triple:
-    """Return the lengths [m] of a sensor's box, or zeros for any other shape."""
+    """Return the side lengths [m] of a sensor's box; zeros for any other shape."""
     if shape.kind != "box":
         return 0.0, 0.0, 0.0
     x, y, z = shape.size

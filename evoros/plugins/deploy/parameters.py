@@ -12,31 +12,31 @@ from evoros.plugins.deploy.champion import Champion, MountedSensor, Triple
 from evoros.storage.figure_context import Beam, Signal
 
 INSTANCES = "123456789A"
-"""ArduPilot's range finders, as parameter names number them."""
+"""The characters by which parameter names number ArduPilot's range finders."""
 _EIGHTH_DEG = 360.0 / ardupilot_parameters.OCTANTS
 _DIRECTIONS = (
     *("forward", "forward right", "right", "back right"),
     *("back", "back left", "left", "forward left"),
 )
-"""The values of ``RNGFNDn_ORIENT`` from 0, clockwise in top view."""
+"""The directions for values of ``RNGFNDn_ORIENT`` from 0, clockwise in top view."""
 _CONTROLLER = "evoros.plugins.ardupilot.controller.ArduPilot"
 _PARAMETERS = "controller.parameters."
 CONTROLLER = "controller."
 PARAMETERS = "controller.parameters"
-"""Key of the parameters given to an external program."""
+"""Key of the parameters that an external program receives."""
 MAX_SPEED, STEERING_LIMIT = "robot.drive.max_speed_mps", "robot.drive.steering_limit_rad"
 """Drive keys that may evolve."""
 RANGE_TOPIC = "controller.topics.range"
-"""Key of the topic for a sensor's readings, whose value has a field for the sensor's name."""
+"""Key of the topic for a sensor's readings, which has a field for the sensor's name."""
 _LAYERS = ("controller.avoidance.", "controller.avoidance_period_s")
-"""Key prefixes of the avoidance layer; other keys are for starting ArduPilot, or secret."""
+"""Key prefixes of the avoidance layer; other keys are for starting ArduPilot, or are secret."""
 _SCALARS = (bool, int, float, str)
 
 
 def controller_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
     """Return the controller's parameters, and the keys that no ROS parameter can hold.
 
-    A program gets the parameters that it had in missions; any other controller, its configuration.
+    A program gets the same parameters as in missions, any other controller its configuration.
     """
     values = champion.values
     prefix = f"{PARAMETERS}." if has_own_parameters(champion) else ""
@@ -46,22 +46,22 @@ def controller_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]
         for key, value in values.items()
         if key.startswith(start) and not key.endswith("_target_")
     }
-    if _is_ardupilot(champion):  # ArduPilot's parameters are in separate files
+    if _is_ardupilot(champion):  # ArduPilot's parameters go into separate files
         named = {key: v for key, v in named.items() if key.startswith(_LAYERS)}
     return _nest(named)
 
 
 def has_own_parameters(champion: Champion) -> bool:
-    """Return True if the controller is a program that gets ROS parameters."""
+    """Return True if the controller is a program that receives ROS parameters."""
     keys = champion.values
     given = PARAMETERS in keys or any(key.startswith(f"{PARAMETERS}.") for key in keys)
     return given and not _is_ardupilot(champion)
 
 
 def robot_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
-    """Return the parameters that describe the sensors and drive to nodes, as in a mission.
+    """Return the parameters that describe sensors and drive to nodes, as in missions.
 
-    Poses are x, y, z [m], yaw (to the left) and pitch (nose up) [rad] in the robot's frame.
+    Poses are x, y, z [m], yaw (left positive) and pitch (nose up) [rad] in the robot's frame.
     """
     sensors, topic = champion.sensors, champion.values.get(RANGE_TOPIC)
     named: dict[str, Any] = {"evoros.sensors": [sensor.link for sensor in sensors]}
@@ -78,14 +78,14 @@ def robot_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
     evolved = {key: value for _, key, value in champion.genes}
     drive = dict[str, float | None](champion.record.context.drive)
     drive |= {"max_speed_mps": evolved.get(MAX_SPEED, drive.get("max_speed_mps"))}
-    if STEERING_LIMIT in evolved:  # the limit of a wheel, which only the drive can convert
+    if STEERING_LIMIT in evolved:  # the limit of a wheel, which only the drive can compute
         drive["steering_limit_rad"] = None
     named |= {f"evoros.drive.{name}": value for name, value in drive.items()}
     return _nest(named)
 
 
 def _describe_kind(kind: Beam | Signal) -> Iterator[tuple[str, Any]]:
-    """Yield the parameters of a sensor type, with the names used in missions."""
+    """Yield the parameters of a sensor type, named as in missions."""
     if not isinstance(kind, Beam):
         yield "measures", kind.measures
         yield "channels", [f"{name}_{unit}".strip("_") for name, unit in kind.channels]
@@ -102,7 +102,7 @@ def _describe_kind(kind: Beam | Signal) -> Iterator[tuple[str, Any]]:
 def write_ros_file(
     parameters: Mapping[str, Any], left_out: Iterable[str], head: Iterable[str]
 ) -> str:
-    """Return the content of a parameter file that applies to all nodes started with it."""
+    """Return the content of a parameter file for all nodes that are started with it."""
     lines = [f"# {line}" for line in head]
     lines += [f"# Left out, because ROS has no such parameter type: {key}" for key in left_out]
     tree = {"/**": {"ros__parameters": dict(parameters)}}
@@ -110,7 +110,7 @@ def write_ros_file(
 
 
 def _nest(named: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Return nested mappings made from dotted keys, and the keys of values that do not fit."""
+    """Convert dotted keys to nested mappings; also return the keys whose values ROS cannot hold."""
     tree: dict[str, Any] = {}
     left_out = []
     for key, value in named.items():
@@ -127,7 +127,7 @@ def _nest(named: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
 
 
 def _fit(value: Any) -> Any:
-    """Return a value as a ROS 2 parameter (a scalar, or a list of one type); None if impossible."""
+    """Return a value as a ROS 2 parameter (scalar or homogeneous list); None if impossible."""
     if isinstance(value, _SCALARS):
         return value
     if not isinstance(value, list) or not value:
@@ -144,7 +144,7 @@ class RangeFinder:
 
     instance: str  # a character of INSTANCES
     link: str
-    position_m: Triple  # relative to the centre of mass or to the IMU
+    position_m: Triple  # relative to the centre of mass or the IMU
     orientation: int  # index of the nearest of _DIRECTIONS
     yaw_error_deg: float  # deviation from that direction, left positive
     pitch_deg: float  # nose up positive; ArduPilot assumes 0
@@ -157,7 +157,7 @@ def _is_ardupilot(champion: Champion) -> bool:
 
 
 def list_flown(champion: Champion) -> Iterator[str]:
-    """Yield lines with ArduPilot's parameters in the missions; fixed ones are commented out.
+    """Yield lines with ArduPilot's parameters in missions; fixed parameters are commented out.
 
     Fixed parameters suit the simulation, which needs no failsafes.
     """
@@ -171,7 +171,7 @@ def list_flown(champion: Champion) -> Iterator[str]:
 
 
 def list_range_finders(sensors: Sequence[MountedSensor], origin_m: Triple) -> list[RangeFinder]:
-    """Convert the first ten single-range sensors; ``origin_m`` is ArduPilot's origin."""
+    """Convert the first ten single-range sensors to range finders relative to ``origin_m``."""
     pairs = zip(INSTANCES, list_single(sensors), strict=False)
     return [_convert(instance, *mounted, origin_m) for instance, mounted in pairs]
 
@@ -208,9 +208,9 @@ def write_ardupilot_file(
 ) -> str:
     """Return the content of a parameter file.
 
-    ArduPilot 4.7 and later have ``_MIN`` and ``_MAX`` in ``metres``; earlier versions have
-    ``_MIN_CM`` and ``_MAX_CM`` in whole centimetres. ``head`` holds comment lines, and ``flown``
-    lines to append.
+    If ``metres``, ranges are ``_MIN`` and ``_MAX`` in metres, for ArduPilot 4.7 and later,
+    otherwise ``_MIN_CM`` and ``_MAX_CM`` in whole centimetres. ``head`` holds comment lines, and
+    ``flown`` lines to append.
     """
     lines = [f"# {line}" if line else "#" for line in head]
     for finder in finders:
@@ -223,7 +223,7 @@ def write_ardupilot_file(
 
 
 def describe_orientation(finder: RangeFinder) -> str:
-    """Describe a sensor's direction in ArduPilot, and the deviation of the sensor from that."""
+    """Describe a sensor's direction in ArduPilot, and the deviation from this direction."""
     off = f"{abs(finder.yaw_error_deg):.1f} deg"
     side = "to the left" if finder.yaw_error_deg > 0.0 else "to the right"
     level = f"pitched {'up' if finder.pitch_deg > 0.0 else 'down'} {abs(finder.pitch_deg):.1f} deg"
@@ -245,7 +245,7 @@ def _rows(finder: RangeFinder, metres: bool) -> Iterator[tuple[str, str]]:
 
 
 def _centimetres(limit: str, metres: float) -> int:
-    """Return a limit in whole centimetres inside the sensor's range, at most 16 bits."""
+    """Return a limit in whole centimetres inside the sensor's range, in at most 16 bits."""
     hundredths = round(100.0 * metres, 6)
     whole = math.ceil(hundredths) if limit == "MIN" else math.floor(hundredths)
     return min(whole, 2**15 - 1)

@@ -1,4 +1,4 @@
-"""A champion as a ROS 2 package with no code to compile."""
+"""A champion as a ROS 2 package that needs no compilation."""
 
 import re
 import unicodedata
@@ -17,7 +17,7 @@ from evoros.plugins.deploy import parameters
 from evoros.plugins.deploy.champion import Champion, Triple, list_clashes, list_hidden
 
 KINDS = (".stl", ".dae", ".obj", ".ply", ".glb", ".gltf", ".png", ".jpg", ".jpeg", ".tga", ".bmp")
-"""Suffixes of files to copy, because a description could name any file."""
+"""Suffixes of the files that are copied, because a description could name any file."""
 _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]")
 _NAMED = re.compile(rb"<init_from>\s*([^<\s]+)\s*</init_from>|^mtllib\s+(\S+)", re.M)
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
@@ -70,7 +70,7 @@ def _simplify(name: str) -> str:
 def write_package(
     champion: Champion, options: PackageOptions, drawings: Mapping[str, bytes]
 ) -> tuple[dict[str, bytes], list[str]]:
-    """Return the files of a package by path, and notes on the work that remains."""
+    """Return a package's files by path, and notes on the work that remains for the user."""
     name = _simplify(champion.name)
     meshes = MeshFiles(options.name)
     meshes.move(champion.robot)
@@ -146,7 +146,7 @@ def _list_commands(champion: Champion) -> list[str]:
 
 
 def _list_topics(champion: Champion) -> list[tuple[str, str]]:
-    """Return the content and name of each topic that connected ROS nodes to the missions."""
+    """Return the content and name of each topic between ROS nodes and the missions."""
     start = "controller.topics."
     values = champion.values.items()
     return [(key.removeprefix(start), str(v)) for key, v in values if key.startswith(start)]
@@ -191,12 +191,12 @@ class MeshFiles:
 
     package: str
     files: dict[str, bytes] = field(default_factory=dict)  # keyed by path in the package
-    packages: set[str] = field(default_factory=set)  # other packages named in the description
+    packages: set[str] = field(default_factory=set)  # other packages that the description names
     notes: list[str] = field(default_factory=list)
     _addresses: dict[str, str] = field(default_factory=dict)
 
     def move(self, robot: Element) -> None:
-        """Copy the files named in a description, and update the names in the description."""
+        """Copy the files that a description names, and update the names."""
         for element in list_named_files(robot):
             name = element.get("filename", "")
             if name not in self._addresses:
@@ -216,7 +216,7 @@ class MeshFiles:
             raise InputError(
                 f"{path}: cannot be read ({error.strerror}); change the file's permissions"
             ) from error
-        # The textures of a Collada mesh and the materials of an OBJ mesh.
+        # The textures of Collada meshes and the materials of OBJ meshes.
         named = (texture or material for texture, material in _NAMED.findall(self.files[copied]))
         inner = sorted({name.decode(errors="replace") for name in named})
         if inner:

@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Make the package for the champion of the named run, or of the best run."""
+    """Make the package for the champion of the named run, by default the best run."""
     _, champion = study.choose(options.run, read_champion)
     robot = f"{champion.name} {options.agent or ''}"
     chosen = PackageOptions(
@@ -122,7 +122,7 @@ def _list_solids(champion: Champion, sensors: set[str], wheels: set[str]) -> Ite
 
 
 def _describe_datum(wheels: Array) -> str:
-    """Describe the robot frame's origin relative to the wheel centres (n, 3) [mm]."""
+    """Describe the origin of the robot's frame relative to the wheel centres (n, 3) [mm]."""
     if not len(wheels):
         return "the origin of the robot's frame, which lies on the ground"
     sides = wheels[:, 1]
@@ -138,7 +138,7 @@ def _describe_datum(wheels: Array) -> str:
 
 
 def _merge(values: list[float]) -> Iterator[float]:
-    """Yield the values in increasing order, skipping nearly equal ones."""
+    """Yield the values in increasing order, without nearly equal ones."""
     last = -np.inf
     for value in sorted(values):
         if value - last > _SAME_MM:

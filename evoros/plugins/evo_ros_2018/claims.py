@@ -1,4 +1,4 @@
-"""The paper's claims, or claims from a file, one per row; ``docs/claims.md`` gives the rules."""
+"""Judges the paper's claims, or claims from a file, by the rules in ``docs/claims.md``."""
 
 import argparse
 from collections.abc import Callable, Iterator
@@ -37,16 +37,16 @@ from evoros.plugins.evo_ros_2018.claims_designs import RANDOM, SPATIAL, read_div
 _PROMINENCE_DEG = 3.0
 """Prominence below which an extreme of the heading is a small correction, not a turning point."""
 _SETTLING = 1
-"""Number of turning points dropped after a waypoint or an avoidance, while the robot realigns."""
+"""Number of turning points ignored after a waypoint or an avoidance, while the robot realigns."""
 FIRST_ROBOT, HELP = own_claims.FIRST_ROBOT, own_claims.HELP
 NEEDS, FILES = own_claims.NEEDS, own_claims.FILES
 WEAVING = ".Serpentine"
-"""The end of the class name of a navigation layer that weaves by design."""
+"""End of the class name of a navigation layer that weaves by design."""
 _NO_DESIGNS = pd.DataFrame(
     columns=[*DESIGN, "random", "strategy", "redundant", "closest_m", "kind", *HEADINGS_DEG]
 ).astype({"random": bool, "redundant": bool})
 EARLY = 15
-"""Number of generations in which the paper found most gains."""
+"""Number of generations in which the paper found most of the gains."""
 SWING_DEG = 60.0
 EARLY_TEXT = f"Most increases in fitness take place during the first {EARLY} generations"
 GAIN = {
@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Judge the claims by all finished runs of the study and by evaluations of their champions."""
+    """Judge the claims from all finished runs of the study and evaluations of their champions."""
     if options.claims is not None:
         return own_claims.make_product(study, options)
     check_thresholds(options)
@@ -83,7 +83,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def judge_claims(study: Study, options: argparse.Namespace) -> Iterator[finding.Finding]:
-    """Judge all claims by the finished runs of a study."""
+    """Judge all claims from the finished runs of a study."""
     mirrored = study.keep(record for record in study.records if record.context.mirrored)
     free = study.keep(record for record in study.records if not record.context.mirrored)
     designs, free_designs = _describe(mirrored, options), _describe(free, options)
@@ -143,11 +143,11 @@ def _report_pooled(study: Study) -> Iterator[str]:
 
 
 def measure_swings(trajectory: pd.DataFrame, mode: int) -> list[float]:
-    """Measure the swing of the heading about the course [deg] at each turning point.
+    """Measure how far the heading swings about the course [deg] at each turning point.
 
-    Stretches in ``mode`` between two waypoints count. A swing is the distance of an extreme from
-    the mean of its two neighbours, so that a steady turn does not count. The swing of ``A sin(w t)
-    + c t`` is ``2 A (1 + d^2 / 2)`` to second order in ``d = c / (A w)``.
+    Only stretches in ``mode`` between two waypoints are used. A swing is the distance of an extreme
+    from the mean of its two neighbours, so steady turns do not count. The swing of ``A sin(w t) + c
+    t`` is ``2 A (1 + d^2 / 2)`` to second order in ``d = c / (A w)``.
     """
     yaw = np.degrees(np.unwrap(trajectory.yaw_rad.to_numpy(float)))
     if len(yaw) < 3:
@@ -163,14 +163,14 @@ def measure_swings(trajectory: pd.DataFrame, mode: int) -> list[float]:
 
 
 def _turning_points(yaw: Array) -> Array:
-    """Return the extreme headings [deg] of a stretch, in order."""
+    """Return the extreme headings [deg] of a stretch, in order of time."""
     extremes = [find_peaks(sign * yaw, prominence=_PROMINENCE_DEG)[0] for sign in (1, -1)]
     turns: Array = yaw[np.sort(np.concatenate(extremes))]
     return turns
 
 
 def _read_champion_swings(record: Record) -> pd.DataFrame:
-    """Read the world and swing [deg] of each turning point at which the last layer navigates."""
+    """Read the world and swing [deg] of each turning point while the last layer navigates."""
     rows = [
         (world, swing)
         for world in record.context.courses
@@ -198,9 +198,9 @@ def read_gains(record: Record) -> pd.DataFrame:
 def judge_gain(table: pd.DataFrame, line: str) -> finding.Finding:
     """Judge the share of the total gain that was reached early; ``table`` is from ``read_gains``.
 
-    Supported: the interval is above the share that random designs would have reached, whose best
-    grows as the logarithm of their number. Not supported: it is below the share of a steady gain.
-    If the interval of the total gain contains 0, there is no verdict.
+    Supported: the interval is above the share for random designs, the best of which grows with the
+    logarithm of their number. Not supported: the interval is below the share for a steady gain. If
+    the interval of the total gain contains 0, there is no verdict.
     """
     claim = GAIN[line]
     names = [f"{line}_{name}" for name in ("first", "early", "last")]
@@ -239,10 +239,10 @@ def _advise(table: pd.DataFrame, line: str) -> str:
 
 
 def judge_approach(table: pd.DataFrame) -> finding.Finding:
-    """Judge how near the pool's mean comes to the best; ``table`` is from ``read_gains``.
+    """Judge how close the pool's mean comes to the best; ``table`` is from ``read_gains``.
 
     Supported: the interval of the last distance is below half the first distance. Not supported:
-    it is above.
+    the interval is above.
     """
     if len(table) < 2:
         return APPROACH.lack("two mirrored runs")
@@ -256,9 +256,9 @@ def judge_approach(table: pd.DataFrame) -> finding.Finding:
 def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> finding.Finding:
     """Judge how far the heading swings; ``table`` has ``run`` and ``swing_deg``.
 
-    The value is the median over the runs of each run's median. Supported: the interval lies within
-    60 deg plus or minus a quarter. Not supported: it lies outside. If the controller weaves by
-    design, the verdict is built in.
+    The value is the median over the runs' medians. Supported: the interval is within 60 deg +/- 25
+    %. Not supported: the interval is outside. If the controller weaves by design, the verdict is
+    built in.
     """
     if table.empty:
         return SWING.lack("mirrored runs in which the heading swings for two periods in a row")
@@ -278,11 +278,11 @@ def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> finding.
 def judge_completion(
     table: pd.DataFrame, drawn: pd.DataFrame | None = None
 ) -> Iterator[finding.Finding]:
-    """Judge champions' share of missions completed with a failed sensor, by kind and source.
+    """Judge the champions' completion rate with a failed sensor, by kind and source.
 
-    The tables are from ``list_missions`` and ``list_random_missions``. Champions are resampled,
-    not missions. Supported: the interval is above a half, and above the random designs' share. Not
-    supported: it is below a half.
+    The tables are from ``list_missions`` and ``list_random_missions``. Champions are resampled, not
+    missions. Supported: the interval is above one half and above the random designs' rate. Not
+    supported: the interval is below one half.
     """
     for kind in (RANDOM, SPATIAL):
         missions = table[table.kind == kind] if len(table) else table

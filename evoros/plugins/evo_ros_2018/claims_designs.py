@@ -1,4 +1,4 @@
-"""The paper's claims about designs: two configurations, redundancy, clusters, convergence."""
+"""Judges the paper's claims on designs: configurations, redundancy, clusters, convergence."""
 
 from dataclasses import dataclass
 
@@ -15,9 +15,9 @@ from evoros.analysis.tables.records import Record
 from evoros.base.arrays import Array
 
 REDUNDANT = 0.6
-"""The share of champions with a redundant pair in the paper, six of ten."""
+"""Share of champions with a redundant pair in the paper, six of ten."""
 MEDIUM = 0.64
-"""An A12 that Vargha and Delaney (2000) call a medium effect."""
+"""An A12 that counts as a medium effect (Vargha and Delaney, 2000)."""
 NONE, RANDOM, SPATIAL = "none", "random", "spatial"
 """Kinds of failure, as choices of the group ``failure``."""
 
@@ -48,9 +48,9 @@ def judge_configurations(table: pd.DataFrame) -> finding.Finding:
     """Judge whether mirrored champions fall into two clusters, one of which looks ahead.
 
     ``table`` has the columns of ``describe_designs`` and ``kind``, the kind of failure. Supported:
-    such a silhouette is rare both among clouds without clusters and among samples of random designs
-    (p < 0.05), and there are two clusters, a front array and side mounts. Not supported: there are
-    other clusters, or p is at least 0.5.
+    there are two clusters, a front array and side mounts, and such a silhouette is rare among
+    clouds without clusters and among samples of random designs (p < 0.05 for both). Not supported:
+    there are other clusters, or p is at least 0.5.
     """
     champions = table[~table.random]
     if len(champions) < MIN_POINTS:
@@ -85,7 +85,7 @@ def judge_redundancy(table: pd.DataFrame) -> finding.Finding:
     Supported: the share is higher than among random designs (p < 0.05), and the interval reaches
     six of ten. Not supported: the interval is below six of ten, or the share is lower than among
     random designs (p < 0.05). Built in: six of ten are reached, and the difference from random
-    designs is certainly below ``SIZE``.
+    designs is below ``SIZE`` over its whole interval.
     """
     shares = _compare_shares(table, RANDOM, table.redundant)
     if shares is None:
@@ -95,12 +95,12 @@ def judge_redundancy(table: pd.DataFrame) -> finding.Finding:
 
 
 def judge_damage_clusters(table: pd.DataFrame, radius_m: float) -> finding.Finding:
-    """Judge the share of champions under spatial failure with two sensors within a radius.
+    """Judge the share of champions under spatial failure that have two sensors within a radius.
 
-    Supported: the interval is above a half, and the share is higher than among random designs. Not
-    supported: the interval is below a half, or the share is lower than among random designs
-    (p < 0.05). Built in: the interval is above a half, and the difference from random designs is
-    certainly below ``SIZE``.
+    Supported: the interval is above one half, and the share is higher than among random designs.
+    Not supported: the interval is below one half, or the share is lower than among random designs
+    (p < 0.05). Built in: the interval is above one half, and the difference from random designs is
+    below ``SIZE`` over its whole interval.
     """
     radius = f"{1000 * radius_m:.0f} mm"
     claim = finding.Claim(DAMAGE, f"champions with two sensors within {radius} of each other")
@@ -118,11 +118,11 @@ class Shares:
     n: int  # number of champions
     random: float  # the random designs' share; NaN if there are none
     difference: small_samples.Interval
-    p: float  # Fisher's exact test
+    p: float  # p-value of Fisher's exact test
     why: str
 
     def conclude(self, claim: finding.Claim, verdict: str, bound: float) -> finding.Finding:
-        """Return the finding on a claim; ``verdict`` would hold if there were no random designs."""
+        """Return the finding on a claim; ``verdict`` applies if there are no random designs."""
         if self.p < small_samples.LEVEL and self.difference.value < 0:
             verdict = finding.NOT_SUPPORTED
         judged = finding.require_beyond_random(
@@ -154,7 +154,7 @@ def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.
     """Judge whether champions of runs without symmetry differ more from one another.
 
     Both spreads are relative to the spread of random designs. Supported: the interval of their
-    difference is above 0. Not supported: it is below ``SIZE``.
+    difference is above 0. Not supported: the interval is below ``SIZE``.
     """
     ratios = []
     for table in (free, mirrored):
@@ -176,8 +176,8 @@ def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.
 def judge_spread_within(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.Finding:
     """Judge whether populations without symmetry stay more diverse; see ``read_diversity``.
 
-    Supported: more diverse (p < 0.05). Not supported: less diverse, or no medium
-    effect by the interval of A12.
+    Supported: more diverse (p < 0.05). Not supported: less diverse, or less than a medium effect by
+    the interval of A12.
     """
     ratios = [(table["last"] / table["first"]).to_numpy(float) for table in (free, mirrored)]
     if min(map(len, ratios)) < 2:
@@ -215,8 +215,9 @@ def mean_distance(distances: Array) -> float:
 def resample_mean_distance(distances: Array, stream: int = 0) -> Array:
     """Return the ``mean_distance`` of each of ``RESAMPLES`` bootstrap samples of the designs.
 
-    A design drawn twice forms no pair with itself, because this would bias the mean downwards;
-    therefore ``scipy.stats.bootstrap`` is not used. Each ``stream`` draws different samples.
+    A design that is drawn twice forms no pair with itself, because such a pair would bias the mean
+    downwards; therefore, ``scipy.stats.bootstrap`` is not used. Each ``stream`` draws different
+    samples.
     """
     n, rng = len(distances), np.random.default_rng([small_samples.SEED, stream])
     counts = rng.multinomial(n, np.full(n, 1 / n), size=small_samples.RESAMPLES)
@@ -228,7 +229,7 @@ def resample_mean_distance(distances: Array, stream: int = 0) -> Array:
 def relative_difference(
     one: Array, one_random: float, other: Array, other_random: float
 ) -> small_samples.Interval:
-    """Return the spread of ``one`` minus that in ``other``, each relative to random designs.
+    """Return the spread of ``one`` minus the spread of ``other``, relative to random designs.
 
     Spreads are mean ``pairwise_distances``; the bootstrap interval is expanded for few designs.
     """
@@ -244,7 +245,7 @@ def relative_difference(
 
 
 def read_diversity(record: Record) -> pd.DataFrame:
-    """Read the mean distance between designs, with copies, in the first and last populations."""
+    """Read the mean distance between designs, with copies, in the first and last population."""
     table = read_generations(record)
     first = table[table.generation == 0].drop_duplicates("id")
     pool = table[table.generation == table.generation.max()]

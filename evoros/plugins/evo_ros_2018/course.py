@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the worlds of the best run; the table has a row for each waypoint."""
+    """Draw the worlds of the best run, with a table that has a row for each waypoint."""
     study.check_worlds(options.world or [])
     _, worlds = study.choose(None, partial(_read, wanted=options.world), True)
     width = figure_width(options.columns, 1 if len(worlds) == 1 else 2)
@@ -57,7 +57,7 @@ def _read(record: Record, wanted: list[str] | None) -> dict[str, World]:
 
 
 def list_waypoints(worlds: Mapping[str, World]) -> pd.DataFrame:
-    """List each world's waypoints (home is number 0) and their acceptance radius."""
+    """List each world's waypoints (home is number 0), with their acceptance radius."""
     rows = [
         (name, index, float(x), float(y), world.course.acceptance_m)
         for name, world in worlds.items()
@@ -95,7 +95,7 @@ def draw_courses(worlds: Mapping[str, World], width: float = PAGE_IN) -> Figure:
 
 def _draw_first_phase(axes: Axes, course: Course) -> None:
     for begin, end in pairwise(course.first_phase):
-        middle = begin + 0.6 * (end - begin)  # so that the arrowhead avoids all markers
+        middle = begin + 0.6 * (end - begin)  # keeps the arrowhead away from all markers
         axes.plot(*np.array([begin, end]).T, color=BLUE, lw=1.0, zorder=2)
         axes.annotate("", middle, begin, arrowprops={**_ARROW, "shrinkA": 0.0}, zorder=2)
 

@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the champion of the named run, or of the best run with spatial failure."""
+    """Draw the champion of the named run, by default the best run with spatial failure."""
     spatial = study.keep(record for record in study.records if record.context.rings)
     if not spatial.records:
         raise InputError("failure: no run has spatial failure; add a run with failure=spatial")
@@ -65,7 +65,7 @@ def _read_sensors(record: Record, study: Study) -> pd.DataFrame:
 
 
 def list_damage(sensors: pd.DataFrame, rings: Sequence[Ring]) -> pd.DataFrame:
-    """List the probability that a sensor fails if another is hit: a row for each pair of sensors.
+    """List, for each pair of sensors, the probability that one fails if the other is hit.
 
     ``docs/analysis.md`` describes the columns; lengths are in the robot's frame.
     """
@@ -93,10 +93,10 @@ def list_damage(sensors: pd.DataFrame, rings: Sequence[Ring]) -> pd.DataFrame:
 def draw_failure(
     table: pd.DataFrame, context: FigureContext, width: float = 2 * COLUMN_IN
 ) -> Figure:
-    """Draw a panel for each sensor that is hit, one per mirrored pair; ``width`` is in inches."""
+    """Draw a panel for each sensor hit, one per mirrored pair; ``width`` is in inches."""
     rings = sorted(context.rings, key=lambda ring: ring.radius_m)
     centres = table[table.centre == table.sensor].sort_values(["pair", "y_m"])
-    hits = centres.drop_duplicates("pair", keep="last").centre.tolist()  # the left one of twins
+    hits = centres.drop_duplicates("pair", keep="last").centre.tolist()  # the left one of a pair
     columns = max(1, min(len(hits), int((width - 0.5) / PANEL_IN)))
     columns = math.ceil(len(hits) / math.ceil(len(hits) / columns))
     rows = math.ceil(len(hits) / columns)
@@ -144,7 +144,7 @@ def _draw_rings(axes: Axes, hit: pd.DataFrame, rings: Sequence[Ring]) -> None:
 
 
 def _draw_sensors(axes: Axes, hit: pd.DataFrame, scale: float) -> None:
-    """Draw each sensor in the shade of its probability, with a label; ``scale`` is in m/in."""
+    """Draw each sensor, shaded by its probability, with a label; ``scale`` is in m/in."""
     for y, x, chance in hit[["y_m", "x_m", "probability"]].to_numpy(dtype=np.float64).tolist():
         axes.plot(y, x, mfc=_shade(chance), zorder=4, **_SENSOR)
     texts = [f"{n}: {p:.2f}" for n, p in zip(hit.sensor, hit.probability, strict=True)]

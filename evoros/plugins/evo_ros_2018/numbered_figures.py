@@ -1,4 +1,4 @@
-"""Figures 5 to 11 of the 2018 paper on Evo-ROS, numbered as in the paper, from a case study."""
+"""Figures 5 to 11 of the 2018 paper on Evo-ROS, with the paper's numbers, from a case study."""
 
 import argparse
 from collections.abc import Callable, Sequence
@@ -22,7 +22,7 @@ FILES = {
 }
 OUTPUT = "paper"
 BASELINE, SPATIAL = "none", "spatial"
-"""The failures of the paper's first and third treatments."""
+"""The failures in the first and third of the paper's treatments."""
 Select = Callable[[Study], Study]
 
 
@@ -69,7 +69,7 @@ FIGURES = (
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw each figure for which there are runs, and report each other figure on one line."""
+    """Draw each figure for which there are runs, and report every other figure in one line."""
     files: dict[str, bytes] = {}
     rows, messages = [], []
     for figure in FIGURES:

@@ -1,4 +1,4 @@
-"""Rigid-body physics with Gazebo's library."""
+"""Rigid-body physics with Gazebo's physics library."""
 
 from evoros.files.plugins import Plugin
 

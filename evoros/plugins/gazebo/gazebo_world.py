@@ -1,4 +1,4 @@
-"""Write robots and worlds as SDF for the Gazebo physics server."""
+"""Writes robots and worlds as SDF for the Gazebo physics server."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -31,8 +31,11 @@ from evoros.world.model import KEPT_WORLDS, World
 from evoros.world.standing import GAP_M
 
 GROUND, OBSTACLE, SOLID, ROLLING, WALKER = "ground", "obstacle", "solid", "rolling", "walker"
-"""Names of collision groups, as in the server. Solid shapes collide with obstacles, walkers and the
-ground; rolling shapes collide only with the ground."""
+"""Names of the server's collision groups.
+
+Solid shapes collide with obstacles, walkers and the ground; rolling shapes collide only with the
+ground.
+"""
 
 _GEOMETRY = {
     "box": "<box><size>{} {} {}</size></box>",
@@ -70,7 +73,7 @@ class Inertial(NamedTuple):
 def format_link(
     model: str, link: str, pose: Pose, inertial: Inertial | None, solids: Sequence[Solid]
 ) -> tuple[str, list[str]]:
-    """Return a link as SDF, and its meshes as lines.
+    """Return a link as SDF, and the link's meshes as lines for the server.
 
     The server attaches the meshes, because the library does not load mesh files named in SDF.
     """
@@ -105,7 +108,7 @@ def _format_inertial(inertial: Inertial) -> str:
 
 
 def _format_mesh(place: str, solid: Solid) -> str:
-    """Return the line that describes a mesh: place, pose, vertices and triangles."""
+    """Return the line that describes a mesh: its place, pose, vertices and triangles."""
     if solid.shape.kind == "heightfield":
         vertices, triangles = _triangulate(solid.shape)
     else:
@@ -130,7 +133,7 @@ def _triangulate(field: Shape) -> tuple[Array, NDArray[np.intp]]:
 
 CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
 LIGHT = Inertial(1e-6, Pose(), (1e-9, 1e-9, 1e-9, 0.0, 0.0, 0.0))
-"""Inertia of a massless link, because DART needs positive masses."""
+"""Inertia of a massless link, because DART requires positive masses."""
 
 _TYPES = {"continuous": "revolute"} | {name: name for name in ("fixed", "revolute", "prismatic")}
 
@@ -138,10 +141,10 @@ _TYPES = {"continuous": "revolute"} | {name: name for name in ("fixed", "revolut
 def format_robot(
     robot: Robot, index: int, frame: Pose, wheel_friction: float
 ) -> tuple[str, list[str]]:
-    """Return a robot's model, with its root link at ``frame``, and the robot's meshes.
+    """Return a robot's model with the root link at ``frame``, and the lines of its meshes.
 
     Raises:
-        SimulationError: SDF has no such type of joint.
+        SimulationError: SDF lacks a type of joint.
     """
     drive, model = robot.drive, f"robot{index}"
     root = etree.fromstring(merge_fixed_links(robot.urdf_elements(), drive.caster_links).encode())
@@ -169,7 +172,8 @@ def _find_solids(
 ) -> list[Solid]:
     """Return the collision shapes of a link.
 
-    Exposed wheels and casters have each shape twice, once for the ground and once for obstacles.
+    Each shape of an exposed wheel or caster occurs twice, once for the ground and once for
+    obstacles.
     """
     casters = robot.drive.caster_links
     if not is_wheel and link not in casters:
@@ -188,7 +192,7 @@ def _find_solids(
 def _round(shape: Shape) -> Shape:
     """Return a wheel as a sphere.
 
-    A cylinder would touch the ground with one edge, and turning radii would be wrong by up to 11 %.
+    A cylinder would touch the ground with one edge, which makes turning radii wrong by up to 11 %.
     """
     return Shape("sphere", shape.size[:1], shape.pose) if shape.kind == "cylinder" else shape
 
@@ -226,10 +230,10 @@ WALKER_KG = 80.0
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def hold_standing(world: World, robots: int) -> World:
-    """Return the world with every body fixed that nothing can move before a mission ends.
+    """Return the world with all bodies fixed that nothing can move before a mission ends.
 
-    DART computes each movable body in every step, even at rest. In missions of one robot that end
-    at the first contact, nothing is pushed, so only bodies in the air move.
+    DART computes each movable body in every step, even at rest. In missions with one robot that end
+    at the first contact, only bodies in the air move.
     """
     if not (world.course.end_on_collision and world.is_level and robots == 1):
         return world
@@ -243,10 +247,10 @@ def _hold(body: Body) -> Body:
 
 
 def describe_scene(robots: Sequence[PlacedRobot], world: World, settings: Settings) -> bytes:
-    """Return the body of the request that opens robots in a world.
+    """Return the body of the request to open robots in a world.
 
     Raises:
-        SimulationError: SDF has no such type of joint as one of a robot's.
+        SimulationError: SDF lacks the type of a robot's joint.
     """
     sizes = () if world.crowd is None else world.crowd.sizes
     parts = [_format_walker(i, *size) for i, size in enumerate(sizes)]
@@ -266,7 +270,7 @@ def describe_scene(robots: Sequence[PlacedRobot], world: World, settings: Settin
 def _set_down(robot: Robot, home: tuple[float, float, float, float], world: World) -> Pose:
     """Return the pose of the root link at a home, with the wheels on the ground.
 
-    If dropped, a robot would sink into the ground, and DART would take seconds to raise it.
+    If dropped, a robot would sink into the ground, and DART would take seconds to lift it out.
     """
     x, y, _, yaw = home
     (px, py, pz), (qx, qy, qz, qw) = home_frame(robot, (x, y, 0.0, yaw), world)
@@ -280,7 +284,7 @@ def _set_down(robot: Robot, home: tuple[float, float, float, float], world: Worl
 
 
 def _format_fixed(bodies: Sequence[Body]) -> tuple[str, list[str]]:
-    """Return all fixed bodies as one model, because DART visits each model in every step."""
+    """Merge all fixed bodies into one model, because DART visits each model in every step."""
     solids = [
         Solid(
             GROUND if body.is_ground else OBSTACLE,

@@ -1,4 +1,4 @@
-"""A server that runs Gazebo's physics, and the simulations that it keeps."""
+"""A server that runs Gazebo's physics, and the simulations that it caches."""
 
 import fcntl
 import hashlib
@@ -34,14 +34,14 @@ PACKAGES = (
     "g++ pkg-config libeigen3-dev libignition-physics-core-dev libignition-physics-sdf-dev "
     "libignition-physics-mesh-dev libignition-physics5-dartsim-plugin5 libsdformat-dev"
 )
-"""Package names on Debian 12."""
+"""Names of the packages on Debian 12."""
 INSTALL = f"install with `apt-get install --no-install-recommends {PACKAGES}` on Debian 12"
 WORDS = 300
-"""Maximum number of characters of a compiler's message to quote in an error."""
+"""Maximum number of characters that errors quote from a compiler's message."""
 
 
 class Release(NamedTuple):
-    """A release of Gazebo, with the pkg-config names of its parts."""
+    """A release of Gazebo, with the pkg-config names of its libraries."""
 
     name: str
     physics: str
@@ -70,7 +70,7 @@ RELEASES = (
         ("-DEVOROS_IGNITION",),
     ),
 )
-"""Supported releases, newest first. Only Fortress is tested."""
+"""Supported releases, newest first; only Fortress is tested."""
 
 
 class Library(NamedTuple):
@@ -83,7 +83,7 @@ class Library(NamedTuple):
 
 @cache
 def find_library() -> Library:
-    """Find the newest release of which all libraries are installed."""
+    """Find the newest release whose libraries are all installed."""
     for program in ("pkg-config", "g++"):
         if shutil.which(program) is None:
             raise InputError(f"simulator=gazebo: program {program} not found; {INSTALL}")
@@ -108,9 +108,9 @@ def _call(*command: str) -> "subprocess.CompletedProcess[str]":
 
 
 def compile_server() -> Path:
-    """Return the path of the compiled server; one process compiles it while others wait.
+    """Return the path of the compiled server; other processes wait for the one that compiles.
 
-    The file name includes a hash of the source and libraries.
+    The file name includes a hash of the source code and the libraries.
     """
     library = find_library()
     recipe = (SOURCE.read_text(encoding="utf-8"), *library.versions.values(), *library.arguments)
@@ -152,13 +152,13 @@ _READ_BYTES = 1 << 16
 
 
 class Operation(IntEnum):
-    """The operations of the server; only tests use PROBE."""
+    """The operations of the server; PROBE is used only by tests."""
 
     START, OPEN, RESET, ADVANCE, FORGET, PROBE = range(6)
 
 
 class GazeboServer:
-    """A client that starts the server, sends requests and waits for answers; for one thread only.
+    """A client for use by one thread: it starts the server, sends requests and awaits answers.
 
     The server process has a private home folder, and exits whenever this process exits. Libraries
     may print to its standard output.
@@ -218,11 +218,11 @@ class GazeboServer:
 
 
 KEPT = 4
-"""Number of simulations to keep: trials of a design return to the same worlds."""
+"""Number of cached simulations; the trials of a design return to the same worlds."""
 
 
 class Scene(NamedTuple):
-    """A simulation in a server, with its values at the start of a mission."""
+    """A simulation in a server, and its values at the start of a mission."""
 
     server: GazeboServer
     number: int
@@ -230,7 +230,7 @@ class Scene(NamedTuple):
 
 
 class Engine:
-    """A server for use by one mission at a time, and the simulations that it keeps."""
+    """A server for one mission at a time, and its cached simulations."""
 
     def __init__(self, program: Path, limit_s: float) -> None:
         self._server = GazeboServer(program, limit_s)
@@ -238,20 +238,20 @@ class Engine:
         self._numbers = count()
 
     def close(self) -> None:
-        """End the server; the engine cannot be used any more."""
+        """End the server; the engine is then unusable."""
         self._server.close()
 
     def limit(self, seconds: float) -> None:
-        """Limit the wall-clock time [s] of each answer."""
+        """Limit the wall-clock time [s] for each answer."""
         self._server.limit_s = seconds
 
     def forget(self) -> None:
-        """Drop all kept simulations, so that the next missions open new ones."""
+        """Discard all cached simulations, so that the next missions open new ones."""
         while self._kept:
             self._drop_oldest()
 
     def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Scene:
-        """Return a simulation at the start of a mission: a kept one, reset, or a new one.
+        """Return a simulation at the start of a mission: a cached one after a reset, or a new one.
 
         Raises:
             SimulationError: Gazebo rejects a robot or the world.

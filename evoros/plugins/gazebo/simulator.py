@@ -1,9 +1,8 @@
 """Rigid-body physics with Gazebo's library and DART, in a separate process.
 
-Range sensors cast rays in a MuJoCo model of the world, in which all bodies are posed as in Gazebo.
-Debian's version of Gazebo's library casts no rays, and later versions return NaN with some
-collision detectors.
-``docs/simulation.md`` gives the reasons for the set-up.
+Range sensors cast rays in a MuJoCo model of the world, in which all bodies have the same poses as
+in Gazebo. Debian's version of Gazebo's library casts no rays, and later versions return NaN with
+some collision detectors. ``docs/simulation.md`` gives the reasons for the set-up.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -46,7 +45,7 @@ class GazeboSight:
         parts: Sequence[tuple[int, slice]],
         bodies: slice,
     ) -> None:
-        """Map indices into answers to indices into the model's state.
+        """Map indices in answers to indices in the model's state.
 
         ``parts`` holds each robot's first index, where the pose starts, and the slice of the
         robot's wheel and steering angles. ``bodies`` is the slice of the movable bodies' poses.
@@ -78,12 +77,15 @@ class GazeboSight:
 
 
 POSE, VELOCITY, TURNING, TOUCHED, ANGLES = slice(7), slice(7, 10), slice(10, 13), 13, 14
-"""A robot's part of an answer: pose x, y, z, w, i, j, k of the root link, velocities [m/s] and
-[rad/s], 1 after a contact since the last answer, and wheel and steering angles [rad]."""
+"""A robot's part of an answer.
+
+Pose x, y, z, w, i, j, k of the root link, velocities [m/s] and [rad/s], 1 after a contact since the
+last answer, and wheel and steering angles [rad].
+"""
 BODY_SIZE = 7
 """Size of a movable body's pose in an answer."""
 ROBOT, STEP, SHAPE, OTHER, AT = 0, 1, 2, 3, slice(4, 6)
-"""A contact felt by a robot: robot, step, both shapes, and x, y in the robot's frame [m]."""
+"""A contact felt by a robot: robot, step, both shapes, and x, y [m] in the robot's frame."""
 FELT_SIZE = 6
 
 
@@ -143,7 +145,7 @@ class GazeboSimulation:
             vehicle.read(self.values, own)
 
     def advance(self, command: Array, duration: float) -> None:
-        """Drive with ``command`` for ``duration`` [s], noting even contacts of a single step."""
+        """Drive with ``command`` for ``duration`` [s], recording even one-step contacts."""
         at = 0
         for vehicle, share in self._turns:
             part = self._commands[at : at + vehicle.joints]
@@ -179,7 +181,7 @@ class GazeboSimulation:
 
 
 class Vehicle:
-    """A robot whose part of an answer starts at ``start``."""
+    """A robot whose values in an answer start at ``start``."""
 
     def __init__(self, robot: Robot, start: int, gravity: float) -> None:
         self._drive, self.start, self.ranges = robot.drive, start, robot.beam_count
@@ -224,7 +226,7 @@ class Vehicle:
 
 
 MAX_STEP_S = 0.025
-"""Longest step at which the rover's motion is within 1 % of its geometry (``docs/fidelity.md``)."""
+"""Maximum step [s] at which a rover's motion is within 1 % of geometry (``docs/fidelity.md``)."""
 
 MOST_MOVABLE = 500
 """Maximum number of movable bodies; DART takes 25 us for each in every step, even at rest."""
@@ -238,7 +240,7 @@ IDLE: IdleEngines[Engine] = IdleEngines()
 @dataclass(frozen=True)
 @checked
 class Gazebo(Simulator):
-    """The simulator of Gazebo's physics.
+    """The simulator that uses Gazebo's physics.
 
     Raises:
         InputError: a value is out of range, or the library or a compiler is not installed.
@@ -250,11 +252,11 @@ class Gazebo(Simulator):
     )
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     answer_limit_s: Annotated[float, POSITIVE] = 60.0
-    """Wall-clock limit of a control period or of opening a world."""
+    """Wall-clock limit [s] for a control period, and for opening a world."""
     versions: Mapping[str, str] = field(
         init=False, compare=False, default_factory=lambda: find_library().versions
     )
-    """Versions of the system libraries on this machine; workers may run on other machines."""
+    """Versions of the system libraries on this machine; workers may be on other machines."""
     packages = ("mujoco-core",)
     measures = (RANGE, *SIGNAL_SIZES)
     max_robots = MAX_ROBOTS
@@ -274,7 +276,7 @@ class Gazebo(Simulator):
                 )
 
     def check_world(self, world: World) -> None:
-        """Require that a world does not have too many movable bodies."""
+        """Reject worlds with too many movable bodies."""
         count = count_movable(hold_standing(world, robots=1))
         if count > MOST_MOVABLE:
             raise InputError(
@@ -284,7 +286,7 @@ class Gazebo(Simulator):
             )
 
     def doubt_drive(self, drive: Drive) -> str:
-        """Return why skid steering is inaccurate at any step size, or an empty string."""
+        """Return why skid steering is inaccurate at any time step, or ""."""
         if not skids(drive):
             return ""
         return (
@@ -294,11 +296,11 @@ class Gazebo(Simulator):
 
     @contextmanager
     def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[GazeboSimulation]:
-        """Place each robot at its home.
+        """Place each robot at its home pose.
 
         Raises:
             InputError: the server cannot be compiled.
-            LaunchError: the library is not the same version as the main process's.
+            LaunchError: the library's version differs from the main process's.
             SimulationError: Gazebo rejects a robot or the world, or there are too many robots.
             PilotLost: the server exited or hangs.
         """
@@ -318,5 +320,5 @@ class Gazebo(Simulator):
 
 @cache
 def _models() -> Models:
-    """Return the ray-casting models that this process keeps; no result depends on them."""
+    """Return this process's cache of ray-casting models, on which no result depends."""
     return Models(import_mujoco())

@@ -1,4 +1,4 @@
-"""Planar missions run together as threads of an NVIDIA GPU."""
+"""Planar missions that run in batches, as threads of an NVIDIA GPU."""
 
 from evoros.files.plugins import Plugin
 

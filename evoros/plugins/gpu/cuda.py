@@ -1,4 +1,4 @@
-"""An NVIDIA GPU as a device, through the driver and the package cuda-bindings."""
+"""An NVIDIA GPU as a device, accessed through the driver and the package cuda-bindings."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -12,14 +12,14 @@ from evoros.compilation.device import Bytes, DeviceError, DeviceFull, Memory
 from evoros.compilation.kernel import ENTRY, target_gpu
 
 THREADS = 32
-"""Threads per block, one per mission; small blocks spread even few missions over the GPU."""
+"""Threads per block, one per mission; small blocks spread even a few missions over the GPU."""
 _FULL = "CUDA_ERROR_OUT_OF_MEMORY"
 FIXES = {
     _FULL: "free some of the GPU's memory, or reduce executor.workers",
     "CUDA_ERROR_UNSUPPORTED_PTX_VERSION": "the driver is too old; install a newer one",
     "CUDA_ERROR_SYSTEM_DRIVER_MISMATCH": "restart the machine after a driver update",
 }
-"""Fixes for some driver errors."""
+"""Remedies for some errors of the driver."""
 
 
 def import_driver() -> Any:
@@ -105,7 +105,7 @@ class Cuda:
         try:
             yield CudaMemory(self, int(address))
         finally:
-            with suppress(DeviceError):  # a failing GPU has been reported already
+            with suppress(DeviceError):  # a failing GPU has already been reported
                 self.call("cuMemFree", address)
 
     def launch(self, kernel: Any, rows: int, width: int, count: int) -> None:

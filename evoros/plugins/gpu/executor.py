@@ -1,4 +1,4 @@
-"""An executor that runs missions together as threads of a GPU."""
+"""An executor that runs missions in batches, as threads of a GPU."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -21,20 +21,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One run's part of a call."""
+    """The missions that one run contributes to a call."""
 
     function: Callable[..., Any]
     run: object
-    share: float  # share of a full call
+    share: float  # fraction of a full call
     shared: Shared
     asked: Any
     future: "Future[Any]" = field(default_factory=Future)
 
 
 class Joining:
-    """A queue of parts that are joined into one call as soon as a worker is free.
+    """A queue of parts, which are joined into one call as soon as a worker is free.
 
-    A call has at most one part from each run, because a run makes one part per worker.
+    A call has at most one part of each run, because a run makes one part per worker.
     """
 
     def __init__(self, pool: Pool, batches: Batches) -> None:
@@ -98,7 +98,7 @@ class Joining:
         call.add_done_callback(partial(self._settle, parts))
 
     def _settle(self, parts: Sequence[Part], call: "Future[Any]") -> None:
-        """Give each part its answer; after a failed call, repeat the parts one by one."""
+        """Pass each part its answer; after a failed call, repeat the parts one by one."""
         error = CancelledError() if call.cancelled() else call.exception()
         repeated = error is not None and len(parts) > 1 and not self._closed
         with self._lock:
@@ -116,7 +116,7 @@ class Joining:
 GPU, CPU = "gpu", "cpu"
 """Devices: an NVIDIA GPU, or the CPU, which runs the same kernel in tests."""
 ON_CPU, STOP = "cpu", "stop"
-"""Reactions if the GPU cannot be used: run missions on the CPU, or stop the run."""
+"""Fallbacks if the GPU cannot be used: run missions on the CPU, or stop the run."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ class GpuBatches:
     """Settings for running missions in batches on a device."""
 
     device: str
-    missions: int  # maximum number per launch
+    missions: int  # maximum number of missions per launch
     fallback: str
     option: str = "executor=gpu"
 
@@ -140,7 +140,7 @@ class GpuBatches:
         return Cuda(import_driver()) if self.device == GPU else Host()
 
     def give_up(self, reason: str) -> str:
-        """Return a message that missions run on the CPU because of ``reason``.
+        """Return the message that missions run on the CPU because of ``reason``.
 
         Raises:
             RunStopped: ``fallback`` is ``STOP``.
@@ -157,15 +157,15 @@ class GpuBatches:
 @dataclass(frozen=True, kw_only=True)
 @checked
 class Gpu(Processes):
-    """An executor that runs missions in one kernel launch if all their parts can be compiled.
+    """An executor that runs missions in one kernel launch if all parts can be compiled.
 
-    When a worker becomes free, a launch takes waiting missions from all runs. Worker processes open
-    missions, launch them, and compute their outcomes. All other calls and missions run as with
+    When a worker becomes free, a launch takes the waiting missions of all runs. Worker processes
+    open missions, launch them and compute the outcomes. All other calls and missions run as with
     ``Processes``.
     """
 
     device: Annotated[str, one_of(GPU, CPU)] = GPU
-    missions: Annotated[int, COUNT] = 1024  # maximum number per launch
+    missions: Annotated[int, COUNT] = 1024  # maximum number of missions per launch
     fallback: Annotated[str, one_of(ON_CPU, STOP)] = ON_CPU
 
     @contextmanager
@@ -187,7 +187,7 @@ class Gpu(Processes):
 
 
 def _find_lack() -> str:
-    """Return why no GPU can be used, or an empty string if a GPU can be used."""
+    """Return why no GPU can be used, or ""."""
     from evoros.compilation.device import DeviceError
     from evoros.plugins.gpu.cuda import import_driver, require_gpu  # LLVM takes long to import
 
@@ -200,7 +200,7 @@ def _find_lack() -> str:
 
 @dataclass(frozen=True)
 class _Batching:
-    """A pool whose workers run missions together."""
+    """A pool whose workers run missions in batches."""
 
     pool: Pool
     batches: Batches

@@ -1,6 +1,6 @@
-"""Rows of the leaderboard: a finished run's result, and the overrides that repeat the run.
+"""Rows of the leaderboard: a run's result, and the overrides that repeat the run.
 
-A task is an experiment in ``conf/`` and a budget of missions. A search may choose how it handles
+A task is an experiment in ``conf/`` and a budget of missions. A search may choose how to handle
 noise; the task determines everything else. See docs/benchmark.md.
 """
 
@@ -23,16 +23,16 @@ from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, evaluates, read_by
 from evoros.storage.reading import Run
 
 PREFIX = "benchmark_"
-TASKS: Mapping[str, int] = {  # maximum number of missions per run, excluding validation
+TASKS: Mapping[str, int] = {  # maximum number of missions per run, without validation
     "benchmark_boxes": 300,
     "benchmark_network": 800,
     "benchmark_priced": 800,
 }
 GROUPS = ("optimizer", "allocation", "final_choice")
 SEARCH = (*GROUPS, "trials", "draws", "seed", "objectives", "descriptors", "treatment")
-"""Keys, or key prefixes, that belong to a search."""
+"""Keys, or key prefixes, that a search may choose."""
 TRIALS = "optimizer.validation_trials"
-"""A search's key that is fixed by the task, because the score depends on it."""
+"""The only key of a search that the task fixes, because the score depends on it."""
 FREE = (*protocol.FREE, "figures", "record")
 """Keys that do not affect missions."""
 HASHED = (
@@ -42,29 +42,29 @@ HASHED = (
     "champion/genes.csv",
     "champion/certificate.json",
 )
-"""The run's files that a row's digest covers."""
+"""The run's files that are included in a row's digest."""
 
 
 @dataclass(frozen=True)
 class Row:
     """A row of the leaderboard, with all cells as strings."""
 
-    task: str  # name, excluding PREFIX
+    task: str  # name of the experiment, without PREFIX
     search: str  # choice of the group ``optimizer``
     seed: str
-    missions: str  # number, excluding validation
+    missions: str  # number of missions, without validation
     fitness: str  # champion's fitness on the task's fresh trials
     low: str  # lower bound of the fitness
     high: str  # upper bound of the fitness
-    completed: str  # share of these trials completed
+    completed: str  # share of these trials that were completed
     overrides: str  # arguments of ``evoros``, as typed in a shell
-    config_dir: str  # folder in the repository with the search's own parts, or empty
+    config_dir: str  # folder in the repository with the search's parts, or empty
     version: str  # version of evoros
-    digest: str  # SHA-256 of the run's files that follow from the overrides
+    digest: str  # SHA-256 of the run's files that the overrides determine
 
     @property
     def name(self) -> str:
-        """Task, search and seed."""
+        """The row's name: task, search and seed."""
         return f"{self.task}, {self.search}, seed {self.seed}"
 
 
@@ -72,7 +72,7 @@ COLUMNS = tuple(field.name for field in fields(Row))
 
 
 def make_row(folder: Path, config_dir: str | None = None) -> Row:
-    """Return the row of a finished run; ``config_dir`` is the folder of the search's own parts."""
+    """Return the row of a finished run; ``config_dir`` is the folder with the search's parts."""
     if config_dir and Path(config_dir).is_absolute():
         raise InputError(
             f"--config-dir {config_dir}: must be a relative path, so that others can rerun the "
@@ -126,8 +126,7 @@ def _describe_certificate(certificate: Mapping[str, Any]) -> tuple[str, str, str
 def hash_run(folder: Path) -> str:
     """Return a digest of the files that a run's configuration determines.
 
-    The digest excludes the seals of missions, which depend even on keys that do not affect
-    outcomes.
+    The seals of missions are excluded, because they depend even on keys that affect no outcome.
     """
     files = sorted(path for pattern in HASHED for path in folder.glob(pattern))
     whole = hashlib.sha256()
@@ -169,7 +168,7 @@ def _list_overrides(folder: Path, config_dir: str | None) -> tuple[str, list[str
 def _add_values(
     overrides: list[str], recorded: Mapping[str, Any], config_dir: str | None
 ) -> list[str]:
-    """Add overrides until they compose the recorded configuration."""
+    """Add overrides until the recorded configuration is reproduced."""
     wanted = flatten(compose(overrides, config_dir=config_dir))
     for key in list_differences(recorded, wanted, FREE):
         sign = "" if key in wanted else "+"
@@ -193,7 +192,7 @@ def write_rows(rows: Iterable[Row]) -> str:
 
 
 def read_rows(path: Path) -> list[Row]:
-    """Read a file from ``write_rows``."""
+    """Read the rows in a file that ``write_rows`` produced."""
     try:
         table = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
     except (OSError, ValueError, csv.Error) as error:

@@ -1,4 +1,4 @@
-"""The subcommand ``leaderboard``: make rows from runs, and check rows by rerunning them."""
+"""The subcommand ``leaderboard``, which makes rows from runs and checks rows by rerunning them."""
 
 import shlex
 from argparse import RawDescriptionHelpFormatter
@@ -67,7 +67,7 @@ def _check(file: Path, known: Path | None) -> int:
 
 
 def _find_difference(row: "Row") -> str:
-    """Rerun a row; describe the first cell that differs, or return an empty string."""
+    """Rerun a row; describe the first cell that differs, or return ""."""
     from evoros.analysis.run_figures import draw_figure
     from evoros.config.compose import compose
     from evoros.plugins.leaderboard.rows import COLUMNS, make_row

@@ -1,4 +1,4 @@
-"""Missions as the simulation of OpenSCENARIO DSL files, run by the tool scenario_execution."""
+"""Missions as the simulation for OpenSCENARIO DSL files, run by the tool scenario_execution."""
 
 from typing import TYPE_CHECKING
 
@@ -22,5 +22,5 @@ def __getattr__(name: str) -> type["Simulation"]:
 
 
 def get_library() -> tuple[str, str]:
-    """Return the package, and the name of the file in the package's folder ``lib_osc``."""
+    """Return the package, and the name of the file in its folder ``lib_osc``."""
     return "evoros.plugins.openscenario", "evoros.osc"

@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 
 class Action(BaseAction):  # type: ignore[misc]
-    """An action on a scenario's mission."""
+    """An action that operates on a scenario's mission."""
 
     def setup(self, **kwargs: Any) -> None:
         """Store the simulation and prepare the action."""
@@ -48,7 +48,7 @@ class Action(BaseAction):  # type: ignore[misc]
         return status
 
     def act(self) -> Status:
-        """Act, and return the action's status at this tick."""
+        """Act, and return the action's status after this tick."""
         raise NotImplementedError
 
     def _attempt(self, function: Callable[[], T]) -> T | None:
@@ -66,7 +66,7 @@ class Action(BaseAction):  # type: ignore[misc]
         return self.simulation.mission
 
     def fail(self, reason: str) -> Status:
-        """Fail, reporting the reason in the log and the behaviour tree."""
+        """Fail, and report the reason in the log and the behaviour tree."""
         self.feedback_message = reason
         self.logger.error(f"{self.name}: {reason}")
         return Status.FAILURE
@@ -91,7 +91,7 @@ class Wait(Action):
 
 
 class _Reading(Wait):
-    """An action that reads the minimum reading of given sensors."""
+    """An action that uses the minimum reading of given sensors."""
 
     sensors: str
     channel = ""
@@ -104,20 +104,20 @@ class _Reading(Wait):
 
 
 class WaitForReading(_Reading):
-    """Wait until the minimum reading lies between limits."""
+    """Waits until the minimum reading is between limits."""
 
     def execute(self, sensors: str, channel: str, at_least: float, at_most: float) -> None:
         """Store the parameters."""
         self.sensors, self.channel, self.limits = sensors, channel, (at_least, at_most)
 
     def holds(self) -> bool:
-        """Return True if the reading lies between the limits."""
+        """Return True if the reading is between the limits."""
         low, high = self.limits
         return low <= self.read() <= high
 
 
 class WaitForSilence(_Reading):
-    """Wait until none of the sensors has a reading."""
+    """Waits until none of the sensors has a reading."""
 
     def execute(self, sensors: str) -> None:
         """Store the sensors."""
@@ -129,7 +129,7 @@ class WaitForSilence(_Reading):
 
 
 class AskReading(_Reading):
-    """Write the minimum reading to a variable."""
+    """Writes the minimum reading to a variable."""
 
     def __init__(self) -> None:
         super().__init__(resolve_variable_reference_arguments_in_execute=False)
@@ -148,7 +148,7 @@ class AskReading(_Reading):
 
 
 class WaitForPlace(Wait):
-    """Wait until the robot is near a point."""
+    """Waits until the robot is near a point."""
 
     def execute(self, x: float, y: float, within: float) -> None:
         """Store the point and the distance [m]."""
@@ -162,19 +162,19 @@ class WaitForPlace(Wait):
 
 
 class WaitForWaypoints(Wait):
-    """Wait until the robot has reached a given number of waypoints."""
+    """Waits until the robot has reached a given number of waypoints."""
 
     def execute(self, count: int) -> None:
         """Store the number."""
         self.count = count
 
     def holds(self) -> bool:
-        """Return True if the robot has reached that number."""
+        """Return True if the robot has reached this number of waypoints."""
         return self.mission.visited >= self.count
 
 
 class Drive(Action):
-    """Drive in place of the controller for a given time."""
+    """Drives in place of the controller for a given time."""
 
     def setup(self, **kwargs: Any) -> None:
         """Store the simulation and the scenario's clock."""
@@ -200,7 +200,7 @@ class Drive(Action):
 
 
 class WaitForEnd(Wait):
-    """Wait until the mission ends in the expected way."""
+    """Waits until the mission ends in the expected way."""
 
     def execute(self, ended: str) -> None:
         """Store the expected ending."""
@@ -212,7 +212,7 @@ class WaitForEnd(Wait):
 
 
 class CheckMetric(Action):
-    """Check that a metric of the mission so far lies between limits."""
+    """Checks that a metric of the mission so far is between limits."""
 
     def execute(self, metric: str, at_least: float, at_most: float) -> None:
         """Store the parameters."""
@@ -233,7 +233,7 @@ class CheckMetric(Action):
 
 
 def select_sensors(robot: Robot, text: str) -> list[int]:
-    """Return the indices of the sensors that a string selects by all, numbers or type names."""
+    """Return the indices of the sensors that a string selects: all, numbers or type names."""
     types = [mount.sensor for mount in robot.mounts]
     chosen: set[int] = set()
     for word in text.replace(",", " ").split():
@@ -256,7 +256,7 @@ def select_sensors(robot: Robot, text: str) -> list[int]:
 
 
 def _smallest_reading(robot: Robot, readings: Array, numbers: Sequence[int], channel: str) -> float:
-    """Return the minimum reading in channels with this prefix, or NaN if all are silent."""
+    """Return the minimum reading in the channels with this prefix; NaN if all are silent."""
     sensors = robot.mounted_sensors()
     values = [
         float(value)

@@ -1,4 +1,4 @@
-"""The actions in ``osc.evoros`` that make parts of the robot fail."""
+"""The actions in ``osc.evoros`` that make the robot's parts fail."""
 
 import math
 
@@ -11,11 +11,11 @@ from evoros.plugins.openscenario.actions import Action, select_sensors
 from evoros.plugins.openscenario.simulation import split_words
 
 PARTS = ("steering", "drive", "wheel", "localization", "commands")
-"""Failure models of parts that can be made to fail immediately."""
+"""Models of failures of parts that can be triggered immediately."""
 
 
 class InjectFailure(Action):
-    """Add the faults that a failure model draws."""
+    """Adds the faults that a failure model draws."""
 
     def __init__(self, failure: str, effect: str, onset: str, settings: str) -> None:
         super().__init__()
@@ -37,7 +37,7 @@ class InjectFailure(Action):
         self.failure = self.simulation.build_failure(*self.list_overrides())
 
     def act(self) -> Status:
-        """Draw the faults and add them to the mission."""
+        """Draw the faults, and add them to the mission."""
         for fault in self.mission.add_failure(self.failure):
             self.simulation.check_event(fault.trigger)
             self.logger.info(f"{self.name}: {fault.effect} of {describe_fault(fault)}")
@@ -45,7 +45,7 @@ class InjectFailure(Action):
 
 
 class InjectFault(InjectFailure):
-    """Make given sensors fail immediately."""
+    """Makes given sensors fail immediately."""
 
     def __init__(self, sensors: str, effect: str, settings: str) -> None:
         super().__init__("given", effect, "", settings)
@@ -64,7 +64,7 @@ class InjectFault(InjectFailure):
 
 
 class InjectPartFault(InjectFailure):
-    """Make a part other than a sensor fail immediately."""
+    """Makes a part other than a sensor fail immediately."""
 
     def __init__(self, part: str, effect: str, settings: str) -> None:
         super().__init__(part, effect, "time", settings)

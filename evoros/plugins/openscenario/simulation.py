@@ -34,7 +34,7 @@ MISSION, TRAJECTORY = "mission.csv", "trajectory.csv"
 
 @dataclass(frozen=True)
 class Setting:
-    """The mission of a scenario file."""
+    """The inputs of a scenario file's mission."""
 
     scenario: Scenario
     mission: Mission
@@ -43,7 +43,7 @@ class Setting:
 
 @cache
 def build_setting(overrides: tuple[str, ...], config_dir: str | None, trial: int) -> Setting:
-    """Build the mission that ``evoros evaluate`` would run as this trial with these overrides."""
+    """Build the mission that ``evoros evaluate`` would run for this trial with these overrides."""
     experiment, designs = _build(overrides, config_dir)
     if designs is None and not experiment.space.size:
         design = experiment.space.decode(np.empty(0))
@@ -91,16 +91,16 @@ def split_words(key: str, text: str) -> tuple[str, ...]:
 
 
 class Simulation(SimulationInterface):  # type: ignore[misc]
-    """An evoros mission for scenario_execution's option ``--simulation``.
+    """An evoros mission for the option ``--simulation`` of scenario_execution.
 
-    Scenario parameters choose the mission: ``overrides`` as for ``evoros evaluate``,
-    ``config_dir`` and ``trial``. A subclass can set another ``dt``.
+    Scenario parameters choose the mission: ``overrides`` for ``evoros evaluate``, ``config_dir``
+    and ``trial``. A subclass can set a different ``dt``.
     """
 
-    dt = 0.5  # time between scenario ticks [s]; a multiple of the mission's tick
+    dt = 0.5  # time between scenario ticks [s], a multiple of the mission's tick
 
     def __init__(self) -> None:
-        # Speed [m/s] and steering [rad]; None: the controller drives.
+        # Speed [m/s] and steering [rad] of an action; None: the controller drives.
         self.command: tuple[float, float] | None = None
         self.problem = ""  # reason why the scenario cannot continue
         self._logger: Any = None
@@ -146,11 +146,11 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
         return self._mission
 
     def step(self) -> None:
-        """Run the mission for ``dt``; after the mission, only the scenario's time advances."""
+        """Advance the mission by ``dt``; once it has ended, only the scenario's time advances."""
         if self._folder is None:
             self._folder = ScenarioExecutionConfig().output_directory or ""
             for name in (MISSION, TRAJECTORY) if self._folder else ():
-                Path(self._folder, name).unlink(missing_ok=True)  # leftovers of an earlier scenario
+                Path(self._folder, name).unlink(missing_ok=True)  # left by an earlier scenario
         if not self.problem:
             try:
                 self._run()
@@ -158,7 +158,7 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
                 self.stop(error)
         if self.problem:
             for key in list(Blackboard.storage):
-                if key.endswith("/fail"):  # the tool's name for the scenario's event
+                if key.endswith("/fail"):  # the tool's name for the failure event of a scenario
                     Blackboard.set(key, True)
 
     def _run(self) -> None:
@@ -176,7 +176,7 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
             self._logger.error(self.problem)
 
     def build_failure(self, *overrides: str) -> Failure:
-        """Build a failure model with the user's parts."""
+        """Build a failure model, which may include the user's parts."""
         return build_failure(overrides, self._config_dir)
 
     def check_event(self, trigger: Trigger) -> None:

@@ -1,4 +1,4 @@
-"""Missions to watch and replay: videos, rosbags, and recordings for Rerun."""
+"""Recordings of missions: videos, rosbags, and files for the Rerun viewer."""
 
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,6 @@ PLUGIN = Plugin(
     extras=("bags", "rerun", "video"),
 )
 
-if not TYPE_CHECKING:  # otherwise type checkers would accept any name
+if not TYPE_CHECKING:  # otherwise, type checkers would accept any name
     _HOMES = {"RenderOptions": "video.camera", "film_champion": "video.film"}
     __getattr__, __dir__ = import_lazily(__name__, _HOMES)

@@ -1,7 +1,7 @@
 """Missions as rosbags for rviz, Foxglove and the ROS tools.
 
-The topics and frames of the first robot have no prefix. Topics and frames of an agent are prefixed
-with the agent's name, as is usual in ROS; all robots share ``/tf`` and ``/tf_static``.
+The topics and frames of the first robot have no prefix. An agent's topics and frames are prefixed
+with the agent's name, as is customary in ROS; all robots share ``/tf`` and ``/tf_static``.
 """
 
 import argparse
@@ -36,7 +36,7 @@ SHOWN = (
     "geometry_msgs/msg/PoseStamped",
     SCAN,
 )
-"""Message types to show in the 3D view, in addition to the frames and the robot."""
+"""Message types shown in the 3D view, in addition to the frames and the robot."""
 MOTION = {
     "/odom.twist.twist.linear.x": "speed [m/s]",
     "/ackermann_cmd.drive.steering_angle": "steering command [rad]",
@@ -70,7 +70,7 @@ def make_layout(topics: Sequence[Topic], robot_frame: str, agents: Sequence[str]
 def _find_series(
     topics: Sequence[Topic], fields: Mapping[str, Mapping[str, str]]
 ) -> dict[str, str]:
-    """Return the label of each field to plot; ``fields`` holds descriptions by message type."""
+    """Return the label of each field that is plotted; ``fields`` describes the message types."""
     return {
         f"{topic.name}.{field}": f"{topic.name.removeprefix('/')} {words}".rstrip()
         for topic in topics
@@ -79,7 +79,7 @@ def _find_series(
 
 
 def _of_all(series: Mapping[str, str], agents: Sequence[str]) -> dict[str, str]:
-    """Return the labels of the fields for all robots."""
+    """Return the labels of these fields for all robots."""
     others = {f"/{name}{path}": f"{name} {series[path]}" for name in agents for path in series}
     return {**series, **others}
 
@@ -122,7 +122,7 @@ OUTPUT = "bags"
 DISTRO = "jazzy"
 LAYOUT = "bag.foxglove.json"
 GOALS = {"mcap": "/goal_pose", "ros1": "/move_base_simple/goal"}
-"""The topic on which rviz and navigation stacks expect the next waypoint, by format."""
+"""The topic on which rviz and navigation stacks expect the next waypoint, by bag format."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -183,7 +183,7 @@ def _list_team_messages(mission: RecordedMission, goal: str) -> list[Message]:
 
 
 def _place(name: str, message: Message) -> Message:
-    """Return an agent's message, with the agent's name as a prefix of its topic and frames."""
+    """Return an agent's message, with the agent's name prefixed to topic and frames."""
     topic = message.topic if message.topic in _OF_ALL else f"/{name}{message.topic}"
     return message._replace(topic=topic, content=_rename_frames(name, message.content))
 
@@ -202,6 +202,6 @@ def _rename_frames(name: str, content: Any) -> Any:
 
 
 def _join(messages: Sequence[Message]) -> Message:
-    """Join the fixed frames in one message, because a latched topic keeps only the last message."""
+    """Join fixed frames in one message, because a latched topic retains only the last one."""
     transforms = [transform for m in messages for transform in m.content["transforms"]]
     return messages[0]._replace(content={"transforms": transforms})

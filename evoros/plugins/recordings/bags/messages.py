@@ -1,4 +1,4 @@
-"""The ROS messages of a mission as plain values."""
+"""The ROS messages of a mission, as plain values."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -50,9 +50,9 @@ _NO_ORIENTATION = (-1.0, *(0.0,) * 8)
 CUBE, _SPHERE, CYLINDER, TRIANGLE_LIST = 1, 2, 3, 11
 FIXED, _MOVABLE, WALKER = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42), (0.85, 0.45, 0.15)
 START_NS = 1_000_000_000
-"""The time stamp at the start of a mission, because ROS treats stamp 0 as unset."""
+"""Time stamp [ns] of the start of a mission, because ROS treats stamp 0 as unset."""
 WORLD_FRAME = "odom"
-_SAME_TIME = 1e-6  # share of a period within which two times count as equal
+_SAME_TIME = 1e-6  # fraction of a period below which times count as equal
 
 TOPICS = (
     Topic("/robot_description", "std_msgs/msg/String", True),
@@ -77,7 +77,7 @@ def list_topics(mission: RecordedMission, goal: str) -> list[Topic]:
 
 
 def list_messages(mission: RecordedMission, goal: str) -> list[Message]:
-    """List the messages of a mission, ordered by stamp; see ``list_topics``."""
+    """List a mission's messages in order of their stamps; see ``list_topics``."""
     goals = _aim(mission, goal)
     messages = [*_describe(mission), *goals, *_move(mission), *_decide(mission)]
     messages += _show_walkers(mission)
@@ -143,7 +143,7 @@ def _show_walkers(mission: RecordedMission) -> Iterator[Message]:
 
 
 def _decide(mission: RecordedMission) -> Iterator[Message]:
-    """Yield commands and modes; the last record, at the mission's end, has none."""
+    """Yield commands and modes, except for the last record, at which nothing is decided."""
     names = (NONE, *mission.context.modes)
     for row in mission.trajectory.iloc[:-1].to_dict("records"):
         stamp = to_stamp(row["time_s"])
@@ -154,9 +154,9 @@ def _decide(mission: RecordedMission) -> Iterator[Message]:
 
 
 def _measure(sensor: RecordedSensor, times: Array) -> Iterator[Message]:
-    """Yield each of a sensor's readings once, stamped with the sampling time.
+    """Yield each reading of a sensor once, stamped with the sampling time.
 
-    A record holds each sensor's latest reading, which may be older than the record. No sensor
+    A record contains each sensor's latest reading, which may be older than the record. No sensor
     samples at the end of the mission.
     """
     period = sensor.kind.period_s
@@ -182,7 +182,7 @@ def _yaw_rates(rows: pd.DataFrame) -> list[float]:
 
 
 def _goals(mission: RecordedMission) -> list[Pose]:
-    """Return the poses of the waypoints, each facing along the leg that ends there."""
+    """Return the poses of the waypoints, which face along the leg that ends there."""
     places = [mission.world.course.home[:2], *mission.route.tolist()]
     return [
         _at(x, y, math.atan2(y - from_y, x - from_x))
@@ -261,7 +261,7 @@ def _choose_type(kind: Beam | Signal) -> str:
 
 
 def _fill_message(kind: Beam | Signal, readings: Sequence[float]) -> Content | None:
-    """Return a message's content without the header, or None if the sensor is silent."""
+    """Return a message's content without the header; None if the sensor is silent."""
     if isinstance(kind, Beam):
         if not any(map(math.isfinite, readings)):
             return None

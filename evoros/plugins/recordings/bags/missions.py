@@ -1,4 +1,4 @@
-"""Recorded missions with all robots, for export, and the options that choose missions."""
+"""Recorded missions with all robots, and the options that choose missions for export."""
 
 import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -35,27 +35,27 @@ from evoros.terminal.log import LOGGER
 from evoros.world.model import World
 
 _LARGEST = 1e9
-"""Upper limit of numbers in a mission, so that they fit into messages."""
+"""Upper limit of numbers in a mission, which must fit into messages."""
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedMission:
-    """A recorded mission, as one robot sees it."""
+    """A recorded mission from the point of view of one robot."""
 
     name: str  # WORLD, or GENERATION_DESIGN_WORLD_TRIAL
     row: "pd.Series[str]"  # the mission's row of ``missions.csv``
     context: FigureContext  # includes the evolved parameters of the sensor types
     trajectory: pd.DataFrame  # has the columns of ``trajectory_WORLD.csv``
-    urdf: str  # the robot with its sensors
-    loaded_urdf: str  # the robot as engines load it
+    urdf: str  # description of the robot with its sensors
+    loaded_urdf: str  # description that engines load
     joints: Sequence[Joint]
     root: str  # root link
-    root_pose: Pose  # pose of the root link in the frame whose poses the trajectory records
+    root_pose: Pose  # pose of the root link in the frame that the trajectory records
     sensors: Sequence[RecordedSensor]
     world: World
-    route: Array  # (legs, 2) waypoints in order [m]
+    route: Array  # (legs, 2) waypoints [m] in the order of the route
     others: Mapping[str, "RecordedMission"] = field(default_factory=dict)
-    """The mission as each of the other robots sees it, by robot name."""
+    """The mission from the point of view of each other robot, by name."""
     walkers: Sequence[WalkerTrack] = ()
 
 
@@ -80,7 +80,7 @@ def _read_others(
 
 
 def read_mission(record: Record, row: "pd.Series[str]") -> RecordedMission:
-    """Read the mission in a row of ``missions.csv``, from a run that keeps all trajectories."""
+    """Read the mission in a row of ``missions.csv`` from a run that stores all trajectories."""
     generation, design, trial = (int(row[name]) for name in ("generation", "design", "trial"))
     key = (generation, design, str(row["world"]), trial)
     file, agent = trajectory_file(key), record.agent
@@ -101,8 +101,8 @@ class _Files(NamedTuple):
 
     mission: str
     trajectory: Path
-    described: Path  # the robot with its sensors
-    loaded: Path  # the robot as engines load it; missing if the same as ``described``
+    described: Path  # description of the robot with its sensors
+    loaded: Path  # description that engines load; None if it is ``described``
 
 
 def _assemble(
@@ -117,7 +117,7 @@ def _assemble(
     urdf, source = read_text(files.described), str(files.described)
     loaded = read_text(files.loaded) if files.loaded.is_file() else urdf
     elements = parse(urdf.encode(), source)
-    # ``read_tree`` rejects meshes; only the loaded robot has shapes in place of meshes.
+    # ``read_tree`` rejects meshes, which only the loaded robot replaces with shapes.
     links = [str(link.get("name")) for link in elements.findall("link")]
     joints = [read_joint(joint, links) for joint in elements.findall("joint")]
     root = next(iter({*links} - {joint.child for joint in joints}))
@@ -171,7 +171,7 @@ def _check(trajectory: pd.DataFrame, source: Path, context: FigureContext) -> No
 def list_rows(
     record: Record, generation: int | None, design: int | None, trial: int | None
 ) -> Iterator["pd.Series[str]"]:
-    """Yield the rows in ``missions.csv`` of a design, by default the champion, in order."""
+    """Yield a design's rows of ``missions.csv`` in order, by default the champion's."""
     missions = record.run.missions
     if design is None:
         design = int(

@@ -1,4 +1,4 @@
-"""Write messages as a rosbag2 with MCAP, or as a ROS 1 bag, with the library rosbags."""
+"""Writes messages as a rosbag2 (MCAP) or as a ROS 1 bag, with the library rosbags."""
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -26,7 +26,7 @@ with require_extra("bags", "evoros analyze bag"):
     from rosbags.typesys.store import Typestore
 
 DISTROS = {"humble": Stores.ROS2_HUMBLE, "jazzy": Stores.ROS2_JAZZY}
-"""Message definitions by distribution; jazzy also suits iron, kilted and later releases."""
+"""Message definitions by distribution; jazzy's also suit iron, kilted and later releases."""
 METADATA_VERSION: Literal[8] = 8
 """The latest version of rosbag2 that humble can read."""
 OTHER_TYPES = {
@@ -36,7 +36,7 @@ OTHER_TYPES = {
     "ackermann_msgs/msg/AckermannDriveStamped": "std_msgs/Header header\n"
     "ackermann_msgs/AckermannDrive drive",
 }
-"""Message definitions that some of the library's type stores lack."""
+"""Message definitions that are missing from some of the library's type stores."""
 _ZERO: Mapping[str, Any] = {"string": "", "bool": False, "float32": 0.0, "float64": 0.0}
 
 
@@ -76,7 +76,7 @@ def _write(
     qualities: Sequence[Mapping[str, Any]],
     messages: Sequence[Message],
 ) -> None:
-    """Write messages to a bag; ``qualities`` are further arguments for each connection."""
+    """Write messages to a bag; ``qualities`` are additional arguments for each connection."""
     with writer:
         connections = {
             topic.name: writer.add_connection(topic.name, topic.type, typestore=store, **quality)
@@ -114,7 +114,7 @@ def _quality(latched: bool) -> Qos:
 
 
 def _build(store: Typestore, name: str, content: Mapping[str, Any]) -> Any:
-    """Build a message; fields missing from ``content`` are zero or empty."""
+    """Build a message; fields missing from ``content`` become zero or empty."""
     fields = store.fielddefs[name][1]
     return store.types[name](
         **{field: _fill(store, kind, content.get(field)) for field, kind in fields}
