@@ -7,7 +7,7 @@
     save(product.figure, "compare.pdf", "pdf")
     product.table  # a pandas frame
 
-Everything here is imported on first use.
+All names are imported on first use.
 """
 
 from typing import TYPE_CHECKING
@@ -37,7 +37,7 @@ __all__ = [
     "save",
 ]
 
-if not TYPE_CHECKING:  # otherwise type checkers would accept any name
+if not TYPE_CHECKING:  # otherwise, type checkers would accept any name
     from evoros.base.lazy import import_lazily
 
     _HOMES = {

@@ -9,17 +9,17 @@ from .subcommands import SUBCOMMANDS, Product, import_subcommand, parse
 from .tables.study import Study
 
 OF_COMMAND = {"subcommand", "folders", "where", "treatments", "output", "style", "panel_letters"}
-"""Options that choose runs, which the study already does, or control the written files."""
+"""Options that choose runs, as the study already does, or that control the written files."""
 
 
 def analyze(study: Study, figure: str, **options: Any) -> Product:
-    """Make a figure and its tables as ``evoros analyze FIGURE`` does, but write no files.
+    """Make a figure and its tables like ``evoros analyze FIGURE``, but write no files.
 
-    ``figure`` is the name of a subcommand, and ``options`` are the subcommand's options, spelled
-    with underscores: ``without_tables=True``, ``difference=[1.0]``.
+    ``figure`` is the name of a subcommand, and ``options`` are its options, spelled with
+    underscores: ``without_tables=True``, ``difference=[1.0]``.
 
     Raises:
-        InputError: no such figure or option exists, or the study lacks the required data.
+        InputError: the figure or an option does not exist, or the study lacks the required data.
     """
     if figure not in SUBCOMMANDS:
         raise InputError(

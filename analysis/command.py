@@ -22,7 +22,7 @@ from .tables.loading import load_study
 from .tables.study import Study
 
 RECORD = "evoros.json"
-"""Name of the file in a written folder that holds the hashes of the other files."""
+"""Name of the file in a written folder that contains the hashes of the other files."""
 
 
 def main() -> None:
@@ -43,12 +43,12 @@ def _analyze(arguments: Sequence[str]) -> int:
 
 
 def draw(options: argparse.Namespace, study: Study | None = None) -> tuple[list[Path], int]:
-    """Write the files of a subcommand and print its messages; return the paths and exit status."""
+    """Write a subcommand's files and print its messages; return the paths and exit status."""
     subcommand = import_subcommand(options.subcommand)
     if options.output is None:
         first = expand_home(options.folders[0])
         archive = find_archive(first)
-        if archive is not None:  # archives stay unchanged
+        if archive is not None:  # archives are never changed
             first = archive.with_name(f"{archive.stem}_analysis")
         if any(exists(first / name) for name in MARKS):
             require_no_links(first)  # so that no figure is written through a link
@@ -82,7 +82,7 @@ def _write_product(product: Product, options: argparse.Namespace) -> list[Path]:
 
 
 def _render(product: Product, options: argparse.Namespace) -> dict[str, bytes]:
-    """Render all files before any is written, so that an error leaves no files behind."""
+    """Render all files before writing any, so that an error leaves no files behind."""
     files: dict[str, bytes] = {}
     name, kind = options.subcommand, getattr(options, "format", "")
     if product.figure is not None:
@@ -123,7 +123,7 @@ def write_folder(path: Path, command: str, files: Mapping[str, bytes]) -> None:
 
 
 def _check_unchanged(path: Path, command: str) -> None:
-    """Check that a folder is absent, empty, or unchanged since the command wrote it."""
+    """Require that a folder is missing, empty, or unchanged since the command wrote it."""
     if not path.exists() and not path.is_symlink():
         return
     problem = _find_change(path, command)

@@ -1,7 +1,7 @@
-"""The number of clusters among points, by Ward's method, silhouettes and two tests.
+"""The number of clusters among points, from Ward's method, silhouettes and two tests.
 
-Clustering finds clusters in any point cloud. The best silhouette is therefore compared with
-the silhouettes of clouds without clusters (``find_clusters``) and of samples from a larger pool
+Clustering finds clusters in any point cloud. Therefore, the best silhouette is compared with the
+silhouettes of clouds without clusters (``find_clusters``) and of samples from a larger pool
 (``compare_with_samples``).
 """
 
@@ -27,10 +27,10 @@ DRAWS = 499  # number of clouds or samples
 class Clusters:
     """The best clustering of n points, and whether it is significant."""
 
-    cut: NDArray[np.int64]  # (n,) cluster of each point in the best clustering, from 1
+    cut: NDArray[np.int64]  # (n,) cluster of each point in the best clustering, counted from 1
     silhouette: float  # mean over the points: 1 tight and separate, 0 no structure; NaN: too few
     expected: float  # 95 % quantile of the silhouettes of clouds without clusters
-    p: float  # share of these clouds with at least this silhouette; NaN: too few points
+    p: float  # share of these clouds with a silhouette at least as large; NaN: too few points
 
     @property
     def real(self) -> bool:
@@ -56,8 +56,9 @@ def find_clusters(points: Array, draws: int = DRAWS) -> Clusters:
     of the points and have the same covariance (the reference of the gap statistic: Tibshirani et
     al. 2001, J. R. Stat. Soc. B 63, 411-423). The number of clusters in a cloud is chosen in the
     same way. Uniform clouds are used because they split better than other clouds without clusters.
-    Points along a curve look clustered to this test, so the coordinates must map one varying
-    quantity to a line. The order of the points makes no difference."""
+    To this test, points along a curve look clustered, so a single varying quantity must map to a
+    line in the coordinates. The order of the points does not matter.
+    """
     n = len(points)
     if n < MIN_POINTS or not np.ptp(points, axis=0).any():
         return Clusters(np.ones(n, dtype=np.int64), np.nan, np.nan, np.nan)
@@ -88,7 +89,7 @@ def compare_with_samples(silhouette: float, n: int, pool: Array, draws: int = DR
 
 
 def cut_best(points: Array) -> tuple[float, NDArray[np.int64]]:
-    """Return the maximum mean silhouette, and each point's cluster (n,), from 1."""
+    """Return the maximum mean silhouette, and the cluster (n,) of each point, counted from 1."""
     condensed = pdist(points)
     distances, cuts = squareform(condensed), _cuts(linkage(condensed, "ward"))
     scores = [_silhouette(distances, labels) for labels in cuts]
@@ -99,7 +100,7 @@ def cut_best(points: Array) -> tuple[float, NDArray[np.int64]]:
 def _cuts(tree: Array) -> list[NDArray[np.int64]]:
     """Cut a tree from ``linkage`` into 2 to ``MAX_CLUSTERS`` clusters, numbered from 1.
 
-    SciPy's ``fcluster`` may return fewer clusters for merges at equal distances. ``fcluster`` and
+    With merges at equal distances, SciPy's ``fcluster`` may return fewer clusters. ``fcluster`` and
     ``cut_tree`` take ten times as long, which would dominate the time for many small clouds.
     """
     n = len(tree) + 1

@@ -33,7 +33,7 @@ def dilate(vertices: Array, radius_m: float) -> Array:
 
 
 def trace_cones(sensors: pd.DataFrame, reach_m: float = math.inf) -> list[Array]:
-    """Return the cone (k, 2) [m] of each sensor, cut at ``reach_m``.
+    """Return the cone (k, 2) [m] of each sensor, cut off at ``reach_m``.
 
     Pitch does not shorten a cone, because the lowest rays are nearly level.
     """
@@ -73,7 +73,7 @@ def trace_zone(
 
 
 def find_covered(sensors: pd.DataFrame, x: Array, y: Array, cell_m: float, reach_m: float) -> Array:
-    """Return True for each point x, y [m] (arrays of one shape) inside any sensor's cone.
+    """Return True for each point x, y [m] (arrays of the same shape) in any sensor's cone.
 
     A cone extends at least half a cell to either side, so that a single ray also covers cells.
     """

@@ -39,7 +39,7 @@ def compute_profiles(sensors: pd.DataFrame) -> pd.DataFrame:
     """Count the sensors that cover each heading: one row per design, one column per heading [deg].
 
     Each count is the exact mean over ``STEP_DEG`` centred on the heading; counts at single headings
-    would not distinguish designs that differ by less. The table is sorted by its index ``DESIGN``.
+    could not distinguish designs that differ by less. The table is sorted by its index, ``DESIGN``.
     """
     frame = pd.DataFrame(_overlap(sensors, HEADINGS_DEG, STEP_DEG / 2) / STEP_DEG)
     frame.columns = pd.Index(HEADINGS_DEG)
@@ -58,26 +58,26 @@ def share_ahead(sensors: pd.DataFrame, within_deg: float = AHEAD_DEG) -> "pd.Ser
 
 
 def _overlap(sensors: pd.DataFrame, headings: Array, around: float) -> Array:
-    """Return the degrees (n, headings) that each sensor covers within ``around`` of a heading."""
+    """Return the angle (n, headings) [deg] that each sensor covers ``around`` a heading."""
     yaw, half = sensors.yaw_deg.to_numpy(float)[:, None], _openings(sensors)[:, None] / 2
     overlap = np.zeros((len(sensors), len(headings)))
     for turn in (-360.0, 0.0, 360.0):
         low = np.maximum(yaw - half, turn + headings - around)
         high = np.minimum(yaw + half, turn + headings + around)
-        overlap += np.nan_to_num(np.maximum(high - low, 0.0))  # NaN means no sensor
+        overlap += np.nan_to_num(np.maximum(high - low, 0.0))  # NaN: no sensor
     return overlap
 
 
 def _openings(sensors: pd.DataFrame) -> Array:
-    """Return the field of view of each sensor [deg], at least ``RAY_DEG``, the width of a ray."""
-    openings: Array = np.maximum(sensors.fov_deg.to_numpy(float), RAY_DEG)  # NaN means no sensor
+    """Return the field of view of each sensor [deg], at least the width of a ray, ``RAY_DEG``."""
+    openings: Array = np.maximum(sensors.fov_deg.to_numpy(float), RAY_DEG)  # NaN: no sensor
     return openings
 
 
 def compute_directions(profiles: pd.DataFrame) -> Array:
     """Return quantiles (n, ``QUANTILES``) of covered headings' angles [deg] from straight ahead.
 
-    Left and right count alike; a blind design has 180 everywhere. The Euclidean distance of two
+    Left and right are equivalent; a blind design has 180 everywhere. The Euclidean distance of two
     rows, divided by the root of ``QUANTILES``, is the Wasserstein distance of order 2. If all
     sensors rotate together, these points move along a line, whereas profiles move along a curve.
     """
@@ -131,7 +131,7 @@ def measure_nearness(
 
 
 def _designs(sensors: pd.DataFrame) -> Iterator[tuple[tuple[object, ...], Array]]:
-    """Yield each design's key, and its sensors' ``_PLACE`` columns (n, 6)."""
+    """Yield each design's key, and the ``_PLACE`` columns (n, 6) of its sensors."""
     ordered = sensors.sort_values(DESIGN, kind="stable", ignore_index=True)
     keys = list(zip(*(ordered[name].tolist() for name in DESIGN), strict=True))
     values = ordered[_PLACE].to_numpy(float)
@@ -158,7 +158,7 @@ def _measure(
 
 FRONT, SIDE, NEITHER = "front array", "side mounts", "no sensors"
 ALL = "all"
-"""Value of ``treatment`` in rows about the champions of all treatments together."""
+"""Value of ``treatment`` in rows on the champions of all treatments together."""
 _ORDER = ("treatment", "measure", "at", "value", "low", "high", "n", "random", "n_random", "p")
 Row = dict[str, object]
 
@@ -201,7 +201,7 @@ def _describe(
 
 
 def _classify(share: float) -> str:
-    """Name the strategy for a share of the field of view near 0 deg; NaN means no sensors."""
+    """Name the strategy for a share of the field of view near 0 deg; NaN stands for no sensors."""
     if np.isnan(share):
         return NEITHER
     return FRONT if share >= 0.5 else SIDE

@@ -23,7 +23,10 @@ DASHES: Mapping[int, Any] = {1: "-", 2: (0, (2.5, 1.0))}
 """Line style of each phase of a mission."""
 _HEAD: dict[str, Any] = {"ls": "none", "ms": 4.5, "mec": "black", "mew": 0.5}
 _HEADS = {1: {**_HEAD, "mfc": "black"}, 2: {**_HEAD, "mfc": "white"}}
-_APART_M, _ARROWHEAD_M = 7.0, 0.3  # arrowhead spacing, and length of path that gives the direction
+_APART_M, _ARROWHEAD_M = (
+    7.0,
+    0.3,
+)  # spacing of arrowheads, and length of path that directs them
 _ARROW_M = 1.5  # length of the arrow at the start of the path
 _POINT: dict[str, Any] = {"ls": "none", "marker": "v", "ms": 5, "mec": "black", "mew": 0.7}
 _MARKS: Mapping[str, Mapping[str, Any]] = {
@@ -40,7 +43,7 @@ _PART: dict[str, Any] = {**_POINT, "marker": "D", "ms": 5.5, "mfc": VERMILLION}
 _WEDGE: dict[str, Any] = {"color": ORANGE, "alpha": 0.45}
 _WIDEST_PT = 6.0  # maximum width of a growing fault's band
 GROWN_S = 60.0
-"""Seconds until the band of a growing error has its full width."""
+"""Time [s] until the band of a growing error reaches its full width."""
 _STRETCHES = 60  # number of segments in a widening band
 
 
@@ -71,10 +74,10 @@ def _name_part(axes: Axes, place: tuple[float, float], name: str) -> None:
 def _split(
     path: pd.DataFrame, failed: str = "failed_sensors", failed_by: str = "failed_by"
 ) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Yield each effect with the rows in which it failed items, reduced to these items."""
+    """Yield each effect with the rows in which items failed with it, reduced to these items."""
     if failed not in path:
         return
-    hit = path[path[failed].fillna("") != ""]  # other robots' parts cannot fail
+    hit = path[path[failed].fillna("") != ""]  # parts of other robots cannot fail
     names = [cell.split(";") for cell in hit[failed_by]]
     for effect in dict.fromkeys(name for cell in names for name in cell):
         numbers = [
@@ -101,7 +104,7 @@ def _draw_growth(axes: Axes, path: pd.DataFrame, begin: int) -> None:
 
 
 def make_fault_handles(tracks: pd.DataFrame, effects: Mapping[str, str]) -> list[Line2D]:
-    """Make a legend entry for each effect, and one for the band of growing errors."""
+    """Make a legend entry for each effect, and one for the bands of growing errors."""
     drawn = {effect: effects.get(effect, ENDS) for effect, _ in _split(tracks)}
     handles = [
         Line2D([], [], label=_WORDS[kind].format(effect), **_MARKS[kind])
@@ -125,7 +128,7 @@ def split_by_mode(path: pd.DataFrame) -> Iterator[tuple[str, Array]]:
 
 
 def split_by_phase(path: pd.DataFrame) -> Iterator[tuple[int, pd.DataFrame]]:
-    """Split a mission's path into phases 1 and 2, which share the point where they meet."""
+    """Split a mission's path into phases 1 and 2, which share the point between them."""
     phases = path["phase"].to_numpy(int) if "phase" in path else np.ones(len(path), dtype=int)
     back = int(np.argmax(phases == 2)) if (phases == 2).any() else len(path)
     yield 1, path.iloc[: back + 1]

@@ -18,16 +18,16 @@ from matplotlib.transforms import Bbox
 from evoros.base.arrays import Array
 
 LETTERS = ("A", "a", "(a)")
-"""Styles of panel letters, each by the first panel's letter."""
+"""Styles of panel letters, named by the first panel's letter."""
 _GAP_PT = 2.0  # minimum gap between tick labels
-_ROUNDS = 8  # maximum number of attempts to remove ticks
+_ROUNDS = 8  # maximum number of attempts to thin out ticks
 _LETTERED = "lettered"  # group id of a figure with panel letters
 COLOUR_BAR = "<colorbar>"
 """Matplotlib's label for the axes of a colour bar."""
 
 
 def prepare_figure(figure: Figure, letters: str = "") -> None:
-    """Prepare a figure for its layout; ``letters`` is one of ``LETTERS``, or empty."""
+    """Prepare a figure for layout; ``letters`` is one of ``LETTERS``, or empty."""
     if letters and figure.get_gid() != _LETTERED:
         _add_letters(figure, letters)
         figure.set_gid(_LETTERED)  # so that letters are added only once
@@ -40,14 +40,14 @@ def prepare_figure(figure: Figure, letters: str = "") -> None:
 
 
 def fit_text(figure: Figure) -> None:
-    """Align panels, and fit ticks and notes, so that no text overlaps in a fixed layout."""
+    """Align panels, and fit ticks and notes so that no text overlaps in a fixed layout."""
     _align_panels(figure)
     _thin_ticks(figure)
     _part_numbers(figure)
 
 
 def list_panels(figure: Figure) -> list[Axes]:
-    """List the axes that are panels, without colour bars, twins and pictures."""
+    """List the axes that are panels, without colour bars, twin axes and pictures."""
     panels: list[Axes] = []
     for axes in figure.axes:
         twin = any(np.allclose(axes.bbox.bounds, other.bbox.bounds) for other in panels)
@@ -112,7 +112,7 @@ def _spell(texts: Iterable[Text]) -> None:
 
 
 def _keep_marks_whole(axes: Axes) -> None:
-    """Let markers inside the axes extend over the axes' edges."""
+    """Let markers inside the axes extend beyond the edges."""
     for artist in axes.get_children():
         places = find_marks(artist, axes)
         if places is not None and len(places) and _within(places, axes):
@@ -120,7 +120,7 @@ def _keep_marks_whole(axes: Axes) -> None:
 
 
 def find_marks(artist: Artist, axes: Axes) -> Array | None:
-    """Return the positions (n, 2) of an artist's markers; None without markers in data units."""
+    """Return the positions (n, 2) of an artist's markers; None if they are not in data units."""
     if isinstance(artist, PathCollection) and artist.get_offset_transform() == axes.transData:
         return _fill(artist.get_offsets())
     if isinstance(artist, Line2D) and artist.get_transform() == axes.transData:
@@ -134,7 +134,7 @@ def _fill(places: Any) -> Array:
 
 
 def _within(places: Array, axes: Axes) -> bool:
-    """Return True if all known positions lie within the axes' limits or on them."""
+    """Return True if all known positions are inside or on the axes' limits."""
     limits = np.sort([axes.get_xlim(), axes.get_ylim()], axis=1)
     slack = 1e-9 * np.ptp(limits, axis=1)
     known = places[np.isfinite(places).all(axis=1)]
@@ -143,7 +143,7 @@ def _within(places: Array, axes: Axes) -> bool:
 
 
 def _align_panels(figure: Figure) -> None:
-    """Give panels above each other one left edge; subfigures are laid out independently."""
+    """Align the left edges of panels above each other; subfigures are laid out independently."""
     columns: dict[int, list[Axes]] = {}
     for axes in list_panels(figure):
         if axes.get_aspect() == "auto":
@@ -158,7 +158,7 @@ def _align_panels(figure: Figure) -> None:
 
 
 def _thin_ticks(figure: Figure) -> None:
-    """Remove ticks chosen by a locator until no labels of an axis collide."""
+    """Remove ticks that a locator has chosen until no labels of an axis collide."""
     for _ in range(_ROUNDS):
         figure.draw_without_rendering()
         crowded = [axis for axis in _number_axes(figure) if collide(list_tick_labels(axis))]
@@ -170,7 +170,7 @@ def _thin_ticks(figure: Figure) -> None:
 
 
 def _part_numbers(figure: Figure) -> None:
-    """Move notes that overlap other text to another side of their marker."""
+    """Move notes that overlap other text to another side of their markers."""
     for axes in figure.axes:
         texts = [text for text in axes.texts if text.get_visible() and text.get_text()]
         for note in texts:
@@ -190,7 +190,7 @@ def _move(note: Annotation, others: Sequence[Text]) -> None:
 
 
 def _number_axes(figure: Figure) -> Iterator[Axis]:
-    """Yield the numeric axes whose ticks a locator chooses."""
+    """Yield the numeric axes whose ticks are chosen by a locator."""
     for axes in figure.axes:
         if axes.axison and axes.get_visible():
             for axis in (axes.xaxis, axes.yaxis):

@@ -1,4 +1,4 @@
-"""Small pictures of designs, next to a plot of the designs or one per cell of an archive."""
+"""Small pictures of designs, next to a plot of the designs or in the cells of an archive."""
 
 from collections.abc import Sequence
 
@@ -17,14 +17,14 @@ from .style import BLUE, VERMILLION, assign_colours
 
 LENGTHS = 1.5  # length at which cones are cut off, in robot lengths
 _QUARTILES = (0.25, 0.5, 0.75)
-MIN_IN = 0.19  # minimum side of a cell in which a design is recognizable
+MIN_IN = 0.19  # minimum side of a cell at which a design is recognizable
 SHORT = 0.7  # length of the cones in a cell, in robot lengths
-_SHARE = 0.9  # size of a design as a share of its cell's side
+_SHARE = 0.9  # size of a design as a fraction of its cell's side
 _BODY, _WHEEL, _EDGE = "0.97", "0.35", "black"
 
 
 def choose_apart(points: Array, count: int) -> list[int]:
-    """Choose rows of ``points`` (n, 2): the first, then always the farthest from those chosen."""
+    """Choose rows of ``points`` (n, 2): the first, then repeatedly the farthest from all chosen."""
     scale = np.ptp(points, axis=0)
     scaled = points / np.where(scale > 0, scale, 1.0)
     chosen = [0]
@@ -42,7 +42,7 @@ def draw_designs(
     designs: Sequence[pd.DataFrame],
     context: FigureContext,
 ) -> None:
-    """Draw one design per panel, with its cones; the designs have ``designs.COLUMNS``."""
+    """Draw one design per panel with its cones; the designs have ``designs.COLUMNS``."""
     reach = LENGTHS * robot_length(context)
     everything = pd.concat(list(designs))
     view = fit_window([context], everything, reach)
@@ -60,7 +60,7 @@ def draw_designs(
 def draw_in_cells(
     axes: Axes, centres: Array, side: Array, designs: Sequence[pd.DataFrame], context: FigureContext
 ) -> None:
-    """Draw each design into its cell, all to the same scale.
+    """Draw each design in its cell, all to the same scale.
 
     The cells' ``centres`` (n, 2) and ``side`` (2,) are in the units of the axes. The designs have
     ``designs.COLUMNS``.

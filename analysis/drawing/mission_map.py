@@ -1,4 +1,4 @@
-"""Draw a mission on the map: path by mode, collisions, failures, and the legend."""
+"""Draws a mission on the map: path by mode, collisions, failures, and the legend."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -51,7 +51,7 @@ _TIME: dict[str, Any] = {"fontsize": "x-small", "zorder": 4.7, "textcoords": "of
 _TIME["xytext"] = (3, 2)
 _MARK: dict[str, Any] = {"ls": "none", "marker": "o", "mec": "black", "mew": 0.4, "ms": 6}
 POSE = ("x_m", "y_m", "yaw_rad")
-COLOURS = (ORANGE, SKY, PURPLE)  # differ from the first robot's colours if it has few modes
+COLOURS = (ORANGE, SKY, PURPLE)  # distinct from the first robot's colours if it has few modes
 ROBOT_DASHES = ((0, (4, 1)), (0, (4, 1, 1, 1)), (0, (1.5, 1)))
 _WIDTH_PT = 1.3
 _HIT: dict[str, Any] = {"mfc": "black", "mec": "white", "mew": 0.6}
@@ -133,7 +133,7 @@ def make_handles(
 
 
 def has_estimate(tracks: pd.DataFrame) -> bool:
-    """Return True if the missions recorded an estimated pose."""
+    """Return True if the missions have recorded an estimated pose."""
     return "estimated_x_m" in tracks
 
 
@@ -145,7 +145,7 @@ def draw_errors(figure: SubFigure, paths: Mapping[str, pd.DataFrame], columns: i
     twins = []
     for axes, path in zip(panels, paths.values(), strict=False):
         way, place, heading = measure_drift(path)
-        if not len(way):  # a mission that was not run
+        if not len(way):  # the mission was not run
             way, place, heading = np.zeros((3, 1))
         axes.plot(way, place, color=BLUE, lw=1.0)
         axes.set(xlabel="distance driven [m]", xlim=(0.0, max(float(way[-1]), 1e-3)))
@@ -170,7 +170,7 @@ def draw_errors(figure: SubFigure, paths: Mapping[str, pd.DataFrame], columns: i
 def measure_drift(path: pd.DataFrame) -> tuple[Array, Array, Array]:
     """Return the distance driven [m], position error [m] and heading error [deg], each (n,).
 
-    The last record is left out, because its estimate is from an earlier decision.
+    The last record is left out, because its estimate comes from an earlier decision.
     """
     rows = path.iloc[:-1] if len(path) > 1 else path
     x, y = rows["x_m"].to_numpy(float), rows["y_m"].to_numpy(float)

@@ -1,4 +1,4 @@
-"""Mounting drawing of a robot's sensors: top view, right-hand view, and a table."""
+"""A mounting drawing of a robot's sensors: top view, right-hand view, and a table."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -125,7 +125,7 @@ def _dimension_above(axes: Axes, plan: MountingPlan, view: View, top: float) -> 
 
 
 def _dimension_side(axes: Axes, plan: MountingPlan, view: View) -> None:
-    """Write z on the right of the view, and the x of reference points below it."""
+    """Write z to the right of the view, and the x of reference points below it."""
     low, high = plan.bounds
     zs = group_values((s.place_mm[Z], view.across(s.place_mm[X])) for s in plan.sensors)
     zs.setdefault(0.0, [view.across(high[X]) + 4.0])
@@ -158,7 +158,7 @@ def _label_above(axes: Axes, plan: MountingPlan, view: View) -> None:
 
 
 def _label_side(axes: Axes, plan: MountingPlan, view: View) -> None:
-    """Write numbers and pitch above the view; sensors that coincide in it share a label."""
+    """Write numbers and pitch above the view; sensors that coincide there share a label."""
     alike: dict[tuple[float, ...], list[int]] = {}
     for index, sensor in enumerate(plan.sensors):
         key = (*sensor.place_mm[[X, Z]].round(1).tolist(), round(sensor.pitch_deg, 1))
@@ -207,7 +207,7 @@ def _list_notes(plan: MountingPlan) -> Iterator[tuple[str, str]]:
 def write_table(
     axes: Axes, plan: MountingPlan, notes: Sequence[tuple[str, str]], top: float
 ) -> None:
-    """Write the notes downwards from ``top``, and a row for each sensor below them."""
+    """Write the notes downwards from ``top``, followed by a row for each sensor."""
     for line, (colour, note) in enumerate(notes):
         y = top - LINE * (line + 0.5)
         _mark_point(axes, (6.0, y), colour)

@@ -18,12 +18,12 @@ THIN, MEDIUM = 0.35, 0.7  # line widths [pt]
 GREY, DARK = "0.45", "0.15"
 LABEL_MM = 2.9  # minimum distance between two lines of labels
 _STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
-"""Usual scales 1:N, as multiples of a power of ten."""
+"""Common scales 1:N, as multiples of a power of ten."""
 _BARS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # lengths of the scale bar [mm]
 
 
 def choose_scale(length_mm: float, room_mm: float) -> float:
-    """Return the smallest N of a usual scale 1:N at which a length fits."""
+    """Return the smallest N of a common scale 1:N at which a length fits."""
     power = 0.01
     while True:
         for step in _STEPS:
@@ -43,7 +43,7 @@ def make_page(width_mm: float, height_mm: float) -> tuple[Figure, Axes]:
 
 @dataclass(frozen=True)
 class View:
-    """A view along one axis of the robot, with its other two axes on the page."""
+    """A view along one axis of the robot, with the two other axes on the page."""
 
     right: int  # index of the robot axis that points right
     up: int
@@ -74,7 +74,7 @@ def spread(places: Sequence[float], minimum: float) -> list[float]:
 
 
 def label_sensors(axes: Axes, sensors: pd.DataFrame, aside: float, apart: float) -> None:
-    """Write each sensor's ``label`` next to the robot (in bold if ``bold``), with a leader line."""
+    """Write each sensor's ``label`` next to the robot (bold if ``bold``), with a leader line."""
     for side in (1.0, -1.0):
         chosen = sensors[(sensors["y_m"] >= 0.0) == (side > 0.0)].sort_values("x_m")
         levels = spread(chosen["x_m"].tolist(), apart)
@@ -95,10 +95,10 @@ def group_values(pairs: Iterable[tuple[float, float]]) -> dict[float, list[float
 
 
 class Rail(NamedTuple):
-    """The line along which the dimensions on one axis of a view are written."""
+    """The line along which the dimensions of one axis of a view are written."""
 
-    place: Callable[[float], float]  # page position of a value
-    end: float  # end of the leader lines, across the axis
+    place: Callable[[float], float]  # converts a value to a page position
+    end: float  # end of the leader lines, perpendicular to the axis
     upright: bool  # True: lines are vertical, and labels rotated
 
 

@@ -31,8 +31,8 @@ _BODY, _WHEEL = "0.88", "0.45"
 _EDGE = "0.35"
 RAY = VERMILLION
 LINE_DEG = 2.0
-"""Field of view below which a beam is drawn as a line of fixed width."""
-_HEADING_IN, _RAY_PT = 0.075, 1.2  # length of a heading line, width of a ray
+"""Field of view [deg] below which a beam is drawn as a line of fixed width."""
+_HEADING_IN, _RAY_PT = 0.075, 1.2  # length of a heading line, and width of a ray
 
 
 def aspect_ratio(view: Window) -> float:
@@ -57,7 +57,7 @@ def frame_axes(axes: Axes, view: Window) -> None:
 
 
 def draw_robot(axes: Axes, context: FigureContext, fill: bool = True, zorder: float = 1.0) -> None:
-    """Draw a robot's parts from the lowest to the highest; without ``fill``, only their edges."""
+    """Draw a robot's parts from the lowest to the highest; without ``fill``, only the edges."""
     for part in sorted(context.parts, key=lambda part: part.top_m):
         face, alpha = _WHEEL if part.wheel else _BODY, 0.85 if fill else 0.6
         look: dict[str, Any] = {"fc": face if fill else "none", "ec": _EDGE, "lw": 0.4}
@@ -86,7 +86,7 @@ def draw_rays(
     reach_m: float = math.inf,
     alpha: float = 1.0,
 ) -> None:
-    """Draw a line with a dot at its end for each sensor with a narrow beam or a single ray."""
+    """Draw a line with a dot at the end for each sensor with a narrow beam or a single ray."""
     narrow = (sensors["fov_deg"] < LINE_DEG).to_numpy()
     rows = sensors.loc[narrow, ["x_m", "y_m", "yaw_deg", "range_m"]].to_numpy(dtype=np.float64)
     if not len(rows):
@@ -122,10 +122,10 @@ def draw_sensors(
 
 
 def _draw_headings(axes: Axes, sensors: pd.DataFrame, alpha: float) -> None:
-    """Draw a line of fixed length on paper from each sensor along its heading."""
+    """Draw a line of fixed length on the page from each sensor along its heading."""
     places = to_page(sensors[["x_m", "y_m"]].to_numpy(dtype=np.float64))
     yaw = np.radians(sensors["yaw_deg"].to_numpy(dtype=np.float64))
-    # Angles refer to the page, not to the data axes.
+    # Angles refer to the page rather than to the data.
     units = {"angles": "uv", "units": "inches", "scale_units": "inches"}
     sizes = {"scale": 1.0 / _HEADING_IN, "width": 0.011, "headwidth": 1.0, "headlength": 0.0}
     look: dict[str, Any] = {**units, **sizes, "headaxislength": 0.0, "color": "black"}
@@ -158,7 +158,7 @@ def make_type_handles(markers: Mapping[str, str]) -> list[Line2D]:
 
 
 _MARKERS = {WHEELS: ("p", 6.5), MOTION: ("X", 4.0), CONTACT: ("*", 4.0)}
-"""Marker and size [pt] by measured quantity."""
+"""The marker and its size [pt] for each measured quantity."""
 _HATCH = "/////"
 
 
@@ -169,7 +169,7 @@ class Champions:
     sensors: pd.DataFrame
     contexts: Mapping[str, FigureContext]  # one per treatment
     signals: pd.DataFrame | None = None  # sensors that cast no rays; see ``Study.signals``
-    unfinished: Collection[str] = ()  # runs that show their best design so far
+    unfinished: Collection[str] = ()  # runs represented by their best design so far
 
     @cached_property
     def placed(self) -> pd.DataFrame:
@@ -178,7 +178,7 @@ class Champions:
 
     @cached_property
     def others(self) -> pd.DataFrame:
-        """The sensors that cast no rays."""
+        """The sensors without rays."""
         return pd.DataFrame(columns=SIGNAL_COLUMNS) if self.signals is None else self.signals
 
     @cached_property
@@ -205,7 +205,7 @@ class Champions:
     def draw_on_each_other(self, axes: Axes, treatment: str, cut_m: float, places: bool) -> None:
         """Draw the rays of a treatment's champions and, with ``places``, their sensors."""
         chosen = self.placed[self.placed.treatment == treatment]
-        alpha = 0.35 if self.several else 0.8  # so that overlapping dots are darker
+        alpha = 0.35 if self.several else 0.8  # overlapping dots look darker
         robot.draw_rays(axes, chosen, [robot.RAY] * len(chosen), cut_m, alpha)
         if places:
             robot.draw_sensors(axes, chosen, ["black"] * len(chosen), self.markers, (2.5, alpha))
@@ -214,7 +214,7 @@ class Champions:
                 draw_signals(axes, signals, self.contexts[treatment], alpha)
 
     def describe(self, treatment: str) -> str:
-        """Describe a treatment; a single champion's fitness is on a separate line."""
+        """Describe a treatment; the fitness of a single champion is on a separate line."""
         head = self._count(treatment)
         head = head if treatment == SINGLE else f"{treatment} ({head})"
         if self.several or "fitness_low" not in self.sensors:
@@ -226,7 +226,7 @@ class Champions:
         return f"{head}\nvalidated {value:.2f} [{low:.2f}, {high:.2f}]"
 
     def _count(self, treatment: str) -> str:
-        """Count a treatment's champions, and the best designs so far of its unfinished runs."""
+        """Count a treatment's champions, and the best designs so far of unfinished runs."""
         runs = self.sensors[self.sensors.treatment == treatment].run.unique()
         unfinished = sum(run in self.unfinished for run in runs)
         champions = len(runs) - unfinished
@@ -249,7 +249,7 @@ def draw_signals(
     look: dict[str, Any] = {"facecolors": "none", "edgecolors": PURPLE, "linewidths": 0.6}
     drawn = PolyCollection(zones, hatch=_HATCH, alpha=alpha, zorder=3.5, **look)
     axes.add_collection(drawn, autolim=False)
-    for order, measures in enumerate(_MARKERS):  # smaller markers are drawn later
+    for order, measures in enumerate(_MARKERS):  # smaller markers are drawn on top
         shown = (signals["measures"] == measures) & (signals["width_m"] <= 0.0)
         places = to_page(signals.loc[shown, ["x_m", "y_m"]].to_numpy(float))
         axes.plot(*places.T, **_style(measures), alpha=alpha, zorder=4.5 + 0.01 * order)

@@ -1,6 +1,6 @@
 """Panels at exact page positions, for axes with equal scales and fixed aspect ratios.
 
-Matplotlib's layouts would fit such panels into cells of other aspect ratios and misalign them.
+Matplotlib's layouts would fit such panels into cells of different aspect ratios, and misalign them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,9 +14,9 @@ from .style import COLUMN_IN, scale_type
 
 SMALL = "small"
 LINE_IN, TABLE_IN, EDGE_IN = 0.13, 3.38, 0.06
-"""Line height, width of a table, and the table's minimum distance from the edge."""
+"""Line height, width of a table, and the table's minimum distance from the edge [in]."""
 Heads = Mapping[str, tuple[float, str]]
-"""Position (as a share of the table's width) and horizontal alignment of each column."""
+"""Position (as a fraction of the table's width) and horizontal alignment of each column."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Sheet:
 
     width: float
     columns: int
-    ratios: Sequence[float]  # panel height divided by width, one per row
+    ratios: Sequence[float]  # panel height divided by width, for each row
     heads: Sequence[float]  # room above each row
     left: float = 0.56
     right: float = 0.08
@@ -57,7 +57,7 @@ class Sheet:
     def add_box(
         self, figure: Figure, corner: tuple[float, float], size: tuple[float, float]
     ) -> Axes:
-        """Add axes anywhere on the page; ``corner`` is their lower left."""
+        """Add axes anywhere on the page, with the lower left ``corner``."""
         (x, y), (width, height) = corner, size
         return figure.add_axes(
             (x / self.width, y / self.height, width / self.width, height / self.height)
@@ -65,7 +65,7 @@ class Sheet:
 
 
 def table_height(rows: int, note: bool = False) -> float:
-    """Return the height [in] of a table with column heads and, if any, a note."""
+    """Return the height [in] of a table with column heads and, if given, a note."""
     return scale_type(LINE_IN) * (rows + 2 + note)
 
 
@@ -84,7 +84,7 @@ class Layout:
 
     @property
     def table_size(self) -> tuple[float, float]:
-        """Width and height of a table's subfigure."""
+        """Width and height of the subfigure of a table."""
         return self.width / self._columns, self.table
 
     def make_figure(self) -> tuple[Figure, list[tuple[SubFigure, SubFigure]]]:

@@ -1,4 +1,4 @@
-"""The style of all figures: widths, fonts, colours, line wrapping, and small reproducible files."""
+"""The style of all figures: widths, fonts, colours, line wrapping, and reproducible files."""
 
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -23,7 +23,7 @@ _DPI = 300
 """Resolution for print, in dots per inch."""
 COLOURS = 256
 VISIBLE = 0.1
-"""Mean palette error, in steps of 1/255, above which a picture keeps all its colours."""
+"""Mean palette error, in steps of 1/255, above which a picture retains all its colours."""
 COLUMN_IN = 3.5  # width of one column of a two-column page
 PAGE_IN = 7.0  # width of both columns
 FONT_PT = 8.0
@@ -33,12 +33,12 @@ STYLE: dict[Any, Any] = {
     "legend.fontsize": "small",
     "legend.title_fontsize": "small",
     "text.parse_math": False,  # folder names may contain a $
-    "figure.autolayout": False,  # it would change finished layouts
+    "figure.autolayout": False,  # would change finished layouts
     "figure.constrained_layout.use": False,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "pdf.fonttype": 42,  # embed TrueType fonts, as most publishers require
-    "svg.hashsalt": "evoros",  # otherwise the ids in an SVG are random
+    "svg.hashsalt": "evoros",  # otherwise, the ids in an SVG are random
 }
 _OURS = ("savefig.", "backend", "figure.autolayout", "figure.constrained_layout", "text.")
 """Prefixes of parameters that a style file cannot change: formats, layout, text parsing."""
@@ -57,14 +57,14 @@ BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
 )
 """The colours of Okabe and Ito (2008), which colour-blind readers can distinguish."""
 CATEGORIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
-"""Colours in the order of assignment; the first few also differ in greyscale."""
+"""Colours in the order of use; the first few also differ in greyscale."""
 
 
 @contextmanager
 def choose_style(name: str | None) -> Iterator[None]:
     """Apply a matplotlib style (a file, or a name from matplotlib's library) inside the context.
 
-    All sizes follow ``font.size``; the width in ``figure.figsize`` is the width of one column.
+    All sizes scale with ``font.size``; the width in ``figure.figsize`` is the width of one column.
     """
     parameters = {} if name is None else _read_style(name)
     token = _chosen.set(
@@ -83,7 +83,7 @@ def _read_style(name: str) -> Mapping[Any, Any]:
     if name in style.library and not path.exists():
         return dict(style.library[name])
     try:
-        # Matplotlib itself would also look on the internet, and ignore unknown keys.
+        # Matplotlib itself would also search the internet, and ignore unknown keys.
         for line in path.read_text().splitlines():
             key = line.partition("#")[0].partition(":")[0].strip()
             if key and key not in mpl.rcParams:
@@ -105,7 +105,7 @@ def use_style(more: Mapping[str, Any] | None = None) -> Iterator[None]:
 
 
 def scale_type(length: float) -> float:
-    """Scale a length [in or pt] that suits ``FONT_PT`` to the style's font size."""
+    """Scale a length [in or pt] chosen for ``FONT_PT`` to the style's font size."""
     return length * float(_find("font.size", FONT_PT)) / FONT_PT
 
 
@@ -120,7 +120,7 @@ def figure_width(columns: int | None, default: int = 1) -> float:
 
 
 def is_wide(width: float) -> bool:
-    """Return True if a width [in] is closer to a page than to a column."""
+    """Return True if a width [in] is closer to a page's than to a column's."""
     return width > (COLUMN_IN + PAGE_IN) / 2
 
 
@@ -131,7 +131,7 @@ def assign_colours(treatments: Sequence[str]) -> dict[str, str]:
 
 
 def abbreviate(names: Sequence[str], length: int) -> dict[str, str]:
-    """Map names to themselves, or to letters if one of them is longer than ``length``."""
+    """Map names to themselves, or all to letters if one is longer than ``length``."""
     fit = max(map(len, names)) <= length
     return {name: name if fit else letter(i) for i, name in enumerate(names)}
 
@@ -150,7 +150,7 @@ def save(
 ) -> None:
     """Write a figure as ``svg``, ``pdf`` or ``png``; equal figures give equal bytes.
 
-    With ``as_text``, an SVG keeps its text, shown in the viewer's fonts. ``letters`` is the
+    With ``as_text``, an SVG contains its text, shown in the viewer's fonts. ``letters`` is the
     letter of the first panel: ``A``, ``a`` or ``(a)``.
     """
     metadata = {_DATES[kind]: None} if kind in _DATES else {}
@@ -163,7 +163,7 @@ def save(
 
 
 def finish(figure: Figure, letters: str = "") -> None:
-    """Lay out a figure and fit its text, as ``save`` does before it writes."""
+    """Lay out a figure and fit its text, as ``save`` does before writing."""
     with use_style():
         prepare_figure(figure, letters)
         _fix_layout(figure)
@@ -195,7 +195,7 @@ def _fix_layout(figure: Figure) -> None:
 def write_png(figure: Figure, file: Path | str | IO[bytes], dpi: float = _DPI) -> None:
     """Write a figure, with a palette of 256 colours if these suffice."""
     whole = BytesIO()
-    figure.savefig(whole, format="rgba", dpi=dpi)  # a PNG would be compressed twice
+    figure.savefig(whole, format="rgba", dpi=dpi)  # avoids compressing twice
     width, height = (int(length * dpi) for length in figure.get_size_inches())
     save_png(Image.frombytes("RGBA", (width, height), whole.getbuffer()), file, dpi)
 

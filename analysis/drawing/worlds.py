@@ -25,7 +25,7 @@ HALO = withStroke(linewidth=1.5, foreground="white")
 _NUMBER: dict[str, Any] = {"fontsize": "x-small", "ha": "center", "va": "center", "zorder": 4.8}
 PICTURE_IN = 4.5  # width of a world's picture
 OVERHEAD_M = 1.0
-"""Height of the underside above which a part hides nothing that a robot can touch or see."""
+"""Height [m] of the underside above which a part hides nothing that robots can touch or see."""
 
 
 def draw_world_picture(worlds: Mapping[str, World]) -> bytes:
@@ -63,7 +63,7 @@ def draw_worlds(
 def draw_obstacles(
     axes: Axes, world: World, cmap: str = "cividis_r", heights: Normalize = HEIGHTS_M
 ) -> PatchCollection:
-    """Draw a world's obstacles, coloured by height; only the edges of lintels and roofs."""
+    """Draw a world's obstacles, coloured by height; for lintels and roofs, only the edges."""
     patches: list[Patch] = []
     overhead: list[Patch] = []
     tops: list[float] = []
@@ -89,7 +89,7 @@ def draw_obstacles(
 def _to_patch(area: Footprint) -> Patch:
     if len(area.vertices) == 1:
         return Circle((area.vertices[0, 0], area.vertices[0, 1]), area.radius)
-    # A tilted cylinder, even if tilted by rounding only, is a segment with a radius.
+    # A tilted cylinder, even if tilted only by rounding, is a segment with a radius.
     return Polygon(dilate(area.vertices, area.radius))
 
 

@@ -184,7 +184,7 @@ def _draw_map(
     elites: pd.DataFrame,
     size: tuple[float, Normalize | None],
 ) -> AxesImage:
-    """Draw the cells; ``size`` has the width of the axes [in] and the colour scale."""
+    """Draw the cells; ``size`` is the width of the axes [in] and the colour scale."""
     x, y, cells = archive.grid
     fitness: Array = np.full((cells, cells), np.nan)
     fitness[elites.cell_y, elites.cell_x] = elites.fitness
@@ -230,7 +230,7 @@ def mark_number(
 def draw_chosen(
     study: Study, candidates: pd.DataFrame, chosen: Sequence[int], panels: Sequence[Axes]
 ) -> None:
-    """Draw the chosen candidates into panels, each titled with its number and fitness."""
+    """Draw the chosen candidates in panels, each titled with its number and fitness."""
     designs, titles = [], []
     unit = study.records[0].context.fitness.unit
     for index, row in enumerate(chosen, start=1):

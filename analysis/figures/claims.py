@@ -1,4 +1,4 @@
-"""The user's claims: one row each with value, interval and verdict (``docs/claims.md``)."""
+"""The user's claims, one per row, with value, interval and verdict (``docs/claims.md``)."""
 
 import argparse
 import textwrap
@@ -47,7 +47,7 @@ READS: tuple[Callable[[Record], object], ...] = (
     read_champion,
     read_initial_sensors,
 )
-"""Readers that must all succeed on a run; otherwise the run is left out."""
+"""Readers that must all succeed on a run; otherwise, the run is left out."""
 NUMBER_FORMATS = {SHARE: "{:.0%}", DEGREES: "{:.0f}", NUMBER: "{:.2f}"}
 SUFFIXES = {SHARE: "", DEGREES: " deg", NUMBER: ""}
 MARKS: dict[str, dict[str, Any]] = {
@@ -74,7 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Judge the claims in a file, using all finished runs and evaluations of their champions."""
+    """Judge the claims in a file, based on all finished runs and evaluations of their champions."""
     check_thresholds(options)
     if options.claims is None:
         raise InputError("--claims: missing; write a claims file, and add --claims FILE")
@@ -91,7 +91,7 @@ def tabulate_findings(
     options: argparse.Namespace,
     messages: Iterable[str] = (),
 ) -> Product:
-    """Draw the findings as a table, and report each finding on one line after ``messages``."""
+    """Draw the findings as a table, and report each finding in one line after ``messages``."""
     table = pd.DataFrame([asdict(finding) for finding in findings])
     figure = draw_claims(table, figure_width(options.columns, 2))
     messages = [*messages, *map(_report, table.itertuples())]
@@ -142,7 +142,7 @@ def _format_reference(row: Any) -> str:
 
 
 def _rows(table: pd.DataFrame, sizes: Mapping[str, float], width: float) -> Rows:
-    """Return for each row the lines of its claim (if new) and of each cell, and its verdict."""
+    """Return, for each row, the lines of the claim (if new) and of each cell, and the verdict."""
     rows: Rows = []
     claim = ""
     for row in table.itertuples():

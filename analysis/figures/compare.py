@@ -1,4 +1,4 @@
-"""Comparison of treatments: every replicate, box plots, and pairwise tests."""
+"""A comparison of treatments: every replicate, box plots, and pairwise tests."""
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
@@ -80,7 +80,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def _report_sources(runs: pd.DataFrame) -> Iterator[str]:
-    """Report the sources of the validated fitness; the runs themselves use few trials."""
+    """Report the sources of the validated fitness, because the runs themselves use few trials."""
     for source, column in ((BY_EVALUATION, "fresh_trials"), (BY_RUN, "in_run_trials")):
         rows = runs[runs["validated_by"] == source]
         if len(rows):
@@ -173,7 +173,7 @@ def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[st
             text = f"{value}, n = {values.size}\n{bounds}".rstrip()
             beside = axes.get_yaxis_transform()
             axes.text(1.02, row, text, transform=beside, va="center", fontsize=SMALL)
-    axes.use_sticky_edges = False  # so that dots at the end of a box are not clipped
+    axes.use_sticky_edges = False  # dots at the end of a box are not clipped
     axes.set(ylim=(len(names) - 0.45, -0.45))
     axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     axes.tick_params(axis="y", length=0)

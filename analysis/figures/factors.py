@@ -50,10 +50,10 @@ PLACES = ((0.0, "left"), (0.66, "right"), (0.81, "right"), (1.0, "right"))
 EFFECT_LENGTH = 32  # maximum length of an effect's name in the table
 PANEL_IN = 2.2
 LETTERS_PER_IN = 15  # axis label characters per inch
-LEGEND_LETTERS = 44  # maximum number of characters per legend line, markers excluded
+LEGEND_LETTERS = 44  # maximum number of characters per legend line, without markers
 PROBABILITIES = ("p", "p_holm")
 CROSS, TIMES = " x ", " \N{MULTIPLICATION SIGN} "
-"""Separator between the factors of an interaction, in tables and in figures."""
+"""Separator between the factors of an interaction in tables and in figures."""
 SPREAD = 0.5  # total width of the second factor's levels
 
 
@@ -92,7 +92,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def choose_factors(study: Study, wanted: str | None) -> list[str]:
-    """Choose the named factors, by default all that differ and do not follow from others."""
+    """Choose the named factors, by default all that vary and do not follow from others."""
     columns = {
         name: tuple(record.levels[name] for record in study.records) for name in study.factors
     }

@@ -24,7 +24,7 @@ FILES = {
 LABELS = {"recorded": "best, recorded", "validated": "best, validated", "mean": "mean of pool"}
 ONE = "dots: designs in the generation's pool"
 SEVERAL = "lines: medians over the runs; bands: quartiles"
-STYLES = {  # colours and dash patterns, both distinct for greyscale print
+STYLES = {  # colours and dash patterns, both distinct in greyscale print
     "recorded": ("black", "-"),
     "validated": (VERMILLION, (0, (4, 1))),
     "mean": ("0.45", (0, (1, 1.2))),

@@ -1,4 +1,4 @@
-"""The Pareto front of two objectives, drawn next to some of its designs."""
+"""The Pareto front of two objectives, with some of its designs."""
 
 import argparse
 from collections.abc import Mapping, Sequence

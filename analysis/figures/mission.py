@@ -56,7 +56,7 @@ UNITS = {
     "mps2": "acceleration\n[m/s²]",
     "": "closed",
 }
-"""Axis labels by a channel's unit; bumpers have no unit."""
+"""Axis labels by the channel's unit; bumpers have no unit."""
 PANEL_IN, LEGEND_IN = 0.85, 0.6  # heights of a readings panel and of the legend below
 _STYLES = ("-", "--", "-.", ":")
 
@@ -70,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw a champion's missions, from the named run or the best run."""
+    """Draw the missions of a champion from the named run, by default the best run."""
     study.check_worlds(options.world or [])
     record, (tracks, worlds) = study.choose(options.run, partial(_read, wanted=options.world), True)
     walkers = {name: read_walkers(record, name) for name in worlds}
@@ -94,11 +94,11 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 class Missions:
     """The missions of a champion, one in each world."""
 
-    tracks: pd.DataFrame  # tracks of all robots, with ``tracks.COLUMNS``
+    tracks: pd.DataFrame  # tracks of all robots, with the columns ``tracks.COLUMNS``
     worlds: Mapping[str, World]
-    modes: Sequence[str]  # one per controller layer
+    modes: Sequence[str]  # one mode per controller layer
     robots: Mapping[str, FigureContext] = field(default_factory=dict)
-    """Contexts by the name in the column ``agent``, which is empty for the first robot."""
+    """Contexts by name in the column ``agent``, which is empty for the first robot."""
     traces: Mapping[str, Sequence[Trace]] = field(default_factory=dict)
     """Readings in each world, drawn below the maps."""
     rates: Mapping[str, str] = field(default_factory=dict)  # completion rates by world
@@ -180,7 +180,7 @@ def _draw_map(axes: Axes, missions: Missions, name: str, room: float) -> None:
 def _list_parts_below(
     missions: Missions, columns: int
 ) -> list[tuple[Callable[[SubFigure], None], float]]:
-    """List the drawing functions of the parts below the maps, with their heights [in]."""
+    """List the functions that draw the parts below the maps, with their heights [in]."""
     parts: list[tuple[Callable[[SubFigure], None], float]] = []
     if mission_map.has_estimate(missions.first):
         height = math.ceil(len(missions.paths) / columns) * _ERRORS_IN
@@ -195,7 +195,7 @@ def _list_parts_below(
 
 
 def _measure_panel(panels: Sequence[Axes], width: float) -> float:
-    """Return the height [in] of a panel, labels included, for a width [in]."""
+    """Return the height [in] of a panel, including labels, for a width [in]."""
     limits = (panels[0].get_xlim(), panels[0].get_ylim())
     x_span, y_span = (abs(end - begin) for begin, end in limits)
     lines = max(len(axes.get_title().splitlines()) for axes in panels)

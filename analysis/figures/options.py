@@ -1,4 +1,4 @@
-"""Options shared by subcommands: redundancy thresholds, common conditions, and grouping."""
+"""Options that subcommands share: redundancy thresholds, common conditions, and grouping."""
 
 import argparse
 from math import inf

@@ -46,16 +46,16 @@ def name_topics(goal: str) -> dict[str, str]:
 @dataclass(frozen=True, kw_only=True)
 @checked
 class RosController(LineController):
-    """A controller that starts ROS nodes for each mission, and a bridge to the mission.
+    """A controller that starts ROS nodes and a bridge to the mission for each mission.
 
-    The bridge is a script that runs in ``python``, the interpreter with ROS.
+    The bridge is a script that runs in ``python``, an interpreter with ROS.
     """
 
     bridge: ClassVar[str]  # name of the bridge's script
     python: Annotated[str, TEXT] = "/usr/bin/python3"
     nodes: Annotated[Sequence[str | Sequence[str]], NODES]
     topics: Annotated[Mapping[str, str], TOPICS]
-    frame: Annotated[str, TEXT] = "odom"  # the world's frame
+    frame: Annotated[str, TEXT] = "odom"  # name of the world's frame
     twist: Annotated[str, one_of("yaw_rate", "steering")] = "yaw_rate"  # meaning of angular.z
     answer: Annotated[str, one_of("rest", "each")] = "rest"
 
@@ -85,7 +85,7 @@ class RosController(LineController):
 
 
 def _split_node(command: str | Sequence[str]) -> list[str]:
-    """Return the words of a command; a program without a path is left to ROS's PATH."""
+    """Return the words of a command; a program without a path is looked up in ROS's PATH."""
     program = (shlex.split(command) if isinstance(command, str) else command)[0]
     words = split_command(command)
     return words if "/" in program else [program, *words[1:]]

@@ -20,7 +20,7 @@ from evoros.files.resources import expand_home
 from evoros.observers.protocol import ObservedEnd, ObservedRun, Observer, Send
 
 RUN, SWEEP, DIGEST = "evoros.run", "evoros.sweep", "evoros.digest"
-"""Tags: a run's id, the hash of a sweep's folder, and the digest of a run's end once it is sent."""
+"""Tags: a run's id, the hash of a sweep's folder, and the digest of a run's end once sent."""
 DEFAULTS = {
     "MLFLOW_DISABLE_TELEMETRY": "true",
     "MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true",
@@ -34,7 +34,7 @@ RUNNING = "RUNNING"
 SQLITE, FILE = "sqlite:///", "outputs/mlflow.db"
 MOST_PARAMETERS, LONGEST = 100, 6000
 """MLflow's maximum number of parameters per request, and of characters per parameter."""
-_LOCK = Lock()  # a sweep's jobs run in threads, and share experiments and parents
+_LOCK = Lock()  # jobs of a sweep run in threads, and share experiments and parent runs
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Mlflow(Observer):
             os.environ.setdefault(name, value)
         with require_extra("mlflow", "observers=mlflow"):
             import mlflow  # noqa: F401
-        for library in ("mlflow", "alembic"):  # both log that a database is created
+        for library in ("mlflow", "alembic"):  # both log the creation of a database
             logging.getLogger(library).setLevel(logging.WARNING)
 
     @contextmanager
@@ -84,7 +84,7 @@ class Mlflow(Observer):
                 return str(client.create_experiment(self.experiment, place))
             except Exception:
                 found = client.get_experiment_by_name(self.experiment)
-                if found is None:  # if found, another process was first
+                if found is None:  # another process created it first
                     raise
         return str(found.experiment_id)
 
@@ -97,7 +97,7 @@ def _lock_folder(folder: Path | None) -> Iterator[None]:
         return
     descriptor = os.open(folder, os.O_RDONLY)
     try:
-        with suppress(OSError):  # a file system without locks
+        with suppress(OSError):  # some file systems have no locks
             fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
     finally:
@@ -105,7 +105,7 @@ def _lock_folder(folder: Path | None) -> Iterator[None]:
 
 
 class _Connection:
-    """A connection to a run in MLflow, with the run's known content."""
+    """A connection to a run in MLflow, and the content that MLflow already has."""
 
     def __init__(self, client: Any, experiment: str) -> None:
         self.client, self.experiment = client, experiment
@@ -128,13 +128,13 @@ class _Connection:
             self._set_status(STATUS[run.end.state], run.end.time_s)
 
     def _begin(self, run: ObservedRun) -> None:
-        """Find or create the run, inside the sweep's parent run."""
+        """Find or create the run inside the sweep's parent run."""
         with _LOCK:
             tags = {}
             if run.sweep is not None:
                 key = hashlib.sha256(run.sweep.encode()).hexdigest()
                 parent = self._find_or_create(SWEEP, key, str(run.group), time.time(), {})
-                if parent.info.status == RUNNING:  # the parent only groups runs
+                if parent.info.status == RUNNING:  # the parent run only groups runs
                     self.client.set_terminated(parent.info.run_id)
                 tags["mlflow.parentRunId"] = parent.info.run_id
             found = self._find_or_create(RUN, run.id, run.name, run.started_s, tags)
@@ -173,7 +173,7 @@ class _Connection:
         self.status = status
 
     def _send_parameters(self, run: ObservedRun) -> None:
-        """Send the parameters; a changed one becomes a tag, since MLflow keeps the first value."""
+        """Send the parameters; a changed one becomes a tag, as MLflow keeps the first value."""
         from mlflow.entities import Param
 
         values = {_name(key): str(value)[:LONGEST] for key, value in run.parameters.items()}

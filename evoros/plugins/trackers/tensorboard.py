@@ -13,9 +13,9 @@ from evoros.files.resources import expand_home
 from evoros.observers.protocol import ObservedEnd, ObservedRun, Observer, Send
 
 DIGEST, CONFIGURATION = "evoros/digest", "configuration"
-"""Tags of text: the digest of a run's end once it is written, and the configuration."""
+"""Tags of text: the digest of a run's end once written, and the configuration."""
 SHOWN_BYTES = 100_000
-"""Maximum size of one of the champion's files to show."""
+"""Maximum size [bytes] of a champion's file that is shown."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Tensorboard(Observer):
 
     @contextmanager
     def open(self, run: ObservedRun) -> Iterator[Send]:
-        """Open the run's folder, and read earlier event files there."""
+        """Open the run's folder, and read the event files from earlier sessions."""
         self.check()
         place = run.origin / expand_home(self.folder) / (run.group or "")
         with closing(_Events(place / f"{run.name}_{run.id[:8]}")) as events:
@@ -40,7 +40,7 @@ class Tensorboard(Observer):
 
 
 class _Events:
-    """One run's event files; a session creates its file at the first write."""
+    """One run's event files; each session creates its file at the first write."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -69,7 +69,7 @@ class _Events:
         if self._writer is None:
             from tensorboardX import SummaryWriter
 
-            # The suffix distinguishes files created in the same second.
+            # The suffix distinguishes files created within the same second.
             suffix = f".{self._files:05d}"
             self._writer = SummaryWriter(str(self.folder), filename_suffix=suffix)
         return self._writer

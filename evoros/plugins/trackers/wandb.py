@@ -20,20 +20,20 @@ from evoros.observers.protocol import ObservedRun, Observer, Send
 DEFAULTS = {"WANDB_ERROR_REPORTING": "false", "WANDB_SILENT": "true"}
 """Defaults of environment variables."""
 FOREIGN = "WANDB_RUN_ID", "WANDB_SWEEP_ID", "WANDB_RESUME", "WANDB_RUN_GROUP", "WANDB_NAME"
-"""Variables with which a sweep's agent names a single run; they override arguments."""
+"""Variables by which a sweep's agent names a single run; they would override arguments."""
 FILE_HEADER, HEADER, BLOCK = 7, 7, 32768
 """Sizes [bytes] of a log's file header, piece header, and block."""
 PIECES, LAST_PIECES = (1, 2, 3, 4), (1, 4)
-"""Kinds of pieces, and kinds of pieces that end a record."""
+"""Kinds of pieces, and kinds that end a record."""
 PATIENCE_S = 30.0
 NOTE = "evoros.json"
-"""File in a completed offline run that describes the run's content."""
+"""File in a completed offline run that describes what the run contains."""
 
 
 @dataclass(frozen=True)
 @checked
 class Wandb(Observer):
-    """An observer that writes an offline run per run into ``folder``/wandb; it never connects."""
+    """An observer that writes offline runs into ``folder``/wandb and never connects."""
 
     project: Annotated[str, TEXT] = "evoros"
     folder: Annotated[str, TEXT] = "outputs"
@@ -49,7 +49,7 @@ class Wandb(Observer):
 
     @contextmanager
     def open(self, run: ObservedRun) -> Iterator[Send]:
-        """Find earlier sessions' offline runs, and open this session's offline run."""
+        """Find the offline runs of earlier sessions, and open an offline run for this session."""
         self.check()
         folder = run.origin / expand_home(self.folder)
         with closing(_OfflineRun(self.project, folder, run.id)) as offline:
@@ -57,9 +57,9 @@ class Wandb(Observer):
 
 
 class _OfflineRun:
-    """An offline run, which replaces an earlier session's when there is more to write.
+    """An offline run, which replaces an earlier session's once there is more to write.
 
-    Therefore, ``wandb sync`` finds each run once, and complete.
+    ``wandb sync`` therefore finds each run exactly once, and complete.
     """
 
     def __init__(self, project: str, folder: Path, run_id: str) -> None:
@@ -91,7 +91,7 @@ class _OfflineRun:
         import wandb
 
         self.folder.mkdir(parents=True, exist_ok=True)
-        # Names contain the second; a run started in the same second would be overwritten.
+        # Names contain the second; a run started within the same second would be overwritten.
         while any(time.strftime("%Y%m%d_%H%M%S") in path.name for path in self._earlier):
             time.sleep(0.05)
         self.known = _note(0)
@@ -165,7 +165,7 @@ def _note(generations: int, digest: str = "") -> dict[str, Any]:
 
 
 def _read_note(path: Path) -> dict[str, Any]:
-    """Read an offline run's note; an incomplete run counts as -1 generations."""
+    """Read the note in an offline run; an incomplete run counts as having -1 generations."""
     try:
         note = json.loads((path / NOTE).read_text(encoding="utf-8"))
         return _note(int(note["generations"]), str(note["digest"]))

@@ -1,4 +1,4 @@
-"""The subcommand ``watch``: a live browser page about runs in progress."""
+"""The subcommand ``watch``, a live web page about runs in progress."""
 
 from evoros.files.plugins import Plugin, Subcommand
 

@@ -1,4 +1,4 @@
-"""The subcommand ``watch``: serve a live browser page about runs until Ctrl-C."""
+"""The subcommand ``watch``, which serves a live web page about runs until Ctrl-C."""
 
 import os
 import signal
@@ -39,7 +39,7 @@ def _serve(paths: Sequence[Path], port: int) -> NoReturn:
     watcher = Watcher(Folders(paths))
     watcher.folders.check()
     server = open_server(port, token_urlsafe(32), watcher.give)
-    os.nice(10)  # so that runs take precedence
+    os.nice(10)  # gives runs precedence
     signal.signal(signal.SIGTERM, _terminate)
     watcher.look()
     Thread(target=server.serve_forever, daemon=True).start()
@@ -54,7 +54,7 @@ def _serve(paths: Sequence[Path], port: int) -> NoReturn:
 
 
 def _terminate(*_: object) -> NoReturn:
-    """Stop as on Ctrl-C, so that no process is left behind."""
+    """Stop as on Ctrl-C, so that no process is left running."""
     raise EvorosError("terminated by a signal")
 
 

@@ -1,4 +1,4 @@
-"""A program that repeats the missions of a run's best design so far.
+"""A program that reruns the missions of a run's best design so far.
 
 ``python -m evoros.plugins.watch.flight FOLDER NAME`` prints the content for the page's player.
 """
@@ -21,7 +21,7 @@ PROCESSOR_S = 60
 
 
 def main() -> int:
-    """Run the program and return the exit status; print any error on one line."""
+    """Run the program and return the exit status; print any error in one line."""
     resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_S, PROCESSOR_S))
     folder, name = sys.argv[1:]
     try:
@@ -33,7 +33,7 @@ def main() -> int:
 
 
 def fly_best(record: Record) -> ShownDesign:
-    """Repeat the missions that the player shows for the best design.
+    """Rerun the missions that the player shows for the best design.
 
     Raises:
         InputError: the run is finished, has no generation yet, or is not planar.

@@ -1,4 +1,4 @@
-"""Snapshots of run folders: states, logs, and time stamps of files that figures depend on."""
+"""Snapshots of run folders: states, logs, and time stamps of the files that figures use."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,7 +15,7 @@ FIGURES_OF = (
     *("config.yaml", "manifest.json", "setting.json", "generations", "designs.csv"),
     *("requirements.csv", "worst_cases.csv", "champion/certificate.json"),
 )
-"""A run's files and folders that the figures depend on."""
+"""Files and folders of a run that figures use."""
 LOG_BYTES, LOG_LINES = 16_384, 60
 """Number of bytes to read from the end of a log, and number of lines to show."""
 Stamp = tuple[int, int]
@@ -27,9 +27,9 @@ class Look:
 
     overviews: tuple[Overview, ...]
     empty: tuple[Path, ...]
-    """Folders that do not contain a run yet."""
+    """Folders that contain no run yet."""
     stamps: tuple[object, ...]
-    """Values that are equal in two snapshots if the figures are the same."""
+    """Values that are equal in two snapshots if the figures would be the same."""
     log: tuple[str, ...]
     """The last lines of all logs, ordered by date."""
     names: Mapping[Path, str]
@@ -38,7 +38,7 @@ class Look:
 
 @dataclass
 class Folders:
-    """Folders to look at repeatedly, rereading files only after changes."""
+    """Folders that are read repeatedly; files are reread only after changes."""
 
     paths: Sequence[Path]
     _known: dict[Path, tuple[Stamp | None, Overview]] = field(default_factory=dict)
@@ -56,7 +56,7 @@ class Folders:
                 )
 
     def look(self) -> Look:
-        """Take a snapshot of all folders, even while files are missing or change."""
+        """Take a snapshot of all folders, even while files are missing or changing."""
         found = {path: _find(path) for path in self.paths}
         runs = list(dict.fromkeys(run for below in found.values() for run in below))
         overviews, names = tuple(map(self._survey, runs)), name_runs(runs)
@@ -95,7 +95,7 @@ class Folders:
 
 
 def name_runs(runs: Sequence[Path]) -> dict[Path, str]:
-    """Name runs by what differs between them, such as the levels of a sweep's jobs."""
+    """Name runs by their differences, such as the levels of a sweep's jobs."""
     names = shorten_names(runs)
     words = {run: name.split("_") for run, name in names.items()}
     common = set.intersection(*map(set, words.values())) if len(words) > 1 else set()
@@ -111,7 +111,7 @@ def _find(path: Path) -> list[Path]:
 
 
 def _stamp(path: Path) -> Stamp | None:
-    """Return a value that changes with a file's content, or with the names in a folder."""
+    """Return a value that changes with a file's content or with the names in a folder."""
     try:
         status = path.stat()
     except OSError:

@@ -1,6 +1,6 @@
-"""The page and its server, which answers only this machine and requires a secret in the address.
+"""The page and its server, which serves only this machine and requires a secret in the URL.
 
-The page finds changed parts by comparing digests.
+The page detects changed parts by comparing digests.
 """
 
 import hashlib
@@ -26,7 +26,7 @@ from evoros.session.status import COLUMNS, Overview, list_cells, write_clock
 from evoros.storage.layout import FINISHED, RUNNING
 
 WORDS = ("run", "state")
-"""Columns that do not hold numbers."""
+"""Columns without numbers."""
 SCRIPT = frame.read_scripts([*SCRIPTS, "live"])
 POLICY = frame.write_policy(SCRIPT, "'self'")
 HTML, JSON = "text/html; charset=utf-8", "application/json"
@@ -43,7 +43,7 @@ class Content:
 
 @dataclass(frozen=True)
 class Contents:
-    """The contents at all addresses; parts that do not change are rendered only once."""
+    """The contents at all addresses; unchanged parts are not rendered again."""
 
     title: str
     parts: Mapping[str, Content]
@@ -75,7 +75,7 @@ def make_contents(
     progress: tuple[str, Markup],
     state: Mapping[str, object],
 ) -> Contents:
-    """Return the contents of a page with a new section ``progress``."""
+    """Return the contents of a page with an up-to-date section ``progress``."""
     parts = {**drawn, frame.name_section(progress[0]): _make(HTML, frame.render_section(*progress))}
     digests = [(key, part.digest) for key, part in parts.items()]
     return Contents(title, parts, _make(JSON, json.dumps({**state, "parts": digests})))
@@ -87,7 +87,7 @@ def _make(kind: str, text: str) -> Content:
 
 
 def render_progress(look: Look, trouble: str) -> Markup:
-    """Render the section ``progress``; ``trouble`` is the reason why figures are missing."""
+    """Render the section ``progress``; ``trouble`` is the reason for missing figures."""
     runs = look.overviews
     heads = [(name, name not in WORDS) for name in ("run", *COLUMNS)]
     table = frame.Table(heads, [(look.names[run.path], *list_cells(run)) for run in runs])
@@ -105,7 +105,7 @@ def render_progress(look: Look, trouble: str) -> Markup:
 
 
 def describe_state(runs: Sequence[Overview]) -> str:
-    """Return one state for all runs; running, then unfinished runs take precedence."""
+    """Return a single state for all runs; running, then unfinished runs take precedence."""
     states = [run.state for run in runs]
     ordered = (RUNNING, *(state for state in states if state != FINISHED), FINISHED)
     return next((state for state in ordered if state in states), "waiting")
@@ -137,11 +137,11 @@ def _list_tiles(
 
 HOST = "127.0.0.1"
 NAMES = (HOST, "localhost")
-"""Accepted host names; a malicious page with DNS rebinding would use another name."""
+"""Accepted host names; a malicious page that uses DNS rebinding would have another name."""
 AT_ONCE = 32
 """Maximum number of simultaneous connections."""
 SILENT_S = 20.0
-"""Time after which a silent connection is closed [s]."""
+"""Time [s] after which a silent connection is closed."""
 HEADERS = {
     "Cache-Control": "no-store",
     "Cross-Origin-Opener-Policy": "same-origin",
@@ -213,7 +213,7 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = SILENT_S
 
     def do_POST(self) -> None:
-        """Reject the request, because nothing can be changed."""
+        """Reject the request, because the server changes nothing."""
         self.send_error(HTTPStatus.METHOD_NOT_ALLOWED)
 
     do_PUT = do_DELETE = do_PATCH = do_OPTIONS = do_TRACE = do_CONNECT = do_POST  # noqa: N815
@@ -251,4 +251,4 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(data)
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
-        """Do not log requests, because the paths contain the token."""
+        """Do nothing; the log would contain the token, which is part of the paths."""

@@ -1,4 +1,4 @@
-"""Watch folders while a page is open, and redraw the figures that change."""
+"""Watches folders while a page is open, and redraws the figures that change."""
 
 import logging
 import os
@@ -35,11 +35,11 @@ PLANE = ["evoros.simulator.planar.Planar"]
 PATIENCE_S = 120.0
 Key = tuple[Path, int]  # folder and design
 LOOK_S = 2.0
-"""Interval between two snapshots [s]."""
+"""Interval [s] between two snapshots."""
 IDLE_S = 30.0
-"""Time without requests [s] after which nothing is read."""
+"""Time [s] without requests after which nothing is read."""
 SHARE = 0.01
-"""Maximum share of the processors that drawing may take from runs."""
+"""Maximum fraction of the processors' time that drawing may take from runs."""
 MOST_REASONS = 3
 FIRST = ("Progress", "Player", "Figures")
 """Sections at the top of the page."""
@@ -47,7 +47,7 @@ FIRST = ("Progress", "Player", "Figures")
 
 @dataclass
 class Flights:
-    """Repeats the missions of the best running run's best design, whenever that design changes.
+    """Reruns the missions of the best design in the best unfinished run, whenever it changes.
 
     Only the code of locked runs is executed, because this machine executes that code anyway.
     """
@@ -58,9 +58,9 @@ class Flights:
     _closed: bool = False
 
     def update(self, study: Study) -> Flown:
-        """Repeat missing missions of the best run; return all known missions in the study."""
+        """Rerun missing missions of the best run; return all known missions in the study."""
         unfinished = [
-            record  # the run has a best design, but has kept none of its missions
+            record  # the run has a best design, but has stored none of its missions
             for record in study.ordered
             if not record.finished and _find_design(record) >= 0 and not keeps_shown(record)
         ]
@@ -76,7 +76,7 @@ class Flights:
         return Flown({record.name: content for record, content in known.items()}, notes)
 
     def close(self) -> None:
-        """Kill the running process, if any."""
+        """Kill the process that is running, if any."""
         self._closed = True
         if self._process is not None:
             self._process.kill()
@@ -106,7 +106,7 @@ class Flights:
 
 
 def _write_notes(flown: Sequence[str], obstacles: Mapping[Record, str]) -> Iterator[str]:
-    """Yield notes on repeated missions, and on the first run whose missions are not repeated."""
+    """Yield notes on rerun missions, and on the first run whose missions are not rerun."""
     if flown:
         yield f"Missions repeated for this page, because the run keeps none: {', '.join(flown)}."
     for record, reason in obstacles.items():
@@ -134,13 +134,13 @@ def _find_obstacle(record: Record) -> str:
 
 @dataclass
 class Watcher:
-    """Updates the page's contents in two threads, one that reads and one that draws."""
+    """Updates the page's contents in two threads, one for reading and one for drawing."""
 
     folders: Folders
     _contents: server.Contents = field(init=False)
     _parts: dict[str, server.Content] = field(default_factory=dict)
     _trouble: str = ""
-    _drawn: tuple[object, ...] | None = None  # stamps of the figures drawn last
+    _drawn: tuple[object, ...] | None = None  # stamps of the figures that were drawn last
     _drawn_at: str = ""
     _look: Look | None = None
     _asked_s: float = 0.0  # time of the last request, by time.monotonic
@@ -183,7 +183,7 @@ class Watcher:
         self._contents = server.make_contents(self._title, self._parts, progress, state)
 
     def draw(self, look: Look) -> None:
-        """Draw the page for a snapshot, or store why that fails."""
+        """Draw the page for a snapshot, or store the reason why this fails."""
         begun = datetime.now(UTC).isoformat(timespec="seconds")
         with withhold_messages() as records:
             try:

@@ -1,1 +1,1 @@
-"""The subcommand ``rerun``: export missions and a run's evolution to the Rerun viewer."""
+"""The subcommand ``rerun``, which exports missions and a run's evolution to the Rerun viewer."""

@@ -1,4 +1,4 @@
-"""Make the recording of a run: missions, evolution, and the layout of the views."""
+"""Makes the recording of a run: missions, evolution, and the layout of the views."""
 
 import math
 import tempfile
@@ -49,25 +49,25 @@ from evoros.world.standing import standing_obstacles
 
 _EVOLUTION = "evolution"
 _FAN_M = 0.5
-"""Length to which a sensor's fan is cut, because the full range would cover the robot."""
+"""Length [m] at which a sensor's fan is cut off, because the full range would hide the robot."""
 _NAMES = {"recorded": "best", "validated": "best, validated", "mean": "mean"}
 APPLICATION = "evoros"
 _BEHIND_M, _ABOVE_M = 3.5, 2.2  # initial eye position relative to the robot
 _NEAR_M = (1.0, -1.2, 1.0)  # initial eye position relative to the best design
-_ALL_FACES = 5 * MOST_FACES  # maximum for all robots in all missions together
+_ALL_FACES = 5 * MOST_FACES  # maximum for all robots in all missions
 GROUND, COURSE = (0.93, 0.92, 0.9), (200, 120, 0)
 _AROUND_M = 4.0  # margin of the ground around the course and the path
-_BELOW_M = 0.002  # depth of the ground, because lines at the same height would flicker
+_BELOW_M = 0.002  # depth of the ground plane; lines at the same height would flicker
 PATH = (40, 40, 40)
 AGENTS = "agents"
 
 
 def record_study(record: Record, missions: Sequence[RecordedMission]) -> bytes:
-    """Return the file of a recording.
+    """Return the content of a recording.
 
-    Equal runs give equal data, but the library's ids of rows and views differ each time.
+    Equal runs give equal data, but the library assigns new ids to rows and views each time.
     """
-    # The properties would contain the time of day.
+    # Properties would contain the time of day.
     stream = rr.RecordingStream(APPLICATION, recording_id=record.name, send_properties=False)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rerun.rrd"
@@ -184,7 +184,7 @@ def _describe(row: Mapping[Hashable, Any], record: Record) -> str:
 def show_mission(
     top: Entities, mission: RecordedMission, near_m: float | None, most_faces: int
 ) -> None:
-    """Show a mission below ``top``; see ``make_views`` for ``near_m``."""
+    """Add a mission below the path ``top``; see ``make_views`` for ``near_m``."""
     top.show(rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     _show_world(top.below("world"), mission)
     for walker in mission.walkers:

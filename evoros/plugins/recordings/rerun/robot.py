@@ -1,4 +1,4 @@
-"""Show a robot in a recording: links, sensor readings and failure markers."""
+"""Shows a robot in a recording: links, sensor readings and failure markers."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -39,18 +39,18 @@ class Entities(NamedTuple):
         return rr.new_entity_path([*self.path])
 
     def show(self, *things: rr.AsComponents) -> None:
-        """Show archetypes at all times."""
+        """Log archetypes for all times."""
         for thing in things:
             self.stream.log(self.address, thing, static=True, strict=True)
 
     def show_over_time(self, times_s: Array, columns: Iterable[rr.ComponentColumn]) -> None:
-        """Show one row of the columns from each mission time [s] on."""
+        """Log one row of the columns at each mission time [s]."""
         self._send(rr.TimeColumn(TIME, duration=times_s), columns)
 
     def show_over_generations(
         self, generations: Sequence[int], columns: Iterable[rr.ComponentColumn]
     ) -> None:
-        """Show one row of the columns from each generation on."""
+        """Log one row of the columns at each generation."""
         self._send(rr.TimeColumn(GENERATION, sequence=generations), columns)
 
     def _send(self, index: rr.TimeColumn, columns: Iterable[rr.ComponentColumn]) -> None:
@@ -78,9 +78,9 @@ def find_changes(*columns: Array | Pixels) -> list[int]:
 
 
 MOST_RAYS = 32
-"""Approximate maximum number of rays to show for a scan."""
+"""Approximate maximum number of rays shown for a scan."""
 LINE = -1.0
-"""Radius of lines; negative values are in screen points."""
+"""Radius of lines; negative values are in points on the screen."""
 _ARC = 7  # points on the arc of a fan
 MARK = (220, 30, 30)
 _ABOVE_M = 0.1  # height of a marker above the sensor
@@ -117,7 +117,7 @@ def show_links(
     moving: Sequence[str] = (),
     painted: bool = True,
 ) -> None:
-    """Show some of a robot's links; links not in ``moving`` stay at their initial poses."""
+    """Show some of a robot's links; links not in ``moving`` remain at their initial poses."""
     for link in links:
         surface, (x, y, z) = robot.surfaces[link], robot.tree.poses[link].position
         if len(surface.normals):
@@ -173,7 +173,7 @@ def show_faults(
 def show_sensor(
     top: Entities, sensor: RecordedSensor, shown: ShownSensor, times: Array, colours: Pixels
 ) -> None:
-    """Show each change in a sensor's readings; ``colours`` (n, 3) are for each time [s]."""
+    """Show each change in a sensor's readings, with ``colours`` (n, 3) for each time [s]."""
     _plot(top.below("readings", sensor.link), sensor, times)
     if shown.view is None or not isinstance(sensor.kind, Beam):
         return

@@ -1,4 +1,4 @@
-"""Export missions and a run's evolution to the Rerun viewer."""
+"""Exports missions and a run's evolution to the Rerun viewer."""
 
 import argparse
 
@@ -16,7 +16,7 @@ FILES = {
 FORMATS: dict[str, str] = {}
 OUTPUT = "rerun"
 MAX_BYTES = 20_000_000
-"""Maximum size that the viewer opens without a delay."""
+"""Maximum size [bytes] that the viewer opens without a delay."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

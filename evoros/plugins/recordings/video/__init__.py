@@ -1,1 +1,1 @@
-"""The subcommand ``video``: a mission as a video."""
+"""The subcommand ``video``, which renders a mission as a video."""

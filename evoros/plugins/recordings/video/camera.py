@@ -1,4 +1,4 @@
-"""The options, times, cameras and captions of the pictures of a mission."""
+"""Options, times, cameras and captions for the pictures of a mission."""
 
 import math
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ SIZE = Rule(
     lambda v: len(v) == 2 and all(is_whole(e) and 64 <= e <= 4096 and e % 2 == 0 for e in v),
 )
 _SMOOTHING_S = 0.7  # standard deviation of the chase camera's heading filter, in video time
-_MARGIN_M = 1.5  # border around the course, for the captions
+_MARGIN_M = 1.5  # margin around the course, for the captions
 Pixels = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
@@ -35,7 +35,7 @@ BACK_M, UP_M, AHEAD_M = (
     1.9,
     0.7,
 )  # chase camera: behind the robot, above it, looking at a point ahead
-CHASE_FOV_DEG, OVERHEAD_FOV_DEG = 50.0, 14.0  # nearly parallel overhead, so that walls hide little
+CHASE_FOV_DEG, OVERHEAD_FOV_DEG = 50.0, 14.0  # overhead nearly parallel, so that walls hide little
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Camera:
 
     eye: Array  # (3,) [m]
     target: Array  # (3,) [m]
-    up: Array  # (3,) direction that points up in the picture; not along the line of sight
+    up: Array  # (3,) direction that points up in the picture; not parallel to the line of sight
     fov_deg: float  # vertical
     size: tuple[int, int]  # width, height
 
@@ -85,7 +85,7 @@ class Camera:
 
 
 def chase_camera(x: float, y: float, yaw: float, size: tuple[int, int]) -> Camera:
-    """Return a camera behind and above a robot at x, y [m] with heading ``yaw`` [rad]."""
+    """Return a camera behind and above a robot at x, y [m] with the heading ``yaw`` [rad]."""
     forward, place = np.array([np.cos(yaw), np.sin(yaw), 0.0]), np.array([x, y, 0.0])
     eye = place - BACK_M * forward + [0.0, 0.0, UP_M]
     up = np.array([0.0, 0.0, 1.0])
@@ -121,13 +121,13 @@ class RenderOptions:
     """The options of a video or picture of a mission."""
 
     camera: Annotated[str, one_of(*CAMERAS)] = (
-        "chase"  # chase: behind the robot; above: the whole course
+        "chase"  # chase: from behind the robot; above: the whole course
     )
     size: Annotated[tuple[int, int], SIZE] = (854, 480)  # width, height
     fps: Annotated[float, POSITIVE] = 25.0  # pictures per second of video
-    speed: Annotated[float, POSITIVE] = 10.0  # mission time divided by video time
+    speed: Annotated[float, POSITIVE] = 10.0  # mission time per video time
     start_s: Annotated[float, NOT_NEGATIVE] = 0.0
-    end_s: float = math.inf  # mission time, limited to the end of the mission
+    end_s: float = math.inf  # mission time, at most the end of the mission
     title: str = ""
 
     def __post_init__(self) -> None:
@@ -136,7 +136,7 @@ class RenderOptions:
 
 
 def sample_times(trajectory: pd.DataFrame, options: RenderOptions) -> Array:
-    """Return the mission times (n,) [s] of the pictures; the last is the end time."""
+    """Return the mission times (n,) [s] of the pictures; the last one is the end time."""
     first, last = (float(trajectory["time_s"].iloc[row]) for row in (0, -1))
     start, end = max(options.start_s, first), min(options.end_s, last)
     if start > end:
@@ -171,7 +171,7 @@ def place_cameras(
 def make_captions(
     mission: FilmedMission, motion: Motion, options: RenderOptions
 ) -> Iterator[Caption]:
-    """Yield the caption for each picture, without the sensors' states."""
+    """Yield the caption for each picture, without the states of the sensors."""
     trajectory, context = mission.trajectory, mission.context
     touches = any(signal.measures == CONTACT for signal in context.signals.values())
     near = "near, touched" if touches else "near"

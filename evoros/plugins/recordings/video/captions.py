@@ -1,4 +1,4 @@
-"""Write the captions of a video's pictures: mission progress and colour key."""
+"""Writes the captions of a video's pictures: mission progress and colour key."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -11,7 +11,7 @@ from evoros.analysis.drawing.style import BLUE, PURPLE, VERMILLION
 Colour = tuple[int, int, int]
 Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 COLUMN_EM, WIDTH_EM = 11, 52
-"""Widths [em] of a text column, and of a picture that fits all columns."""
+"""Widths [em] of a text column, and of a picture that has room for all columns."""
 
 
 def _rgb(name: str) -> Colour:

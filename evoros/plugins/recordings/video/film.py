@@ -1,4 +1,4 @@
-"""Film missions, and encode the pictures; on one machine, equal pictures give equal bytes."""
+"""Films missions and encodes the pictures; on one machine, equal pictures give equal bytes."""
 
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -41,8 +41,8 @@ from evoros.plugins.recordings.video.scene import Scene
 from evoros.plugins.recordings.video.sensors import make_views
 from evoros.storage.reading import Run
 
-# Bit-exact files contain no dates and no encoder names or versions. The index comes first, so
-# that the video plays while it loads.
+# Bit-exact files contain no dates and no encoder names or versions. The index comes first, so that
+# the video plays while loading.
 _CONTAINER = {"fflags": "+bitexact", "movflags": "+faststart"}
 _CODEC = {"crf": "21", "preset": "fast"}  # 18 looks like the original; 28 has visible artefacts
 
@@ -98,7 +98,7 @@ def encode_mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
             stream = container.add_stream("libx264", rate=rate, options=_CODEC)
             stream.height, stream.width = first.shape[:2]
             stream.pix_fmt = "yuv420p"  # the format that browsers and slide programs play
-            stream.codec_context.thread_count = 1  # otherwise the file depends on cores
+            stream.codec_context.thread_count = 1  # otherwise, the file depends on the cores
             stream.codec_context.flags |= av.codec.context.Flags.bitexact
             for picture in chain([first], source):
                 container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))

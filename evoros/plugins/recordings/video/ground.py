@@ -20,7 +20,7 @@ FLOOR, GRID, SHADOW, HORIZON = (236, 234, 229), (216, 214, 208), (96, 98, 106), 
 TRACK, RING, GOAL = (120, 120, 125), (150, 150, 150), (0, 158, 115)
 _SUN = np.array([-0.16, -0.10])  # shadow offset per unit of height, towards the light
 FOG_M = (10.0, 40.0)  # depths at which fog begins, and at which it hides the ground
-_MAX_PX = 1600  # maximum side; a larger ground is painted more coarsely
+_MAX_PX = 1600  # maximum side; larger grounds are painted at a lower resolution
 _MAX_SCALE = 120.0  # pixels per metre
 _SHADE = 0.42  # opacity of shadows
 _SMOOTH = 4  # oversampling of strokes
@@ -55,7 +55,7 @@ class Ground:
         self._picture.paste(colour, corner, mask)
 
     def extend_track(self, points: Array, width_m: float) -> None:
-        """Extend the path without darker overlaps; paint anything else on copies afterwards."""
+        """Extend the path without darker overlaps; anything else must be painted on copies."""
         self._without_track = self._without_track or self._picture.copy()
         corner, mask = self._draw_mask(points, width_m)
         box = (*corner, corner[0] + mask.width, corner[1] + mask.height)
@@ -116,7 +116,7 @@ class Ground:
         self._picture.paste(SHADOW, corner, mask.filter(ImageFilter.GaussianBlur(1.5)))
 
     def _make_mask(self, points: Array, margin_m: float, factor: int) -> tuple[Pixel, Image.Image]:
-        """Return a mask around points [m], ``factor`` times finer, after its top left pixel."""
+        """Return the top left pixel, and a mask around points [m] that is ``factor`` times finer."""
         pixels = np.array(self._to_pixels(points, (0, 0), 1))
         margin = margin_m * self.scale + 2
         corner = np.floor(pixels.min(axis=0) - margin).clip(0, self._picture.size)
@@ -126,14 +126,14 @@ class Ground:
         return (int(corner[0]), int(corner[1])), Image.new("L", size)
 
     def _to_pixels(self, points: Array, corner: Pixel, factor: int) -> list[tuple[float, float]]:
-        """Convert points (n, 2) [m] to pixels in a mask with the top left pixel ``corner``."""
+        """Convert points (n, 2) [m] to pixels in a mask whose top left pixel is ``corner``."""
         right = (points[:, 0] - self._low[0]) * self.scale - corner[0]
         down = (self._high[1] - points[:, 1]) * self.scale - corner[1]
         return list(zip((right * factor).tolist(), (down * factor).tolist(), strict=True))
 
 
 def _fog(camera: Camera) -> Pixels:
-    """Return the fog's opacity (h,) in each row, from 0 to 255, which is the sky's."""
+    """Return the fog's opacity (h,) in each row, from 0 to 255 (opaque, as in the sky)."""
     width, height = camera.size
     inverse = np.linalg.inv(camera.plane(np.eye(4)))
     rows = np.arange(height) + 0.5

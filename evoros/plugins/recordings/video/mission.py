@@ -25,12 +25,12 @@ from evoros.storage.verification import read_text
 from evoros.world.model import World
 
 POSE = ("time_s", "x_m", "y_m", "yaw_rad")
-_MIN_SPEED_MPS = 0.02  # speed below which a wheel keeps its steering angle
+_MIN_SPEED_MPS = 0.02  # speed below which wheels keep their steering angles
 Flags = NDArray[np.bool_]
 
 
 class Motion(NamedTuple):
-    """A robot's motion at n times of a mission."""
+    """A robot's motion at n times during a mission."""
 
     time_s: Array  # (n,)
     x_m: Array
@@ -45,9 +45,9 @@ class Motion(NamedTuple):
 
 
 def interpolate(trajectory: pd.DataFrame, times: Array, robot: Urdf) -> Motion:
-    """Interpolate poses linearly at times (n,) [s], with wheels that steer and turn to roll."""
+    """Interpolate poses linearly at times (n,) [s]; wheels steer and turn so that they roll."""
     check_poses(trajectory)
-    # The mission's end adds a record, possibly at the time of the previous record.
+    # The end of the mission adds a record, possibly at the time of the previous one.
     distinct = trajectory.drop_duplicates("time_s", keep="last")
     time, x, y, yaw = (distinct[name].to_numpy(float) for name in POSE)
     yaw = np.unwrap(yaw)
@@ -72,7 +72,7 @@ def interpolate(trajectory: pd.DataFrame, times: Array, robot: Urdf) -> Motion:
 
 
 def check_poses(trajectory: pd.DataFrame, source: str = "trajectory") -> None:
-    """Require that a trajectory has poses at times that do not decrease; errors name ``source``."""
+    """Require that a trajectory has poses and non-decreasing times; errors name ``source``."""
     for name in (*POSE, "mode", "visited"):
         if name not in trajectory:
             raise InputError(f"{source}: no column {name}; restore the file")
@@ -163,11 +163,11 @@ class OtherRobot(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FilmedMission:
-    """A mission, with the faults, robots and walkers that a film shows."""
+    """A mission with the faults, robots and walkers that a film shows."""
 
     trajectory: pd.DataFrame
     """The columns of ``champion/trajectory_WORLD.csv`` or ``evoros.replay``."""
-    urdf: str  # the robot that ran the mission, with its sensors
+    urdf: str  # description of the robot that ran the mission, with its sensors
     world: World
     context: FigureContext
     faults: Sequence[ShownFault] = ()
@@ -205,7 +205,7 @@ def read_mission(record: Record, world: str | None) -> tuple[str, FilmedMission]
 
 
 def place_trajectory(record: Record, world: str, trajectory: pd.DataFrame) -> FilmedMission:
-    """Return a champion's mission with the given trajectory, without faults or other robots."""
+    """Return a champion's mission with this trajectory, without faults or other robots."""
     return FilmedMission(
         trajectory,
         _read_urdf(record),
@@ -217,7 +217,7 @@ def place_trajectory(record: Record, world: str, trajectory: pd.DataFrame) -> Fi
 
 
 def find_near(record: Record) -> float | None:
-    """Return the range [m] below which the controller avoids obstacles; None if it has no limit."""
+    """Return the range [m] below which the controller avoids obstacles; None if it has none."""
     near_m = record.values.get("controller.avoidance.range_m")
     return float(near_m) if isinstance(near_m, int | float) else None
 
@@ -244,7 +244,7 @@ def _list_faults(track: pd.DataFrame, effects: Mapping[str, str]) -> Iterator[Sh
 
 
 def _list_failed_parts(track: pd.DataFrame) -> Iterator[tuple[float, str]]:
-    """Yield the time [s] and name of each part that failed, other than sensors."""
+    """Yield the time [s] and the name of each failed part other than sensors."""
     if PARTS[0] in track:
         for time, parts in zip(track["time_s"], track[PARTS[0]], strict=True):
             for part in filter(None, str(parts).split(";")):

@@ -1,8 +1,8 @@
-"""Render pictures of a mission: robots, obstacles, ground and sensor fans."""
+"""Renders pictures of a mission: robots, obstacles, ground and sensor fans."""
 
-# VTK (pyvista 0.49) draws such a picture off screen in about 5 ms, but takes 806 MB, and loads EGL
+# VTK (pyvista 0.49) draws such a picture off screen in about 5 ms, but needs 806 MB, and loads EGL
 # and a Mesa driver from the system, which pip does not install and containers lack. This renderer
-# needs only what pip installs.
+# needs only packages from pip.
 
 import math
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
 _ARC = 13  # points on the arc of a fan, for the bounding box
-_LINE_PX = 2.0  # width of the arc that marks the reading
+_LINE_PX = 2.0  # width of the arc at the reading
 _AT_SENSOR, _AT_RANGE, _ON_ARC = 0.55, 0.12, 0.9  # opacities
 
 
@@ -97,9 +97,9 @@ def _reach_at(u: Floats, v: Floats, fan: Fan) -> Floats:
 
 
 def _bounding_box(plane: Array, fan: Fan, size: tuple[int, int]) -> tuple[slice, slice] | None:
-    """Return the rows and columns that contain the fan, or None if the fan is invisible."""
+    """Return the rows and columns that contain the fan; None if the fan is invisible."""
     angles = np.linspace(-fan.half_rad, fan.half_rad, _ARC)
-    # The margin covers the bulge of the arc between the sampled points.
+    # The margin allows for the bulge of the arc between the sampled points.
     reach = (1.04 if fan.half_rad > 1.0 else 1.03) * float(fan.reach_m.max())
     arc = [[reach * np.cos(a), reach * np.sin(a), 1.0] for a in angles]
     corners = np.array([[0.0, 0.0, 1.0], *arc]) @ plane.T
@@ -127,10 +127,10 @@ def _clip_to_front(corners: Array) -> Array:
 
 
 CUT_M = 0.6
-"""Height [m] at which obstacles are cut off, because taller obstacles would hide the robot."""
+"""Height [m] at which obstacles are cut off; taller obstacles would hide the robot."""
 FIXED, MOVABLE = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42)
 _THIN_M = 1e-4  # thickness below which a cut polyhedron is shown whole
-_OVERSAMPLING = 2  # rendered pixels per pixel, in each direction
+_OVERSAMPLING = 2  # rendered pixels per picture pixel in each direction
 _AROUND_M = 8.0  # margin of the ground around the mission
 _TRACK_M, _TRACK_PX = 0.04, 2.0  # minimum widths of the path
 
@@ -151,11 +151,11 @@ class Renderer:
     sensors: Sequence[ShownSensor]
     ended: Flags  # (n, sensors) True after a sensor's readings have ended
     errors: Array  # (n, sensors) error to display, 0 to 1
-    goals: Array  # (n, 2) [m] next waypoint; NaN: none
+    goals: Array  # (n, 2) [m], next waypoint; NaN if there is none
     context: FigureContext
     ground: Ground
     others: Sequence[Other] = ()
-    walkers: Sequence[Array] = ()  # each walker's positions (n, 2) [m]
+    walkers: Sequence[Array] = ()  # positions (n, 2) [m] of each walker
 
     def render(self, index: int, camera: Camera) -> Pixels:
         """Return the picture (h, w, 3) for a time index."""
@@ -180,7 +180,7 @@ class Renderer:
         return colour_sensors(self.sensors, self.ended, self.errors, index)
 
     def _extend_track(self, index: int, camera: Camera) -> None:
-        steps = slice(max(index - 2, 0), index + 1)  # strokes overlap to hide the joints
+        steps = slice(max(index - 2, 0), index + 1)  # strokes overlap to hide their joints
         points = np.stack([self.motion.x_m[steps], self.motion.y_m[steps]], axis=1)
         depth = float((camera.pixels @ [*points[-1], 0.0, 1.0])[2])
         width = max(_TRACK_M, _TRACK_PX * depth / camera.pixels_per_radian)
@@ -218,7 +218,7 @@ class Renderer:
         solid = np.isfinite(seen.depth)
         colours = Image.fromarray(seen.colours).reduce(_OVERSAMPLING)
         free = Image.fromarray(np.where(solid, np.uint8(0), np.uint8(255))).reduce(_OVERSAMPLING)
-        # The solids have a white background, so subtract the inverted floor there.
+        # The solids have a white background, so the inverted floor is subtracted there.
         missing = ImageChops.multiply(ImageChops.invert(floor), Image.merge("RGB", [free] * 3))
         picture = ImageChops.subtract(colours, missing)
         part = (slice(_OVERSAMPLING // 2, None, _OVERSAMPLING),) * 2
@@ -263,7 +263,7 @@ def cut_obstacles(world: World) -> list[tuple[Body, Shade]]:
 
 
 def _cut(body: Body, shape: Shape) -> Shape | None:
-    """Cut off an upright shape or a polyhedron at ``CUT_M``; return None if nothing is lower."""
+    """Cut off an upright shape or a polyhedron at ``CUT_M``; None if it begins above."""
     pose = body.pose @ shape.pose
     low, high = bottom_height(shape, pose), top_height(shape, pose)
     if low >= CUT_M:
@@ -290,9 +290,10 @@ def _cut_polyhedron(shape: Shape, pose: Pose) -> Shape:
 
 
 def find_goals(world: World, places: Array, visited: NDArray[np.int64]) -> Array:
-    """Return the next waypoint (n, 2) [m] at each record, NaN after the last.
+    """Return the next waypoint (n, 2) [m] at each record; NaN after the last.
 
-    The direction is not recorded, but inferred from the first waypoint that the robot approached.
+    The direction is not recorded, so it is inferred from the waypoint that the robot approached
+    first.
     """
     first = places[: int(np.count_nonzero(visited == 0)) + 1]
     routes = [world.course.route(forward) for forward in (True, False)]

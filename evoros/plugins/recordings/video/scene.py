@@ -34,12 +34,12 @@ _FILL = types.void(
 )
 UNPAINTED = (0.6, 0.6, 0.6)  # default colour
 MOST_FACES = 24_000
-"""Approximate number of triangles to which a robot's meshes are coarsened."""
-_MIN_FACES = 400  # minimum number for one mesh
+"""Approximate maximum number of triangles, to which a robot's meshes are coarsened."""
+_MIN_FACES = 400  # minimum number for a mesh
 _FINEST, _COARSER = (
     1 / 400,
     1.25,
-)  # first cell size as a share of the mesh's extent, and growth factor per step
+)  # first cell size as a fraction of the mesh's extent, and growth factor per step
 
 
 class Picture(NamedTuple):
@@ -52,8 +52,8 @@ class Picture(NamedTuple):
 def rasterize(corners: Array, colours: Pixels, size: tuple[int, int]) -> Picture:
     """Draw the front faces of triangles into a picture of ``size`` (width, height).
 
-    ``corners`` (t, 3, 3) holds (column * depth, row * depth, depth [m]) for each triangle's
-    corners, as projected by ``Camera.pixels``; ``colours`` is (t, 3).
+    ``corners`` (t, 3, 3) holds (column * depth, row * depth, depth [m]) for each corner of the
+    triangles, as projected by ``Camera.pixels``; ``colours`` is (t, 3).
 
     A point in a triangle is a weighted mean of the triangle's corners. Divided by the depth, each
     weight is linear in column and row, even if corners are behind the camera. The sum of the
@@ -85,7 +85,7 @@ def _bound(corners: Array, size: tuple[int, int]) -> NDArray[np.int64]:
 def _fill(
     weights: Array, boxes: NDArray[np.int64], colours: Pixels, nearness: Floats, picture: Pixels
 ) -> None:
-    """Draw triangles into pixels where ``nearness`` (h, w) is lower."""
+    """Draw triangles into the pixels in which ``nearness`` (h, w) is lower."""
     for t in range(len(weights)):
         first, second, third = weights[t]
         for row in range(boxes[t, 1], boxes[t, 3]):
@@ -106,7 +106,7 @@ WALKER = (0.85, 0.45, 0.15)  # colour of walkers
 
 
 class ShownRobot:
-    """A robot to show, which can be moved and painted."""
+    """A robot to show, whose links can be moved and coloured."""
 
     def __init__(self, urdf: str, most_faces: int = MOST_FACES) -> None:
         element = parse(urdf.encode(), "robot.urdf")
@@ -136,7 +136,7 @@ class ShownRobot:
 
 
 class Scene:
-    """Robots and walkers that move, among fixed bodies."""
+    """Moving robots and walkers among fixed bodies."""
 
     def __init__(
         self,
@@ -198,7 +198,7 @@ def make_surfaces(
             triangles = np.concatenate([part.triangles for part in parts])
             painted = np.concatenate([part.colours for part in parts])
             yield name, Surface.from_triangles(triangles, painted, is_open=True)
-        except InputError as error:  # a robot is not rejected for its looks
+        except InputError as error:  # a robot is not rejected because of its appearance
             LOGGER.warning("%s; the collision shapes of %s are shown", error, name)
             yield name, _show_shapes(tree, name, colours)
 
@@ -225,7 +225,7 @@ def _show(visual: Element, colour: Colour, most: int) -> Surface:
     return Surface.from_triangles(triangles @ pose.rotation.T + pose.position, painted, True)
 
 
-@lru_cache(maxsize=64)  # wheels share a mesh file, and missions share a robot
+@lru_cache(maxsize=64)  # wheels share mesh files, and missions share robots
 def _read_coarse(path: Path, scale: Vector, most: int, changed_ns: int) -> tuple[Array, Array]:
     """Read a mesh as at most ``most`` triangles with colours; ``changed_ns`` is for the cache."""
     faces = read_faces(path, scale, painted=True)
@@ -250,6 +250,6 @@ def _read_colour(material: Element) -> Colour | None:
     color = material.find("color")
     try:
         red, green, blue, _ = map(float, "" if color is None else str(color.get("rgba")).split())
-    except ValueError:  # a robot is not rejected for its looks
+    except ValueError:  # a robot is not rejected because of its appearance
         return None
     return red, green, blue

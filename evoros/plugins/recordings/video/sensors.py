@@ -33,15 +33,15 @@ class FieldOfView:
 
 @dataclass(frozen=True, eq=False)
 class ShownSensor:
-    """A sensor to show, with its readings in each picture."""
+    """A sensor to show, with its reading in each picture."""
 
     link: str
     readings: Array  # (n, channels); ranges [m] from right to left
-    view: FieldOfView | None  # None if it is not a range sensor
+    view: FieldOfView | None  # None for sensors without rays
     touches: bool  # True for a contact sensor, which reads 1 on contact
 
     def classify(self, index: int) -> Colour:
-        """Return the colour for the reading in a picture."""
+        """Return the colour of the reading in a picture."""
         readings = self.readings[index]
         nearest = float(np.fmin.reduce(readings))
         if np.isnan(nearest):
@@ -54,7 +54,7 @@ class ShownSensor:
 def make_views(
     robot: Urdf, sensors: Sequence[RecordedSensor], records: NDArray[np.int64], near_m: float | None
 ) -> Iterator[ShownSensor]:
-    """Yield the sensors with readings at ``records``; ``near_m`` None means half of each range."""
+    """Yield the sensors with their readings at ``records``; ``near_m`` None: half of each range."""
     for sensor in sensors:
         kind, readings = sensor.kind, sensor.readings[records]
         if isinstance(kind, Beam):
@@ -88,9 +88,9 @@ def classify_sensors(sensors: Sequence[ShownSensor], ended: Flags, index: int) -
 def colour_sensors(
     sensors: Sequence[ShownSensor], ended: Flags, errors: Array, index: int
 ) -> list[Colour]:
-    """Return each sensor's colour in a picture, a mix of the state's and the error's colours.
+    """Return each sensor's colour in a picture, a mix of the colours of its state and error.
 
-    ``errors`` (n, sensors) is the share of the error's colour, from 0 to 1.
+    ``errors`` (n, sensors) is the proportion of the error's colour, from 0 to 1.
     """
     states = classify_sensors(sensors, ended, index)
     return [

@@ -1,4 +1,4 @@
-"""A mission as a video of the robot, the obstacles and the sensor readings."""
+"""Renders a mission as a video of the robot, the obstacles and the sensor readings."""
 
 import argparse
 import math
@@ -14,7 +14,7 @@ from evoros.plugins.recordings.video.camera import CAMERAS, Pixels, RenderOption
 from evoros.plugins.recordings.video.film import encode_mp4, film
 from evoros.plugins.recordings.video.mission import read_mission
 
-ONE_ROBOT = IN_VIEW = True  # one robot with its sensors, and the other robots
+ONE_ROBOT = IN_VIEW = True  # show one robot with its sensors, and the other robots
 WORST_MISSION = True
 HELP = "a video of one of the champion's missions, with its sensor readings"
 NEEDS = "a finished run, or an evaluation, that recorded trajectories"
@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Make the video of the champion of the named run, or of the best run."""
+    """Make the video of the champion of the named run, by default the best run."""
     study.check_worlds([options.world] if options.world else [])
     read = partial(read_mission, world=options.world)
     record, (name, mission) = study.choose(options.run, read)

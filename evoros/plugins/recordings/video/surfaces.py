@@ -1,4 +1,4 @@
-"""The surfaces of shapes as triangles."""
+"""The surfaces of shapes, as triangles."""
 
 import itertools
 import math
@@ -26,7 +26,7 @@ class Surface:
 
     corners: Array  # (3 t, 4) homogeneous coordinates [m]
     normals: Array  # (t, 3) of length 1
-    colours: Array  # (t, 3) from 0 to 1
+    colours: Array  # each from 0 to 1
     is_open: bool = False  # visible from both sides
 
     @classmethod
@@ -88,7 +88,7 @@ def triangulate(shape: Shape) -> Array:
 
 
 def _list_corners(shape: Shape) -> Array:
-    """Return corners (n, 3) [m] whose hull is the shape, or approximates a round shape."""
+    """Return corners (n, 3) [m] whose convex hull is the shape, approximately for round shapes."""
     if shape.kind == "box":
         signs = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
         return np.asarray(signs * shape.size)

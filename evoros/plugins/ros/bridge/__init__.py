@@ -1,5 +1,5 @@
 """Scripts for the user's ROS Python (3.8 or later), which evoros itself does not import.
 
-The scripts import the standard library and one another; ``messages`` and the graphs import ROS,
-too.
+The scripts import the standard library and one another; ``messages`` and the graphs also import
+ROS.
 """

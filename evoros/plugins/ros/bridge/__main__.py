@@ -1,6 +1,6 @@
-"""Start a bridge in the user's ROS Python: ``python FOLDER ros1`` or ``ros2``.
+"""Starts a bridge in the user's ROS Python, with ``python FOLDER ros1`` or ``ros2``.
 
-The scripts form a package named after this folder; evoros itself is not on the path.
+The scripts form a package named after this folder; evoros itself is not on the import path.
 """
 
 import os

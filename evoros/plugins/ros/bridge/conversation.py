@@ -17,17 +17,19 @@ COMMANDS = {
     "AckermannDrive": (),
     "AckermannDriveStamped": ("drive",),
 }
-"""Map message type that commands the robot -> path to the command in the message."""
+"""The path to the command in each type of message that commands the robot."""
 STEADY = 10
-"""Number of consecutive checks that must find all nodes at rest before the mission starts. A single
-check is not enough, because a node that sleeps while it starts also looks at rest."""
+"""Number of consecutive checks that must find all nodes at rest before the mission starts.
+
+One check is not enough, because a node that sleeps during its start also appears to be at rest.
+"""
 PAUSE_S = 0.005  # pause between checks while nodes start
 OWN_SHARE = 0.8
-"""Share of a wall-clock limit after which this process exits by itself with a reason."""
+"""Fraction of a wall-clock limit after which this process exits by itself and gives a reason."""
 
 
 class Tick(NamedTuple):
-    """The values before a decision; None means that there is no reading."""
+    """The values before a decision; None stands for a missing reading."""
 
     time: float  # mission time [s]
     state: list[float | None]  # x, y [m], yaw [rad], speed [m/s], yaw rate [rad/s], contact
@@ -57,7 +59,7 @@ class Conversation:
                 )
 
     def fail(self, why: str) -> NoReturn:
-        """Reject the mission, or end it if it has started."""
+        """Reject the mission, or end it if it has already started."""
         if self._begun:
             end(why)
         self.refuse(why)
@@ -139,7 +141,7 @@ class Modes:
 
 
 class Schedule:
-    """Finds the sensors that have measured since the last tick, each with its period."""
+    """Finds the sensors with a measurement since the last tick, each with its period."""
 
     def __init__(self, sensors: list[dict[str, Any]]) -> None:
         self._periods = [sensor["period_s"] for sensor in sensors]
@@ -147,7 +149,7 @@ class Schedule:
 
     def due(self, time: float) -> list[int]:
         """Return the indices of the sensors with a new reading at ``time`` [s]."""
-        # The margin covers rounding errors at multiples of the period.
+        # The margin allows for rounding errors at multiples of the period.
         counts = [math.floor(time / period + 1e-6) for period in self._periods]
         due = [i for i, count in enumerate(counts) if count != self._counts[i]]
         self._counts = counts

@@ -41,7 +41,7 @@ def fly_mission(
 
 
 class Crew:
-    """The user's nodes, which must keep running and come to rest, and the nodes' commands."""
+    """The user's nodes and their commands; the nodes must keep running and come to rest."""
 
     def __init__(self, conversation: Conversation, rest: Rest, start: Callable[[], Nodes]) -> None:
         briefing = conversation.briefing
@@ -61,7 +61,7 @@ class Crew:
             )
 
     def require_start(self, until: float, missing: Callable[[], str | None]) -> None:
-        """Reject the mission after a monotonic time [s], naming what is missing."""
+        """Reject the mission after a monotonic time [s], and name what is missing."""
         if time.monotonic() > until:
             self._conversation.refuse(
                 f"controller.nodes: {missing() or self.unrest()}, after "
@@ -80,7 +80,7 @@ class Crew:
             end(self.unrest())
 
     def unrest(self) -> str:
-        """Name the nodes that are still working."""
+        """Name the nodes that are still busy."""
         return f"the nodes did not come to rest: {'; '.join(self.rest.working())}"
 
     def answer(self, commands: Sequence[Any]) -> None:

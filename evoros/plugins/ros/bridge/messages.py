@@ -49,16 +49,16 @@ class Messages:
         }
 
     def route(self) -> tuple[str, Any]:
-        """Return the topic and message of the route, which is published once."""
+        """Return the topic and the message of the route, which is published once."""
         stamp = self._stamp(*ros_time(0.0))
         legs = zip(self._points, self._points[1:])
         poses = [self._goal([*start, *end], stamp) for start, end in legs]
         return self._topics["route"], self._locate(Path(poses=poses), stamp)
 
     def of(self, tick: Tick) -> Iterator[list[tuple[str, Any]]]:
-        """Yield topics and messages in the order of delivery to the nodes.
+        """Yield topics and messages in the order in which the nodes receive them.
 
-        Messages in one list, such as a tick's ranges, belong together.
+        Messages in the same list, such as the ranges at a tick, belong together.
         """
         stamp = self._stamp(*ros_time(tick.time))
         if tick.leg != self._goal_leg:
@@ -127,7 +127,7 @@ def _signal(sensor: dict[str, Any]) -> Any:
     message = kinds[count]() if known else Float64MultiArray()
     if isinstance(message, Imu):
         covariance = [0.0] * 9
-        covariance[0] = -1.0  # no orientation
+        covariance[0] = -1.0  # marks the orientation as unknown
         message.orientation_covariance = covariance
     return message
 
@@ -160,7 +160,7 @@ def _scan(sensor: dict[str, Any]) -> Any:
 
 def _pose(x: float, y: float, yaw: float) -> Any:
     pose = Pose()
-    pose.position.x, pose.position.y = float(x), float(y)  # rclpy misreads integers
+    pose.position.x, pose.position.y = float(x), float(y)  # rclpy misinterprets integers
     pose.orientation.z, pose.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
     return pose
 

@@ -33,7 +33,7 @@ class Nodes:
         ]
 
     def ended(self) -> str | None:
-        """Describe a process that has exited, if there is one."""
+        """Describe a process that has exited, or return an empty string."""
         for process, command in zip(self._processes, self._commands):
             status = process.poll()
             if status is not None:

@@ -1,17 +1,17 @@
-"""Detect that all processes of a mission are at rest. Needs Linux and the standard library only.
+"""Detects that all processes of a mission are at rest; needs only Linux and the standard library.
 
-From Linux 5.16 on, ``wchan`` names the kernel function in which a thread waits, and names none as
-soon as the thread is woken. On older kernels, the system call is read and then the state. The state
-alone changes too early, when the thread may still decide not to wait, and the call alone is still
-shown while a woken thread moves to another CPU.
+From Linux 5.16 on, ``wchan`` names the kernel function in which a thread waits, and is empty as
+soon as the thread is woken. On older kernels, the system call is read, and then the state. The
+state alone changes too early, when the thread may still decide not to wait; the system call alone
+remains visible while a woken thread moves to another CPU.
 
-The CPU time of a process grows whenever one of the process's threads leaves a CPU. If each thread
-waits when it is checked, and no CPU time grows between the times before the first check and after
-the last, then all threads waited before the first check: a running thread would have left its CPU,
-and a woken thread would still be running. Sent messages have arrived, because the call that sends
-a message also delivers it. Deliveries that an overloaded CPU leaves to a kernel thread are counted
-in softnet_stat. At rest, therefore, nothing happens before the next message or the end of a
-wall-clock timeout.
+The CPU time of a process grows whenever one of its threads leaves a CPU. If each thread waits when
+it is checked, and the CPU times before the first check and after the last are equal, then all
+threads were waiting before the first check: a running thread would have left its CPU, and a woken
+thread would still be running. Sent messages have arrived, because the call that sends a message
+also delivers it. Deliveries that an overloaded CPU leaves to a kernel thread are counted in
+softnet_stat. At rest, therefore, nothing happens until the next message or the end of a wall-clock
+timeout.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ SET_TIMER_SLACK, SET_SUBREAPER = 29, 36
 
 
 class Hidden(Exception):
-    """This process is not permitted to watch a process of the mission."""
+    """This process is not permitted to observe a process of the mission."""
 
     def __init__(self, error: PermissionError) -> None:
-        """Describe an error in opening or reading one of the process's files in /proc."""
+        """Describe an error in opening or reading one of a process's files in /proc."""
         command = _command(int(str(error.filename).split("/")[2]))
         super().__init__(
             f"what the process {command} waits for is hidden ({error}); "
@@ -46,12 +46,12 @@ class Hidden(Exception):
 
 
 class Rest:
-    """Watches all processes of a mission, and this process except its main thread."""
+    """Observes all processes of a mission, and this process except for its main thread."""
 
     def __init__(self, isolated: bool) -> None:
-        """Watch the processes that this process will start; call this before the first start.
+        """Observe the processes that this process will start; call this before the first start.
 
-        If ``isolated``, all processes of the mission's process namespace are watched.
+        If ``isolated``, all processes in the mission's process namespace are observed.
 
         Raises:
             OSError: the kernel lacks a required file.
@@ -59,20 +59,20 @@ class Rest:
         self._isolated = isolated
         self._threads: list[WatchedThread] = []
         self._clocks: list[int] = []  # CPU-time clocks
-        self._working: WatchedThread | None = None  # last thread seen working
+        self._working: WatchedThread | None = None  # the thread that was last seen working
         self._tells_places = tells_places()
         self._population: object = None  # value of ``_who`` for the listed threads
         self._newest = os.open("/proc/loadavg", os.O_RDONLY)
         self._packets = os.open("/proc/net/softnet_stat", os.O_RDONLY)
-        # Orphans become children of this process, which may look at all its descendants.
+        # Orphans become children of this process, which is permitted to observe its descendants.
         ctypes.CDLL(None).prctl(SET_SUBREAPER, 1, 0, 0, 0)
         os.stat(f"/proc/self/task/{os.getpid()}/children")
 
     def wait(self, limit_s: float) -> bool:
-        """Return True once all processes rest; False if any still works after ``limit_s`` [s].
+        """Return True once all processes rest; False if one still works after ``limit_s`` [s].
 
         Raises:
-            Hidden: a process cannot be watched.
+            Hidden: a process cannot be observed.
         """
         end = time.monotonic() + limit_s
         pause = 0.0
@@ -84,10 +84,10 @@ class Rest:
         return True
 
     def working(self) -> list[str]:
-        """Return the commands of the processes that are working now.
+        """Return the commands of the processes that are currently working.
 
         Raises:
-            Hidden: a process cannot be watched.
+            Hidden: a process cannot be observed.
         """
         pids = set()
         try:
@@ -103,7 +103,8 @@ class Rest:
     def prepare(self) -> None:
         """Allow short pauses and many open files.
 
-        Call this after all processes have started, because they would inherit the settings.
+        This must be called after all processes have started, because they would inherit the
+        settings.
         """
         ctypes.CDLL(None).prctl(SET_TIMER_SLACK, 1, 0, 0, 0)
         _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -112,7 +113,7 @@ class Rest:
     def _at_rest(self) -> bool:
         try:
             if self._working is not None and not self._working.waits(self._tells_places):
-                return False  # usually the same thread is still working
+                return False  # usually, the same thread is still working
             if self._who() != self._population:
                 self._draw_up()
             before = list(map(time.clock_gettime_ns, self._clocks))
@@ -127,12 +128,12 @@ class Rest:
         return before == after and self._who() == self._population
 
     def _packets_wait(self) -> bool:
-        """Return True if any process's packets await delivery; needs Linux 5.10."""
+        """Return True if packets of any process await delivery; needs Linux 5.10."""
         rows = os.pread(self._packets, SOFTNET_BYTES, 0).splitlines()
         return any(row[BACKLOG] not in (b"", NO_PACKETS) for row in rows)
 
     def _all_wait(self) -> bool:
-        """Return True if each thread waits; threads seen working last are checked first."""
+        """Return True if each thread waits; threads last seen working are checked first."""
         for place, thread in enumerate(self._threads):
             if not thread.waits(self._tells_places):
                 self._working = thread
@@ -171,7 +172,7 @@ class Rest:
         if self._isolated:
             pids = [int(name) for name in os.listdir("/proc") if name.isdigit()]
             pids = [pid for pid in pids if pid != 1 or me == 1]  # init only waits for the end
-        for pid in pids:  # the loop extends the list
+        for pid in pids:  # extended during the loop
             for tid in _numbers(f"/proc/{pid}/task"):
                 threads.add((pid, tid))
                 if not self._isolated:

@@ -1,6 +1,6 @@
-"""The bridge to ROS 1, which runs one mission with the user's nodes in lock-step.
+"""The bridge to ROS 1, which runs one mission in lock-step with the user's nodes.
 
-The bridge runs in the user's ROS Python, and needs the standard library and rospy with its
+The bridge runs in the user's ROS Python, and needs only the standard library and rospy with its
 messages, which are imported after the nodes have started. plugins/ros/README.md describes the
 topics, parameters and lock-step.
 """
@@ -75,7 +75,7 @@ class Mission:
         self._incoming: dict[str, ros1_graph.Incoming] = {}
 
     def connect(self, until: float) -> None:
-        """Wait until all nodes are connected and at rest; discard messages from before that."""
+        """Wait until all nodes are connected and at rest; discard earlier messages."""
         while not self._steady():
             self._crew.require_start(until, self._missing)
             time.sleep(PAUSE_S)
@@ -94,7 +94,7 @@ class Mission:
         return self._missing() is None
 
     def _missing(self) -> str | None:
-        """Connect to the nodes that publish commands and modes; describe any missing connection."""
+        """Connect to the nodes that publish commands and modes; describe a missing connection."""
         self._crew.require_nodes()
         missing = self._graph.missing(self._command)
         if missing is not None:
@@ -138,7 +138,7 @@ class Mission:
             end(str(error))
 
     def _require_command(self, until: float) -> None:
-        """Wait for a command, then until the nodes are at rest again."""
+        """Wait for a command, and then until the nodes are at rest again."""
         while not self._incoming[self._command].wait(PAUSE_S):
             self._crew.require_nodes()
             if time.monotonic() > until:
@@ -152,7 +152,7 @@ def main() -> None:
 
 
 def _start_master(isolated: bool, until: float) -> dict[str, str]:
-    """Start a master as a separate process; return the environment in which nodes find the master.
+    """Start a master as a separate process; return the environment with which nodes find it.
 
     A master in this process would compete for the interpreter lock. ``until`` is a monotonic time
     [s].

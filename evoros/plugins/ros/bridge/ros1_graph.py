@@ -27,7 +27,7 @@ HEADER_BYTES = 4096
 
 
 def join() -> None:
-    """Make this process a node that uses wall-clock time."""
+    """Make this process a node, which uses wall-clock time."""
     rospy.init_node(
         NAME[1:], argv=[], disable_rostime=True, disable_rosout=True, disable_signals=True
     )
@@ -121,7 +121,7 @@ class Outgoing:
         self.publishers[topic].publish(route)
 
     def messages(self, tick: Tick) -> Iterator[tuple[Any, Any]]:
-        """Yield publishers and messages in the order of delivery."""
+        """Yield publishers and messages in the order in which the nodes receive them."""
         for together in self._messages.of(tick):
             for topic, message in together:
                 yield self.publishers[topic], message

@@ -1,6 +1,6 @@
-"""The bridge to ROS 2, which runs one mission with the user's nodes in lock-step.
+"""The bridge to ROS 2, which runs one mission in lock-step with the user's nodes.
 
-The bridge runs in the user's ROS Python, and needs the standard library and rclpy with its
+The bridge runs in the user's ROS Python, and needs only the standard library and rclpy with its
 messages. plugins/ros/README.md describes the topics, parameters and lock-step.
 """
 
@@ -31,8 +31,11 @@ if TYPE_CHECKING:
 NEEDED = ("rclpy", "geometry_msgs", "nav_msgs", "sensor_msgs", "rosgraph_msgs")
 ADVICE = ", and source /opt/ros/DISTRIBUTION/setup.bash before running evoros"
 GRAPH_PAUSE_S, LOOK_S = 0.05, 0.0002
-"""Pauses between checks [s]. Only the nodes know the connections between them, and Fast DDS repeats
-lost discovery messages after a third of a second."""
+"""Pauses between checks [s].
+
+Only the nodes know the connections between them, and Fast DDS repeats lost discovery messages after
+a third of a second.
+"""
 
 
 def start_nodes(briefing: dict[str, Any]) -> Nodes:
@@ -72,7 +75,7 @@ class Mission:
         self._reports: ros2_graph.Incoming | None = None  # mode reports
 
     def connect(self, until: float) -> None:
-        """Wait until all nodes are connected and at rest; discard messages from before that."""
+        """Wait until all nodes are connected and at rest; discard earlier messages."""
         while self._missing() is not None or not self._steady():
             self._crew.require_start(until, self._missing)
             time.sleep(PAUSE_S)
@@ -83,7 +86,7 @@ class Mission:
         self._hear()
 
     def _missing(self) -> str | None:
-        """Connect to the nodes that publish commands and modes; describe any missing connection."""
+        """Connect to the nodes that publish commands and modes; describe a missing connection."""
         topics = self._options["topics"]
         missing = self._graph.missing(topics["command"])
         if missing is not None:
@@ -123,7 +126,7 @@ class Mission:
             self._crew.answer(commands)
 
     def _deliver(self, together: list[tuple[str, Any]], until: float) -> None:
-        """Publish to each group of nodes in turn, once the previous group has come to rest."""
+        """Publish to one group of nodes after another, each once the previous group is at rest."""
         for outlet in self._graph.outlets:
             outlet.deliver(together, lambda: self._crew.require_rest(until))
 
@@ -134,7 +137,7 @@ class Mission:
         return [] if self._commands is None else self._commands.fetch()
 
     def _await_command(self, until: float) -> list[Any]:
-        """Wait for a command; return it with any others that arrive before the nodes rest."""
+        """Wait for a command; return it and any others that arrive before the nodes are at rest."""
         commands: list[Any] = []
         while not commands:
             time.sleep(LOOK_S)

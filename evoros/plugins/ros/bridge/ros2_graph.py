@@ -19,11 +19,11 @@ from .ros2_start import Group
 
 NAME = "evoros"  # name of this process in the graph
 SPIN_S = 0.02
-DEPTH = 100  # maximum number of commands kept in one tick
-UNKNOWN = "_NODE_NAME_UNKNOWN_"  # rmw_dds_common
-EACH = QoSProfile(depth=10)  # reliable and volatile; suits best-effort subscriptions, too
+DEPTH = 100  # maximum number of commands kept per tick
+UNKNOWN = "_NODE_NAME_UNKNOWN_"  # name used by rmw_dds_common
+EACH = QoSProfile(depth=10)  # reliable and volatile; also suits best-effort subscriptions
 KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""QoS profiles; ``KEPT`` is for the goal and the route, which are published rarely."""
+"""QoS profile for the goal and the route, which are published rarely."""
 
 
 def stamp(seconds: int, nanoseconds: int) -> Any:
@@ -50,8 +50,8 @@ class Outlet:
     def arrange(self) -> None:
         """Find the order of the node's subscriptions, once the node is connected.
 
-        An executor runs ready callbacks in this order, whatever the order of arrival. Therefore,
-        messages published in this order always reach the callbacks in order. Several nodes may
+        An executor runs ready callbacks in this order, regardless of the order of arrival. Messages
+        published in this order therefore always reach the callbacks in order. Several nodes may
         have different orders, so they receive each message at rest.
         """
         infos = {
@@ -59,7 +59,7 @@ class Outlet:
             for topic, publisher in self._publishers.items()
         }
         self._one_by_one = any(len(subscriptions) > 1 for subscriptions in infos.values())
-        # Bytes 12 to 15 of the identifier are the number of the subscription in a node.
+        # Bytes 12 to 15 of the identifier are the number of the subscription within a node.
         self._order = {
             topic: bytes(subscription.endpoint_gid[12:16])
             for topic, subscriptions in infos.items()
@@ -128,7 +128,7 @@ class Incoming:
         )
 
     def connected(self) -> bool:
-        """Return True if the publisher is matched; on Humble, where this is unknown, always."""
+        """Return True if the publisher is matched; always True on Humble, where this is unknown."""
         count = getattr(self._subscription, "get_publisher_count", None)
         return count is None or count() > 0
 
@@ -155,7 +155,7 @@ class Graph:
         self._clients: dict[str, Any] = {}  # one per node
         self._answers: dict[str, Any] = {}
         self._topics = sorted(kinds.keys() - {CLOCK})  # every node subscribes to the clock
-        # Nodes exchange transforms with one another, too, so this topic has no prefix.
+        # Nodes also exchange transforms with one another, so this topic has no prefix.
         shared = {topic: kind for topic, kind in kinds.items() if topic == TRANSFORMS}
         others = {topic: kind for topic, kind in kinds.items() if topic != TRANSFORMS}
         self.outlets = [Outlet(self._node, Group("", []), shared, kept)]
@@ -174,11 +174,11 @@ class Graph:
         return None
 
     def unanswered(self) -> str | None:
-        """Ask each node for a parameter; return a message about a node without an answer, or None.
+        """Ask each node for a parameter; return a message about one that has not answered, or None.
 
         This process knows its connections to a node, but only an answer proves that the node knows
-        them. A node learns of connections in the order of their creation, and the client that
-        asks is created last.
+        them. A node learns of connections in the order of their creation, and the client that asks
+        is created last.
         """
         for name, namespace in sorted(self._listeners()):
             if name == UNKNOWN:
@@ -214,9 +214,9 @@ class Graph:
     def receive(
         self, topic: str, kinds: tuple[str, ...], connected: Incoming | None
     ) -> Incoming | None:
-        """Connect to the node that publishes on a topic, or return None if there is none.
+        """Connect to the node that publishes on a topic; None if there is none.
 
-        An existing connection ``connected`` is kept; a second publisher may still appear.
+        An existing connection ``connected`` is kept, but a second publisher may still appear.
 
         Raises:
             ValueError: there are several publishers, or the type is not in ``kinds``.

@@ -1,6 +1,7 @@
 """The commands, parameters and environment of the ROS 2 nodes.
 
-Uses only the standard library, because the nodes start before this process imports rclpy.
+This module uses only the standard library, because the nodes start before this process imports
+rclpy.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any, NamedTuple
 PARAMETERS, PLACEHOLDER = "parameters.yaml", "{parameters}"
 ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY")
 """Variables that lead to nodes on other machines, or that newer variables have replaced."""
-BEFORE_RANGES = ("foxy", "galactic", "humble")  # no ROS_AUTOMATIC_DISCOVERY_RANGE yet
+BEFORE_RANGES = ("foxy", "galactic", "humble")  # they lack ROS_AUTOMATIC_DISCOVERY_RANGE
 FAST, PROFILE = "rmw_fastrtps", "local.xml"
 LOCAL = """<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
   <transport_descriptors>
@@ -37,16 +38,19 @@ LOCAL = """<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles
   </participant>
 </profiles>
 """
-"""A profile that keeps Fast DDS on this machine. It excludes shared memory, whose files would
-remain after a kill. ROS's own setting for localhost always uses shared memory."""
+"""A profile that keeps Fast DDS on this machine.
+
+It excludes shared memory, whose files would remain after a kill. ROS's own setting for localhost
+always uses shared memory.
+"""
 FIRST_PORT, PORTS_PER_DOMAIN, DOMAINS = 7400, 250, 101  # DDS ports below Linux's ephemeral ports
 
 
 class Group(NamedTuple):
     """The nodes of one command, or of all launch files, which receive each message together.
 
-    A DDS publisher reaches all subscriptions to a topic. Therefore, groups that receive a message
-    in turn use different topic names, with different values of ``prefix``.
+    A DDS publisher reaches all subscriptions to a topic. Groups that receive a message one after
+    another therefore use different topic names, with different values of ``prefix``.
     """
 
     prefix: str
@@ -61,7 +65,7 @@ def topic_names(briefing: dict[str, Any]) -> list[str]:
 
 
 def group(commands: list[list[str]]) -> list[Group]:
-    """Divide the commands into groups, keeping their order."""
+    """Divide the commands into groups in the same order."""
     groups: dict[str, Group] = {}
     for index, command in enumerate(commands):
         prefix = _prefix(commands, index)
@@ -81,7 +85,7 @@ def takes_arguments(command: list[str]) -> bool:
 
 
 def complete(commands: list[list[str]], topics: list[str]) -> list[list[str]]:
-    """Return the commands with added arguments for parameters and topic names."""
+    """Return the commands with additional arguments for parameters and topic names."""
     path = os.path.abspath(PARAMETERS)
     completed = []
     for index, command in enumerate(commands):
@@ -117,7 +121,7 @@ def write_parameters(briefing: dict[str, Any]) -> None:
 
 
 def _describe_mission(briefing: dict[str, Any]) -> dict[str, Any]:
-    """Return the mission as parameters, without lists of lists or mappings, which ROS 2 lacks."""
+    """Return the mission as parameters, without nested lists or mappings, which ROS 2 lacks."""
     sensors = briefing["sensors"]
     return {
         "seed": briefing["seed"],
@@ -153,7 +157,7 @@ def _checked(name: str, value: Any) -> Any:
 
 
 def set_environment(isolated: bool) -> object:
-    """Isolate the nodes; return an object that must live as long as the nodes.
+    """Isolate the nodes; return an object that must exist as long as the nodes.
 
     Raises:
         OSError: no domain is free.
@@ -169,7 +173,7 @@ def set_environment(isolated: bool) -> object:
             file.write(LOCAL)
         for name in ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE"):
             os.environ[name] = os.path.join(folder, PROFILE)
-        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"  # the profile limits it
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"  # the profile restricts it
     elif old:
         os.environ["ROS_LOCALHOST_ONLY"] = "1"
     else:
@@ -178,7 +182,7 @@ def set_environment(isolated: bool) -> object:
 
 
 def _free_domain() -> tuple[int, object]:
-    """Return an unused domain, and the socket that claims the domain."""
+    """Return an unused domain, and the socket that reserves the domain."""
     for shift in range(DOMAINS):
         domain = 1 + (os.getpid() + shift) % DOMAINS
         claim = socket.socket(socket.AF_UNIX)

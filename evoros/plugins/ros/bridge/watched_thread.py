@@ -1,4 +1,4 @@
-"""Detect whether a thread waits. Needs Linux and the standard library only."""
+"""Detects whether a thread is waiting; needs only Linux and the standard library."""
 
 from __future__ import annotations
 
@@ -8,25 +8,27 @@ import struct
 import threading
 import time
 
-# asm/unistd.h: clock_nanosleep, nanosleep. Threads at rest also sleep, as in rospy.spin(), so the
-# duration of a sleep must be known, which is found only in the thread's memory.
+# asm/unistd.h: clock_nanosleep, nanosleep. Threads at rest may also sleep, as in rospy.spin(), so
+# the duration of a sleep must be known; it is found only in the thread's memory.
 _SLEEPING = {"x86_64": "230 35", "aarch64": "115 101"}
 CLOCK_SLEEP, SLEEP = _SLEEPING.get(os.uname().machine, "none none").encode().split()
 UNTIL = 1  # linux/time.h: TIMER_ABSTIME
-NOWHERE = b"0"  # value of wchan
+NOWHERE = b"0"  # value of wchan for a thread that does not wait
 ASLEEP, ENDED = b"S", (b"Z", b"X")  # states in stat
 UNTOLD = b"0 0 0\n"  # content of schedstat on a kernel without statistics
 PLACE_BYTES = 64
 """Maximum length of a kernel function's name."""
 SHORT_S = 0.001
-"""Duration of a sleep below which a thread counts as working. rospy's publishers call
-time.sleep(0), which lasts up to the kernel's timer slack of 50 us."""
+"""Duration of a sleep [s] below which a thread counts as working.
+
+rospy's publishers call time.sleep(0), which lasts up to the kernel's timer slack of 50 us.
+"""
 TRIAL_LOOKS, TRIAL_PAUSE_S = 20, 0.0002
-"""Maximum number of checks of a thread that will soon wait, and the pause between checks [s]."""
+"""Maximum number of checks of a thread that will soon wait, and pause between checks [s]."""
 
 
 class WatchedThread:
-    """A thread's open files in /proc, and their last contents."""
+    """A thread's open files in /proc, and their contents when last read."""
 
     def __init__(self, pid: int, tid: int) -> None:
         """Open the files.
@@ -43,8 +45,8 @@ class WatchedThread:
             self.close()
             raise
         self._place, self._call, self._state, self._runs = self._files
-        self._known_place = b""  # kernel function in which the thread waited
-        # Content of schedstat during a sleep, and the end of the sleep by time.monotonic().
+        self._known_place = b""  # kernel function in which the thread was waiting
+        # Content of schedstat during a sleep, and end of the sleep by time.monotonic().
         self._sleep: tuple[bytes, float] = (UNTOLD, 0.0)
 
     @property
@@ -58,26 +60,26 @@ class WatchedThread:
             os.close(file)
 
     def waits(self, tells_places: bool) -> bool:
-        """Return True if the thread waits for an outside event or has exited.
+        """Return True if the thread is waiting for an external event or has exited.
 
         Without ``tells_places``, the system call is read before the state; see ``rest``.
 
         Raises:
-            PermissionError: the process cannot be watched; the error holds the file's name.
+            PermissionError: the process cannot be observed; the error contains the file's name.
         """
         place = os.pread(self._place, PLACE_BYTES, 0) if tells_places else b""
         if place and place == self._known_place:
             return True
         runs = os.pread(self._runs, 128, 0)
         if place not in (b"", NOWHERE) and runs == self._sleep[0]:
-            return self._sleep[1] - time.monotonic() > SHORT_S  # it has not run since
+            return self._sleep[1] - time.monotonic() > SHORT_S  # it has not run since then
         call, *arguments = self._read_call()
         state = self._read_state()
         if state != ASLEEP or place == NOWHERE or call == b"running":  # includes stopped threads
             return state in ENDED
         if call in (CLOCK_SLEEP, SLEEP):
             left = self._sleeps_for(call, arguments)
-            if self._read_call() != [call, *arguments]:  # the memory may have changed since
+            if self._read_call() != [call, *arguments]:  # the memory may have changed
                 return False
             self._sleep = (runs if runs != UNTOLD else b"", time.monotonic() + left)
             return left > SHORT_S
@@ -110,7 +112,7 @@ class WatchedThread:
 
 
 def tells_places() -> bool:
-    """Return True if the kernel names where a thread waits, and stops once the thread is woken.
+    """Return True if the kernel names where threads wait, and stops when they are woken.
 
     This needs Linux 5.16 or later, built with the names of kernel functions.
     """
