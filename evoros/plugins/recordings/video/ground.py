@@ -116,7 +116,7 @@ class Ground:
         self._picture.paste(SHADOW, corner, mask.filter(ImageFilter.GaussianBlur(1.5)))
 
     def _make_mask(self, points: Array, margin_m: float, factor: int) -> tuple[Pixel, Image.Image]:
-        """Return the top left pixel, and a mask around points [m] that is ``factor`` times finer."""
+        """Return the top left pixel and, ``factor`` times finer, a mask around points [m]."""
         pixels = np.array(self._to_pixels(points, (0, 0), 1))
         margin = margin_m * self.scale + 2
         corner = np.floor(pixels.min(axis=0) - margin).clip(0, self._picture.size)
