@@ -11,9 +11,9 @@ from .tables.study import Study
 from .tables.worst_missions import show_worst
 
 NAMING = ("treatment", "group", "run")
-"""Columns that identify a row's treatment; the first one present is used."""
+"""Columns that identify a row's treatment; the first column present is used."""
 SIDES = ("a", "b")
-"""Columns with the two treatments of a comparison."""
+"""Columns of the two treatments in a comparison."""
 
 
 def make_product(subcommand: Subcommand, study: Study, options: argparse.Namespace) -> Product:
@@ -52,8 +52,8 @@ def _add_all_factors(product: Product, study: Study) -> Product:
 def _add_factors(table: pd.DataFrame, study: Study) -> pd.DataFrame:
     """Insert the factor levels of each row's treatment, or of its treatments ``a`` and ``b``.
 
-    A column name that is taken gets the prefix ``factor_``; rows that cover several treatments have
-    empty cells.
+    If a column name is taken, it gets the prefix ``factor_``; rows that cover several treatments
+    have empty cells.
     """
     records = (*study.evaluations, *study.records)  # runs take precedence if labels are equal
     factors = list(dict.fromkeys(name for record in records for name in record.levels))

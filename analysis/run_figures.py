@@ -1,4 +1,4 @@
-"""Figures of a finished run, drawn in workers, so that only workers import plotting code."""
+"""Figures of a finished run, drawn in workers so that only workers import plotting code."""
 
 import io
 import shutil
@@ -30,11 +30,11 @@ def check_figures(values: Mapping[str, Any]) -> None:
 def draw_figure(run: Path, name: str, folder: Path) -> list[str]:
     """Write the files of one subcommand into a folder, in a worker; return the warnings.
 
-    The files are moved there from a draft folder once all are on disk, the picture last.
+    The files are written to a draft folder and moved once all are on disk, the picture last.
     """
     from .command import draw
 
-    make_folder(folder)  # syncs the folder's name, too
+    make_folder(folder)  # also syncs the folder's name
     draft = folder / f".{name}.part"
     shutil.rmtree(draft, ignore_errors=True)
     with _silence() as stack:

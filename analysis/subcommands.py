@@ -27,15 +27,15 @@ if TYPE_CHECKING:
 class Product:
     """The result of a subcommand: a figure, tables, messages, and other files."""
 
-    table: "pd.DataFrame | None" = None  # becomes SUBCOMMAND.csv
-    figure: "Figure | None" = None  # becomes SUBCOMMAND.FORMAT
+    table: "pd.DataFrame | None" = None  # written to SUBCOMMAND.csv
+    figure: "Figure | None" = None  # written to SUBCOMMAND.FORMAT
     messages: Sequence[str] = ()  # lines for standard output
     tables: "Mapping[str, pd.DataFrame]" = field(
         default_factory=dict
     )  # further tables, by file name
     files: Mapping[str, bytes] = field(default_factory=dict)  # content by file name
     folder: str = ""
-    """If set, this folder is written as a whole, and the keys of ``files`` are paths inside it."""
+    """If set, the folder that is written as a whole; keys of ``files`` are paths inside it."""
     status: int = DONE
     """The exit status of the command; ``regression`` can set others."""
 
@@ -88,8 +88,8 @@ class Subcommand(Protocol):
 
     Optional attributes are ``FORMATS`` (default: figure formats), ``OUTPUT`` (default:
     ``figures``), ``ONE_ROBOT`` if the figure shows a robot that the user can choose,
-    ``FIRST_ROBOT`` if it always shows the first robot, ``WORST_MISSION`` if it shows the worst kept
-    mission of evaluations without runs, and ``add_arguments(parser)``.
+    ``FIRST_ROBOT`` if it always shows the first robot, ``WORST_MISSION`` if it shows the worst
+    stored mission of evaluations when there are no runs, and ``add_arguments(parser)``.
     """
 
     HELP: str  # one line
@@ -110,7 +110,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     subparsers = parser.add_subparsers(dest="subcommand", metavar="SUBCOMMAND", required=True)
     for name in chosen or SUBCOMMANDS:
         module = import_subcommand(name)
-        text = module.HELP.replace("%", "%%")  # argparse formats help with %
+        text = module.HELP.replace("%", "%%")  # argparse formats help texts with %
         about = f"{module.HELP}. Needs {module.NEEDS}."
         add_all_arguments(subparsers.add_parser(name, help=text, description=about), module)
     options, rest = parser.parse_known_args(list(arguments))
@@ -194,7 +194,7 @@ def _add_formats(parser: argparse.ArgumentParser, formats: Mapping[str, str]) ->
 
 
 def import_subcommand(name: str) -> Subcommand:
-    """Import the module of a subcommand, which may import matplotlib."""
+    """Import a subcommand's module, which may import matplotlib."""
     return cast(Subcommand, import_module(SUBCOMMANDS[name], __package__))
 
 

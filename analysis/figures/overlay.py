@@ -1,8 +1,8 @@
 """All champions on one robot: positions and coverage of their sensors (the paper's Fig. 8).
 
-Short cones show where sensors are mounted; full-range cones show the covered directions. The shade
-counts champions (sensors if every treatment has a single champion), because overlapping translucent
-cones would not show counts.
+Short cones show where sensors are mounted; full-range cones show the directions that they cover.
+The shade gives the number of champions (of sensors if every treatment has a single champion),
+because overlapping translucent cones would not show numbers.
 """
 
 import argparse
@@ -48,7 +48,7 @@ Shades = tuple[ListedColormap, BoundaryNorm]
 PER_ROW_IN = 1.5  # minimum width of a panel
 LETTERS_PER_IN = 16  # title characters per inch
 APART = 2.5
-"""Ratio of ranges above which the shorter cones would look like specks."""
+"""Ratio of ranges above which the shorter cones would look like dots."""
 BAR_IN = 0.75  # room for the colour bar
 HEADS_IN = (0.38, 0.6)  # room above the first and the other views
 LINE_IN = 0.13  # height of a title line
@@ -56,7 +56,7 @@ BAR_LABEL = "whose cones cover the point"
 CELLS = 300  # cells along a cone, about 0.1 mm each in print
 SPAN = ["treatment", "cut_m", "cell_m", "x_m", "y_low_m", "y_high_m"]
 UNITS = {"champions": ["run"], "sensors": ["run", "sensor"]}
-"""Units of the counts, and the columns that identify them."""
+"""Units of the counts, with the columns that identify a unit."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -86,9 +86,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 def choose_cuts(
     sensors: pd.DataFrame, contexts: Mapping[str, FigureContext], near_m: float | None = None
 ) -> tuple[float, ...]:
-    """Choose the lengths [m] at which cones are cut: a near one, and the full range if longer.
+    """Choose the lengths [m] at which cones are cut off: a near one, and the full range if longer.
 
-    The shortest range is added if its cones would look like specks next to the longest ones.
+    The shortest range is added if its cones would look like dots next to the longest ones.
     """
     if near_m is not None and not 0 < near_m < math.inf:
         raise InputError(
@@ -142,7 +142,7 @@ def draw_overlay(cover: pd.DataFrame, champions: Champions, width: float = COLUM
 
 
 def _shades(maximum: int) -> Shades:
-    """Return the colour map and norm of counts up to ``maximum``, ordered in greyscale, too."""
+    """Return the colour map and norm for counts up to ``maximum``, also ordered in greyscale."""
     cmap = ListedColormap(mpl.colormaps["YlGnBu"](np.linspace(0.15, 1.0, 256)))
     return cmap, BoundaryNorm(np.arange(0.5, maximum + 1), cmap.N)
 
@@ -169,7 +169,7 @@ def _lay_out(
 
 
 def _count_columns(treatments: int, width: float) -> int:
-    """Return the number of treatments per row that gives rows of about equal length."""
+    """Return the number of treatments per row that makes rows about equally long."""
     most = max(1, min(treatments, int((width - BAR_IN) / PER_ROW_IN)))
     return math.ceil(treatments / math.ceil(treatments / most))
 

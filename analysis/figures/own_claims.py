@@ -48,9 +48,9 @@ def judge_own(claim: OwnClaim, study: Study, near: Near) -> finding.Finding:
     """Judge a claim by the finished runs of its treatments.
 
     The value is the champions' mean over runs, or the difference between two such means. A claim is
-    supported if the interval lies beyond the threshold, and the champions exceed their runs' random
-    designs in the same direction. It is not supported if the interval lies on the other side of the
-    threshold.
+    supported if the interval is beyond the threshold, and the champions differ from their runs'
+    random designs in the same direction. It is not supported if the interval is on the other side
+    of the threshold.
     """
     values = measure_runs(claim.measure, study, near, claim.place)
     groups = [claim.treatments, *([claim.against] if claim.against else [])]
@@ -123,7 +123,7 @@ def _judge(claim: OwnClaim, measured: Interval) -> str:
 
 
 def measure_runs(measure: str, study: Study, near: Near, place: str) -> pd.DataFrame:
-    """Return a row per run: the champion's ``value`` and the random designs' mean, ``random``."""
+    """Return one row per run: the champion's ``value`` and the random designs' mean, ``random``."""
     readers: Mapping[str, Callable[[], pd.DataFrame]] = {
         **dict.fromkeys(FITNESS, lambda: _measure_fitness(measure, study)),
         **dict.fromkeys(GAINS, lambda: _measure_gain(measure, study)),
@@ -149,7 +149,7 @@ def _collect(study: Study, read: Callable[[Record], tuple[float, float]]) -> pd.
 
 
 def _read_column(record: Record, column: str) -> tuple[float, float]:
-    """Read the champion's value in a column of the generations, and the random designs' mean."""
+    """Read the champion's value in a column of the generations, and the mean of random designs."""
     table = read_generations(record)
     if column not in table:
         return np.nan, np.nan
@@ -188,7 +188,7 @@ def _measure_feature(measure: str, study: Study, near: Near) -> pd.DataFrame:
 
 
 def _measure_completion(study: Study) -> pd.DataFrame:
-    """Return the shares of missions completed on fresh draws, in the run's simulator."""
+    """Return the completion rates on fresh draws, in the simulator of each run."""
     missions, drawn = list_missions(study), list_random_missions(study)
 
     def read(record: Record) -> tuple[float, float]:

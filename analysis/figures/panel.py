@@ -97,7 +97,7 @@ def draw_panels(
 
 
 def _make_colour_handles(placed: pd.DataFrame) -> list[Patch]:
-    """Make a legend entry for each rank; only the first and last have individual names."""
+    """Make a legend entry for each rank; only the first and last ranks have names."""
     ranks = sorted(placed["rank"].astype(int).unique())[: len(CATEGORIES)]
     labels = {len(ranks) - 1: "farthest from forward", 0: "closest to forward"}
     colours = {rank: CATEGORIES[rank % len(CATEGORIES)] for rank in ranks}
@@ -151,7 +151,7 @@ def _make_panels(
 def lay_out(
     numbers: Sequence[int], ratio: float, width: float, foot: float, above: float = TITLE_IN
 ) -> Sheet:
-    """Lay out the panels of each treatment; panels shrink if they then fit on one page.
+    """Lay out the panels of each treatment, and shrink them if they then fit on one page.
 
     ``numbers`` holds the number of panels per treatment; ``ratio`` is a panel's height divided by
     its width. ``foot`` and ``above`` are the heights [in] of the legend and of a panel's title.
@@ -160,7 +160,7 @@ def lay_out(
     pages = []
     for panel_in in (PANEL_IN, MIN_PANEL_IN):
         columns = max(1, int((width - SIDE_IN) / panel_in))
-        columns = math.ceil(max(numbers) / math.ceil(max(numbers) / columns))  # even rows
+        columns = math.ceil(max(numbers) / math.ceil(max(numbers) / columns))  # rows of even length
         rows = [math.ceil(panels / columns) for panels in numbers]
         heads = [above + heading * (row == 0) for count in rows for row in range(count)]
         pages.append(Sheet(width, columns, [ratio] * len(heads), heads, bottom=foot))

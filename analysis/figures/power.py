@@ -35,7 +35,7 @@ FILES = {
 }
 USUAL = (0.5, 1.0, 1.5)
 """Default differences, in standard deviations."""
-BAR_STEP = 0.03  # vertical distance between the bars of two differences, in power
+BAR_STEP = 0.03  # vertical distance between the bars of two differences, in units of power
 TITLE_LENGTH = 36  # maximum number of characters per line of the legend title
 POINTS = 14
 """Number of points at which a curve is computed."""
@@ -159,7 +159,7 @@ def draw_power(
             label = f"{plan['difference']:.3g} ({plan['in_sd']:.2g} SD)"
             axes.plot(rows["replicates"], rows["power"], color=colour, lw=1.2, label=label)
             low, high = (min(plan[f"replicates_{side}"], end) for side in ("low", "high"))
-            y = power + BAR_STEP * ((len(plans) - 1) / 2 - i)  # so that bars do not overlap
+            y = power + BAR_STEP * ((len(plans) - 1) / 2 - i)  # keeps bars from overlapping
             axes.plot([low, high], [y, y], color=colour, lw=1.2)
             if plan["replicates_high"] > end:
                 axes.plot(high, y, ">", color=colour, ms=4, clip_on=False)

@@ -47,7 +47,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def group_contexts(study: Study) -> dict[str, FigureContext]:
-    """Merge contexts that look the same; each result is named after its treatments."""
+    """Merge contexts that look alike; each result is named after its treatments."""
     treatments: dict[str, list[str]] = {}
     contexts: dict[str, FigureContext] = {}
     for record in (*study.records, *study.evaluations):
@@ -64,7 +64,7 @@ def group_contexts(study: Study) -> dict[str, FigureContext]:
 
 
 def list_regions(contexts: Mapping[str, FigureContext]) -> pd.DataFrame:
-    """List one row per region, and one for its mirror image if sensors have twins.
+    """List one row per region and, if sensors have twins, one for the mirror image.
 
     ``docs/analysis.md`` describes the columns. Corners form a rectangle, or a line on the outline.
     """

@@ -76,7 +76,7 @@ NAMES = {
     TIME: "time [s]",
 }
 BAND = 0.22
-"""Width of the band of incomplete missions, as a share of the time axis."""
+"""Width of the band of incomplete missions, as a fraction of the time axis."""
 NOTE_LENGTH = 62
 
 
@@ -96,7 +96,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Compare the folders and draw one design; the tables have all designs."""
+    """Compare the folders and draw one design; the tables include all designs."""
     margins = _read_margins(options)
     one, other = find_pair(study)
     pairs = pair_missions(study, one, other)
@@ -212,8 +212,8 @@ def draw_paired_times(
 ) -> Figure:
     """Draw each mission at its times in A and B, with the tests over all worlds below.
 
-    Incomplete missions lie in bands beyond the longest time, further out if they made less
-    progress. ``sides`` are the names of A and B. ``width`` is in inches.
+    Incomplete missions are in bands beyond the longest time, farther out the less progress they
+    made. ``sides`` holds the names of A and B. ``width`` is in inches.
     """
     names = [f"{side}: {name}" for side, name in zip("AB", sides, strict=True)]
     note = cut_short(", ".join([*names, *([design] if design else [])]), NOTE_LENGTH)

@@ -68,7 +68,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     study = study.select_finished(read_champion, read_initial_sensors)
     champions, near = study.gather(read_champion), (options.near_m, options.near_deg)
     table = describe_designs(champions, study.initial, study.rings, *near)
-    # Other figures assign colours and letters in the order of the runs, too.
+    # Other figures also assign colours and letters in the order of the runs.
     order = table.treatment.map(study.treatments.index).sort_values(kind="stable").index
     table = table.loc[order].reset_index(drop=True)
     summary = compare_with_random(table, study.rings)
@@ -78,7 +78,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def report_designs(summary: pd.DataFrame) -> list[str]:
-    """Report each treatment on one line, and the clusters among all champions on another."""
+    """Report each treatment in one line, and the clusters among all champions in another."""
     lines = []
     for treatment, rows in summary.groupby("treatment", sort=False):
         measures = rows.set_index("measure")
@@ -140,7 +140,7 @@ def _make_upper_key(colours: Mapping[str, str]) -> list[Artist]:
 
 
 def _shorten(treatments: Sequence[str]) -> dict[str, str]:
-    """Map treatments to tick labels: letters if a name is too long or there are many treatments."""
+    """Map treatments to tick labels: letters if a name is too long or if there are many."""
     return abbreviate(treatments, NAME_LENGTH if len(treatments) <= 4 else 0)
 
 
@@ -167,7 +167,7 @@ def _draw_profiles(
     axes.fill_between(headings, low, high, color=colour, alpha=0.25, lw=0)
     axes.plot(headings, random, color=RANDOM, lw=1.2, ls=_DASHES)
     axes.plot(headings, value, color=colour, lw=1.4)
-    axes.set_xlim(_reach(summary), -_reach(summary))  # left headings are on the left
+    axes.set_xlim(_reach(summary), -_reach(summary))  # puts left headings on the left
     axes.xaxis.set_major_locator(MultipleLocator(90))
     axes.xaxis.set_minor_locator(MultipleLocator(45))
     axes.tick_params(labelbottom=True)

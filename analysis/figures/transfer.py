@@ -53,7 +53,7 @@ HEADS = {
     "mean change": (0.67, "left"),
 }
 MIN_DESIGNS = next(n for n in count(2) if 2 / factorial(n) < LEVEL)
-"""Minimum number of designs for a significant rank correlation: 2 of n! orders are extreme."""
+"""Minimum number of designs for a significant rank correlation, as 2 of n! orders are extreme."""
 NOTE = f"*too few designs for a conclusion: {MIN_DESIGNS} or more are needed"
 NAME_LENGTH, RUNG_LENGTH = 16, 17
 """Maximum lengths of a group's and a rung's name in the table."""
@@ -64,7 +64,7 @@ RUNG_HEADS = {
     "mean change": (0.67, "left"),
 }
 NAMED = 8
-"""Maximum number of designs with colours and names; larger numbers are drawn in grey."""
+"""Maximum number of designs with colours and names; more are drawn in grey."""
 _APART = 0.03  # distance between the dots of two designs, in rungs
 
 
@@ -127,9 +127,9 @@ def draw_transfer(
     label: str = FITNESS,
     bounds: tuple[float, float] = UNBOUNDED,
 ) -> Figure:
-    """Draw one panel per pair of conditions; designs on the diagonal score the same under both.
+    """Draw one panel per pair of conditions; designs on the diagonal have equal scores.
 
-    Bars are standard errors over the trials, within the ``bounds`` of the fitness. The tables
+    Bars are standard errors over the trials, clipped to the ``bounds`` of the fitness. The tables
     below have bootstrap intervals; ``width`` is in inches.
     """
     panels = list(table.groupby(["x", "y"], sort=False))
@@ -220,8 +220,8 @@ def draw_ladder(
 ) -> Figure:
     """Draw a line for each design over the rungs, and the mean of all designs in black.
 
-    ``table`` comes from ``climb``; its ``summary`` is the table below. Bars are standard errors
-    over the trials, within the ``bounds`` of the fitness.
+    ``table`` comes from ``climb``; the ``summary`` is printed as a table below. Bars are standard
+    errors over the trials, clipped to the ``bounds`` of the fitness.
     """
     rows = summary.to_dict("records")
     names = (cut_short(row["y"], RUNG_LENGTH) + "*" * (row["n"] < MIN_DESIGNS) for row in rows)
@@ -245,7 +245,7 @@ def draw_ladder(
 def measure_bars(scores: Array, bounds: tuple[float, float]) -> Array:
     """Return the lengths of standard-error bars below and above each mean, (2, n), within bounds.
 
-    ``scores`` (n, 3) has means, standard deviations (may be NaN), and numbers of trials.
+    ``scores`` (n, 3) holds means, standard deviations (NaN if unknown), and numbers of trials.
     """
     fitness, sd, trials = scores.T
     errors = np.nan_to_num(sd / np.sqrt(trials))

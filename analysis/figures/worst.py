@@ -104,7 +104,7 @@ class TestedDesign:
     sets: pd.DataFrame
     risks: pd.DataFrame
     searched: pd.DataFrame | None
-    """Rows from a search for worst cases, if any; they replace the smallest set."""
+    """Rows from a search for worst cases, if any; they take the place of the smallest set."""
 
     def describe(self) -> Iterator[str]:
         """Describe the smallest set that stops the design, how to repeat it, and the risks."""
@@ -151,7 +151,7 @@ class TestedDesign:
 def draw_worst(
     design: TestedDesign, sensors: pd.DataFrame, context: FigureContext, width: float = PAGE_IN
 ) -> Figure:
-    """Draw the shares of sets that stop a design, and the smallest one; ``width`` is in inches."""
+    """Draw the shares of sets that stop a design, and the smallest set; ``width`` is in inches."""
     with use_style():
         wide = is_wide(width)
         figure = Figure(figsize=(width, (0.42 if wide else 1.65) * width), layout="constrained")
@@ -168,7 +168,7 @@ def draw_worst(
 
 
 def _find_met(cases: pd.DataFrame) -> tuple[tuple[int, ...], str]:
-    """Return the smallest set with an incomplete mission, and a title for it."""
+    """Return the smallest set with an incomplete mission, and its title."""
     smallest = find_smallest(cases)
     if smallest.empty:
         return (), ""
@@ -179,7 +179,7 @@ def _find_met(cases: pd.DataFrame) -> tuple[tuple[int, ...], str]:
 
 
 def _find_confirmed(searched: pd.DataFrame) -> tuple[tuple[int, ...], str]:
-    """Return the smallest set that stops the design on fresh draws, and a title for it."""
+    """Return the smallest set that stops the design on fresh draws, and its title."""
     stopping = searched[searched["smallest"] & searched["stops"]]
     if stopping.empty:
         return (), f"stopped by none of {searched['number'].nunique() - 1} cases"

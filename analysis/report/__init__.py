@@ -1,1 +1,1 @@
-"""The subcommand ``report``, which writes one HTML page about a study."""
+"""The subcommand ``report``, which writes a single HTML page about a study."""

@@ -25,15 +25,15 @@ _TEMPLATES = Environment(
     lstrip_blocks=True,
 )
 HEADER, LINKS, MISSIONS = "header", "links", "missions"
-"""Ids of a page's parts other than its sections."""
+"""Ids of the parts of a page other than the sections."""
 
 
 @dataclass(frozen=True)
 class Page:
     """The content of a page.
 
-    A playback has a ``label``, a ``key``, the names of the ``players`` that offer it, and as
-    ``content`` the result of ``encode_shown``. Playbacks share ``grounds``.
+    A playback has a ``label``, a ``key``, the names of the ``players`` that offer it, and the
+    result of ``encode_shown`` as ``content``. Playbacks share ``grounds``.
     """
 
     title: str
@@ -66,7 +66,7 @@ def render_section(name: str, content: Markup) -> Markup:
 
 
 def render_page(page: Page, scripts: Sequence[str]) -> bytes:
-    """Render a page to the content of a file; ``scripts`` name files in ``web/``."""
+    """Render a page as the content of a file; ``scripts`` names files in ``web/``."""
     script = read_scripts(scripts)
     return assemble(page.title, render_parts(page), script, write_policy(script)).encode()
 
@@ -78,7 +78,7 @@ def assemble(
     policy: str,
     styles: Sequence[str] = ("style",),
 ) -> Markup:
-    """Assemble a page from its rendered parts; ``styles`` name files in ``web/``."""
+    """Assemble a page from its rendered parts; ``styles`` names files in ``web/``."""
     sections = [part for key, part in parts.items() if key not in (HEADER, LINKS, MISSIONS)]
     style = Markup("").join(_read_asset(f"{name}.css") for name in styles)
     values = {"policy": policy, "title": title, "style": style, "script": script}
@@ -86,12 +86,12 @@ def assemble(
 
 
 def read_scripts(names: Sequence[str]) -> Markup:
-    """Read scripts in ``web/`` and join them into one."""
+    """Read and join scripts in ``web/``."""
     return Markup("\n" + "".join(_read_asset(f"{name}.js") for name in names))
 
 
 def write_policy(script: str, connect: str = "'none'") -> str:
-    """Return the Content-Security-Policy that allows this script and nothing else."""
+    """Return a Content-Security-Policy that allows only this script."""
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return (
         f"default-src 'none'; script-src 'sha256-{digest}'; style-src 'unsafe-inline'; "
@@ -113,7 +113,7 @@ def _read_asset(name: str) -> Markup:
 class Table:
     """A table with formatted cells."""
 
-    columns: list[tuple[str, bool]]  # heading, and True if the cells are numbers
+    columns: list[tuple[str, bool]]  # heading, and True for numbers
     rows: list[tuple[str, ...]]
 
 
@@ -126,7 +126,7 @@ def format_table(frame: pd.DataFrame) -> Table:
 
 
 def _format_column(column: pd.Series) -> tuple[bool, list[str]]:
-    """Return True if a column is numeric, and the cells, with equal numbers of decimals."""
+    """Return True if a column is numeric, and its cells with equal numbers of decimals."""
     values = column.to_numpy()
     if values.dtype.kind in "iu":
         return True, [str(value) for value in values]

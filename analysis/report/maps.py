@@ -1,7 +1,7 @@
-"""The archive and Pareto front of a study as maps in the page, with marks that select designs.
+"""The archive and Pareto front of a study as maps on the page, with markers that select designs.
 
-A mark is a cell of the archive or a point on the front. The selected design is drawn next to the
-map, and its missions can be played if the run has kept them.
+A marker is a cell of the archive or a point on the front. The selected design is drawn next to the
+map, and its missions can be played if the run has stored them.
 """
 
 import argparse
@@ -38,7 +38,7 @@ _CMAP = "viridis"
 
 
 class Mark(NamedTuple):
-    """A cell or point; positions and sizes are in percent of the map, from its lower left."""
+    """A cell or point; positions and sizes are in percent of the map, from the lower left."""
 
     x: float
     y: float
@@ -52,7 +52,7 @@ class Mark(NamedTuple):
 
 
 class Tick(NamedTuple):
-    """A number on an axis; ``at`` is in percent of the axis' length."""
+    """A number on an axis, at the position ``at`` in percent of the axis."""
 
     at: float
     text: str
@@ -60,26 +60,26 @@ class Tick(NamedTuple):
 
 @dataclass(frozen=True)
 class DesignMap:
-    """One map of the page."""
+    """A map on the page."""
 
     name: str  # name of the figure
     axes: tuple[str, str]
     ticks: tuple[list[Tick], list[Tick]]
     marks: list[Mark]
     dots: list[tuple[float, float]]  # other designs, in percent
-    designs: list[tuple[Record, int]]  # one per mark
+    designs: list[tuple[Record, int]]  # one per marker
     data: Markup  # all designs as JSON
     low: float  # fitness at the ends of the colour scale
     high: float
     view_box: str  # shared by all pictures
     outline: Markup  # the robot, shared by all pictures
-    key: str = ""  # unique in the page
+    key: str = ""  # unique on the page
     title: str = ""  # treatment, if the study has several
     runs: int = 1  # number of runs with designs in the map
 
     @property
     def points(self) -> Any:
-        """The positions (n, 2) of the marks, for ``choose_apart``."""
+        """The positions (n, 2) of the markers, for ``choose_apart``."""
         return np.array([(mark.x, mark.y) for mark in self.marks])
 
     @property
@@ -94,19 +94,19 @@ class DesignMap:
 
     @property
     def played(self) -> int:
-        """The number of designs whose missions the run has kept."""
+        """The number of designs whose missions the run has stored."""
         return sum(mark.playable for mark in self.marks)
 
 
 def _colour_share(share: float) -> str:
-    """Return the colour of a fitness, given as a share of the range from minimum to maximum."""
+    """Return the colour of a fitness, given as a fraction of the range from minimum to maximum."""
     return to_hex(mpl.colormaps[_CMAP](share))
 
 
 MOST_DRAWN = 18
-"""Maximum number of cells along a descriptor up to which designs are drawn into cells."""
+"""Maximum number of cells along a descriptor at which designs are drawn in the cells."""
 MOST_DOTS = 3000
-MARGIN = 0.06  # margin around a front's points, as a share of its width
+MARGIN = 0.06  # margin around a front's points, as a fraction of its width
 FITNESS = "fitness"
 BETTER = {1.0: "higher is better", -1.0: "lower is better"}
 TITLES = {"archive": "Archive", "front": "Front"}
@@ -115,7 +115,7 @@ TITLES = {"archive": "Archive", "front": "Front"}
 def make_maps(study: Study, options: argparse.Namespace) -> dict[str, DesignMap]:
     """Make maps of the recorded objectives and descriptors, for the first robot, by key.
 
-    As in the figures, each treatment has a separate map, with the same axes and colours.
+    As in the figures, each treatment has a separate map with the same axes and colours.
     """
     makers = {"archive": _map_archive, "front": _map_front}
     maps: dict[str, DesignMap] = {}
@@ -125,7 +125,7 @@ def make_maps(study: Study, options: argparse.Namespace) -> dict[str, DesignMap]
         try:
             ground, select = make(first, parse([name, *map(str, options.folders)]))
         except InputError:
-            continue  # the figure's section reports why
+            continue  # the section of the figure reports the reason
         contents = {treatment: select(runs) for treatment, runs in groups.items()}
         fitness = pd.concat([content.table.fitness for content in contents.values()])
         scale = float(fitness.min()), float(fitness.max())
@@ -152,8 +152,8 @@ class _Ground(NamedTuple):
     name: str
     axes: tuple[Axis, Axis]
     bounds: Sequence[tuple[float, float]]
-    width: float = 0.0  # width of a mark in percent; 0 for points
-    drawn: bool = False  # True: marks have pictures
+    width: float = 0.0  # width of a marker in percent; 0 for points
+    drawn: bool = False  # True: markers have pictures
 
     @property
     def labels(self) -> tuple[str, str]:
@@ -212,7 +212,7 @@ def _make_map(
     scale: tuple[float, float],
     context: FigureContext,
 ) -> DesignMap:
-    """Make a map of designs on the robot of ``context``; ``scale`` bounds the fitness colours."""
+    """Make a map of designs on the robot of ``context``; ``scale`` bounds the colour scale."""
     table = content.table
     records = [study.records[int(place)] for place in table.place]
     designs = [
@@ -244,7 +244,7 @@ def _make_map(
 
 
 def _list_marks(table: pd.DataFrame, places: Array, ground: _Ground) -> Iterator[Mark]:
-    """Yield the mark of each design; its name includes the run if there are several runs."""
+    """Yield the marker of each design, named also after the run if there are several runs."""
     several = table.place.nunique() > 1
     for row, (x, y) in zip(table.to_dict("records"), places.round(3).tolist(), strict=True):
         run = f" of {row['record'].name}" if several else ""

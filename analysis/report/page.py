@@ -1,4 +1,4 @@
-"""One page about a study that opens in any browser offline: ``report.html``."""
+"""A page about a study that opens in any browser offline (``report.html``)."""
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,17 +22,17 @@ from .playback import PLAYER, Flown, Json, encode_shown, select_playbacks
 from .section import make_section
 
 MAX_RECORDS = 300
-"""Maximum number of samples per mission, for designs in maps."""
+"""Maximum number of samples per mission for designs on maps."""
 
 
 @dataclass
 class Missions:
-    """The designs' missions in the page, and the grounds that the missions share."""
+    """The designs' missions on the page, and the grounds that these missions share."""
 
     playbacks: dict[tuple[str, int], Markup] = field(default_factory=dict)  # one per run and design
     maps: dict[tuple[str, int], list[str]] = field(
         default_factory=dict
-    )  # keys of the maps with the design
+    )  # keys of the maps that contain the design
     labels: dict[tuple[str, int], str] = field(default_factory=dict)
     grounds: dict[str, Json] = field(default_factory=dict)
 
@@ -50,7 +50,7 @@ class Missions:
 
 
 def collect_missions(maps: Mapping[str, DesignMap], study: Study, max_bytes: float) -> Missions:
-    """Encode missions of the maps' designs, alternating between maps, up to ``max_bytes``."""
+    """Encode missions of the maps' designs, map by map in turn, up to ``max_bytes``."""
     missions = Missions()
     size = 0
     for map_key, index in _take_turns(maps):
@@ -88,9 +88,9 @@ FORMATS = {"html": ""}
 CLAIMS = "claims"
 LEFT_OUT = {"report", "requirements", "video", "power", "regression", CLAIMS, *EXPORTS}
 FIGURES = tuple(name for name in SUBCOMMANDS if name not in LEFT_OUT)
-"""The subcommands whose results are in the page; claims are added on request."""
+"""The subcommands whose results are on the page; claims are added on request."""
 OWN_SECTION = {"compare": "Statistics", CLAIMS: "Claims"}
-"""Titles of the subcommands with separate sections; the others are under "Figures"."""
+"""Titles of the subcommands with separate sections; all others are under "Figures"."""
 SCRIPTS = (*PLAYER, "maps", "tables")
 
 
@@ -123,7 +123,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def make_page(study: Study, options: argparse.Namespace, flown: Flown | None = None) -> Page:
-    """Make the page about a study; ``flown`` adds missions that unfinished runs did not keep."""
+    """Make the page about a study; ``flown`` adds missions that unfinished runs did not store."""
     flown = flown or Flown()
     playbacks = select_playbacks(study, options.playbacks * 1e6, flown.playbacks)
     maps = make_maps(study, options)

@@ -1,8 +1,8 @@
-"""Encode the missions of champions, or best designs so far, for the player of a report.
+"""Encodes missions of champions, or of best designs so far, for the player of a report.
 
-Positions and readings are in integer millimetres, times in milliseconds, angles in milliradians.
-To keep numbers short, each column lists differences between samples, or ``[sample, value]`` at
-each change.
+Positions and readings are in millimetres, times in milliseconds, and angles in milliradians, all as
+integers. To keep numbers short, each column lists differences between samples, or ``[sample,
+value]`` at each change.
 """
 
 import math
@@ -61,7 +61,7 @@ def encode_sensors(table: pd.DataFrame) -> Iterator[Json]:
 
 
 def encode_obstacles(world: World) -> Iterator[Json]:
-    """Yield the shapes of the obstacles in drawing order, in order of rising top."""
+    """Yield the shapes of the obstacles in drawing order, by increasing height of the top."""
     placed = [solid for body in standing_obstacles(world) for solid in body.placed]
     for shape, pose in sorted(placed, key=lambda pair: top_height(*pair)):
         area = project_shape(shape, pose)
@@ -131,7 +131,7 @@ def encode_numbers(values: Array) -> list[int | None]:
 
 
 def encode_differences(values: Sequence[int | None]) -> list[int | None]:
-    """Replace each value with its difference from the last known value; None stays."""
+    """Replace each value with its difference from the last known value; None remains."""
     last, differences = 0, list[int | None]()
     for value in values:
         differences.append(None if value is None else value - last)
@@ -146,7 +146,7 @@ def encode_changes(values: Sequence[int | None]) -> list[list[int | None]]:
 
 
 def describe_signals(sensors: pd.DataFrame, context: FigureContext) -> Iterator[dict[str, Any]]:
-    """Describe the pose, zone and displayed channels of each sensor that casts no rays."""
+    """Describe the pose, zone and displayed channels of each sensor without rays."""
     for row in sensors.to_dict("records"):
         signal = context.signals[row["type"]]
         yield {
@@ -179,11 +179,11 @@ PLAYER = ("missions", "plan", "readings", "signals", "player")
 
 @dataclass(frozen=True)
 class Flown:
-    """Repeated missions of the best designs so far, for runs that kept no missions."""
+    """Rerun missions of the best designs so far, for runs that stored no missions."""
 
-    playbacks: Mapping[str, Markup] = field(default_factory=dict)  # one per run name
+    playbacks: Mapping[str, Markup] = field(default_factory=dict)  # one per run, by name
     notes: Sequence[str] = ()
-    """Sentences about the repeated missions, and the reasons why others were not repeated."""
+    """Sentences about the rerun missions, and about the reasons why others were not rerun."""
 
 
 def select_playbacks(
@@ -192,7 +192,7 @@ def select_playbacks(
     """Encode the missions of each treatment's best run, and of other runs that fit.
 
     The other runs follow, best first, up to a total of ``max_bytes``. Keys are run names. For an
-    unfinished run, these are its best design's missions so far, if kept or repeated.
+    unfinished run, these are the missions of its best design so far, if stored or rerun.
     """
 
     def encode(record: Record) -> Markup:
@@ -282,7 +282,7 @@ def _encode_walker(walker: WalkerTrack, rows: Sequence[int]) -> Json:
 
 
 def _encode_faults(row: "pd.Series[str]", effects: Mapping[str, str]) -> Iterator[Json]:
-    """Encode each sensor failure's time, effect, and seconds until it is drawn in full."""
+    """Encode each sensor failure's time and effect, and the seconds until it is fully drawn."""
     for sensor, time, effect in list_failures(row):
         kind = effects.get(effect, ENDS)
         grown_s = GROWN_S if kind == GROWS else 0.0
@@ -320,7 +320,7 @@ def _encode_columns(trajectory: pd.DataFrame, bearings_deg: Sequence[Sequence[fl
 
 
 def _encode_waypoints(trajectory: pd.DataFrame, course: Course) -> Iterator[list[float]]:
-    """Yield ``[time, number]`` of each visited waypoint (the closest one); -1 means home."""
+    """Yield ``[time, number]`` for each visited waypoint, at its closest sample; -1 means home."""
     goals = np.array([course.home[:2], *course.waypoints])
     for index in _find_increases(trajectory["visited"]):
         row = trajectory.iloc[index]

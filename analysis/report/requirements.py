@@ -1,4 +1,4 @@
-"""One page with the verdicts on requirements and the worst missions: ``requirements.html``."""
+"""A page with the verdicts on requirements and the worst missions (``requirements.html``)."""
 
 import argparse
 from collections import Counter
@@ -26,7 +26,7 @@ from .playback import PLAYER, Json, encode_shown
 from .summary import name_page, summarize, tabulate_versions
 
 GENERATION = 0
-"""The generation of all missions of an evaluation."""
+"""The generation number of all missions of an evaluation."""
 HELP = "one HTML page with verdicts on requirements and a player of worst missions"
 NEEDS = "an evaluation with requirements"
 FILES = {
@@ -62,7 +62,7 @@ class Required:
 
 
 def list_required(study: Study) -> list[Required]:
-    """List the verdicts of all finished evaluations in the order violated, undecided, met."""
+    """List the verdicts of all finished evaluations: violated, then undecided, then met."""
     tables = study.read_each(study.evaluations, lambda each: read_verdicts(each.path))
     verdicts = [Required(record, row) for record, rows in tables for row in rows]
     if not verdicts:

@@ -25,19 +25,19 @@ from ..tables.study import Study
 from .frame import Table, format_table, render
 
 MAX_SVG = 1_000_000
-"""Maximum size in bytes of an embedded SVG; larger figures become PNGs."""
-SCALE = 1.5  # magnification on screens, which are viewed from farther away than paper
+"""Maximum size [bytes] of an embedded SVG; larger figures become PNGs."""
+SCALE = 1.5  # magnification on screens, which are viewed from a greater distance than paper
 _CSS_PER_IN, _PT_PER_IN = 96, 72
 _OUTLINE = Markup(
     '<path d="{}" fill="{}" stroke="#000" stroke-width=".5" vector-effect="non-scaling-stroke"/>'
 )
 _NAMESPACE = re.compile(r"\{[^}]*\}")
 MAX_ROWS = 400
-"""Maximum number of rows of a table in the page; larger tables are left out."""
+"""Maximum number of rows of a table on the page; larger tables are left out."""
 
 
 FIGURE_OF_PAPER = re.compile(r" \([^()]*Figs?\. [^()]*\)")
-"""References to figures of the 2018 paper, which captions of other studies leave out."""
+"""Matches references to figures of the 2018 paper, which captions in other studies omit."""
 PAPER = "paper"
 """The value of ``--claims`` that selects the 2018 paper's claims."""
 
@@ -52,7 +52,7 @@ class Section:
     picture: Markup | None = None
     messages: Sequence[str] = ()
     rows: int = 0  # number of rows of the table
-    numbers: Table | None = None  # None if there is no table or it has too many rows
+    numbers: Table | None = None  # None without a table, or if the table has too many rows
     left_out: Sequence[str] = ()
 
     def render(self, own_section: bool) -> Markup:
@@ -99,7 +99,7 @@ def _make_section(name: str, study: Study, options: argparse.Namespace) -> Secti
 
 def embed_figure(figure: Figure, name: str) -> Markup:
     """Return a figure as an ``svg`` element with prefixed ids, or as an ``img`` if it is large."""
-    svg = style.render(figure, "svg", as_text=True)  # text stays searchable
+    svg = style.render(figure, "svg", as_text=True)  # keeps the text searchable
     if len(svg) <= MAX_SVG:
         return _inline_svg(svg, name)
     data = base64.b64encode(style.render(figure, "png")).decode()
@@ -158,5 +158,5 @@ def draw_sensors(sensors: pd.DataFrame, reach_m: float) -> Markup:
 
 
 def _trace(outline: Array) -> str:
-    """Return the SVG path of a polygon in the robot's frame; forward is up, left is left."""
+    """Return the SVG path of a polygon in the robot's frame, with forward up."""
     return "M" + "L".join(f"{-y:.3f} {-x:.3f}" for x, y in outline.tolist()) + "Z"

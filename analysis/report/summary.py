@@ -46,7 +46,7 @@ def summarize(study: Study) -> str:
 
 
 def label_runs(records: Sequence[Record]) -> dict[str, str]:
-    """Map run names to labels: treatment and seed, or the run's name if these are not unique."""
+    """Map run names to labels: treatment and seed or, if these are not unique, the run's name."""
     short = [f"{record.treatment}, seed {record.seed}" for record in records]
     names = [record.name for record in records]
     distinct = len(records) > 1 and len(set(short)) == len(short)
@@ -111,7 +111,7 @@ def tabulate_evaluations(evaluations: Sequence[EvaluationRecord]) -> pd.DataFram
 
 
 def tabulate_versions(study: Study) -> pd.DataFrame:
-    """List one row per version or hash, with the number of folders that have it."""
+    """List one row per version or hash, with the number of folders that share it."""
     manifests = [record.run.manifest for record in (*study.records, *study.evaluations)]
     counts = Counter(pair for manifest in manifests for pair in _versions(manifest))
     order = list(dict.fromkeys(name for name, _ in counts))
@@ -127,7 +127,7 @@ def _versions(manifest: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for name in ("python", "platform", "processor"):
         yield name, str(manifest.get(name, ""))
     for name, digest in (manifest.get("sha256") or {}).items():
-        if not name.startswith("configuration"):  # differs between runs by the seed
+        if not name.startswith("configuration"):  # the seed makes these hashes differ between runs
             yield f"sha256 of {name}", str(digest)[:HASH_LENGTH]
 
 
@@ -172,7 +172,7 @@ def list_controls(study: Study) -> list[str]:
 
 
 def _describe_treatments(runs: pd.DataFrame, measure: str, label: str) -> Iterator[str]:
-    """Yield each treatment's median and its interval, best treatment first."""
+    """Yield each treatment's median with its interval, best treatment first."""
     by = runs.dropna(subset=measure).groupby("treatment", sort=False)[measure]
     for treatment in by.median().sort_values(ascending=False).index:
         values = by.get_group(treatment).to_numpy(float)

@@ -1,1 +1,1 @@
-"""Tests, intervals and effect sizes for small samples, and the findings from them."""
+"""Tests, intervals and effect sizes for small samples, and findings based on them."""

@@ -24,8 +24,8 @@ COLUMNS = (
 def compare_treatments(runs: pd.DataFrame, measures: Sequence[str] = MEASURES) -> pd.DataFrame:
     """Compare each pair of treatments ``a`` and ``b`` by each measure: one row per comparison.
 
-    ``runs`` has a row for each run; ``docs/analysis.md`` describes the columns. If there is only
-    one treatment, it has one row, in which ``b`` and the comparison are empty.
+    ``runs`` has a row for each run; ``docs/analysis.md`` describes the columns. A single treatment
+    has one row, in which ``b`` and the comparison are empty.
     """
     rows = [row for measure in measures for row in _compare(measure, group_values(runs, measure))]
     return pd.DataFrame(rows, columns=list(COLUMNS))
@@ -64,12 +64,12 @@ def _describe_side(side: str, values: Array) -> dict[str, object]:
 
 
 def title_measure(measure: str, label: str = FITNESS) -> str:
-    """Name a score column; ``label`` is the name of the fitness."""
+    """Return the title of a score column; ``label`` is the name of the fitness."""
     return f"{measure} {label}" if measure in MEASURES else f"{label} {measure}"
 
 
 def conclude(table: pd.DataFrame, label: str = FITNESS) -> list[str]:
-    """Return a sentence for each row, but only one for a measure without enough replicates."""
+    """Return a sentence for each row, but a single one for a measure without enough replicates."""
     said: list[str] = []
     for measure, rows in table.groupby("measure", sort=False):
         pairs = rows.to_dict("records")
@@ -97,7 +97,7 @@ def _conclude_pair(row: Mapping[Hashable, Any], pairs: int, label: str) -> str:
 
 
 def ask_for_replicates(counts: Sequence[int], pairs: int) -> str:
-    """Explain that the numbers of replicates are too small for ``pairs`` comparisons."""
+    """Explain that there are too few replicates for ``pairs`` comparisons."""
     needed = minimum_replicates(pairs)
     known = " to ".join(dict.fromkeys((str(min(counts)), str(max(counts)))))
     return (

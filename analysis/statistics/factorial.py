@@ -2,8 +2,9 @@
 
 Welch's statistic lets cells differ in size and variance. Its p-value comes from permutations of the
 data (Pauly, Brunner and Konietschke 2015, J. R. Stat. Soc. B 77, 461-473), so the test also keeps
-its nominal level for data that are not normal. Ranks are not used, because they make a main effect
-on skewed values look like an interaction."""
+its nominal level for data that are not normal. Ranks are not used, because with skewed values they
+make main effects look like an interaction.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,9 +22,9 @@ from .two_samples import Places
 
 TEST = "permuted Welch-James test"
 CELLS = 2_000_000
-"""Maximum number of values permuted at a time, to limit memory."""
+"""Maximum number of values permuted at a time, which limits memory."""
 DIGITS = 9
-"""Digits kept of the permuted statistic, so that ties are the same on every processor."""
+"""Digits to which the permuted statistic is rounded, so that ties agree on every processor."""
 Cell = tuple[str, ...]
 """A level of each factor."""
 
@@ -55,11 +56,11 @@ def permute_effects(
 ) -> list[EffectTest]:
     """Test the effect of each factor, and the interaction of two.
 
-    ``levels`` maps each of one or two factors to the level of each value. A main effect compares
-    means over the levels of the other factor, which have equal weights. Each cell needs at least
-    two values. One factor with two levels gets the two-sample test.
+    ``levels`` maps each of one or two factors to the levels of the values. A main effect compares
+    means over the levels of the other factor, with equal weights. Each cell needs at least two
+    values. One factor with two levels gets the two-sample test.
 
-    Each p-value comes from ``resamples`` permutations, including the observed order, and depends
+    Each p-value comes from ``resamples`` permutations, including the observed order. It depends
     neither on the order of the values nor on the names of the levels.
     """
     names, rows = list(levels), list(zip(*levels.values(), strict=True))
@@ -126,7 +127,7 @@ def welch_james(values: Array, sizes: Places, contrasts: Array) -> tuple[Array, 
     means = np.add.reduceat(values, starts, axis=-1) / sizes
     deviations = values - np.repeat(means, sizes, axis=-1)
     variances = np.add.reduceat(deviations**2, starts, axis=-1) / (sizes - 1)
-    least = 1e-12 * values.var(axis=-1, keepdims=True)  # finite for cells of equal values
+    least = 1e-12 * values.var(axis=-1, keepdims=True)  # keeps F finite for cells of equal values
     errors = np.maximum(variances, least) / sizes
     inverse = np.linalg.inv(np.einsum("ic,...c,jc->...ij", contrasts, errors, contrasts))
     differences = means @ contrasts.T
@@ -142,7 +143,7 @@ def list_contrasts(
     levels: Mapping[str, Sequence[str]],
     bounds: tuple[float, float] = (-inf, inf),
 ) -> Iterator[Contrast]:
-    """Yield the contrasts of means by factor and interaction; cells have equal weights."""
+    """Yield the contrasts of means by factor and interaction, with equally weighted cells."""
     keys, samples = list(cells), list(cells.values())
     for place, (name, known) in enumerate(levels.items()):
         rest = len(keys) / len(known)
@@ -165,7 +166,7 @@ def contrast_interval(
 
     Cells may differ in size and variance (Welch 1947, Biometrika 34, 28-35). ``bounds``, the
     minimum and maximum possible values, limit the interval. The interval is NaN if a cell has a
-    single value, or if the values do not vary in any cell.
+    single value, or if the values vary in no cell.
     """
     used = [(w, np.asarray(x, float)) for w, x in zip(weights, cells, strict=True) if w]
     value = float(sum(w * x.mean() for w, x in used))

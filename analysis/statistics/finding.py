@@ -1,4 +1,4 @@
-"""Findings on claims: a value, its interval, and the verdict of a rule."""
+"""Findings on claims: a value, its interval, and the verdict by a rule."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,9 +13,9 @@ BUILT_IN = "built in"
 SHARE, DEGREES, NUMBER = "share", "deg", ""
 """Units of the measured values."""
 MIN_REPLICATES = 6
-"""Minimum sample size for which the full range covers the median in 95 % of samples."""
+"""Minimum sample size at which the full range covers the median in 95 % of samples."""
 SIZE = 0.2
-"""Difference below which shares, and spreads relative to random designs, count as equal."""
+"""Difference below which shares, or spreads relative to random designs, count as equal."""
 
 
 @dataclass(frozen=True)
@@ -25,21 +25,21 @@ class Finding:
     claim: str  # text of the claim
     measure: str  # the measured quantity
     unit: str
-    value: float  # NaN: not measurable
-    low: float  # bounds of the 95 % interval; NaN: no interval
+    value: float  # NaN if it cannot be measured
+    low: float  # lower bound of the 95 % interval; NaN without an interval
     high: float
     n: int  # number of replicates
-    reference: float  # bound of the rule
-    random: float  # value for random designs; NaN: none, or unknown
-    p: float  # p-value of the test in the rule; NaN: no test
+    reference: float  # bound used in the rule
+    random: float  # value of random designs; NaN if there are none or it is unknown
+    p: float  # p-value of the test in the rule; NaN without a test
     verdict: str
     why: str
 
 
 class Against(NamedTuple):
-    """The values that a rule compares with; missing values are NaN."""
+    """The values with which a rule compares; missing values are NaN."""
 
-    reference: float = np.nan  # bound of the rule
+    reference: float = np.nan  # bound used in the rule
     random: float = np.nan  # value of random designs
     p: float = np.nan  # p-value of the test in the rule
 
@@ -49,7 +49,7 @@ NOTHING_ELSE = Against()
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim and the quantity measured to judge it."""
+    """A claim, and the quantity that is measured to judge it."""
 
     text: str
     measure: str
@@ -71,30 +71,30 @@ class Claim:
 
 
 def judge_above(measured: Interval, bound: float) -> str:
-    """Support a value if its interval lies above the bound; reject it if the interval is below."""
+    """Support a value if its interval is above the bound; reject it if the interval is below."""
     if measured.low > bound:
         return SUPPORTED
     return NOT_SUPPORTED if measured.high < bound else UNKNOWN
 
 
 def judge_within(measured: Interval, low: float, high: float) -> str:
-    """Support a value if its interval lies within the bounds; reject it if entirely outside."""
+    """Support a value if its interval is within the bounds; reject it if entirely outside."""
     if low <= measured.low and measured.high <= high:
         return SUPPORTED
     return NOT_SUPPORTED if measured.high < low or measured.low > high else UNKNOWN
 
 
 def judge_more(difference: Interval) -> str:
-    """Support a difference whose interval lies above 0; reject it if below ``SIZE``."""
+    """Support a difference whose interval is above 0; reject it if below ``SIZE``."""
     return SUPPORTED if difference.low > 0 else judge_above(difference, SIZE)
 
 
 def require_beyond_random(
     verdict: str, why: str, beyond: bool, difference: Interval = NOTHING
 ) -> tuple[str, str]:
-    """Withhold support if random designs meet the claim just as well, and say so in the reason.
+    """Withhold support if random designs meet the claim equally well, and say so in the reason.
 
-    The claim is built in if the difference's interval lies within ``SIZE`` of 0.
+    The claim is built in if the difference's interval is within ``SIZE`` of 0.
     """
     if verdict != SUPPORTED or beyond:
         return verdict, why

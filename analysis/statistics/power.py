@@ -14,10 +14,10 @@ from .small_samples import LEVEL, SEED, Interval
 from .two_samples import compute_statistics, find_critical
 
 SAMPLES = 2000
-"""Number of simulated comparisons, for a standard error of the power of at most 1.1 %."""
+"""Number of simulated comparisons; the standard error of the power is then at most 1.1 %."""
 MAX_REPLICATES = 200
 MIN_SCATTER = 3
-"""Number of replicates of one treatment that suffice; several treatments pool their residuals."""
+"""Minimum number of replicates of a single treatment; several treatments pool their residuals."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Scatter:
 
 
 def measure_scatter(groups: Sequence[Array]) -> Scatter | None:
-    """Pool the deviations from the means of groups of two or more; None if too few or equal."""
+    """Pool the deviations from the means of groups of two or more; None if too few or all equal."""
     known = [group for group in groups if group.size > 1]
     residuals = [group - group.mean() for group in known]
     scatter = Scatter(np.concatenate([*residuals, np.empty(0)]), len(known))
@@ -77,7 +77,8 @@ class Simulation:
     def compute_power(self, difference: float, n: int) -> float:
         """Return the power to detect a difference [standard deviations] with n replicates.
 
-        Each p-value is adjusted like the smallest one in Holm's method, the strictest adjustment.
+        Each p-value is adjusted like the smallest one in Holm's method, which is the strictest
+        adjustment.
         """
         first, second = (noise[:, :n] for noise in self._noise)
         statistics = compute_statistics(first + difference, second)
@@ -85,7 +86,7 @@ class Simulation:
         return float(np.mean((statistics < low) | (statistics > high)))
 
     def find_replicates(self, difference: float, power: float) -> float:
-        """Return the minimum number with this power; infinite if above ``MAX_REPLICATES``."""
+        """Return the minimum replicates for this power; infinite above ``MAX_REPLICATES``."""
 
         numbers = range(1, MAX_REPLICATES + 1)  # the search skips 1
         index = bisect_left(numbers, power, 1, key=lambda n: self.compute_power(difference, n))

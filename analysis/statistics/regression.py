@@ -1,4 +1,4 @@
-"""Changes between two versions of a stack, from missions with the same random draws."""
+"""Changes between two versions of a software stack, from missions with the same random draws."""
 
 import math
 from collections.abc import Hashable, Iterator, Mapping, Sequence
@@ -24,7 +24,7 @@ def mcnemar(gained: int, lost: int) -> float:
     """Return the two-sided p-value of McNemar's exact test of two paired shares.
 
     ``gained`` is the number of pairs that are true only in the second sample, and ``lost`` the
-    number that are true only in the first. Concordant pairs do not count (McNemar 1947,
+    number of pairs that are true only in the first. Concordant pairs do not count (McNemar 1947,
     Psychometrika 12, 153-157).
     """
     changed = gained + lost
@@ -34,9 +34,9 @@ def mcnemar(gained: int, lost: int) -> float:
 def sign_flips(differences: Array) -> float:
     """Return the two-sided p-value of the sign-flip test of paired differences (Fisher 1935).
 
-    Under the null hypothesis, either sign of each difference is equally likely. The p-value is
-    exact for few differences, and for differences of equal size, for which it equals McNemar's;
-    otherwise the signs are sampled.
+    Under the null hypothesis, both signs of each difference are equally likely. The p-value is
+    exact for few differences and for differences of equal size, for which it equals McNemar's.
+    Otherwise, the signs are sampled.
     """
     changed = np.sort(differences[differences != 0])
     if not changed.size:
@@ -59,8 +59,8 @@ def sign_flips(differences: Array) -> float:
 def share_change_interval(gained: int, lost: int, pairs: int) -> Interval:
     """Return the change in a paired share and its score interval.
 
-    Unlike a bootstrap interval, it has a width even if no pair changes (Tango 1998, Stat. Med. 17,
-    891).
+    Unlike a bootstrap interval, it has a positive width even if no pair changes (Tango 1998, Stat.
+    Med. 17, 891).
     """
     change = (gained - lost) / pairs
     upper = _find_upper(gained, lost, pairs)
@@ -68,7 +68,7 @@ def share_change_interval(gained: int, lost: int, pairs: int) -> Interval:
 
 
 def _find_upper(gained: int, lost: int, pairs: int) -> float:
-    """Return the maximum change not rejected by the score test."""
+    """Return the maximum change that the score test does not reject."""
     z = NormalDist().inv_cdf(1 - LEVEL / 2)
     low, high = (gained - lost) / pairs, 1.0
     for _ in range(_HALVINGS):
@@ -80,7 +80,7 @@ def _find_upper(gained: int, lost: int, pairs: int) -> float:
 
 
 def _fit_lost(gained: int, lost: int, pairs: int, change: float) -> float:
-    """Return the maximum-likelihood share of lost pairs, given the change in the share."""
+    """Return the maximum-likelihood share of lost pairs for a given change in the share."""
     b = (2 * pairs - gained + lost) * change - gained - lost
     c = -lost * change * (1 - change)
     return (math.sqrt(b * b - 8 * pairs * c) - b) / (4 * pairs)
@@ -90,8 +90,8 @@ def bounded_change_interval(differences: Array) -> Interval:
     """Return the mean of differences from -1 to 1 and its interval.
 
     The differences must be independent, in an order that does not depend on their values. The
-    bounds come from betting (``evoros.requirement.bets``) and hold even if pairs rarely differ,
-    when a bootstrap underestimates the scatter or finds none.
+    bounds come from betting (``evoros.requirement.bets``), and hold even if pairs rarely differ,
+    when a bootstrap underestimates the scatter.
     """
     low, high = (2 * end - 1 for end in bound((1 + differences) / 2, 1 - LEVEL / 2))
     return Interval(float(differences.mean()), low, high)
@@ -100,8 +100,8 @@ def bounded_change_interval(differences: Array) -> Interval:
 def change_interval(differences: Array) -> Interval:
     """Return the mean of differences without known bounds, and its bootstrap interval.
 
-    The interval is NaN if fewer than ``MIN_CHANGED`` differences are nonzero, too few to show the
-    distribution's tail.
+    The interval is NaN if fewer than ``MIN_CHANGED`` differences are nonzero, which is too few to
+    show the tail of the distribution.
     """
     changed = int(np.count_nonzero(differences))
     interval = mean_interval(np.sort(differences))
@@ -109,7 +109,7 @@ def change_interval(differences: Array) -> Interval:
 
 
 BOUNDED = ("completed", "progress")
-"""Quantities from 0 to 1, for which a change can be shown to be small."""
+"""Quantities from 0 to 1, whose changes can be shown to be small."""
 ALL_WORLDS = ""
 MINUS = "\N{MINUS SIGN}"
 COUNTS = ("missions", "trials", "better", "worse", "both", "neither")
@@ -197,9 +197,9 @@ def format_change(row: Mapping[Hashable, Any]) -> str:
 def judge_margins(
     pairs: pd.DataFrame, margins: Mapping[str, float], confidence: float
 ) -> pd.DataFrame:
-    """Test, by design and world, whether the mean of a quantity falls by less than its margin.
+    """Test, by design and world, if the mean of a quantity falls by less than its margin.
 
-    Trials are tested one after another, as for requirements, so the result holds for any number.
+    Trials are tested one after another, as for requirements, so the result is valid for any number.
     """
     rows = [
         [design, world, name, margin, *_judge(missions, name, margin, confidence)]

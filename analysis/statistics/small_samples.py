@@ -16,12 +16,12 @@ from evoros.base.arrays import Array
 from evoros.certificate.rates import bound_difference, bound_rate
 
 LEVEL = 0.05
-"""A p-value below this level is significant; intervals cover 1 - LEVEL."""
+"""Significance level of p-values; intervals cover 1 - LEVEL."""
 MIN_PAIRS = 10
-"""Minimum number of pairs for the interval of a rank correlation to be reliable."""
+"""Minimum number of pairs for a reliable interval of a rank correlation."""
 RESAMPLES, SEED = 9999, 20181
 CELLS = 1_000_000
-"""Maximum number of values resampled at a time, to limit memory."""
+"""Maximum number of values resampled at a time, which limits memory."""
 Numbers = NDArray[np.floating[Any]]
 Sample = Sequence[float] | Numbers
 
@@ -75,9 +75,9 @@ def holm(p: Sample) -> list[float]:
 def median_interval(values: Sample) -> Interval:
     """Return the median and its exact interval, for any distribution of the values.
 
-    The ends are values of the sample, chosen by the binomial distribution of the number of values
-    below the median (Thompson 1936, Ann. Math. Stat. 7, 122-128). With fewer than six values,
-    the interval is the full range, which contains the median with less than 95 % confidence.
+    The bounds are values of the sample, chosen by the binomial distribution of the number of values
+    below the median (Thompson 1936, Ann. Math. Stat. 7, 122-128). With fewer than six values, the
+    interval is the full range, which contains the median with less than 95 % confidence.
     """
     ordered = np.sort(np.asarray(values, float))
     n = ordered.size
@@ -97,7 +97,7 @@ def mean_interval(values: Sample) -> Interval:
 def spearman(x: Sample, y: Sample) -> Interval:
     """Return Spearman's rank correlation and its interval; NaN if ``x`` or ``y`` is constant.
 
-    Below ``MIN_PAIRS`` pairs, there is no interval.
+    With fewer than ``MIN_PAIRS`` pairs, there is no interval.
     """
     if len(x) < MIN_PAIRS:
         return Interval(float(_rank_correlation(np.asarray(x), np.asarray(y))))
@@ -137,10 +137,11 @@ def ratio_interval(parts: Sample, wholes: Sample) -> Interval:
 def expand_tail(n: int) -> float:
     """Return the share of resamples beyond each bound for an interval of the mean of n values.
 
-    Resampled means of n values scatter less than true means, by the factor sqrt((n - 1) / n), and
+    Means of resamples scatter less than means of new samples, by the factor sqrt((n - 1) / n), and
     normal quantiles ignore the degrees of freedom. For six normally distributed values, the plain
     interval covers the mean in only 84 % of samples. The expanded percentile interval corrects both
-    effects (Hesterberg 2015, Am. Stat. 69, 371-386)."""
+    effects (Hesterberg 2015, Am. Stat. 69, 371-386).
+    """
     if n < 2:
         return LEVEL / 2
     quantile = float(scipy.special.stdtrit(n - 1, 1 - LEVEL / 2))
@@ -153,15 +154,15 @@ def _bootstrap(
     """Return the percentile interval (Efron 1979) of a statistic of paired samples.
 
     ``tail`` is the share of resamples beyond each bound. Resamples with a NaN statistic are
-    dropped. BCa intervals are not used: their acceleration comes from the jackknife, which is
-    inconsistent for a median, and they are undefined if all resamples agree.
+    dropped. BCa intervals are not used, because their acceleration comes from the jackknife, which
+    is inconsistent for a median, and they are undefined if all resamples agree.
     """
     values = [np.asarray(sample, float) for sample in samples]
     n = len(values[0])
     if n < 2:
         return Interval(float(statistic(*values, axis=-1))) if n else NOTHING
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", scipy.stats.DegenerateDataWarning)  # NaN resamples warn
+        warnings.simplefilter("ignore", scipy.stats.DegenerateDataWarning)  # for NaN resamples
         value = float(statistic(*values, axis=-1))
         resampled: Array = scipy.stats.bootstrap(
             values,
@@ -201,7 +202,7 @@ def _rank_correlation(x: Array, y: Array, axis: int = -1) -> Array:
 
 
 class Shortfall(NamedTuple):
-    """The lowest coverage or highest error rate over all sample sizes [%]; None if as claimed."""
+    """Lowest coverage or highest error rate over all sample sizes [%]; None if as stated."""
 
     usual: int | None  # any distribution without outliers
     outlier: int | None = None  # one value in a hundred is an outlier
@@ -225,7 +226,7 @@ TESTS: Mapping[str, Shortfall] = {
 
 
 def describe_shortfalls(*names: str) -> Iterator[str]:
-    """Yield a line about the intervals among ``names``, and another about the tests."""
+    """Yield a line about the intervals among ``names``, and another line about the tests."""
     lines = (
         ("these 95 % intervals may cover the true value less often", INTERVALS),
         ("these tests at the 5 % level may err more often", TESTS),

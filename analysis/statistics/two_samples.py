@@ -24,20 +24,22 @@ from .small_samples import CELLS, LEVEL, RESAMPLES, SEED, Interval, Sample
 
 TEST = "permuted Brunner-Munzel test"
 MIN_VALUES = 5
-"""Minimum sample size, below which p is 1. At an A12 of 0.5, chance can completely separate four
-values from any number of others in up to one of eight pairs of samples."""
-MAX_SPLITS = 20_000
-"""Maximum number of splits into two samples to enumerate; if there are more, some are drawn.
+"""Minimum sample size; p is 1 for smaller samples.
+
+At an A12 of 0.5, four values are completely separated from any number of other values by chance in
+up to one of eight pairs of samples.
 """
+MAX_SPLITS = 20_000
+"""Maximum number of splits into two samples to enumerate; if there are more, some are drawn."""
 MAX_PERMUTED = 400
-"""Maximum number of values to permute; for more, Student's distribution is used."""
+"""Maximum number of values that are permuted; for more, Student's distribution is used."""
 DIGITS = 9
-"""Digits kept of the statistic, so that ties are the same on every processor."""
+"""Digits to which the statistic is rounded, so that ties agree on every processor."""
 Places = NDArray[np.int64]
 
 
 class _Ranking(NamedTuple):
-    """A12, its standard error, and the error's degrees of freedom, all of one shape."""
+    """A12, its standard error, and the error's degrees of freedom, all of the same shape."""
 
     a12: Array
     error: Array
@@ -59,7 +61,7 @@ class _Ranking(NamedTuple):
 
 
 def brunner_munzel(x: Sample, y: Sample) -> float:
-    """Return the two-sided p-value for ``x`` exceeding ``y`` as often as the reverse.
+    """Return the two-sided p-value of ``x`` exceeding ``y`` as often as the reverse.
 
     The p-value is exact if the distributions are equal and all splits are enumerated. With unequal
     spreads and sizes of at least five, it falls below 0.05 in 2 to 7 % of pairs of samples without
@@ -86,12 +88,12 @@ def a12(x: Sample, y: Sample) -> float:
 def a12_interval(x: Sample, y: Sample) -> Interval:
     """Return A12 (Vargha and Delaney 2000, J. Educ. Behav. Stat. 25, 101-132) and its interval.
 
-    The bounds are within 0 and 1. If the samples separate completely, or all values are equal, k
-    independent pairs agree, where k is the size of the smaller sample. The probability of this is
-    at most A12 ** k, which bounds A12 for distributions of any shape. With some ties, the interval
-    is at least as wide as Student's with k - 1 degrees of freedom, because permutations of ties
-    scatter too little if the samples differ: with two distinct values, the coverage would be only
-    70 to 95 %.
+    The bounds are within 0 and 1. If the samples separate completely, or if all values are equal,
+    then k independent pairs agree, where k is the size of the smaller sample. This has a
+    probability of at most A12 ** k, which bounds A12 for distributions of any shape. With some
+    ties, the interval is at least as wide as Student's with k - 1 degrees of freedom, because
+    permutations of ties scatter too little if the samples differ: with two distinct values, the
+    coverage would be only 70 to 95 %.
     """
     value, few = a12(x, y), min(len(x), len(y))
     if value in (0.0, 1.0) or np.ptp([*x, *y]) == 0:
@@ -135,7 +137,7 @@ def minimum_p(m: int, n: int) -> float:
 
 
 def minimum_replicates(comparisons: int) -> int:
-    """Return the minimum sample size that can give a p below ``LEVEL`` after ``holm``."""
+    """Return the minimum sample size that can give a p-value below ``LEVEL`` after ``holm``."""
     n = MIN_VALUES
     while comparisons * minimum_p(n, n) >= LEVEL and not _count_drawn(n, n):
         n += 1
@@ -152,7 +154,7 @@ def _count_drawn(m: int, n: int) -> int:
 
 
 def _order(x: Sample, y: Sample) -> tuple[NDArray[np.bool_], Places, Places]:
-    """Return which pooled values, in ascending order, are from ``x``, and the ends of each tie."""
+    """Return which pooled values, in ascending order, are from ``x``, and the end of each tie."""
     pooled = np.concatenate([np.asarray(x, float), np.asarray(y, float)])
     order = np.argsort(pooled)
     values = pooled[order]
@@ -167,8 +169,8 @@ def _rank(x: Sample, y: Sample) -> _Ranking:
 def _compare(first: NDArray[np.bool_], starts: Places, ends: Places) -> _Ranking:
     """Compare the first sample, a mask (..., m + n) of the ordered values, with the second.
 
-    Twice the number of the other sample's values below a value, counting ties half, is an integer,
-    so the sums are exact.
+    Twice the number of the other sample's values below a value, with ties counted as half, is an
+    integer, so the sums are exact.
     """
     below = np.zeros((*first.shape[:-1], first.shape[-1] + 1), np.int64)
     np.cumsum(first, axis=-1, out=below[..., 1:])
@@ -225,7 +227,7 @@ def _permute(m: int, ends_of_ties: bytes) -> Array:
 
 
 def _find_critical(permuted: Array, drawn: int, level: float) -> tuple[float, float]:
-    """Return the lower and upper statistics beyond which p is below a level; infinite if none.
+    """Return the lower and upper statistics beyond which p is below a level; infinite if none are.
 
     ``permuted`` must be sorted.
     """

@@ -56,7 +56,7 @@ def count_sensors(record: EvaluationRecord) -> Iterator[tuple[tuple[str, str], i
 
 
 def _is_stated(missions: pd.DataFrame) -> "pd.Series[bool]":
-    """Return True for each mission whose case was stated by the model or a worst-case search."""
+    """Return True for each mission whose case was stated by the model or by a worst-case search."""
     if CASE not in missions:
         return pd.Series(False, index=missions.index)
     return missions[CASE].notna()
@@ -69,10 +69,10 @@ def _find_intact(record: EvaluationRecord, missions: pd.DataFrame) -> "pd.Series
 
 
 def _require_one_simulator(study: Study) -> None:
-    """Refuse evaluations in different simulators, whose missions are not comparable."""
+    """Reject evaluations in different simulators, because their missions are not comparable."""
     simulators: dict[str, str] = {}
     for record in study.evaluations:
-        # Only the first simulator counts; a second one only confirms.
+        # Only the first simulator counts; a second one is used only for confirmation.
         for name in record.run.manifest.get("simulators", ())[:1]:
             simulators.setdefault(str(name), record.name)
     if len(simulators) > 1:
@@ -132,7 +132,7 @@ def count_sets(cases: pd.DataFrame, sensors: Mapping[tuple[str, str], int]) -> p
 def estimate_risks(missions: pd.DataFrame) -> pd.DataFrame:
     """Estimate the probability that a mission with randomly drawn failures is not completed.
 
-    Rows with an empty ``world`` pool the worlds, where a trial fails if any of its missions fails.
+    Rows with an empty ``world`` pool the worlds; a trial then fails if any of its missions fails.
     The interval is exact.
     """
     rows: list[tuple[Any, ...]] = []
@@ -147,7 +147,7 @@ def estimate_risks(missions: pd.DataFrame) -> pd.DataFrame:
 
 
 def find_smallest(cases: pd.DataFrame) -> pd.DataFrame:
-    """Return the cases with the fewest failed sensors, but at least one, that stop a design."""
+    """Return the cases that stop a design with the fewest failed sensors (at least one)."""
     stopping = cases[(cases["stopped"] > 0) & (cases["failed"] > 0)]
     smallest: pd.DataFrame = stopping[stopping["failed"] == stopping["failed"].min()]
     return smallest

@@ -21,15 +21,15 @@ from .treatments import SINGLE
 
 FIRST = "first robot"
 GROUPS = ("robot", "design", "controller")
-"""The configuration groups that an agent can choose for itself."""
+"""The configuration groups that an agent can choose separately."""
 
 
 @dataclass(frozen=True)
 class AgentRun(Run):
-    """A run as one of its agents sees it, with the column names of a single-robot run."""
+    """A run from the point of view of one agent, with the column names of a single-robot run."""
 
     whole: Run
-    context: FigureContext  # the first robot's context, which contains the other robots' contexts
+    context: FigureContext  # first robot's context, which contains the contexts of the other robots
     agent: str
     designed: str  # name of the robot whose design the agent uses; '' for the first robot
 
@@ -81,7 +81,7 @@ class AgentRun(Run):
 
 
 def select_agent(record: AnyRecord, name: str) -> AnyRecord:
-    """Return a run's record as seen by one of its agents."""
+    """Return a run's record from the point of view of one agent."""
     if name not in record.context.agents:
         raise InputError(
             f"{record.path}: no agent {name!r}, only "
@@ -100,7 +100,7 @@ def select_agent(record: AnyRecord, name: str) -> AnyRecord:
 
 
 def list_robots(record: Record) -> list[Record]:
-    """Return the records of all robots of the run that this record belongs to."""
+    """Return the records of all robots in this record's run."""
     whole = record
     if isinstance(record.run, AgentRun):
         whole = replace(record, run=record.run.whole, context=record.run.context, agent="")
@@ -108,7 +108,7 @@ def list_robots(record: Record) -> list[Record]:
 
 
 def read_tracks(record: Record, world: str) -> pd.DataFrame:
-    """Read the tracks of all robots; with several robots, the last column has their names."""
+    """Read the tracks of all robots; with several robots, the last column holds their names."""
     robots, design = list_robots(record), find_shown(record)
     tracks = [read_track(robot.run, robot.context, world, design) for robot in robots]
     if len(tracks) == 1:
@@ -118,7 +118,7 @@ def read_tracks(record: Record, world: str) -> pd.DataFrame:
 
 
 def _select_values(values: Mapping[str, Any], agent: str) -> dict[str, Any]:
-    """Return an agent's configuration: its parts in place of the first robot's."""
+    """Return an agent's configuration, with its parts in place of the first robot's."""
     start = f"agents.{agent}."
     parts = {key.removeprefix(start): v for key, v in values.items() if key.startswith(start)}
     groups = [group for group in GROUPS if any(key.startswith(f"{group}.") for key in parts)]
@@ -127,7 +127,7 @@ def _select_values(values: Mapping[str, Any], agent: str) -> dict[str, Any]:
 
 
 class Choice(NamedTuple):
-    """A study of one robot per run, the robot's name (empty if alone), and the other robots."""
+    """A study of one robot per run, this robot's name (empty if alone), and the other robots."""
 
     study: Study
     robot: str = ""
@@ -135,7 +135,7 @@ class Choice(NamedTuple):
 
 
 def choose_robot(study: Study, agent: str | None) -> Choice:
-    """Reduce a study to each run's first robot, or to the named agent of the runs that have it."""
+    """Reduce a study to each run's first robot, or to the named agent where runs have it."""
     several = (*study.records, *study.evaluations)
     known = list(dict.fromkeys(name for record in several for name in record.context.agents))
     if agent not in (None, *known):

@@ -17,7 +17,7 @@ from .validated import Scores, identify_champion, list_differences, read_evaluat
 
 
 def list_missions(study: Study) -> pd.DataFrame:
-    """List the missions of champions on fresh draws, with the failures they evolved under.
+    """List the missions of champions on fresh draws, with the failures under which they evolved.
 
     Columns: ``run``; ``kind``, the class of the run's failure; ``source``, the origin of the
     mission; ``failed``, true if a sensor or another part failed; ``completed``; ``draws``, the
@@ -39,7 +39,7 @@ def list_missions(study: Study) -> pd.DataFrame:
 def list_random_missions(study: Study) -> pd.DataFrame:
     """List the missions of each run's random designs in generation 0.
 
-    The designs were not selected by these missions, so luck does not bias the outcome. Columns:
+    The designs were not selected by these missions, so there is no selection bias. Columns:
     ``kind``, ``run``, ``failed`` and ``completed``, as in ``list_missions``, and ``design``.
     """
     columns = ["kind", "run", "design", "failed", "completed"]

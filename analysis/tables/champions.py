@@ -1,4 +1,4 @@
-"""Tables of runs' champions; unfinished runs have their best individual so far instead."""
+"""Tables of champions; an unfinished run is represented by its best individual so far."""
 
 import pandas as pd
 
@@ -23,16 +23,16 @@ def read_champion_sensors(record: Record) -> pd.DataFrame:
 
 
 def read_champion_signals(record: Record) -> pd.DataFrame:
-    """Read the champion's sensors that cast no rays; see ``read_champion_sensors``."""
+    """Read the champion's sensors without rays; see ``read_champion_sensors``."""
     return designs.place_signals(_read_mounts(record), adapt_context(record))
 
 
 def read_champion(record: Record) -> pd.DataFrame:
-    """Read the champion's sensors, or a single row with only the fitness if it has no sensors."""
+    """Read the champion's sensors, or a single row with only the fitness if it has none."""
     frame = read_champion_sensors(record)
     if len(frame):
         return frame
-    missing = dict.fromkeys(("design", "sensor", "pair"), "Int64")  # stay integers in joined tables
+    missing = dict.fromkeys(("design", "sensor", "pair"), "Int64")  # stay integers in joins
     return frame.reindex([0]).assign(**_fitness(record)).astype(missing)
 
 

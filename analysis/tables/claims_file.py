@@ -1,4 +1,4 @@
-"""Read the user's claims from the file given to ``evoros analyze claims --claims``."""
+"""Reads the user's claims from the file given to ``evoros analyze claims --claims``."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ REQUIRED = ("claim", "measure", "comparison")
 
 @dataclass(frozen=True)
 class Group:
-    """The treatments that a claim is about: conditions on factors, or labels."""
+    """The treatments that a claim is about, chosen by conditions on factors or by labels."""
 
     conditions: Conditions
     labels: tuple[str, ...] = ()

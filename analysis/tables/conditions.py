@@ -12,7 +12,7 @@ from .factors import TARGET, Factor, find_factors, format_level, name_part
 from .records import Record
 
 Conditions = Mapping[str, Sequence[str]]
-"""The allowed levels by factor."""
+"""The allowed levels, by factor."""
 
 
 def parse_conditions(texts: Sequence[str]) -> dict[str, tuple[str, ...]]:
@@ -48,10 +48,10 @@ def find_record_factors(records: Sequence[Record]) -> list[Factor]:
 
 
 def find_levels(records: Sequence[Record], name: str) -> list[str] | None:
-    """Return each record's level of a factor or a key; None if no record has the key.
+    """Return each record's level of a factor or key; None if no record has the key.
 
-    ``name`` may be a factor's column name, words or key, or the end of a configuration key;
-    ``treatment`` stands for the treatment's given name.
+    ``name`` may be the column name, the words or the key of a factor, or the end of a configuration
+    key; ``treatment`` stands for the treatment's given name.
     """
     wanted = name.replace("_", " ")
     for factor in find_record_factors(records):
@@ -74,7 +74,7 @@ def find_levels(records: Sequence[Record], name: str) -> list[str] | None:
 
 
 def is_level(level: str, wanted: str) -> bool:
-    """Return True if a level equals the wanted one as a string (``_`` is a space) or a number."""
+    """Return True if a level equals the wanted one as text (``_`` is a space) or a number."""
     if level.replace("_", " ") == wanted.replace("_", " "):
         return True
     try:
@@ -122,7 +122,7 @@ def _describe(error: UnicodeDecodeError | yaml.YAMLError) -> str:
 
 
 def read_entries(path: Path, content: str, keys: str, begin: str) -> Sequence[object]:
-    """Read the list in a YAML file; ``content``, ``keys`` and ``begin`` are for messages."""
+    """Read the list in a YAML file; ``content``, ``keys`` and ``begin`` are used in messages."""
     try:
         entries = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:

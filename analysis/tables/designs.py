@@ -1,4 +1,4 @@
-"""Tables of candidates, and of designs' sensors in the robot's frame."""
+"""Tables of candidates, and of their sensors in the robot's frame."""
 
 import math
 import re
@@ -19,14 +19,14 @@ COLUMNS = (
     *("design", "sensor", "type", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"),
     *("fov_deg", "range_m", "pair"),
 )
-"""Columns of sensors that cast rays; mirrored twins share the number ``pair``."""
+"""Columns of sensors with rays; mirrored twins share the number ``pair``."""
 SIGNAL_COLUMNS = (*COLUMNS[:8], "measures", "width_m", "depth_m")
-"""Columns of sensors that cast no rays; the last two are a bumper's size, otherwise 0."""
+"""Columns of sensors without rays; the last two are the size of a bumper's zone, otherwise 0."""
 TYPES = "design.sensors."  # key prefix of sensor types
 
 
 def place_sensors(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
-    """Return the sensors that cast rays, with ``COLUMNS``, in the robot's frame.
+    """Return the sensors with rays in the robot's frame, with ``COLUMNS``.
 
     ``mounts`` has the columns of ``champion/design.csv``. Angles are in (-180, 180]. Designs
     without sensors have no rows.
@@ -39,7 +39,7 @@ def place_sensors(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
 
 
 def place_signals(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
-    """Return the sensors that cast no rays, with ``SIGNAL_COLUMNS``; see ``place_sensors``."""
+    """Return the sensors without rays, with ``SIGNAL_COLUMNS``; see ``place_sensors``."""
     frame = _transform_mounts(mounts, context)
     frame = frame[frame.type.isin(context.signals)].copy()
     for name in SIGNAL_COLUMNS[-3:]:
@@ -72,7 +72,7 @@ def _transform_mounts(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFr
 
 
 def _number_pairs(frame: pd.DataFrame, context: FigureContext) -> "pd.Series[int]":
-    """Number the pairs of each design, then the fixed sensors, which have no twins."""
+    """Number the pairs of each design, followed by the fixed sensors, which have no twins."""
     fixed = frame.type.isin([mount.sensor for mount in context.fixed])
     among = frame.groupby([frame.design, fixed]).cumcount()
     pairs = frame.design.map((~fixed).groupby(frame.design).sum() // 2)
@@ -153,7 +153,7 @@ def _list_beam_genes(record: Record) -> Iterator[tuple[str, str, str]]:
     for gene, key in record.context.genes.items():
         value = re.fullmatch(rf"{re.escape(TYPES)}(.+)\.(fov_deg|range_max_m)", key)
         beam = record.context.beams.get(value[1]) if value else None
-        if value and beam and (beam.fov_deg or value[2] != "fov_deg"):  # not single rays
+        if value and beam and (beam.fov_deg or value[2] != "fov_deg"):  # except for single rays
             yield gene, value[1], columns[value[2]]
 
 
@@ -183,7 +183,7 @@ def list_mounts(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
 
 
 def _fix(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
-    """List a fixed sensor of each candidate; its slot is negative."""
+    """List one fixed sensor of each candidate; its slot number is negative."""
     mount = record.context.fixed[slot]
     values = {**asdict(mount), "type": mount.sensor, "slot": slot, "twin": 0}
     del values["sensor"]
@@ -191,7 +191,7 @@ def _fix(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
 
 
 def _slot(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
-    """List the sensors of one slot; constants of the region fill missing columns."""
+    """List the sensors in one slot; constants of the region fill missing columns."""
     prefix = f"sensor{slot}_"
     mounts = candidates[[name for name in candidates if str(name).startswith((prefix, "id"))]]
     mounts = mounts.rename(
@@ -201,7 +201,7 @@ def _slot(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
     areas = [record.context.regions[region] for region in mounts.region]
     mounts = mounts.assign(link=[area.link for area in areas])
     for name in ("z_m", "pitch_deg"):
-        if name not in mounts:  # constant in each region
+        if name not in mounts:  # constant within each region
             mounts[name] = [getattr(area, name)[0] for area in areas]
     if "type" in mounts:
         return mounts
@@ -245,7 +245,8 @@ def compute_quartiles(generations: pd.DataFrame) -> pd.DataFrame:
     """Compute the quartiles of the ``LINES`` over runs: one row per treatment and generation.
 
     ``replicates`` is the number of runs that have the generation, and ``validated_replicates`` the
-    number of runs that validated its best candidate. Quartiles are interpolated linearly.
+    number of runs that validated the generation's best candidate. Quartiles are interpolated
+    linearly.
     """
     runs = generations.groupby(["treatment", "run"])[list(generations.columns)]
     grouped = runs.apply(trace_fitness).groupby(["treatment", "generation"])

@@ -89,7 +89,7 @@ def read_measured(record: Record, axes: Sequence[Axis]) -> pd.DataFrame:
 
 
 def take_latest(table: pd.DataFrame) -> pd.DataFrame:
-    """Return each individual's last row, because scores can change between generations."""
+    """Return each individual's last row, because scores may change between generations."""
     return table.drop_duplicates("id", keep="last")
 
 
@@ -105,11 +105,11 @@ class Archive(NamedTuple):
     """The candidates of a study's runs on one grid."""
 
     grid: Grid
-    candidates: pd.DataFrame  # latest scores; ``place`` is the run's index
+    candidates: pd.DataFrame  # latest scores; ``place`` is the index of the run
     growth: pd.DataFrame  # one row per run and generation
 
     def select_elites(self, places: Sequence[int]) -> pd.DataFrame:
-        """Select the fittest candidate of some runs in each cell, in order of falling fitness."""
+        """Select the fittest candidate of some runs in each cell, ordered by decreasing fitness."""
         return find_elites(self.candidates[self.candidates.place.isin(places)], self.grid)
 
 
@@ -119,7 +119,7 @@ class Front(NamedTuple):
     x: Axis
     y: Axis
     objectives: Sequence[Axis]
-    candidates: pd.DataFrame  # latest scores; ``place`` is the run's index
+    candidates: pd.DataFrame  # latest scores; ``place`` is the index of the run
 
     def select_front(self, places: Sequence[int]) -> pd.DataFrame:
         """Select the candidates of some runs that no other candidate dominates, sorted by ``x``."""
@@ -153,7 +153,7 @@ def _pool(tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
 
 
 def assign_cells(table: pd.DataFrame, grid: Grid) -> pd.DataFrame:
-    """Add each candidate's cell; values out of bounds fall into the outermost cells."""
+    """Add each candidate's cell; values out of bounds are assigned to the outermost cells."""
     *axes, cells = grid
     columns = {}
     for name, axis in zip(("cell_x", "cell_y"), axes, strict=True):
@@ -164,7 +164,7 @@ def assign_cells(table: pd.DataFrame, grid: Grid) -> pd.DataFrame:
 
 
 def find_elites(candidates: pd.DataFrame, grid: Grid) -> pd.DataFrame:
-    """Return the fittest candidate of each occupied cell, in order of falling fitness."""
+    """Return the fittest candidate of each occupied cell, in order of decreasing fitness."""
     ranked = assign_cells(candidates, grid).sort_values(
         ["fitness", "id"], ascending=[False, True], kind="stable"
     )
@@ -186,7 +186,7 @@ def trace_growth(table: pd.DataFrame, missions: "pd.Series[int]", grid: Grid) ->
 
 
 def read_front(study: Study, options: argparse.Namespace) -> Front:
-    """Read the objectives; ``options`` names the two to draw, ``x`` and ``y``."""
+    """Read the objectives; ``options`` names the two objectives to draw, ``x`` and ``y``."""
     x, y = choose_axes(study, OBJECTIVES, options)
     axes = read_axes(study.records[0], OBJECTIVES)
     return Front(x, y, axes, _pool(read_measured(record, axes) for record in study.records))

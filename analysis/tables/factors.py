@@ -1,6 +1,6 @@
-"""Factors of a study: the differences between its runs, except seeds, and their levels.
+"""The factors of a study: differences between its runs, except seeds, and their levels.
 
-A factor is a part of the configuration whose name differs (``failure``), a value that differs
+A factor is a part of the configuration whose name varies (``failure``), a value that varies
 (``population_size``), or a level given by the user (``treatment`` in the configuration).
 """
 
@@ -31,16 +31,16 @@ class Factor:
 
     key: str  # dotted configuration key, or the name given by the user
     name: str  # column name: the shortest end of the key that no other factor has
-    levels: tuple[str, ...]  # one per run; '' if the run has none
-    named: bool = False  # True: the levels are names that need no further words
+    levels: tuple[str, ...]  # one per run; '' if the run has no level
+    named: bool = False  # True: the levels are names that need no explanation
     whole: bool = False  # True: the factor may determine any key
 
 
 def read_choices(recorded: object) -> dict[str, str]:
     """Return the ``choices`` of ``manifest.json`` by the keys of parts instead of by groups.
 
-    The choice of ``filter@failure.effect`` is at ``failure.effect``. Groups without a choice are
-    dropped.
+    The choice of ``filter@failure.effect`` has the key ``failure.effect``. Groups without a choice
+    are dropped.
     """
     groups = recorded if isinstance(recorded, dict) else {}
     return {
@@ -58,19 +58,19 @@ def read_given(values: Values) -> dict[str, Any]:
 
 
 def name_part(key: str, values: Values, choices: Choices) -> str:
-    """Name the part at a dotted key by the choice of its group, or by its class if unchosen."""
+    """Name the part at a dotted key by its group's choice or, without a choice, by its class."""
     return choices.get(key) or _name_class(key, values)
 
 
 def find_factors(
     configurations: Sequence[Values], choices: Sequence[Choices] = (), given: Sequence[Given] = ()
 ) -> list[Factor]:
-    """Find the factors in which configurations differ, starting with factors given by the user.
+    """Find the factors in which configurations differ; factors given by the user come first.
 
     Two configurations have the same levels if and only if they are equal apart from ``IGNORED``
-    keys and were given the same levels. A key is no separate factor if its value follows from the
-    given factors, the chosen experiment, or an enclosing part. ``choices`` and ``given`` are in the
-    order of the configurations.
+    keys and have the same given levels. A key is not a separate factor if its value follows from
+    the given factors, the chosen experiment, or an enclosing part. ``choices`` and ``given`` are in
+    the order of the configurations.
     """
     compared = [_select(values) for values in configurations]
     keys = list(dict.fromkeys(key for values in compared for key in values))
@@ -105,7 +105,7 @@ def format_level(values: Values, key: str) -> str:
 def list_conditions(
     configurations: Sequence[Values], given: Sequence[Given] = ()
 ) -> list[tuple[tuple[str, str], ...]]:
-    """Return each configuration's values except ``IGNORED`` ones, which identify its treatment."""
+    """Return each configuration's values except ``IGNORED`` ones, which identify the treatment."""
     named = given or [{}] * len(configurations)
     return [
         tuple(
@@ -132,11 +132,11 @@ def _find_given(given: Sequence[Given]) -> Iterator[Factor]:
 def _find_global(
     keys: Collection[str], differing: Mapping[str, tuple[str, ...]], choices: Sequence[Choices]
 ) -> Iterator[Factor]:
-    """Yield the groups, such as ``experiment``, whose choices set values in any part."""
+    """Yield the groups, such as ``experiment``, whose choices can set values in any part."""
     for group in choices[0] if choices else ():
         levels = tuple(chosen.get(group, "") for chosen in choices)
         placed = group in IGNORED or any(f"{key}.".startswith(f"{group}.") for key in keys)
-        # Equal values are one level, even if their choices have different names.
+        # Equal values are the same level, even if their choices have different names.
         differ = len(set(levels)) > 1 and follows(levels, differing.values())
         if all(levels) and differ and not placed:
             yield Factor(group, group, levels, named=True, whole=True)
@@ -159,13 +159,13 @@ def _find_part(
     choices: Sequence[Choices],
     known: Sequence[Factor],
 ) -> Iterator[Factor]:
-    """Yield the factor of a part whose name differs, unless other factors explain it."""
+    """Yield the factor of a part whose name varies, unless other factors explain it."""
     below = {k: column for k, column in differing.items() if k.startswith(f"{part}.")}
     around = _around(part, known)
     if all(follows(column, around) for column in below.values()):
         return
     for levels in _name_levels(part, compared, choices):
-        # Equal values are one level, even if their choices have different names.
+        # Equal values are the same level, even if their choices have different names.
         if len(set(levels)) > 1 and follows(levels, below.values()):
             if not follows(levels, around):
                 yield Factor(part, part, levels, named=True)
@@ -192,7 +192,7 @@ def _name_levels(
 
 
 def _name_level(part: str, values: Values, choices: Choices) -> str:
-    """Name a part that a configuration has or chooses as none; otherwise return ''."""
+    """Name a part that a configuration has, or chooses as none; otherwise return ''."""
     there = any(key.startswith(f"{part}.") for key in values)
     nothing = choices.get(part) == "none" or values.get(part) == {}
     return name_part(part, values, choices) if there or nothing else ""

@@ -1,4 +1,4 @@
-"""Load the complete runs and evaluations in some folders as a study."""
+"""Loads the complete runs and evaluations in some folders as a study."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -19,13 +19,13 @@ from .study import AnyRecord, Study
 from .treatments import label_treatments, name_treatments, read_treatments
 
 _MOST_SPACES = 3
-"""Maximum number of spaces in a path that can be pieced together after lacking quotes."""
+"""Maximum number of spaces in a path that can be put together again if quotes are missing."""
 
 
 def load_study(
     folders: Sequence[str | Path], where: Sequence[str] = (), treatments: Path | None = None
 ) -> Study:
-    """Load the complete runs and evaluations below some folders; report the other folders.
+    """Load the complete runs and evaluations below some folders; report all other folders.
 
     ``where`` holds conditions on the runs, such as ``failure=none``; without runs, they apply to
     the evaluations. ``treatments`` is a file that names the treatments.
@@ -84,9 +84,9 @@ def _read(folders: Sequence[Path]) -> tuple[list[Record], list[str]]:
 
 
 def _name_copies(runs: Sequence[Record]) -> set[str]:
-    """Report the runs that repeat another run's configuration and seed, and return their names.
+    """Report the runs that repeat another run's configuration and seed; return their names.
 
-    A repeated seed is not a replicate. Of several such runs, the most advanced one counts.
+    A repeated seed is not a replicate. Of such runs, the most advanced one counts.
     """
     values = [run.values for run in runs]
     conditions = list_conditions(values, [*map(read_given, values)])
@@ -106,7 +106,7 @@ def _name_copies(runs: Sequence[Record]) -> set[str]:
 
 
 def _report_versions(runs: Sequence[Record]) -> None:
-    """Warn if the runs used different code or packages, which can explain a difference."""
+    """Warn if the runs used different code or packages, which may explain a difference."""
     made: dict[str, list[str]] = {}
     for run in runs:
         manifest = run.run.manifest
@@ -159,7 +159,7 @@ def find_folders(paths: Sequence[Path]) -> list[Path]:
 
 
 def _advise(paths: Sequence[Path], missing: int) -> str:
-    """Suggest a fix for a missing path, which may be a piece of a path with a space."""
+    """Suggest a fix for a missing path, which may be one piece of a path with a space."""
     starts, ends = range(max(0, missing - _MOST_SPACES), missing + 1), range(1, _MOST_SPACES + 2)
     for start, length in product(starts, ends):
         whole = Path(" ".join(map(str, paths[start : start + length])))

@@ -1,4 +1,4 @@
-"""Missions of two evaluations or two runs, paired by their random draws: one row per pair."""
+"""Missions of two evaluations or two runs, paired by random draws, one row per pair."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -23,10 +23,10 @@ FREE = ("executor", "figures", "record", "trials", "optimizer", "requirements", 
 """Keys, or key prefixes, that do not affect the outcome of a mission."""
 CHAMPION = "champion"
 LOST, GAINED, WORSE, BETTER, SAME = "lost", "gained", "worse", "better", "same"
-"""Changes from the first mission to the second: in completion, otherwise in a lesser quantity."""
+"""Changes from the first mission to the second, in completion or else in a lesser quantity."""
 
 SLIGHT = 0.01
-"""Maximum difference of completion times, as a share of the first, that counts as unchanged."""
+"""Maximum relative difference in completion times that counts as unchanged."""
 
 
 def find_pair(study: Study) -> tuple[Record, Record]:
@@ -149,10 +149,10 @@ Missions = tuple[Record, pd.DataFrame]
 def _name_designs(
     study: Study, first: Missions, second: Missions
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Give each compared design the same name in both tables, and drop the other designs.
+    """Give each compared design the same name in both tables; drop all other designs.
 
     Designs match by name, or if both folders have a single design. A name that several designs
-    share is extended by the source of each.
+    share is extended by each design's source.
     """
     tables = [table.assign(design=list(_qualify(table))) for _, table in (first, second)]
     names = [list(dict.fromkeys(table["design"])) for table in tables]

@@ -62,7 +62,7 @@ def pair_scores(study: Study, between: str | None = None) -> pd.DataFrame:
 
 
 def _pair_evaluations(study: Study) -> Iterator[Row]:
-    """Pair the designs shared by two evaluations whose conditions differ in one part."""
+    """Pair the designs that two evaluations share if their conditions differ in one part."""
     evaluations = read_evaluations(study) if len(study.evaluations) > 1 else []
     conditions = [select_conditions(evaluation) for evaluation, _ in evaluations]
     choices = [apply_confirmation(evaluation.choices) for evaluation, _ in evaluations]
@@ -74,9 +74,9 @@ def _pair_evaluations(study: Study) -> Iterator[Row]:
         others = {first_key(key) for values in conditions for key in values} - set(parts)
         names = label_treatments([_only(values, parts) for values in conditions], choices)
         groups = label_treatments([_only(values, others) for values in conditions], choices)
-        if not parts:  # the evaluations differ in their draws or trials
+        if not parts:  # the evaluations differ in draws or trials
             names = [evaluation.name for evaluation, _ in evaluations]
-        if names.index(names[i]) > names.index(names[j]):  # so that all pairs have the same axes
+        if names.index(names[i]) > names.index(names[j]):  # gives all pairs the same axes
             i, j = j, i
         pair = {"between": " and ".join(parts) or "draws", "x": names[i], "y": names[j]}
         for row in join_designs(evaluations[i][1], evaluations[j][1]):
@@ -85,7 +85,7 @@ def _pair_evaluations(study: Study) -> Iterator[Row]:
 
 
 def join_designs(x: pd.DataFrame, y: pd.DataFrame) -> Iterator[Row]:
-    """Join the scores of the designs that are in both tables."""
+    """Join the scores of the designs that occur in both tables."""
     scores = {row["content"]: row for row in y.to_dict("records")}
     for row in x.drop_duplicates("content").to_dict("records"):
         if row["content"] in scores:
@@ -147,9 +147,10 @@ def _only(values: Values, parts: Collection[str]) -> dict[str, Any]:
 
 
 def climb(study: Study) -> pd.DataFrame:
-    """Pair the designs' scores on each rung with their scores on the next; see ``COLUMNS``.
+    """Pair the designs' scores on each rung with the scores on the next; see ``COLUMNS``.
 
-    Rungs are evaluations in the given order. Designs missing on a rung are left out and reported.
+    Rungs are evaluations in the given order. Designs that are missing on a rung are left out and
+    reported.
     """
     rungs = read_evaluations(study) if len(study.evaluations) > 1 else []
     if len(rungs) < 2:
@@ -174,7 +175,7 @@ def climb(study: Study) -> pd.DataFrame:
 
 
 def _name_rungs(rungs: Sequence[Scores]) -> list[str]:
-    """Name each evaluation by the choices of the parts that differ, otherwise by its folder."""
+    """Name each evaluation by the choices of the parts that differ, or else by its folder."""
     conditions = [select_conditions(evaluation) for evaluation, _ in rungs]
     choices = [apply_confirmation(evaluation.choices) for evaluation, _ in rungs]
     keys = [key for values in conditions[1:] for key in find_differences(conditions[0], values)]

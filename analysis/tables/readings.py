@@ -1,4 +1,4 @@
-"""Read the sensor readings in a trajectory, by sensor."""
+"""Reads the sensor readings in a trajectory, by sensor."""
 
 import math
 import re
@@ -19,8 +19,8 @@ from .records import Record
 from .tracks import list_failures, read_mission
 
 _LEVEL = ("rate_z", "acceleration_x", "acceleration_y")
-"""The IMU channels to plot: mission figures show only planar motion."""
-_MOST = 6  # maximum number of channels to plot per sensor
+"""The IMU channels that are plotted; mission figures show only planar motion."""
+_MOST = 6  # maximum number of channels that are plotted per sensor
 _RANGE = re.compile(r"range_(\d+)(?:_\d+)?_m")
 
 
@@ -46,7 +46,7 @@ class RecordedSensor:
 def read_sensors(
     trajectory: pd.DataFrame, links: Collection[str], context: FigureContext, source: str
 ) -> list[RecordedSensor]:
-    """Return all sensors of a robot, with readings; ``source`` says where ``links`` come from."""
+    """Return all sensors of a robot with readings; ``source`` names the origin of ``links``."""
     prefix = find_prefix(links, context.types)
     types = _find_types(links, context.types, prefix)
     ranges = group_ranges(trajectory)
@@ -97,7 +97,7 @@ def merge_sectors(ranges: Array, bearings_deg: Sequence[float], most: int) -> li
 
 
 def list_channels(sensor: int, signal: Signal) -> list[tuple[str, str, str]]:
-    """List the name, unit and column of each channel of a sensor to plot against time."""
+    """List the name, unit and column of each channel of a sensor that is plotted against time."""
     columns = name_readings(sensor, signal.channels)
     channels = [(*channel, name) for channel, name in zip(signal.channels, columns, strict=True)]
     by_name = {channel[0]: channel for channel in channels}

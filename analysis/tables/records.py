@@ -1,4 +1,4 @@
-"""One folder of a study: a run, or an evaluation of given designs."""
+"""One folder of a study, which is a run or an evaluation of given designs."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -20,9 +20,9 @@ from evoros.storage.reading import Run, load_run, read_table
 from .factors import read_choices, read_given
 
 _REFERENCE = re.compile(r"\$\{([\w.]+)\}")
-"""A reference to another key. Other interpolations may be secret, so only hashes are recorded."""
+"""Matches a reference to another key; only hashes are recorded of other interpolations."""
 _DEPTH = 20
-"""Maximum length of a chain of references, in case of a circular one."""
+"""Maximum length of a chain of references, which may be circular."""
 FITNESS = "fitness"
 
 
@@ -30,11 +30,11 @@ FITNESS = "fitness"
 class Record:
     """A run of a study."""
 
-    name: str  # the shortest end of the run's path that is unique in the study
+    name: str  # shortest end of the run's path that is unique in the study
     run: Run
     context: FigureContext
     values: Mapping[str, Any]  # configuration values by dotted key
-    treatment: str = ""  # label of the differences from other runs, except the seed
+    treatment: str = ""  # label of the differences from other runs, except for the seed
     levels: Mapping[str, str] = field(default_factory=dict)  # level by factor
     given: Mapping[str, Any] = field(
         default_factory=dict
@@ -73,7 +73,7 @@ class Record:
 
     @property
     def progress(self) -> str:
-        """A message that reports the progress of an unfinished run."""
+        """A message about the progress of an unfinished run."""
         done, wanted = self.generations_done, self.run.status.get("generations")
         return f"{self.path}: not finished; shown up to generation {done} of {wanted}"
 
@@ -134,7 +134,7 @@ def label_by_treatment(records: Iterable[Record]) -> dict[str, str]:
 
 
 def read_values(path: Path) -> dict[str, Any]:
-    """Read all values of a ``config.yaml``; keep lists whole and resolve references."""
+    """Read all values of a ``config.yaml``, with whole lists and resolved references."""
     try:
         tree, _ = read_yaml(path)
     except (OSError, ValueError) as error:
@@ -166,7 +166,7 @@ def _flatten(
 
 
 def _resolve(value: Any, tree: Mapping[str, Any]) -> Any:
-    """Follow references to a value; keep a broken reference as it is."""
+    """Follow references to a value; keep a broken reference unchanged."""
     for _ in range(_DEPTH):
         match = _REFERENCE.fullmatch(value) if isinstance(value, str) else None
         if match is None:

@@ -1,4 +1,4 @@
-"""Designs whose missions a run has kept, with all the data to replay the missions."""
+"""Designs whose missions a run has stored, with all data needed to replay the missions."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from .study import read_complete
 
 
 class ShownMission(NamedTuple):
-    """A kept mission."""
+    """A stored mission."""
 
     row: "pd.Series[str]"  # the mission's row of ``missions.csv``
     trajectory: pd.DataFrame
@@ -32,9 +32,9 @@ class ShownDesign:
 
     record: Record
     design: int | str
-    context: FigureContext  # has the evolved sensor types
+    context: FigureContext  # includes the evolved sensor types
     sensors: pd.DataFrame
-    signals: pd.DataFrame  # sensors that cast no rays
+    signals: pd.DataFrame  # sensors without rays
     missions: Sequence[ShownMission]
 
 
@@ -58,7 +58,7 @@ def read_champion_shown(record: Record) -> ShownDesign:
 
 
 def has_missions(record: Record, design: int) -> bool:
-    """Return True if a run has kept the first missions of a design."""
+    """Return True if a run has stored the first missions of a design."""
     try:
         rows = [
             tracks.find_first_mission(record.run, design, world) for world in record.context.courses
@@ -69,7 +69,7 @@ def has_missions(record: Record, design: int) -> bool:
 
 
 def keeps_shown(record: Record) -> bool:
-    """Return True if a run is finished, or has kept the first missions of its best design."""
+    """Return True if a run is finished, or has stored the first missions of its best design."""
     try:
         design = read_complete(record, find_shown)
     except InputError:
@@ -78,12 +78,12 @@ def keeps_shown(record: Record) -> bool:
 
 
 def is_kept(record: Record, row: "pd.Series[str]") -> bool:
-    """Return True if a run has kept the trajectory of a mission."""
+    """Return True if a run has stored the trajectory of a mission."""
     return (record.path / trajectory_file(tracks.find_key(row))).is_file()
 
 
 def read_kept(record: Record, row: "pd.Series[str]") -> ShownMission:
-    """Read a kept mission."""
+    """Read a stored mission."""
     trajectory = record.run.mission_trajectory(*tracks.find_key(row))
     world = tracks.load_mission_world(record.run, record.context, row)
     ground = f"{record.name}/{tracks.find_mission_world(record.run, row).stem}"
@@ -95,7 +95,7 @@ def read_shown(
     design: int,
     read_mission: Callable[[Record, "pd.Series[str]"], ShownMission] = read_kept,
 ) -> ShownDesign:
-    """Read any design of a run, and its first missions by ``read_mission``."""
+    """Read any design of a run, with its first missions read by ``read_mission``."""
     names = record.context.courses
     missions = [
         read_mission(record, tracks.find_first_mission(record.run, design, name)) for name in names
@@ -114,7 +114,7 @@ def read_shown(
 
 
 def _require_rows(record: Record, missions: Sequence[ShownMission]) -> list[ShownMission]:
-    """Return the missions that were run; raise an InputError if none was."""
+    """Return the missions that were run; raise an InputError if there are none."""
     run = [mission for mission in missions if len(mission.trajectory)]
     if not run:
         raise InputError(f"{record.path}: none of the missions was run; choose another run")

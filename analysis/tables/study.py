@@ -1,6 +1,6 @@
 """A study: the complete runs and evaluations in some folders.
 
-A study is read from plain files, without importing code that a folder's configuration names.
+A study is read from plain files, without importing the code that a configuration names.
 """
 
 import math
@@ -35,7 +35,7 @@ class Study:
     left_out: tuple[str, ...] = ()
     """One line per incomplete or damaged folder."""
     given: tuple[Record, ...] = ()
-    """All runs, including those that repeat the configuration and seed of one in ``records``."""
+    """All runs, including those that repeat the configuration and seed of a run in ``records``."""
     _reported: set[str] = field(default_factory=set, repr=False)
 
     def gather(self, read: Callable[[Record], pd.DataFrame]) -> pd.DataFrame:
@@ -49,7 +49,7 @@ class Study:
     def _mark(
         self, records: Iterable[Record], read: Callable[[Record], pd.DataFrame]
     ) -> list[pd.DataFrame]:
-        """Read all tables that are not empty, with ``KEYS`` as their first columns."""
+        """Read all nonempty tables, with ``KEYS`` as their first columns."""
         frames = []
         for record, frame in self.read_each(records, read):
             marked = frame.assign(run=record.name, treatment=record.treatment, seed=record.seed)
@@ -95,7 +95,7 @@ class Study:
 
     @cached_property
     def signals(self) -> pd.DataFrame:
-        """One row per champion's sensor that casts no rays; may be empty."""
+        """One row for each champion's sensor without rays; may be empty."""
         others = [record for record in self.records if record.context.signals]
         frames = self._mark(others, read_champion_signals)
         empty = pd.DataFrame(columns=[*KEYS, *SIGNAL_COLUMNS])
@@ -122,7 +122,7 @@ class Study:
         return next((record.context.rings for record in self.records if record.context.rings), ())
 
     def check_worlds(self, names: Iterable[str]) -> None:
-        """Check that at least one run has each of the named worlds."""
+        """Require that each of the named worlds occurs in at least one run."""
         if not self.records:
             raise InputError(NO_RUNS)
         known = dict.fromkeys(name for record in self.records for name in record.context.courses)
@@ -131,7 +131,7 @@ class Study:
                 raise InputError(f"--world: must be one of {', '.join(known)}, not {name!r}")
 
     def select_finished(self, *reads: Callable[[Record], object]) -> "Study":
-        """Keep the finished runs that all ``reads`` can read; report each other run once."""
+        """Keep the finished runs that all ``reads`` can read; report every other run once."""
 
         def check(record: Record) -> pd.DataFrame:
             record.require_finished()
@@ -143,7 +143,7 @@ class Study:
         return self.keep(record for record in self.records if record.name in names)
 
     def keep(self, records: Iterable[Record]) -> "Study":
-        """Return the study with only the given runs, but all evaluations."""
+        """Return the study with only the given runs, but with all evaluations."""
         return replace(self, records=tuple(records))
 
     def find(self, name: str) -> Record:
@@ -185,7 +185,7 @@ class Study:
     ) -> tuple[Record, Result]:
         """Read the named run, or the best one that can be read.
 
-        With ``unfinished``, unfinished runs are allowed, too; they rank below finished runs.
+        If ``unfinished``, unfinished runs are allowed as well; they rank below finished runs.
         """
         study = self if name is None else self.keep([self.find(name)])
         candidates = study.ordered if unfinished else study.ranked

@@ -1,4 +1,4 @@
-"""A champion's first mission in each world, and the tracks of single robots."""
+"""A champion's first mission in each world, and the tracks of individual robots."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -22,17 +22,17 @@ from evoros.world.loading import load_world
 from evoros.world.model import World
 
 NONE = "none"
-"""The mode when no layer of the controller decided."""
+"""The mode if no layer of the controller decided."""
 COLUMNS = (
     *("world", "time_s", "x_m", "y_m", "yaw_rad", "mode", "phase", "contact"),
     *("failed_sensors", "failed_by", "ended"),
 )
 PARTS = ("failed_parts", "parts_failed_by")
-"""Additional columns of missions in which parts other than sensors can fail."""
+"""Additional columns for missions in which parts other than sensors can fail."""
 TOUCHED = "touched_sensors"
-"""Additional column of missions with bumpers."""
+"""Additional column for missions with bumpers."""
 ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
-"""Additional columns of missions whose localization estimates the pose from readings."""
+"""Additional columns for missions whose localization estimates the pose from readings."""
 
 
 def select_track(tracks: pd.DataFrame, world: str, agent: str = "") -> pd.DataFrame:
@@ -46,9 +46,9 @@ def read_track(
 ) -> pd.DataFrame:
     """Read a robot's track in a world: one row per sample, with ``COLUMNS``.
 
-    The track ends when the robot's mission ends, even if other robots continue. It is empty if the
-    mission could not be run. ``PARTS``, ``ESTIMATE`` and ``TOUCHED`` follow if the mission recorded
-    them; ``docs/analysis.md`` describes the columns. See ``read_mission`` for ``design``.
+    The track ends with the robot's mission, even if other robots continue. It is empty if the
+    mission could not be run. ``PARTS``, ``ESTIMATE`` and ``TOUCHED`` follow if the mission has
+    recorded them; ``docs/analysis.md`` describes the columns. See ``read_mission`` for ``design``.
     """
     mission, trajectory = read_mission(run, world, design)
     ended = float(mission["time_s"]) + 1e-6
@@ -88,7 +88,7 @@ def read_track(
 def read_mission(
     run: Run, world: str, design: int | None = None
 ) -> tuple["pd.Series[str]", pd.DataFrame]:
-    """Read the row and trajectory of the first mission of the champion, or of a kept design."""
+    """Read the row and trajectory of the first mission of the champion, or of a stored design."""
     if design is None:
         return find_champion_mission(run, world), run.trajectory(world)
     row = find_first_mission(run, design, world)
@@ -131,12 +131,12 @@ def load_champion_world(run: Run, context: FigureContext, name: str) -> World:
 
 
 def load_mission_world(run: Run, context: FigureContext, row: "pd.Series[str]") -> World:
-    """Load the world of a kept mission, which may have been drawn for that mission alone."""
+    """Load the world of a stored mission, which may have been drawn for this mission alone."""
     return _load_recorded(find_mission_world(run, row), context.courses[str(row["world"])])
 
 
 def _load_recorded(path: Path, course: Course) -> World:
-    """Load a world that a run wrote, without repeating the run's messages."""
+    """Load a world that a run has written, without repeating the run's messages."""
     if not path.is_file():
         raise InputError(f"{path}: not found; resume the run, or restore the file")
     verify_world(path)
@@ -184,7 +184,7 @@ def _place(failures: Sequence[tuple[object, float, str]], times: Array) -> pd.Da
 
 
 def split_cell(value: object) -> list[str]:
-    """Split the list in a table cell; pandas reads a single number as a number."""
+    """Split the list in a table cell, which pandas reads as a number if it has one item."""
     return [] if pd.isna(value) else str(value).split(";")  # type: ignore[call-overload]
 
 
@@ -201,7 +201,7 @@ def name_robots(table: pd.DataFrame) -> "pd.Series[str]":
 
 
 def select_trajectory(trajectory: pd.DataFrame, name: str) -> pd.DataFrame:
-    """Select the time and one agent's columns, without the agent's name as prefix."""
+    """Select the time and one agent's columns, without the agent's name as a prefix."""
     prefix = f"{name}."
     columns = [column for column in map(str, trajectory.columns) if column.startswith(prefix)]
     if not columns:

@@ -1,6 +1,6 @@
 """Names of treatments: from a configuration, from a file of treatments, or from levels.
 
-The file given to ``--treatments`` lists treatments as in a configuration. Each entry selects its
+The file given to ``--treatments`` lists treatments as a configuration does. Each entry selects its
 runs by ``where`` (levels of factors) or ``folders`` (patterns of run names).
 """
 
@@ -30,11 +30,11 @@ from .records import Record
 
 _SELECTING = ("where", "folders")
 SINGLE = "all runs"
-"""The label of a single treatment."""
-LABEL_LENGTH = 60  # characters; longer labels leave out levels that follow from others
+"""The label of the only treatment."""
+LABEL_LENGTH = 60  # maximum length of labels; longer ones omit levels that follow from others
 LEVEL_LENGTH = 24  # maximum number of characters of a level in a label
 UNITS = {"m": "m", "s": "s", "deg": "deg", "rad": "rad", "mps": "m/s", "kg": "kg"}
-"""Units by suffix of a key."""
+"""Units, by suffix of a key."""
 _TITLE = re.compile(r"# @title (.+)")  # first line of a choice's YAML file
 
 
@@ -49,10 +49,10 @@ def _read_titles() -> dict[str, str]:
 def label_treatments(
     configurations: Sequence[Values], choices: Sequence[Choices] = (), given: Sequence[Given] = ()
 ) -> list[str]:
-    """Label each configuration by its given name, otherwise by its levels of all factors.
+    """Label each configuration by its given name, or else by its levels of all factors.
 
     If several treatments share a name, their differences follow the name. Two configurations have
-    the same label if and only if they belong to one treatment; see ``find_factors``.
+    the same label if and only if they belong to the same treatment; see ``find_factors``.
     """
     factors = find_factors(configurations, choices, given)
     conditions = list_conditions(configurations, given)
@@ -109,7 +109,7 @@ def _split(name: str) -> tuple[str, str]:
 
 
 def _describe(factor: Factor, level: str, inside: bool) -> str:
-    """Describe a level; empty if it belongs to a part that the run does not have."""
+    """Describe a level; empty if it belongs to a part that the run lacks."""
     words, unit = _split(factor.name)
     if not level:
         return "" if inside else f"no {words}"
@@ -117,7 +117,7 @@ def _describe(factor: Factor, level: str, inside: bool) -> str:
 
 
 def describe_level(level: str) -> str:
-    """Return the label of a level in the customary spelling; shorten a long level."""
+    """Return the label of a level in the customary spelling, with long levels shortened."""
     text = _read_titles().get(level, level.replace("_", " "))
     return text if len(text) <= LEVEL_LENGTH else text[: LEVEL_LENGTH - 3] + "..."
 
@@ -176,9 +176,9 @@ def _read_entry(entry: object, place: str) -> NamedTreatment:
 def name_treatments(
     records: Sequence[Record], entries: Sequence[NamedTreatment], path: Path
 ) -> tuple[list[Record], dict[str, str]]:
-    """Name each record after the one entry that matches it; report entries that match no run.
+    """Name each record after the only entry that matches it; report entries that match no run.
 
-    Also returns, for each record that does not match exactly one entry, the problem by its name.
+    Also return, by name, the problem of each record that does not match exactly one entry.
     """
     fitting = [_fit(records, entry, path) for entry in entries]
     labels = label_levels(find_record_factors(records), len(records))

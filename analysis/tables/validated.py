@@ -1,7 +1,7 @@
-"""Champions' validated scores, from an evaluation or from their run, matched by content.
+"""Champions' validated scores, from evaluations or from their runs, matched by content.
 
-Champions are matched by content because folders may be moved or renamed, and design numbers have
-no meaning outside their run.
+Champions are matched by content, because folders may be moved or renamed, and design numbers have
+no meaning outside a run.
 """
 
 import math
@@ -29,7 +29,7 @@ MISSION = (
 )
 """Configuration keys, or prefixes of keys, that determine the score of a given design.
 
-``world`` includes the ``course``; the rest of ``design`` only limits which designs can evolve.
+``world`` includes the ``course``; all other keys of ``design`` only limit which designs can evolve.
 """
 POSE = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
 CONFIRMING = "confirmation.simulator"
@@ -46,7 +46,7 @@ def select_conditions(record: Record) -> dict[str, Any]:
 
 
 def apply_confirmation(entries: Mapping[str, Value]) -> dict[str, Value]:
-    """Replace the simulator's entries (values or choices) with those for the confirming one."""
+    """Replace the simulator's entries (values or choices) with the confirming simulator's."""
     confirming = {
         key.removeprefix("confirmation."): entry
         for key, entry in entries.items()
@@ -63,7 +63,7 @@ def is_within(key: str, top: str) -> bool:
 
 
 def find_differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
-    """List the keys whose values differ; a missing value equals null."""
+    """List the keys whose values differ; a missing value counts as null."""
     return [key for key in dict.fromkeys([*one, *other]) if one.get(key) != other.get(key)]
 
 
@@ -87,7 +87,7 @@ def read_champion_genes(record: Record) -> dict[str, float]:
 def read_scores(evaluation: EvaluationRecord) -> pd.DataFrame:
     """Read the content and the scores of each design in a finished evaluation.
 
-    ``fitness`` is computed from the trials as the evaluation does, usually as their mean.
+    ``fitness`` is computed from the trials like in the evaluation, usually as their mean.
     """
     names = ["source", "design"]
     mounts, genes, scores = (
@@ -125,8 +125,8 @@ Scores = tuple[EvaluationRecord, pd.DataFrame]
 def validate_champions(study: Study) -> pd.DataFrame:
     """Collect the recorded and validated fitness of each finished run's champion.
 
-    The validated fitness comes from the matching evaluation with the most trials, otherwise from
-    the run itself. With a confirmation, the confirming simulator's scores count.
+    The validated fitness comes from the matching evaluation with the most trials, or else from the
+    run itself. With a confirmation, the confirming simulator's scores are used.
     ``docs/analysis.md`` describes the columns.
     """
     evaluations = read_evaluations(study)
@@ -136,7 +136,7 @@ def validate_champions(study: Study) -> pd.DataFrame:
 def score_under(study: Study, name: str) -> pd.DataFrame:
     """Collect the score of each finished run's champion under common conditions.
 
-    The column ``under NAME`` is the mean fitness in the evaluation with that name or treatment that
+    The column ``under NAME`` is the mean fitness in the evaluation with this name or treatment that
     has the most trials; NaN if no such evaluation contains the champion.
     """
     evaluations = read_evaluations(study)
@@ -165,7 +165,7 @@ def score_under(study: Study, name: str) -> pd.DataFrame:
 
 
 def read_evaluations(study: Study) -> list[Scores]:
-    """Read the scores of the finished evaluations; report each other evaluation."""
+    """Read the scores of the finished evaluations; report all other evaluations."""
     return list(study.read_each(study.evaluations, read_scores))
 
 
@@ -198,7 +198,7 @@ def _validate(record: Record, evaluations: Sequence[Scores]) -> pd.DataFrame:
 
 
 def _score_freshly(record: Record, evaluations: Sequence[Scores]) -> dict[str, Any]:
-    """Return the champion's scores in the evaluation with the most trials; empty if none."""
+    """Return the champion's scores in the evaluation with the most trials; empty without one."""
     content, best = identify_champion(record), dict[str, Any]()
     for evaluation, table in evaluations:
         rows = table[[other == content for other in table["content"]]]

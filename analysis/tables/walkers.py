@@ -28,10 +28,10 @@ class WalkerTrack(NamedTuple):
     height_m: float
     time_s: Array
     places: Array  # (n, 2) [m]
-    touched_by: Array  # (n,) sum of 2**i over the robots i that have touched the walker so far
+    touched_by: Array  # (n,) sum of 2**i over the robots i that the walker has touched so far
 
     def find_touch(self, robot: int) -> int | None:
-        """Return the index at which the robot first touched the walker; None if it never did."""
+        """Return the index at which the robot first touched the walker, or None."""
         touched = [has_touched(report, robot) for report in self.touched_by.tolist()]
         return touched.index(True) if any(touched) else None
 
@@ -39,7 +39,7 @@ class WalkerTrack(NamedTuple):
 def list_walkers(trajectory: pd.DataFrame, values: Mapping[str, Any]) -> list[WalkerTrack]:
     """List the walkers of a mission; ``values`` is the configuration of its run.
 
-    Actors, and groups missing from the configuration, have the size of a person.
+    Actors, and groups that the configuration lacks, have the size of a person.
     """
     tracks = []
     time = trajectory["time_s"].to_numpy(float)

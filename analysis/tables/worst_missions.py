@@ -1,4 +1,4 @@
-"""The worst kept missions of an evaluation, in the form of a champion's missions."""
+"""The worst stored missions of an evaluation, in the form of a champion's missions."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ _WORST_FIRST: Mapping[str, bool] = {
 
 @dataclass(frozen=True)
 class WorstRun(Run):
-    """An evaluation as a run whose champion is the design with the worst kept mission."""
+    """An evaluation as a run whose champion is the design with the worst stored mission."""
 
     record: EvaluationRecord
     source: str
@@ -42,7 +42,7 @@ class WorstRun(Run):
 
     @cached_property
     def genes(self) -> pd.DataFrame:
-        """The design's other evolved values."""
+        """The evolved values of the design other than mounts."""
         return self._select(self.record.genes)
 
     def _select(self, table: pd.DataFrame) -> pd.DataFrame:
@@ -71,9 +71,9 @@ class WorstRun(Run):
 
 
 def show_worst(study: Study, name: str | None) -> tuple[Study, list[str]]:
-    """Return a study with the worst kept mission of its evaluations, if it has no runs.
+    """Return a study with the worst stored mission of its evaluations, if it has no runs.
 
-    ``name`` chooses an evaluation. Also returns messages that describe the mission.
+    ``name`` chooses an evaluation. Also return messages that describe the mission.
     """
     if study.records or not study.evaluations:
         return study, []
@@ -94,7 +94,7 @@ def show_worst(study: Study, name: str | None) -> tuple[Study, list[str]]:
 
 
 def _find_worst(record: Record) -> Record:
-    """Return the evaluation as the run of the design with its worst kept mission."""
+    """Return the evaluation as the run of the design with the worst stored mission."""
     assert isinstance(record, EvaluationRecord)
     designs = record.mounts[_KEY].astype(str).drop_duplicates().to_numpy().tolist()
     numbers = {(source, design): number for number, (source, design) in enumerate(designs)}
