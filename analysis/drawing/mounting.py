@@ -138,9 +138,7 @@ def _dimension_side(axes: Axes, plan: MountingPlan, view: View) -> None:
     xs = group_values((float(x), ground) for x in marks)
     write_ordinates(axes, xs, Rail(view.across, bottom, True), GREY)
     caption: dict[str, Any] = {"fontsize": TEXT_PT, "color": GREY, "va": "center"}
-    axes.text(
-        view.across(high[X]) + 5.0, bottom - 3.0, "x of the axles and the robot's ends", **caption
-    )
+    axes.text(view.across(high[X]) + 5.0, bottom - 3.0, "x of axles and ends", **caption)
     axes.text(4.0, view.along(high[Z]) + 16.0, "right-hand view: x forward, z up", **caption)
 
 

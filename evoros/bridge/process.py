@@ -119,9 +119,7 @@ def start_process(
         made = [stack.enter_context(socket.socket(fileno=file)) for file in descriptors]
         name = Path(command[0]).name
         if not news and keeper.wait(END_LIMIT_S) == -signal.SIGKILL:
-            raise PilotLost(
-                f"{name} was not started, because the process that starts and guards it was killed"
-            )
+            raise PilotLost(f"{name} was not started, because its parent process was killed")
         if "started" not in news:
             raise _explain(command[0], isolate, news)
         folders += filter(None, [news["folder"]])

@@ -233,7 +233,7 @@ def make_kernel(target: Target, run: Lowered, rules: Parts) -> bytes | NotCompil
         code = target.emit(machine, module)
         if target.is_text and (inexact := find_inexact(code.decode())):
             return NotCompilable(
-                f"its code contains {', '.join(inexact)}, which can give other results than a CPU"
+                f"its code contains {', '.join(inexact)}, which is inexact on a GPU"
             )
     if path is not None:
         with suppress(OSError):

@@ -133,9 +133,8 @@ def cache_folder() -> Path | None:
     folder = private_folder(digest.hexdigest()[:16])
     if folder is None:
         LOGGER.warning(
-            "no cache for compiled rules: neither in %s nor in the folder for temporary files is "
-            "there a folder that only this user can write to; every process compiles the rules "
-            "again",
+            "no cache for compiled rules: %s and the temporary folder have no folder that only "
+            "this user can write to; every process compiles the rules again",
             cache_home(),
         )
     return folder

@@ -162,10 +162,7 @@ def _check_bound(name: str, gene: Gene, end: float, parts: Mapping[str, object])
         raise InputError(f"design.genes.{name}: {refusals[end]}")
     if refusals[end]:
         place = f"design.genes.{name}.{BOUNDS[int(end)]}"
-        raise InputError(
-            f"{place}: {gene.value(end):g} is not allowed for {gene.key} ({refusals[end]}); change "
-            "this bound"
-        )
+        raise InputError(f"{place}: {gene.key} cannot be {gene.value(end):g} ({refusals[end]})")
 
 
 def _refuse(gene: Gene, end: float, parts: Mapping[str, object]) -> str:

@@ -58,8 +58,7 @@ def pack(scenario: Scenario) -> Shared:
     except Exception as error:  # a user's class may raise anything
         raise InputError(
             f"the experiment cannot be sent to worker processes ({error}); define every class at "
-            "the top level of a module, and keep open files and similar objects out of the parts' "
-            "fields"
+            "the top level of a module, and keep open files and similar objects out of parts"
         ) from error
     return Shared.of(zlib.compress(content, 1))
 

@@ -52,10 +52,7 @@ _SIDEWAYS_PLUGIN = re.compile(
     rf"{_PUSHING_PLUGIN.pattern}|mecanum|holonomic|omni_?(base|control|dir|drive|wheel)",
     re.IGNORECASE,
 )
-HOLD_STRAIGHT = (
-    "set robot.drive.kind={} to lock the steering and turn by driving the wheels at different "
-    "speeds"
-)
+HOLD_STRAIGHT = "set robot.drive.kind={} to lock the steering and turn by wheel speeds alone"
 _MIN_ROLLERS = 3  # minimum number of turning joints on a wheel with rollers
 _DIAGONAL = (elementary.cos(math.radians(60.0)), elementary.cos(math.radians(30.0)))
 """Range of the cosine between a mecanum wheel's axle and <fdir1>."""
@@ -373,6 +370,4 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
         _LOG.warning("%s: driven wheels are not part of the drive: %s", urdf.source, left_out)
     fixed = [wheel.joint.name for wheel in wheels if not wheel.turns]
     if fixed:
-        _LOG.warning(
-            "%s: wheels on fixed joints get joints that turn: %s", urdf.source, ", ".join(fixed)
-        )
+        _LOG.warning("%s: wheels on fixed joints can turn: %s", urdf.source, ", ".join(fixed))

@@ -48,9 +48,7 @@ class ExhaustiveFailure(SystematicFailure):
                 failing = choose_set(sensors, size, set_rank) if size else ()
                 return Case(failing, (float(self.times_s[time]),) * size)
             number -= count
-        raise ValueError(
-            f"number must be below {self.count_cases(sensors)}, the cases of {sensors} sensors"
-        )
+        raise ValueError(f"number must be below {self.count_cases(sensors)}")
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
         """Return the fault of a case drawn uniformly; none if no sensor fails."""

@@ -18,7 +18,5 @@ class ExecutorSuite(DescriptionSuite):
             futures = [pool.submit(pow, n, 2) for n in range(40)]
             assert [future.result() for future in futures] == [n * n for n in range(40)]
             error = pool.submit(divmod, 1, 0).exception()
-            assert isinstance(error, ZeroDivisionError), (
-                f"the future must raise the call's ZeroDivisionError, not {error!r}"
-            )
+            assert isinstance(error, ZeroDivisionError), f"the future must not raise {error!r}"
             assert pool.submit(pow, 7, 2).result() == 49, "the pool must continue after an error"

@@ -39,18 +39,14 @@ class FitnessSuite(PartSuite):
         for trial in list_trials():
             low, high = bound_fitness(self.part, len(trial)) or UNBOUNDED
             score = self.part.score(trial)
-            assert low <= score <= high, (
-                f"a score must be within the bounds, {low} to {high}, not {score}"
-            )
+            assert low <= score <= high, f"{score} must be within the bounds, {low} to {high}"
 
     def test_a_trial_that_was_not_run_is_worst(self) -> None:
         """A lost trial's score is at most the score of any other trial."""
         lowest = min(map(self.part.score, list_trials()))
         for trial in list_lost_trials():
             worst = self.part.worst(trial)
-            assert worst <= lowest, (
-                f"worst() must return at most the lowest score, {lowest}, not {worst}"
-            )
+            assert worst <= lowest, f"worst() must be at most {lowest}, not {worst}"
 
     def test_scores_of_missions_have_the_score_of_the_trial_as_their_mean(self) -> None:
         """An additive fitness function's score of a trial is the mean over the trial's missions."""
@@ -58,12 +54,11 @@ class FitnessSuite(PartSuite):
             if isinstance(self.part, AdditiveFitness):
                 scores, whole = self.part.score_missions(trial), self.part.score(trial)
                 assert len(scores) == len(trial), (
-                    f"score_missions() must return {len(trial)} scores, not {len(scores)}"
+                    f"{len(trial)} missions must have as many scores, not {len(scores)}"
                 )
                 mean = math.fsum(scores) / len(scores)
                 assert math.isclose(mean, whole, rel_tol=1e-9), (
-                    f"the mean of the missions' scores must be the trial's score, {whole}, not "
-                    f"{mean}"
+                    f"the mean {mean} must be the trial's score, {whole}"
                 )
 
 

@@ -113,10 +113,7 @@ class RuleSuite(PartSuite):
                 steps = zip(compiled, self.play(case, interpreted.__call__, seed), strict=True)
                 for tick, (fast, slow) in enumerate(steps):
                     same = bits((fast, bound.memory)) == bits((slow, interpreted.memory))
-                    assert same, (
-                        f"at tick {tick}, the compiled rule must return {slow}, like the "
-                        f"interpreted one, not {fast}"
-                    )
+                    assert same, f"at tick {tick}, compiled code must return {slow}, not {fast}"
 
     def test_compiled_rules_allocate_nothing(self) -> None:
         """Compiled rules allocate no memory, because they run for every sample."""

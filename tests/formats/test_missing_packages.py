@@ -91,8 +91,7 @@ def test_a_name_that_an_absent_package_may_define_asks_for_the_package_alone(
     message = refused(name, ignored_packages=ignored)
     assert f"{name}:3: xacro cannot expand the file: name 'arm_size' is not defined" in message
     assert (
-        "; provide arm, which was left out and may define the name, with robot.packages; or edit"
-        in message
+        "; provide arm (left out, but may define the name) with robot.packages, or edit" in message
     )
 
 

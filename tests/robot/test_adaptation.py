@@ -748,9 +748,7 @@ def test_a_file_of_something_else_is_told_as_such(tmp_path: Path) -> None:
 def test_a_mesh_scaled_to_nothing_is_refused_by_its_line(tmp_path: Path) -> None:
     (tmp_path / "body.stl").write_text("solid nothing")
     flat = BOX.replace('<box size="0.3 0.2 0.1"/>', '<mesh filename="body.stl" scale="1 1 0"/>')
-    with pytest.raises(
-        InputError, match=r"bot.urdf:2: <mesh> .* scale along each axis, not '1 1 0'"
-    ):
+    with pytest.raises(InputError, match=r"bot.urdf:2: <mesh> .* scale per axis, not '1 1 0'"):
         load(tmp_path, link("base_link", flat, INERTIAL.format(2, 0.02)), WHEELS, CASTER)
 
 

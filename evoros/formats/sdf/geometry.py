@@ -241,13 +241,10 @@ def divide_meshes(
     for index, use in enumerate(sorted(places, key=places.__getitem__), 1):
         is_far, _, distance, _ = places[use]
         wanted, work = 10 * effort, _limit_work(effort * WORK, left)
-        remark = "the mesh is divided into coarse parts to save time"
+        remark = "the mesh is divided coarsely to save time"
         if is_far:
             wanted, work = max(wanted, math.ceil(distance / REACH_M)), 0.0
-            remark = (
-                f"the mesh is divided into coarse parts, because it is over {reach:g} m from the "
-                "course"
-            )
+            remark = f"the mesh is divided coarsely, because it is over {reach:g} m from the course"
         text = f"dividing {use.path.name} into convex parts, mesh {index} of {len(places)}"
         with suppress(InputError), announce(text):
             parts = _read_parts(elements[use], use, work, reading)

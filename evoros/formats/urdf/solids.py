@@ -136,9 +136,7 @@ class SolidsReader:
             return self._replace_absent(link, solid, name)
         x, y, z = read_values(solid, "scale", 3, "1 1 1")
         if not x * y * z:
-            problem = (
-                f"must have a nonzero scale along each axis, not {quote(solid.get('scale', ''))}"
-            )
+            problem = f"must have a nonzero scale per axis, not {quote(solid.get('scale', ''))}"
             raise element_error(solid, problem, "write the scale of each axis, 1 1 1 for metres")
         parts = self._read_file(Path(name), (x, y, z), hull)
         return tuple(Shape("convex", (), pose @ part.pose, corners=part.corners) for part in parts)

@@ -67,7 +67,7 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
         again = _request_expansion(later, file, options.time_limit_s)
         if "error" not in again:
             _LOG.warning(
-                "%s: uses names before they are defined, so evoros reads all definitions first",
+                "%s: uses names before they are defined, so definitions are read first",
                 file,
             )
             answer = again
@@ -132,10 +132,7 @@ def _explain_error(answer: Mapping[str, Any], lacking: Sequence[str], packages_k
     fix = f"set robot.arguments.{argument[1]}" if argument else "edit the file"
     if lacking and _UNDEFINED.search(reason):
         names = ", ".join(lacking)
-        fix = (
-            f"provide {names}, which was left out and may define the name, with {packages_key}; or "
-            f"{fix}"
-        )
+        fix = f"provide {names} (left out, but may define the name) with {packages_key}, or {fix}"
     return f"{place}: xacro cannot expand the file: {reason}; {fix}"
 
 

@@ -179,9 +179,7 @@ class BarnField:
         for name, rule in (("fill", PROBABILITY), ("smoothings", COUNT)):
             values = tuple(getattr(self, name))
             if not values or not all(map(rule.holds, values)):
-                raise invalid(
-                    self, name, list(values), f"must be a list, with each item {rule.text}"
-                )
+                raise invalid(self, name, list(values), f"must be a list, each item {rule.text}")
             object.__setattr__(self, name, values)  # hashable, because it is a cache key
 
     def draw_world(self, draws: str) -> World:
@@ -202,10 +200,7 @@ class BarnField:
             for index, free in enumerate(find_free(grids)):
                 if has_corridor(free):
                     return np.asarray(grids[index], dtype=np.bool_)
-        rule = (
-            f"must leave a corridor, but {MAX_BATCHES * BATCH} grids with the share {fill:g} have "
-            "none"
-        )
+        rule = f"must leave a corridor, but {MAX_BATCHES * BATCH} grids of {fill:g} have none"
         raise invalid(self, "fill", list(self.fill), rule, "lower this share")
 
     def measure_shortest(self, cells: Cells) -> float:

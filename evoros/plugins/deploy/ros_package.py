@@ -231,9 +231,7 @@ class MeshFiles:
             self.packages.add(package[1])
             self.notes.append(f"{name}: install its package on the robot")
         else:
-            self.notes.append(
-                f"{name} is not copied; add the file to the package, and name it in the description"
-            )
+            self.notes.append(f"{name} is not copied; add the file, and name it in the description")
 
     def _free_name(self, name: str) -> str:
         stem, dot, suffix = name.rpartition(".")
