@@ -24,7 +24,14 @@ from evoros.robot.model import Robot
 from evoros.terminal.activity import announce
 from evoros.terminal.log import withhold_messages
 from evoros.world.course import Course
-from evoros.world.floors import GROUND, ground_shapes, has_level_ground, project_ground, settle
+from evoros.world.floors import (
+    GROUND,
+    check_planes,
+    ground_shapes,
+    has_level_ground,
+    project_ground,
+    settle,
+)
 from evoros.world.loading import free_bodies, read_world
 from evoros.world.model import LOW_M, World
 from evoros.world.standing import stand
@@ -86,6 +93,7 @@ def _check_course(given: object) -> dict[str, Any]:
 
 
 def _plan(source: str, given: dict[str, Any], bodies: tuple[Body, ...], robot: Robot) -> Planned:
+    check_planes(bodies, source)
     home = (given.get("home_x_m", 0.0), given.get("home_y_m", 0.0))
     chosen = home if {"home_x_m", "home_y_m"} <= set(given) else None
     place = _Place(source, bodies, robot, chosen)

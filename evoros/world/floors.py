@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from evoros.base.arrays import Array, length, product
+from evoros.base.errors import InputError
 from evoros.geometry import footprint
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.course import Course
@@ -31,6 +32,7 @@ STEP_M = 0.1
 """Spacing [m] of sample points along a course, which tell a floor from posts."""
 
 _LEVEL = 1e-6
+_STEEP = 0.5  # vertical part of a plane's normal below which it is no ground
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +71,18 @@ def plane_normal(shape: Shape, pose: Pose) -> Array:
     """Return the unit normal (3,) of a plane at ``pose``, in the world frame."""
     normal: Array = product(pose.rotation, np.array(shape.size)) / length(np.array(shape.size))
     return normal
+
+
+def check_planes(bodies: Sequence[Body], source: str) -> None:
+    """Require that all planes face up; a steeper plane, such as a wall, is not ground."""
+    for body in bodies:
+        for shape, pose in body.placed:
+            normal = plane_normal(shape, pose).tolist() if shape.kind == "plane" else (0, 0, 1)
+            if normal[2] < _STEEP:
+                raise InputError(
+                    f"{source}: the ground plane {body.name!r} must face up, not along "
+                    f"{np.round(normal, 6).tolist()}; use a box for anything else"
+                )
 
 
 def is_level(shape: Shape, pose: Pose) -> bool:

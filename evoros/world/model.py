@@ -16,7 +16,7 @@ from evoros.geometry.footprint import distances, find_bounds, project_bodies
 from evoros.geometry.shapes import Body
 from evoros.walkers.crowd import Crowd
 from evoros.world.course import A_COURSE, Course
-from evoros.world.floors import MAT_M, ground_height, has_level_ground, plane_normal
+from evoros.world.floors import MAT_M, check_planes, ground_height, has_level_ground
 
 LENGTH = Rule("a length greater than 0, or null", lambda v: v is None or POSITIVE.holds(v))
 KEPT_WORLDS = 512
@@ -119,15 +119,7 @@ def _check_names(world: World) -> None:
 
 
 def _check_ground(world: World) -> None:
-    for body in world.bodies:
-        for shape, pose in body.placed:
-            if shape.kind == "plane":
-                normal = plane_normal(shape, pose)
-                if normal[2] <= 1e-6:
-                    raise InputError(
-                        f"{world.source}: the ground plane {body.name!r} must face up, not along "
-                        f"{np.round(normal, 6).tolist()}; use a box for anything else"
-                    )
+    check_planes(world.bodies, world.source)
     course = world.course
     height = ground_height(world.bodies, (course.home_x_m, course.home_y_m))
     if height is None or not -1e-6 <= height <= MAT_M + 1e-6:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from robot_cases import rover
 
+from evoros.base.errors import InputError
 from evoros.session.course_planning import plan_course
 
 WALL_M = 0.15
@@ -60,3 +61,16 @@ def test_a_course_lies_inside_an_office_whatever_its_floor(
     course = planned.course
     stops = np.array([(course["home_x_m"], course["home_y_m"]), *course["waypoints"]]) - at
     assert (np.abs(stops) < np.array([length, width]) / 2).all()
+
+
+def test_a_plane_that_is_a_wall_is_the_reason_why_no_course_is_found(tmp_path: Path) -> None:
+    path = write(tmp_path, [], (0.0, 0.0))
+    poster = (
+        "<model name='poster'><static>1</static><pose>0 4 1 1.57 0 0</pose><link name='l'>"
+        "<collision name='c'><geometry><plane/></geometry></collision></link></model>"
+    )
+    path.write_text(
+        path.read_text().replace("<model name='office'", f"{poster}<model name='office'")
+    )
+    with pytest.raises(InputError, match="ground plane 'poster' must face up"):
+        plan_course({"sdf": str(path)}, rover())
