@@ -114,7 +114,6 @@ def _cuts(tree: Array) -> list[NDArray[np.int64]]:
 
 
 def _number(clusters: Iterable[list[int]], n: int) -> NDArray[np.int64]:
-    """Return the cluster number of each of n points (n,), from 1."""
     labels = np.empty(n, dtype=np.int64)
     for number, points in enumerate(clusters, 1):
         labels[points] = number

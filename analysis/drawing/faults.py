@@ -89,7 +89,6 @@ def _split(
 
 
 def _draw_growth(axes: Axes, path: pd.DataFrame, begin: int) -> None:
-    """Draw a band along the path from row ``begin`` on that widens with time."""
     rows = path.loc[begin:]
     places: Array = rows[["x_m", "y_m"]].to_numpy(float)
     time_s = rows["time_s"].to_numpy(float)
@@ -181,7 +180,6 @@ def write_numbers(
 
 
 def _group_labels(rows: pd.DataFrame, column: str) -> Iterator[tuple[tuple[float, float], str]]:
-    """Yield positions and labels of sensor numbers; nearby rows share a label."""
     groups: list[tuple[tuple[float, float], list[str]]] = []
     places = zip(rows["x_m"].tolist(), rows["y_m"].tolist(), strict=True)
     for place, text in zip(places, rows[column].tolist(), strict=True):

@@ -85,7 +85,6 @@ def _find_titles(axes: Axes) -> list[Text]:
 
 
 def _sort(panels: Sequence[Axes]) -> list[Axes]:
-    """Sort panels by row from the top, then from left to right."""
     rows: list[list[Axes]] = []
     for axes in sorted(panels, key=lambda axes: -axes.get_position().y1):
         top = axes.get_position().y1
@@ -134,7 +133,6 @@ def _fill(places: Any) -> Array:
 
 
 def _within(places: Array, axes: Axes) -> bool:
-    """Return True if all known positions are inside or on the axes' limits."""
     limits = np.sort([axes.get_xlim(), axes.get_ylim()], axis=1)
     slack = 1e-9 * np.ptp(limits, axis=1)
     known = places[np.isfinite(places).all(axis=1)]

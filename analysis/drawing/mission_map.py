@@ -196,7 +196,6 @@ def draw_companions(
 
 
 def _choose_style(place: int) -> dict[str, Any]:
-    """Choose a robot's line style, distinct in colour and in greyscale."""
     colour, dashes = COLOURS[place % len(COLOURS)], ROBOT_DASHES[place % len(ROBOT_DASHES)]
     return {"color": colour, "ls": dashes, "lw": _WIDTH_PT}
 
@@ -271,7 +270,6 @@ def draw_walkers(axes: Axes, walkers: Sequence[WalkerTrack], path: pd.DataFrame)
 
 
 def _find_nearest(walker: Array, robot: Array) -> int:
-    """Return the index at which two paths (n, 2) [m] are closest to each other."""
     count = min(len(walker), len(robot))
     apart = walker[:count] - robot[:count]
     return int(np.nanargmin((apart * apart).sum(axis=1)))

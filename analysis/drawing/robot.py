@@ -226,7 +226,6 @@ class Champions:
         return f"{head}\nvalidated {value:.2f} [{low:.2f}, {high:.2f}]"
 
     def _count(self, treatment: str) -> str:
-        """Count a treatment's champions, and the best designs so far of unfinished runs."""
         runs = self.sensors[self.sensors.treatment == treatment].run.unique()
         unfinished = sum(run in self.unfinished for run in runs)
         champions = len(runs) - unfinished

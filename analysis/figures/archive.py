@@ -204,13 +204,11 @@ def _draw_map(
 
 
 def _measure_cells(grid: Grid) -> Array:
-    """Return the width and height (2,) of a cell, in the units of the descriptors."""
     x, y, cells = grid
     return np.array([axis.bounds[1] - axis.bounds[0] for axis in (x, y)]) / cells
 
 
 def _find_centres(elites: pd.DataFrame, grid: Grid) -> Array:
-    """Return the centres (n, 2) of the elites' cells, in the units of the descriptors."""
     *axes, cells = grid
     low, high = np.array([axis.bounds for axis in axes]).T
     places = elites[["cell_x", "cell_y"]].to_numpy(float)

@@ -46,7 +46,6 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def _read_interval(study: Study) -> Interval | None:
-    """Return the interval of the champion's fitness on fresh draws; None if unknown."""
     status = study.records[0].run.status
     ends = [status.get(name) for name in ("best_validated_fitness", "fitness_low", "fitness_high")]
     value, low, high = (math.nan if end is None else float(end) for end in ends)

@@ -235,7 +235,6 @@ def _report(record: Record, runs: int) -> str:
 
 
 def _count_columns(handles: Sequence[Artist], width: float) -> int:
-    """Return the number of legend columns that fit into a width [in]."""
     lengths = [len(str(handle.get_label())) + _HANDLE for handle in handles]
     for count in range(min(6, len(lengths)), 1, -1):
         deep = math.ceil(len(lengths) / count)
@@ -255,7 +254,6 @@ def _ending(path: pd.DataFrame) -> str:
 def _add_legend(
     figure: Figure | SubFigure, free: Sequence[Axes], handles: Sequence[Artist], across: int
 ) -> None:
-    """Add the legend in a free panel, otherwise below the panels."""
     for axes in free:
         axes.set_axis_off()
     style: dict[str, Any] = {"handles": handles, "frameon": False, "handlelength": 1.6}

@@ -169,7 +169,6 @@ def _lay_out(
 
 
 def _count_columns(treatments: int, width: float) -> int:
-    """Return the number of treatments per row that makes rows about equally long."""
     most = max(1, min(treatments, int((width - BAR_IN) / PER_ROW_IN)))
     return math.ceil(treatments / math.ceil(treatments / most))
 

@@ -159,7 +159,6 @@ def _read_column(record: Record, column: str) -> tuple[float, float]:
 
 
 def _measure_fitness(measure: str, study: Study) -> pd.DataFrame:
-    """Return the champions' fitness, and the first generation's best fitness as ``random``."""
     champions = validate_champions(study).set_index("run")[measure].to_dict()
 
     def read(record: Record) -> tuple[float, float]:

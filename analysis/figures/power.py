@@ -104,7 +104,6 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _trace(simulation: Simulation, plans: Sequence[Mapping[str, float]]) -> pd.DataFrame:
-    """Compute the power for each difference and number of replicates."""
     ends = [plan["replicates"] for plan in plans]
     longest = max((end for end in ends if not isinf(end)), default=MAX_REPLICATES)
     end = min(MAX_REPLICATES, max(10, int(1.5 * longest)))

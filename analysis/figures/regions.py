@@ -149,7 +149,6 @@ def _draw_areas(axes: Axes, context: FigureContext, reach: float) -> None:
 
 
 def _corners(area: Area) -> frozenset[tuple[float, float]]:
-    """Return the corners, rounded so that equal areas compare equal."""
     return frozenset((round(x, 9), round(y, 9)) for x, y in area.corners)
 
 

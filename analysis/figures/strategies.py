@@ -145,7 +145,6 @@ def _shorten(treatments: Sequence[str]) -> dict[str, str]:
 
 
 def _title(treatment: str, treatments: Sequence[str], table: pd.DataFrame, room: float) -> str:
-    """Return a panel's title in lines of up to ``room`` characters."""
     count = int(((table.treatment == treatment) & ~table.random).sum())
     short = _shorten(treatments)[treatment]
     name = treatment if short == treatment else f"{short}: {treatment}"
@@ -208,7 +207,6 @@ def _draw_lost(axes: Axes, table: pd.DataFrame, summary: pd.DataFrame) -> None:
 
 
 def _with_errors(rows: pd.DataFrame) -> tuple[Array, list[Array]]:
-    """Return values, and distances to the bounds of their intervals."""
     value, low, high = (rows[name].to_numpy(float) for name in ("value", "low", "high"))
     return value, [value - low, high - value]
 

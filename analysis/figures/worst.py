@@ -139,7 +139,6 @@ class TestedDesign:
         )
 
     def _describe_extent(self) -> str:
-        """Describe the set size up to which all sets were tried."""
         most = 0
         for row in self.sets[self.sets["failed"] > 0].to_dict("records"):
             if row["failed"] != most + 1 or row["sets"] != row["of"]:

@@ -99,7 +99,6 @@ class DesignMap:
 
 
 def _colour_share(share: float) -> str:
-    """Return the colour of a fitness, given as a fraction of the range from minimum to maximum."""
     return to_hex(mpl.colormaps[_CMAP](share))
 
 

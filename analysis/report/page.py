@@ -193,7 +193,6 @@ def _render_sections(
 
 
 def _configure(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the treatments' differences, common configuration, and configuration files."""
     first = {record.treatment: record for record in reversed(records)}
     differences = _tabulate_differences(records)
     varied = {*differences["key"], *(["seed"] if len(records) > 1 else [])}

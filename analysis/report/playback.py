@@ -336,7 +336,6 @@ def _encode_collisions(trajectory: pd.DataFrame) -> Iterator[Json]:
 
 
 def _find_increases(column: pd.Series) -> list[int]:
-    """Find the rows in which a count that starts at 0 has increased."""
     return np.flatnonzero(np.diff(column.to_numpy(float), prepend=0) > 0).tolist()
 
 

@@ -158,5 +158,4 @@ def draw_sensors(sensors: pd.DataFrame, reach_m: float) -> Markup:
 
 
 def _trace(outline: Array) -> str:
-    """Return the SVG path of a polygon in the robot's frame, with forward up."""
     return "M" + "L".join(f"{-y:.3f} {-x:.3f}" for x, y in outline.tolist()) + "Z"

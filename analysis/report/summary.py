@@ -86,7 +86,6 @@ def _run_row(record: Record) -> dict[str, Any]:
 
 
 def _simulated_s(record: Record) -> float | None:
-    """Return the simulated time [s] of all missions, including earlier sessions."""
     try:
         return float(record.run.missions["time_s"].sum())
     except (InputError, LookupError, ValueError, TypeError) as error:
@@ -172,7 +171,6 @@ def list_controls(study: Study) -> list[str]:
 
 
 def _describe_treatments(runs: pd.DataFrame, measure: str, label: str) -> Iterator[str]:
-    """Yield each treatment's median with its interval, best treatment first."""
     by = runs.dropna(subset=measure).groupby("treatment", sort=False)[measure]
     for treatment in by.median().sort_values(ascending=False).index:
         values = by.get_group(treatment).to_numpy(float)

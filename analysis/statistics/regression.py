@@ -68,7 +68,6 @@ def share_change_interval(gained: int, lost: int, pairs: int) -> Interval:
 
 
 def _find_upper(gained: int, lost: int, pairs: int) -> float:
-    """Return the maximum change that the score test does not reject."""
     z = NormalDist().inv_cdf(1 - LEVEL / 2)
     low, high = (gained - lost) / pairs, 1.0
     for _ in range(_HALVINGS):
@@ -180,7 +179,6 @@ def _compare(missions: pd.DataFrame, quantity: str) -> dict[str, Any]:
 
 
 def _estimate_change(differences: Array, quantity: str, missions: int) -> Interval:
-    """Return the mean change in a quantity over trials, and its interval."""
     if quantity == COMPLETED and len(differences) == missions:
         gained, lost = (int((sign * differences > 0).sum()) for sign in (1, -1))
         return share_change_interval(gained, lost, missions)

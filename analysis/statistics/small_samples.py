@@ -162,7 +162,7 @@ def _bootstrap(
     if n < 2:
         return Interval(float(statistic(*values, axis=-1))) if n else NOTHING
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", scipy.stats.DegenerateDataWarning)  # for NaN resamples
+        warnings.simplefilter("ignore", scipy.stats.DegenerateDataWarning)  # NaN resamples warn
         value = float(statistic(*values, axis=-1))
         resampled: Array = scipy.stats.bootstrap(
             values,

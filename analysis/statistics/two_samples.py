@@ -193,7 +193,6 @@ def _compare(first: NDArray[np.bool_], starts: Places, ends: Places) -> _Ranking
 
 
 def _permute_samples(x: Sample, y: Sample) -> Array | None:
-    """Return the sorted statistics of splits of the pooled samples; None for large samples."""
     if len(x) + len(y) > MAX_PERMUTED:
         return None
     ends = _order(x, y)[2]

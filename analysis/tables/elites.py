@@ -147,7 +147,6 @@ def read_archive(study: Study, options: argparse.Namespace) -> Archive:
 
 
 def _pool(tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
-    """Concatenate the latest scores of runs; ``place`` is the index of the run."""
     latest = [take_latest(table).assign(place=place) for place, table in enumerate(tables)]
     return pd.concat(latest, ignore_index=True)
 

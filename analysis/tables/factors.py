@@ -132,7 +132,6 @@ def _find_given(given: Sequence[Given]) -> Iterator[Factor]:
 def _find_global(
     keys: Collection[str], differing: Mapping[str, tuple[str, ...]], choices: Sequence[Choices]
 ) -> Iterator[Factor]:
-    """Yield the groups, such as ``experiment``, whose choices can set values in any part."""
     for group in choices[0] if choices else ():
         levels = tuple(chosen.get(group, "") for chosen in choices)
         placed = group in IGNORED or any(f"{key}.".startswith(f"{group}.") for key in keys)

@@ -175,7 +175,6 @@ def climb(study: Study) -> pd.DataFrame:
 
 
 def _name_rungs(rungs: Sequence[Scores]) -> list[str]:
-    """Name each evaluation by the choices of the parts that differ, or else by its folder."""
     conditions = [select_conditions(evaluation) for evaluation, _ in rungs]
     choices = [apply_confirmation(evaluation.choices) for evaluation, _ in rungs]
     keys = [key for values in conditions[1:] for key in find_differences(conditions[0], values)]

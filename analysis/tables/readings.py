@@ -68,7 +68,6 @@ def read_sensors(
 
 
 def _find_types(links: Collection[str], types: Sequence[str], prefix: str) -> list[str]:
-    """Find the type of each mounted sensor; links are named by type and number."""
     mounted: list[str] = []
     while name := next((t for t in types if f"{prefix}{t}_{len(mounted)}" in links), None):
         mounted.append(name)

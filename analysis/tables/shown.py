@@ -114,7 +114,6 @@ def read_shown(
 
 
 def _require_rows(record: Record, missions: Sequence[ShownMission]) -> list[ShownMission]:
-    """Return the missions that were run; raise an InputError if there are none."""
     run = [mission for mission in missions if len(mission.trajectory)]
     if not run:
         raise InputError(f"{record.path}: none of the missions was run; choose another run")

@@ -40,7 +40,6 @@ _TITLE = re.compile(r"# @title (.+)")  # first line of a choice's YAML file
 
 @cache
 def _read_titles() -> dict[str, str]:
-    """Read the customary spelling of choices from their YAML files."""
     files = (file for folder in conf_folders() for file in folder.rglob("*.yaml"))
     titles = ((file.stem, _TITLE.match(file.read_text(encoding="utf-8"))) for file in files)
     return {choice: title[1] for choice, title in titles if title}
@@ -109,7 +108,6 @@ def _split(name: str) -> tuple[str, str]:
 
 
 def _describe(factor: Factor, level: str, inside: bool) -> str:
-    """Describe a level; empty if it belongs to a part that the run lacks."""
     words, unit = _split(factor.name)
     if not level:
         return "" if inside else f"no {words}"

@@ -104,7 +104,6 @@ def read_scores(evaluation: EvaluationRecord) -> pd.DataFrame:
 
 
 def _content(mounts: pd.DataFrame, genes: Mapping[str, float]) -> Content:
-    """Combine the sensors, in the order that failures count them, and the genes, sorted by key."""
     placed = mounts[mounts["sensor"].notna()].assign(robot=name_robots)
     placed = placed.sort_values(["robot", "sensor"])
     poses = placed[list(POSE)].astype(float).itertuples(index=False, name=None)

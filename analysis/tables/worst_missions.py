@@ -94,7 +94,6 @@ def show_worst(study: Study, name: str | None) -> tuple[Study, list[str]]:
 
 
 def _find_worst(record: Record) -> Record:
-    """Return the evaluation as the run of the design with the worst stored mission."""
     assert isinstance(record, EvaluationRecord)
     designs = record.mounts[_KEY].astype(str).drop_duplicates().to_numpy().tolist()
     numbers = {(source, design): number for number, (source, design) in enumerate(designs)}

@@ -171,7 +171,6 @@ class ArchiveSearch(FitnessSearch):
         return table
 
     def _fill(self, anew: bool) -> None:
-        """Add the current generation to the archive; refill it if earlier scores changed."""
         individuals = self._history.asked
         if anew:
             self._archive.clear()

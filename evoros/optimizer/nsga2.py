@@ -95,7 +95,6 @@ class _Nsga2Search:
         return table
 
     def _set_costs(self) -> None:
-        """Set the costs of the offspring and, as scores may have changed, of the population."""
         from pymoo.core.evaluator import Evaluator
         from pymoo.problems.static import StaticProblem
 

@@ -104,7 +104,6 @@ class SetCover(protocol.Optimizer):
         return Program(counts, needed, prices, (low, high), places)
 
     def _find_width(self, program: "Program") -> float:
-        """Return the width of the sector [deg]; by default, the maximum in whole degrees."""
         if self.width_deg is not None:
             return self.width_deg
         low, high = 1, ALL_AROUND + 1
@@ -163,7 +162,6 @@ def _fill(space: protocol.CoveringSpace, places: Array) -> Array:
 
 
 def _compose(space: protocol.CoveringSpace, places: Array) -> Array:
-    """Return a genome that mounts sensors only at ``places``."""
     low, high = space.number
     if 0 < len(places) < low:  # the remaining slots repeat a place that can carry only one sensor
         places = np.concatenate((places, *[places[-1:]] * (low - len(places))))

@@ -129,7 +129,6 @@ def _check_waypoints(
 
 
 def _free_space(points: Array, obstacles: Sequence[Footprint]) -> Array:
-    """Return the distance (n,) [m] of points (n, 2) to the nearest obstacle."""
     free: Array = np.min([distances(footprint, points) for footprint in obstacles], axis=0)
     return free
 

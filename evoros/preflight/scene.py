@@ -120,7 +120,6 @@ def check_waypoints(experiment: Experiment) -> Iterator[str]:
 
 
 def _list_outside(world: World) -> Iterator[tuple[float, float]]:
-    """Yield the waypoints outside the box walled by fixed obstacles, if home is inside it."""
     areas = project_bodies([body for body in world.obstacles if body.mass is None])
     if not areas:
         return

@@ -122,7 +122,6 @@ def _list_widths(world: World, height: float) -> Iterator[tuple[float, str]]:
 
 
 def _measure_gap(sensor: RangeSensor) -> float:
-    """Return the maximum angle [rad] between neighbouring rays, in top view."""
     rays = np.asarray(sensor.rays())
     azimuths = np.unique(atan2_all(rays[:, 1], rays[:, 0]))
     return float(np.diff(azimuths).max(initial=0.0))

@@ -74,7 +74,6 @@ SHARE = Rule("a number greater than 0 and less than 1", lambda v: is_number(v) a
 
 
 def _states_levels(each: Mapping[str, Any]) -> bool:
-    """Return True if a mapping has exactly one factor, with valid levels."""
     if len(each) != 1:
         return False
     ((factor, values),) = each.items()

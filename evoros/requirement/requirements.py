@@ -299,7 +299,6 @@ class Assessment:
         self.finished = not growing
 
     def _list_open(self, name: str) -> list[int]:
-        """List the indices of the levels that more trials might decide."""
         results = self._results[name]
         if isinstance(self._requirements[name], Survival) and VIOLATED in results:
             return []

@@ -81,7 +81,6 @@ def _find_carrier(places: Places, solids: Sequence[SolidShape]) -> str:
 
 
 def _middle_height(solids: Sequence[SolidShape], link: str) -> float:
-    """Return the middle height [m] of a link's shapes, or of all shapes if it has none."""
     ranges = [solid.height_range for solid in solids if solid.link == link]
     ranges = ranges or [solid.height_range for solid in solids]
     low, high = min(low for low, _ in ranges), max(high for _, high in ranges)

@@ -112,7 +112,6 @@ def _reshape(elements: Element, urdf: Urdf, joint: Joint, wheel: Wheel, axis: Ar
 
 
 def _frame_along(axis: Array) -> Array:
-    """Return a right-handed rotation (3, 3) with ``axis`` as z axis."""
     helper = np.eye(3)[int(np.abs(axis).argmin())]
     x = np.cross(helper, axis)
     x /= length(x)

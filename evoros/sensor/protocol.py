@@ -206,7 +206,6 @@ def _are_channels(value: object) -> bool:
 
 
 def _are_rays(value: object) -> bool:
-    """Return True if a value is an array (k, 3) of unit vectors."""
     if not isinstance(value, np.ndarray) or value.dtype != np.dtype(float) or value.ndim != 2:
         return False
     lengths = np.sqrt((value * value).sum(axis=1)) if value.shape[1] == 3 else np.zeros(0)

@@ -123,7 +123,6 @@ def read_drafts(path: Path, source: str | None, members: Sequence[Member]) -> Dr
 def _add_row(
     drafts: Drafts, name: DesignName, at: str, cells: Mapping[str, str], members: Sequence[Member]
 ) -> None:
-    """Add a row's sensor to its design's draft; a row without a sensor starts an empty draft."""
     if not cells["design"]:
         raise InputError(f"{at}: design is empty; name the design in each row")
     robot = cells.get(AGENT) or ""
@@ -213,7 +212,6 @@ def add_genes(drafts: Drafts, path: Path, source: str | None) -> None:
 
 
 def _parse(at: str, name: str, content: str) -> float:
-    """Parse a finite number; integers remain ints, because some parts do not accept floats."""
     with suppress(ValueError, OverflowError):
         value = int(content) if re.fullmatch(r"[+-]?[0-9]+", content) else float(content)
         if isfinite(value):

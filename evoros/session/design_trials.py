@@ -66,7 +66,6 @@ class DesignTrials:
 
     @cached_property
     def _own(self) -> Sequence[Mission]:
-        """All possible missions of the design under the evaluation's conditions."""
         return self.experiment.plan.evaluation(GENERATION, self.index, self.design)
 
     def list_wanted(self, condition: Condition) -> list[Mission]:

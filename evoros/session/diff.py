@@ -84,7 +84,6 @@ def find_difference(one: Path, other: Path, name: str) -> str:
 
 
 def _read_unnamed(text: str, folder: Path) -> Iterator[tuple[str, ...]]:
-    """Yield the rows of a figure's table without the name of the run folder."""
     rows, run = csv.reader(text.splitlines()), folder.resolve().name
     header = next(rows, [])
     yield tuple(header)
@@ -109,7 +108,6 @@ def _find_line(first: str, second: str) -> Difference:
 
 
 def _find_cell(first: str, second: str) -> Difference:
-    """Find the first cell that differs, and describe its line and column."""
     line, content, other = _find_line(first, second)
     with suppress(csv.Error):  # raised, for example, by cells of 200,000 characters
         return _find_column(first, second, line, content, other)
@@ -127,7 +125,6 @@ def _find_column(first: str, second: str, line: str, content: object, other: obj
 
 
 def _find_key(first: str, second: str) -> Difference:
-    """Find the first value that differs, and describe its path."""
     try:
         values, others = (dict(_flatten(parse_json(text), "")) for text in (first, second))
     except ValueError:
@@ -235,7 +232,6 @@ def _diff_folders(one: Path, other: Path, diff: Diff) -> None:
 
 
 def _list_differences(one: Path, other: Path, diff: Diff) -> Iterator[str]:
-    """Yield the difference between two versions of each file; empty if they are equal."""
     yield _diff_configurations(one, other, diff)
     yield _diff_manifests(one, other, diff)
     difference, count = compare_missions(one, other)

@@ -146,7 +146,6 @@ class Evaluation:
 
     @property
     def _most(self) -> int:
-        """The maximum number of missions; early decisions may reduce it."""
         return sum(trials.most for trials in self._trials)
 
     @property

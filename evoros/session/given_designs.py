@@ -153,7 +153,6 @@ def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesi
 
 
 def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, list[NamedDesign]]]:
-    """Yield the path and designs of each file or run of a source."""
     path = expand_home(source)
     if not path.exists():
         raise InputError(

@@ -167,7 +167,6 @@ def require_design(name: str, folder: Path, overrides: Sequence[str]) -> None:
 
 
 def _build(overrides: Sequence[str], folder: Path | None) -> tuple[Experiment, list[str]]:
-    """Build the experiment; return it with all messages of the readers."""
     with withhold_messages() as records:
         experiment = compose(overrides, config_dir=folder).build()
     told = [record.getMessage() for record in records if record.levelno >= logging.INFO]

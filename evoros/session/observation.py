@@ -73,7 +73,6 @@ class FolderReader:
 
 
 def _list_parameters(folder: Path) -> Iterator[tuple[str, protocol.Value]]:
-    """Yield the recorded configuration values, except for the observers."""
     for key, value in flatten_recorded(folder / layout.CONFIG).items():
         if key.partition(".")[0] != "observers":
             plain = value is None or isinstance(value, str | int | float)
@@ -122,7 +121,6 @@ def _finite(metrics: Mapping[str, float]) -> Mapping[str, float]:
 
 
 def _to_seconds(date: object) -> float:
-    """Convert a recorded date to Unix time [s]; 0 if the date is missing."""
     return datetime.fromisoformat(date).timestamp() if isinstance(date, str) else 0.0
 
 

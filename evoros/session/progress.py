@@ -115,7 +115,6 @@ class Progress(_Shown):
         return self.missions / (self.missions + self._left()) if self.missions else 0.0
 
     def _left(self) -> float:
-        """Estimate the number of remaining missions from this session's mean per generation."""
         current = max(0, self._wanted - self._known - self._done)
         later = self._totals[-1] / len(self._totals) if self._totals else self._wanted
         return current + later * max(0, self._generations - 1 - self._generation)

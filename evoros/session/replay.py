@@ -73,7 +73,6 @@ def replay_row(
 
 
 def _find_given(run: Run, experiment: Experiment, row: Row) -> tuple[dict[int, Design], MissionKey]:
-    """Return the designs of an evaluation by id, and the key of the row's mission."""
     given = read_recorded_designs(run.path, experiment)
     names = [(named.source, named.name) for named in given]
     design = names.index((row["source"], row["design"]))

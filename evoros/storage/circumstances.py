@@ -61,7 +61,6 @@ def normalize(package: str) -> str:
 
 @cache
 def _list_required() -> Sequence[str]:
-    """List the packages that evoros requires without extras."""
     listed: Sequence[str] = ()
     try:
         listed = requires(OWN) or ()

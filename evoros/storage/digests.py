@@ -126,7 +126,6 @@ def read_entries(content: bytes) -> Entries:
 
 
 def _read_entry(line: bytes) -> tuple[str, Entry] | None:
-    """Return a file's name and digests; None if the line is invalid."""
     if not is_sealed(line):
         return None
     try:

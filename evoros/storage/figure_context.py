@@ -217,7 +217,6 @@ def describe_experiment(experiment: "Experiment") -> FigureContext:
 
 
 def _name_measures(experiment: "Experiment") -> Iterator[tuple[str, FitnessName]]:
-    """Yield the column and the name of each objective and descriptor."""
     groups = {OBJECTIVES: experiment.objectives, DESCRIPTORS: experiment.descriptors}
     for group, measures in groups.items():
         for key, measure in measures.items():

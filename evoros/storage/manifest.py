@@ -221,7 +221,6 @@ def record_modules(folder: Path, modules: Mapping[str, Path]) -> None:
 
 
 def _simulators(experiment: Experiment) -> list[str]:
-    """List the classes of the simulator and, if different, of the confirming simulator."""
     simulators = (experiment.simulator, experiment.confirming.simulator)
     return list(dict.fromkeys(f"{c.__module__}.{c.__qualname__}" for c in map(type, simulators)))
 
@@ -273,7 +272,6 @@ def _modules(values: Any) -> set[str]:
 
 
 def _file(module: str) -> str | None:
-    """Return the source file of an imported module, or None."""
     return getattr(sys.modules.get(module), "__file__", None)
 
 

@@ -90,7 +90,6 @@ class MissionTable:
             self._file.truncate(end)
 
     def _read_lines(self) -> Iterator[bytes]:
-        """Yield the remaining lines, whose length is limited."""
         while line := self._file.readline(LONGEST_LINE):
             if len(line) == LONGEST_LINE:
                 raise InputError(

@@ -74,7 +74,6 @@ def _parse_sources(config: str) -> dict[str, Any]:
 
 
 def _list_secrets(node: Any, value: Any, above: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the dotted key and the resolved value of each reference to a secret."""
     if isinstance(node, dict):
         for name, inner in node.items():
             yield from _list_secrets(inner, value[name], f"{above}.{name}" if above else name)

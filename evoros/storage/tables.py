@@ -140,7 +140,6 @@ def read_outcomes(row: Mapping[str, str], agents: Sequence[str] = ()) -> Outcome
 
 
 def _read_touched(content: str | None) -> tuple[str, ...] | None:
-    """Read the names of touched walkers; None if the table has no such column."""
     return None if content is None else tuple(filter(None, content.split(";")))
 
 

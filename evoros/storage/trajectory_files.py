@@ -165,6 +165,5 @@ def _name_robot(design: int) -> str:
 
 
 def _list_needs(mission: Mission) -> list[str]:
-    """List the name prefixes of the files that a mission's trajectory needs."""
     worlds = (world_file(mission.world, draws) for draws in (None, mission.draws))
     return [_name_robot(mission.design_id), *(str(world.with_suffix("")) for world in worlds)]

@@ -276,7 +276,6 @@ def later() -> Iterator[None]:
 
 
 def _find(values: dict[Any, Any]) -> Iterator[tuple[dict[str, Any], str, Any]]:
-    """Yield the places in modules that refer to one of these values."""
     by_id = {id(value): value for value in values}
     for module in list(sys.modules.values()):
         namespace = getattr(module, "__dict__", None)

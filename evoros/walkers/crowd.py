@@ -195,7 +195,6 @@ def _describe(walker: Walker, first: int, end: int) -> list[float]:
 
 
 def _find_heading(walker: Walker) -> Array:
-    """Return the unit vector (2,) from a walker to its goal."""
     way = walker.corners[walker.goal, :2] - np.array(walker.place)
     length = float(np.sqrt((way * way).sum()))
     heading: Array = way / length if length > 0.0 else np.array([1.0, 0.0])

@@ -132,7 +132,6 @@ def act(parameters: Array, memory: Array, robots: Array, i: int, step: float) ->
 
 @compilable
 def _find_scripted(parameters: Array, i: int, clock: float) -> tuple[float, float]:
-    """Return an actor's position at a time [s] of its script."""
     crowd = unpack(Walk, parameters)
     walker = crowd.walkers[i]
     first, end = int(walker[at.FIRST]), int(walker[at.END])

@@ -176,7 +176,6 @@ def _find_tops(bodies: Sequence[Body]) -> Iterator[_Top]:
 def _find_level(
     bodies: Sequence[Body], tops: Sequence[_Top], points: Sequence[Sequence[float]]
 ) -> float:
-    """Return the height [m] of the floor that carries the course."""
     solids = [*ground_shapes(bodies)]
     ground = _find_height(solids, points[0])
     at_home = sorted(top.height for top in tops if footprint.contains(top.area, points[0]))

@@ -95,7 +95,6 @@ def place_parts(body: Body, height_m: float = -math.inf) -> tuple[Part, ...]:
 
 
 def _drop(shapes: Sequence[Part], settled: Sequence[Part], ground: float) -> float:
-    """Return the distance [m] that a body with these shapes falls."""
     gaps = [min(shape.bottom for shape in shapes) - ground]
     for shape in shapes:
         for below in _overlapping(shape, settled):
@@ -108,7 +107,6 @@ def _drop(shapes: Sequence[Part], settled: Sequence[Part], ground: float) -> flo
 
 
 def _overlapping(shape: Part, others: Sequence[Part]) -> Iterator[Part]:
-    """Yield the ``others`` whose footprints overlap the inner part of a shape's footprint."""
     x, y, reach = bounding_circle(shape.area)
     inner = (shape.area.vertices - (x, y)) * _INNER + (x, y)
     for other in others:

@@ -123,7 +123,6 @@ class CaseSearch:
                 self._screen(self._mutate(parent.case) for parent in chosen)
 
     def _grow(self, size: int) -> list[Case]:
-        """Extend the worst cases of the previous size by each further sensor that can fail."""
         settings = self.settings
         smaller = [trials.case for trials in self._list_tried(size - 1)] or [Case()]
         grown: dict[Case, None] = {}
@@ -137,7 +136,6 @@ class CaseSearch:
         return list(grown)[: settings.max_cases]
 
     def _mutate(self, case: Case) -> Case:
-        """Replace one sensor, or move the time of one failure."""
         failures = dict(zip(case.sensors, case.times_s, strict=True))
         place, kind, share = self.rng.random(), self.rng.random(), self.rng.random()
         sensor = case.sensors[int(place * len(case.sensors))]

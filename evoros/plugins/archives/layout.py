@@ -130,7 +130,6 @@ def place_named(folder: Path, manifest: Mapping[str, Any], tops: Sequence[Path])
 
 
 def _list_sources(folder: Path, manifest: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a run's recorded sweep, or the sources of an evaluation's designs."""
     yield manifest.get(SWEEP) or ""
     if not (folder / DESIGN_FILE).is_file():
         return

@@ -67,7 +67,6 @@ def _read_own(name: str) -> bytes | None:
 
 
 def _list_versions(manifests: Iterable[Mapping[str, Any]]) -> dict[str, str]:
-    """Return the versions of the runs' packages and of all packages that they require."""
     versions: dict[str, str] = {}
     for manifest in manifests:
         for name, version in manifest["packages"].items():

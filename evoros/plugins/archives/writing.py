@@ -185,7 +185,6 @@ def _build(folder: Path, place: str, request: Request) -> _Source:
 
 
 def _find_inputs(sources: Sequence[_Source], own: Path | None) -> tuple[list[Path], Layout]:
-    """Return the input files of the runs and their layout in the archive."""
     working = {source.working for source in sources}
     parts = [] if own is None else list(list_parts(own))
     files = sorted({*parts, *(path for source in sources for path in source.reads)})
@@ -196,7 +195,6 @@ def _find_inputs(sources: Sequence[_Source], own: Path | None) -> tuple[list[Pat
 
 
 def _list_files(sources: Sequence[_Source], request: Request) -> Iterator[tuple[str, bytes]]:
-    """Yield the name and content of each file in the archive except the checksums."""
     own = None if request.config_dir is None else request.config_dir.resolve()
     inputs, layout = _find_inputs(sources, own)
     sizes: dict[str, int] = {}

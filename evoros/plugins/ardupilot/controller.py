@@ -197,7 +197,6 @@ class ArduPilotPilot:
                 return
 
     def _convert_route(self) -> Sequence[tuple[float, float]]:
-        """Return home and the waypoints as latitude and longitude [deg]."""
         latitude, longitude = HOME
         scale = METRES_PER_DEGREE * elementary.cos(math.radians(latitude))
         points = [self._briefing.home[:2], *self._briefing.route.tolist()]
@@ -205,7 +204,6 @@ class ArduPilotPilot:
 
 
 def _to_width(demand: float) -> int:
-    """Return the pulse width [us] of a channel for a demand between -1 and 1."""
     return CENTRE_US + round(SPAN_US * max(-1.0, min(demand, 1.0)))
 
 

@@ -325,7 +325,6 @@ def _plan(world: World) -> float:
 
 
 def _measure_path(path: Path, course: Course) -> float:
-    """Return the length [m] of the path in a file, from home to the last waypoint."""
     try:
         cells = np.load(path, allow_pickle=False)
         points = np.asarray(cells, dtype=np.float64).reshape(-1, 2) * CELL_M + _PATH_ORIGIN_M

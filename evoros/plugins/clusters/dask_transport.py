@@ -146,7 +146,6 @@ class DaskTransport:
         self._cancel_all()
 
     async def _deliver(self, sending: Sending) -> RawAnswer:
-        """Submit a call and wait for its answer, regardless of other calls."""
         self._out.add(sending)
         try:
             return await self._try_twice(sending)

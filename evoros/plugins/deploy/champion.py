@@ -138,7 +138,6 @@ def _body_size(shape: Shape) -> Triple:
 
 
 def _centre_of_mass(robot: Element, urdf: Urdf, ground: Pose) -> Triple | None:
-    """Return the centre of mass [m] in the robot's frame, with all joints at zero."""
     total, moment = 0.0, np.zeros(3)
     for link in robot.findall("link"):
         inertial = find_child(link, "inertial")

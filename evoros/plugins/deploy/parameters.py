@@ -85,7 +85,6 @@ def robot_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
 
 
 def _describe_kind(kind: Beam | Signal) -> Iterator[tuple[str, Any]]:
-    """Yield the parameters of a sensor type, named as in missions."""
     if not isinstance(kind, Beam):
         yield "measures", kind.measures
         yield "channels", [f"{name}_{unit}".strip("_") for name, unit in kind.channels]
@@ -199,7 +198,6 @@ def _convert(instance: str, sensor: MountedSensor, beam: Beam, origin_m: Triple)
 
 
 def _round(metres: float) -> float:
-    """Round a length to tenths of a millimetre, without a negative zero."""
     return round(metres, 4) + 0.0
 
 

@@ -146,7 +146,6 @@ def _list_commands(champion: Champion) -> list[str]:
 
 
 def _list_topics(champion: Champion) -> list[tuple[str, str]]:
-    """Return the content and name of each topic between ROS nodes and the missions."""
     start = "controller.topics."
     values = champion.values.items()
     return [(key.removeprefix(start), str(v)) for key, v in values if key.startswith(start)]

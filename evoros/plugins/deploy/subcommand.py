@@ -138,7 +138,6 @@ def _describe_datum(wheels: Array) -> str:
 
 
 def _merge(values: list[float]) -> Iterator[float]:
-    """Yield the values in increasing order, without nearly equal ones."""
     last = -np.inf
     for value in sorted(values):
         if value - last > _SAME_MM:

@@ -163,7 +163,6 @@ def measure_swings(trajectory: pd.DataFrame, mode: int) -> list[float]:
 
 
 def _turning_points(yaw: Array) -> Array:
-    """Return the extreme headings [deg] of a stretch, in order of time."""
     extremes = [find_peaks(sign * yaw, prominence=_PROMINENCE_DEG)[0] for sign in (1, -1)]
     turns: Array = yaw[np.sort(np.concatenate(extremes))]
     return turns

@@ -144,7 +144,6 @@ def _draw_rings(axes: Axes, hit: pd.DataFrame, rings: Sequence[Ring]) -> None:
 
 
 def _draw_sensors(axes: Axes, hit: pd.DataFrame, scale: float) -> None:
-    """Draw each sensor, shaded by its probability, with a label; ``scale`` is in m/in."""
     for y, x, chance in hit[["y_m", "x_m", "probability"]].to_numpy(dtype=np.float64).tolist():
         axes.plot(y, x, mfc=_shade(chance), zorder=4, **_SENSOR)
     texts = [f"{n}: {p:.2f}" for n, p in zip(hit.sensor, hit.probability, strict=True)]

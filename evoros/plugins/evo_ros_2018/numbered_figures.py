@@ -50,7 +50,6 @@ def _keep(failure: str) -> Select:
 
 
 def _keep_sample(study: Study) -> Study:
-    """Keep only the finished baseline run with the lowest seed."""
     runs = [record for record in _keep(BASELINE)(study).records if record.finished]
     if not runs:
         raise InputError(f"no run with failure={BASELINE} is finished; resume such a run")

@@ -121,7 +121,6 @@ def _format_mesh(place: str, solid: Solid) -> str:
 
 
 def _triangulate(field: Shape) -> tuple[Array, NDArray[np.intp]]:
-    """Return the vertices (n, 3) [m] and triangles (m, 3) of a height field."""
     points = height_points(field)
     rows, columns, _ = points.shape
     first = np.add.outer(columns * np.arange(rows - 1), np.arange(columns - 1)).ravel()

@@ -187,7 +187,6 @@ class Gpu(Processes):
 
 
 def _find_lack() -> str:
-    """Return why no GPU can be used, or ""."""
     from evoros.compilation.device import DeviceError
     from evoros.plugins.gpu.cuda import import_driver, require_gpu  # LLVM takes long to import
 

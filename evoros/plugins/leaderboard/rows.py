@@ -115,7 +115,6 @@ def _fill_row(
 
 
 def _describe_certificate(certificate: Mapping[str, Any]) -> tuple[str, str, str, str]:
-    """Return the fitness, its interval, and the share of trials completed."""
     names = "validated_fitness", "fitness_low", "fitness_high"
     worlds = certificate["worlds"].values()
     completed = sum(w["completed"] for w in worlds) / sum(w["trials"] for w in worlds)
@@ -168,7 +167,6 @@ def _list_overrides(folder: Path, config_dir: str | None) -> tuple[str, list[str
 def _add_values(
     overrides: list[str], recorded: Mapping[str, Any], config_dir: str | None
 ) -> list[str]:
-    """Add overrides until the recorded configuration is reproduced."""
     wanted = flatten(compose(overrides, config_dir=config_dir))
     for key in list_differences(recorded, wanted, FREE):
         sign = "" if key in wanted else "+"

@@ -73,7 +73,6 @@ def build_failure(overrides: tuple[str, ...], config_dir: str | None) -> Failure
 
 
 def _build(overrides: tuple[str, ...], config_dir: str | None) -> tuple[Experiment, object]:
-    """Return the experiment, and the value of the key ``designs``."""
     (job,) = (
         job
         for job in Jobs(overrides, False, config_dir, EVALUATE, read_like)

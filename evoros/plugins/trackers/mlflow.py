@@ -128,7 +128,6 @@ class _Connection:
             self._set_status(STATUS[run.end.state], run.end.time_s)
 
     def _begin(self, run: ObservedRun) -> None:
-        """Find or create the run inside the sweep's parent run."""
         with _LOCK:
             tags = {}
             if run.sweep is not None:
@@ -214,5 +213,4 @@ def _to_ms(seconds: float) -> int:
 
 
 def _name(name: str) -> str:
-    """Replace characters that MLflow does not accept."""
     return re.sub(r"[^\w./ -]", "_", name)

@@ -104,7 +104,6 @@ class _Events:
             self.texts[tag] = text
 
     def _write_parameters(self, run: ObservedRun) -> None:
-        """Write the parameters for the HPARAMS tab."""
         from tensorboardX.summary import hparams
 
         values = {key: str(v) if v is None else v for key, v in run.parameters.items()}

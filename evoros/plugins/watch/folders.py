@@ -120,7 +120,6 @@ def _stamp(path: Path) -> Stamp | None:
 
 
 def _read_end(path: Path) -> Iterator[str]:
-    """Yield the dated lines at the end of a log, without tracebacks."""
     try:
         with open_regular(path) as file:
             file.seek(-min(LOG_BYTES, os.fstat(file.fileno()).st_size), os.SEEK_END)

@@ -116,7 +116,6 @@ def _write_notes(flown: Sequence[str], obstacles: Mapping[Record, str]) -> Itera
 
 
 def _find_design(record: Record) -> int:
-    """Return the id of the best design so far, or -1 if there is none."""
     try:
         design = read_complete(record, find_shown)
     except InputError:

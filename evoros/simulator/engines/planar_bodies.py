@@ -168,7 +168,6 @@ def find_movables(world: World, tallest: float) -> tuple[tuple[Body, ...], Movab
 
 
 def _lay_out_bodies(pushable: Sequence[Pushable]) -> tuple[Array, ...]:
-    """Return the fields of Movables from ``bodies`` to ``faces``."""
     bodies, parts, corners, solids, first, count = [], [], [], [], 0, 0
     for body, shapes, radius, arm in pushable:
         x, y, _ = body.pose.position
@@ -187,7 +186,6 @@ def _lay_out_bodies(pushable: Sequence[Pushable]) -> tuple[Array, ...]:
 
 
 def _lay_out_fixed(fixed: Sequence[Body], reach: float) -> tuple[Array, ...]:
-    """Return the fields of Movables from ``grid`` to ``fixed_corners``."""
     solids = [solid for body in fixed for solid in body.placed if solid[0].kind != "plane"]
     areas = [project_shape(shape, pose) for shape, pose in solids]
     heights = [find_heights(shape, pose) for shape, pose in solids]

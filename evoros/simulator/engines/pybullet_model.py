@@ -171,7 +171,6 @@ class Engine:
             self._place(robot, 0.0)
 
     def _place(self, robot: LoadedRobot, lift: float) -> None:
-        """Put a robot at rest at a height [m] above its home pose."""
         bullet = self.bullet
         (x, y, z), facing = robot.start
         bullet.resetBasePositionAndOrientation(robot.body, (x, y, z + lift), facing)

@@ -151,7 +151,6 @@ def _set_up_links(
     wheel_friction: float,
     groups: Groups,
 ) -> tuple[int, ...]:
-    """Set friction, damping and collision masks; return the links that can touch obstacles."""
     rolling = _rolling_friction(joints, robot.drive, wheel_friction)
     exposed = {joint.joint_id for joint in joints if joint.link in robot.exposed_links}
     covered = rolling.keys() - exposed

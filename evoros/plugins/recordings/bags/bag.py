@@ -79,7 +79,6 @@ def _find_series(
 
 
 def _of_all(series: Mapping[str, str], agents: Sequence[str]) -> dict[str, str]:
-    """Return the labels of these fields for all robots."""
     others = {f"/{name}{path}": f"{name} {series[path]}" for name in agents for path in series}
     return {**series, **others}
 

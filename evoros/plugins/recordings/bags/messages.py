@@ -173,7 +173,6 @@ def _measure(sensor: RecordedSensor, times: Array) -> Iterator[Message]:
 
 
 def _yaw_rates(rows: pd.DataFrame) -> list[float]:
-    """Return the yaw rate [rad/s] at each record, from central differences of the heading."""
     time, yaw = rows["time_s"].to_numpy(float), np.unwrap(rows["yaw_rad"].to_numpy(float))
     after, before = (np.clip(np.arange(len(rows)) + i, 0, len(rows) - 1) for i in (1, -1))
     turned, elapsed = yaw[after] - yaw[before], time[after] - time[before]
@@ -216,7 +215,6 @@ def _pose(pose: Pose) -> Content:
 
 
 def _list_markers(world: World) -> Iterator[Mapping[str, Any]]:
-    """Yield a marker, without a header, for each shape of an obstacle."""
     for body in standing_obstacles(world):
         colour = FIXED if body.mass is None else _MOVABLE
         rgba = {**dict(zip("rgb", colour, strict=True)), "a": 1.0}

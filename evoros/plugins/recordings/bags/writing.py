@@ -90,7 +90,6 @@ def _write(
 
 @cache
 def _complete(collection: Stores) -> Typestore:
-    """Return a type store, with ``OTHER_TYPES`` added."""
     store = get_typestore(collection)
     for name, text in OTHER_TYPES.items():
         if name not in store.types:

@@ -59,7 +59,6 @@ def write_caption(picture: Image.Image, caption: Caption) -> None:
 
 
 def _shorten(draw: ImageDraw.ImageDraw, text: str, font: Font, room: float) -> str:
-    """Shorten a string that is wider than ``room`` [px]."""
     if draw.textlength(text, font) <= room:
         return text
     while text and draw.textlength(f"{text}...", font) > room:

@@ -106,7 +106,6 @@ class Ground:
         return view
 
     def _darken(self, shadows: Sequence[Array]) -> None:
-        """Darken the union of polygons (n, 2) [m]."""
         if not shadows:
             return
         corner, mask = self._make_mask(np.vstack(shadows), 0.1, 1)
@@ -126,7 +125,6 @@ class Ground:
         return (int(corner[0]), int(corner[1])), Image.new("L", size)
 
     def _to_pixels(self, points: Array, corner: Pixel, factor: int) -> list[tuple[float, float]]:
-        """Convert points (n, 2) [m] to pixels in a mask whose top left pixel is ``corner``."""
         right = (points[:, 0] - self._low[0]) * self.scale - corner[0]
         down = (self._high[1] - points[:, 1]) * self.scale - corner[1]
         return list(zip((right * factor).tolist(), (down * factor).tolist(), strict=True))

@@ -244,7 +244,6 @@ def _list_faults(track: pd.DataFrame, effects: Mapping[str, str]) -> Iterator[Sh
 
 
 def _list_failed_parts(track: pd.DataFrame) -> Iterator[tuple[float, str]]:
-    """Yield the time [s] and the name of each failed part other than sensors."""
     if PARTS[0] in track:
         for time, parts in zip(track["time_s"], track[PARTS[0]], strict=True):
             for part in filter(None, str(parts).split(";")):

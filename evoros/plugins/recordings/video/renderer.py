@@ -226,7 +226,6 @@ class Renderer:
 
 
 def _frame(motion: Motion, index: int) -> Array:
-    """Return a robot's root frame (4, 4) at a time index."""
     x, y, yaw = motion.pose(index)
     return to_matrix(Pose.from_rpy((x, y, 0.0), 0.0, 0.0, yaw))
 

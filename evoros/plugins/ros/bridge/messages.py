@@ -91,7 +91,6 @@ class Messages:
             yield self._range_topics[index], message
 
     def _goal(self, leg: list[float], stamp: Any) -> Any:
-        """Return the end of a leg as a pose that faces along the leg."""
         from_x, from_y, to_x, to_y = leg
         yaw = math.atan2(to_y - from_y, to_x - from_x)
         return self._locate(PoseStamped(pose=_pose(to_x, to_y, yaw)), stamp)
@@ -146,7 +145,6 @@ def _fill(message: Any, values: Sequence[float]) -> None:
 
 
 def _scan(sensor: dict[str, Any]) -> Any:
-    """Return a laser scan, from right to left."""
     bearings = sensor["bearings_rad"]
     return LaserScan(
         angle_min=bearings[0],

@@ -126,7 +126,6 @@ class Mission:
             self._crew.answer(self._hear())
 
     def _hear(self) -> list[Any]:
-        """Return the commands that have arrived, and store the reported mode."""
         try:
             if self._mode in self._incoming:
                 for message in self._incoming[self._mode].fetch():

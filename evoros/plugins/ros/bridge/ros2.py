@@ -131,7 +131,6 @@ class Mission:
             outlet.deliver(together, lambda: self._crew.require_rest(until))
 
     def _hear(self) -> list[Any]:
-        """Return the commands that have arrived, and store the reported mode."""
         for message in [] if self._reports is None else self._reports.fetch():
             self._crew.modes.report(message.data)
         return [] if self._commands is None else self._commands.fetch()

@@ -200,7 +200,6 @@ class Graph:
         return {(node.node_name, node.node_namespace) for nodes in listening for node in nodes}
 
     def _has_answered(self, place: str) -> bool:
-        """Ask a node once; return True if the answer has arrived."""
         if place not in self._clients:
             service = f"{place}/get_parameters"
             self._clients[place] = self._node.create_client(GetParameters, service)

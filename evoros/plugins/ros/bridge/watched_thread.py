@@ -87,7 +87,6 @@ class WatchedThread:
         return True
 
     def _sleeps_for(self, call: bytes, arguments: list[bytes]) -> float:
-        """Return the remaining duration of a sleep [s]."""
         clock, flags, at = 0, 0, int(arguments[0], 16)
         if call == CLOCK_SLEEP:
             clock, flags, at = (int(argument, 16) for argument in arguments[:3])
