@@ -144,10 +144,12 @@ def test_interruption_load_and_workers_change_no_byte(program: list[str], tmp_pa
     alone = fly(tmp_path / "alone", program, "executor=serial")
     words = [*RUN, *program, "executor.workers=2", "controller.isolate=false"]
     words.append(f"hydra.run.dir={tmp_path / 'killed'}")
-    with busy_cores(), start(words, tmp_path) as killed:
-        wait_for_missions(tmp_path / "killed", 4)
-        killed.kill()
-        killed.communicate()
+    with start(words, tmp_path) as killed:
+        wait_for_missions(tmp_path / "killed", 1)
+        with busy_cores():
+            wait_for_missions(tmp_path / "killed", 4)
+            killed.kill()
+            killed.communicate()
     path = re.search(r"[^']*avoid.py", program[1])
     assert path
     assert wait_until(lambda: not list(find_processes(path[0])), 60.0)
