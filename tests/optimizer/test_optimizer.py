@@ -2,6 +2,7 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -13,6 +14,7 @@ from proposal_sites import is_of
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
+from evoros.optimizer.cma_es import Strategies
 from evoros.optimizer.ga import GeneticAlgorithm
 from evoros.optimizer.protocol import (
     AskedSearch,
@@ -113,6 +115,32 @@ class TestBundledOptimizers(OptimizerSuite):
     # Each design that the estimator proposes takes 10 ms.
     few = ("optimizer.population_size=6", "optimizer.random_first=6")
     choose = every("optimizer", bad_values=BAD, overrides={"tpe": few})
+
+
+@dataclass
+class Converged:
+    """A strategy of one proposal that always stops."""
+
+    place: float
+
+    def ask(self) -> Array:
+        return np.array([self.place])
+
+    def tell(self, solutions: object) -> None:
+        pass
+
+    def should_stop(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(("converging", "expected"), [(True, [0, 1, 2]), (False, [0, 0, 0])])
+def test_a_strategy_that_has_converged_is_replaced(converging: bool, expected: list[float]) -> None:
+    strategies = Strategies("any", 1, map(Converged, range(9)), np.asarray, converging)
+    proposed = []
+    for _ in range(3):
+        proposed += [float(genome[0]) for genome in strategies.propose()]
+        strategies.learn(cast(Any, SimpleNamespace(fitness=[0.0])), False)
+    assert proposed == expected
 
 
 @dataclass
