@@ -1,6 +1,5 @@
 """Several robots in one experiment: their missions, their fitness, their files."""
 
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +23,6 @@ from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
 from evoros.preflight.preflight import preflight
 from evoros.sensor.protocol import Mount
-from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.terminal.console import DONE
 from evoros.world.model import World
 
@@ -248,21 +246,6 @@ def test_a_warning_that_robots_share_is_given_once(caplog: pytest.LogCaptureFixt
     assert sum("sees the ground" in line for line in lines) == 1
     (warning,) = (line for line in lines if "counts as complete from the start" in line)
     assert warning.startswith("agents.oncoming.world.blocks: ")
-
-
-class Lonely(Simulator):
-    """A user's simulator of one robot."""
-
-    time_step = 0.02
-    packages = ()
-
-    def open(self, robots: Sequence[PlacedRobot], world: World) -> Any:
-        raise NotImplementedError
-
-
-def test_a_simulator_of_one_robot_is_refused() -> None:
-    with pytest.raises(InputError, match="agents: must be at most 0, not 1, because Lonely"):
-        _ = replace(build(), simulator=Lonely())
 
 
 @pytest.fixture(scope="module")

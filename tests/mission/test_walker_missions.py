@@ -1,5 +1,6 @@
 """Missions among walkers: the same bits again and compiled or not, draws, records, refusals."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -15,7 +16,6 @@ from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import COLLISION, Mission
 from evoros.mission.rollout import run_mission
 from evoros.preflight.scene import check_room
-from evoros.simulator.protocol import Simulator
 from evoros.storage.tables import (
     MISSION_COLUMNS,
     OUTCOME_COLUMNS,
@@ -150,14 +150,11 @@ def test_bad_input_is_one_line_before_the_run(overrides: list[str], says: str) -
     assert "; " in str(error.value)
 
 
-def test_a_simulator_that_moves_no_walkers_is_refused() -> None:
-    experiment = build()
-
-    class Still(Simulator):
-        time_step, packages = 0.02, ()
-
-        def open(self, robots: object, world: object) -> Any:
-            """Never called."""
-
-    with pytest.raises(InputError, match=r"walkers: must be empty with Still"):
-        replace(experiment.scenario, simulator=Still())
+def test_the_stated_pace_is_the_fastest_that_is_allowed() -> None:
+    thin = "walkers.people.radius_m=0.1"
+    with pytest.raises(InputError, match=r"at most [\d.]+ m/s") as error:
+        build("walkers.people.pace_mps=5", thin)
+    (pace,) = map(float, re.findall(r"at most ([\d.]+) m/s", str(error.value)))
+    build(f"walkers.people.pace_mps={pace}", thin)
+    with pytest.raises(InputError, match=f"at most {pace:g} m/s"):
+        build(f"walkers.people.pace_mps={1.05 * pace}", thin)
