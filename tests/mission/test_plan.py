@@ -3,21 +3,30 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from evoros.base.errors import InputError
 from evoros.design.design import Design
+from evoros.failure.exhaustive import ExhaustiveFailure
 from evoros.fitness.protocol import Fitness
 from evoros.fitness.scoring import Scoring
 from evoros.mission.mission import LOST, Outcome
 from evoros.mission.plan import (
     CONFIRMATION,
     EVALUATION,
+    GENERATIONS,
     POLICIES,
     SELECTION,
+    TRIALS,
     VALIDATION,
+    VALIDATION_TRIALS,
     Plan,
+    count_growing,
     count_round,
+    find_growing,
 )
+from evoros.sensor.protocol import Mount
 
 DESIGN = Design(())
 WORLDS = ("a", "b")
@@ -102,3 +111,53 @@ def test_no_draw_is_met_twice_by_a_design_or_for_two_purposes(policy: str) -> No
     in_run = [*plan.selection(2, 9, DESIGN), *plan.validation(2, 9, DESIGN)]
     assert len({mission.key for mission in in_run}) == len(in_run)
     assert plan.validation(0, 1, DESIGN)[0].draws == plan.validation(7, 8, DESIGN)[0].draws
+
+
+@given(
+    st.sampled_from(POLICIES), st.integers(1, 3), st.integers(0, 2), st.integers(0, 4),
+    st.integers(0, 3),
+)  # fmt: skip
+def test_each_key_is_one_mission_and_each_draw_is_met_once_for_a_purpose(
+    policy: str, trials: int, more: int, validated: int, further: int
+) -> None:
+    """A design gets more trials in its generation, survives, is confirmed and enters the final."""
+    design = Design((Mount("sonar", "base", 0, 0, 0, 0, 0),) * 4)
+    most = trials + more, validated + further
+    plan = Plan(5, WORLDS, trials, validated, policy, *most, systematic=ExhaustiveFailure())
+    generations = (0, 0, range(trials)), (0, 0, range(trials, most[0]))
+    generations += (1, most[0], range(1)), (1, most[0], range(1, trials))
+    selection = [
+        mission
+        for generation, earlier, numbers in generations
+        for mission in plan.selection(generation, 9, design, numbers, earlier)
+    ]
+    confirmation = plan.confirmation(0, 9, design, range(most[0]))
+    validation = plan.validation(0, 9, design, most[1])
+    final = [one for i in range(2) for one in plan.final(0, 9, design, range(2 * i, 2 * i + 2))]
+    assert [len(group) / 2 for group in (selection, validation, final)] == [
+        most[0] + trials, most[1], 4
+    ]  # fmt: skip
+    every = [*selection, *confirmation, *validation, *final]
+    assert len({mission.key for mission in every}) == len(every)
+    assert [one.draws for one in confirmation] == [one.draws for one in selection[: 2 * most[0]]]
+    for group in (selection, validation, final):
+        assert len({mission.draws for mission in group}) == len(group)
+        cases = [mission.case for mission in group if mission.world == "a"]
+        if policy == "run" or group is not selection:  # otherwise each generation has a new deal
+            assert len(set(cases)) == len(cases)
+
+
+@pytest.mark.parametrize("draws", [EVALUATION, VALIDATION])
+def test_an_evaluation_has_the_stated_trials(draws: str) -> None:
+    plan = Plan(0, WORLDS, 3, 2, "run", evaluation_draws=draws, revalidation_trials=7)
+    assert len(plan.evaluation(0, 1, DESIGN)) == 2 * plan.evaluation_trials
+
+
+def test_a_growing_key_is_read_from_its_place() -> None:
+    optimizer = {"generations": 7, "validation_trials": 2}
+    values = {"trials": 3, "optimizer": optimizer, "validation": {"trials": 5}}
+    counts = [count_growing(values, key) for key in (TRIALS, GENERATIONS, VALIDATION_TRIALS)]
+    assert counts == [3, 7, 5]
+    assert count_growing({**values, "validation": {"trials": None}}, VALIDATION_TRIALS) == 2
+    assert find_growing(values) == TRIALS
+    assert find_growing({**values, "evaluation_draws": VALIDATION}) == VALIDATION_TRIALS
