@@ -137,7 +137,7 @@ def minimum_p(m: int, n: int) -> float:
 
 
 def minimum_replicates(comparisons: int) -> int:
-    """Return the minimum sample size that can give a p-value below ``LEVEL`` after ``holm``."""
+    """Return the minimum sample size that can give a p below ``LEVEL`` after ``holm``."""
     n = MIN_VALUES
     while comparisons * minimum_p(n, n) >= LEVEL and not _count_drawn(n, n):
         n += 1
