@@ -124,8 +124,8 @@ def test_each_key_is_one_mission_and_each_draw_is_met_once_for_a_purpose(
     design = Design((Mount("sonar", "base", 0, 0, 0, 0, 0),) * 4)
     most = trials + more, validated + further
     plan = Plan(5, WORLDS, trials, validated, policy, *most, systematic=ExhaustiveFailure())
-    generations = (0, 0, range(trials)), (0, 0, range(trials, most[0]))
-    generations += (1, most[0], range(1)), (1, most[0], range(1, trials))
+    generations = [(0, 0, range(trials)), (0, 0, range(trials, most[0]))]
+    generations += [(1, most[0], range(1)), (1, most[0], range(1, trials))]
     selection = [
         mission
         for generation, earlier, numbers in generations
