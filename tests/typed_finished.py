@@ -166,6 +166,14 @@ OF_FIGURES = (
         slow=True,
     ),
     Finished(
+        "analysis/statistics/controls.py controls=all",
+        _RUN,
+        "analyze controls r",
+        ("resume r {parts} {} controls.trials=1", "analyze controls r"),
+        {"RUN": "r"},
+        slow=True,
+    ),
+    Finished(
         "analysis/statistics/worst_cases.py like=FOLDER",
         _RUN,
         "analyze worst r",

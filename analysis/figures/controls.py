@@ -22,7 +22,7 @@ from ..subcommands import Product
 from ..tables.records import label_fitness
 from ..tables.study import Study
 
-HELP = "each champion against no sensors, a random search and hand-made designs, on the same draws"
+HELP = "each champion against no sensors, random search and hand-made designs"
 NEEDS = "runs with controls"
 FILES = {
     "controls.csv": "a row for each run and control",

@@ -33,8 +33,7 @@ def compare_controls(study: Study) -> pd.DataFrame:
     recorded = [record for record in study.records if (record.path / CONTROLS).is_dir()]
     if not recorded:
         raise InputError(
-            "controls: no run has been compared with any; type evoros resume RUN controls=all, or "
-            "add controls=all to new runs"
+            "controls: no run has been compared with any; type: evoros resume RUN controls=all"
         )
     return study.keep(recorded).gather(_compare)
 

@@ -83,7 +83,9 @@ class Jobs:
                 f"leave out one of the two"
             )
         if not self.plugins and self._base.hydra.get("callbacks"):
-            raise InputError("hydra.callbacks: evoros calls no callbacks; leave them out")
+            raise InputError(
+                "hydra.callbacks: not supported, because none would be called; leave them out"
+            )
         self._overrides: list[tuple[str, ...]] = []
         self._composed: dict[
             tuple[str, ...], Configuration

@@ -45,9 +45,9 @@ def run(
         RunStopped: a mission was lost; the run can be resumed.
     """
     session.run(display, draw, opener)
-    controls = session.task.experiment.controls
-    if controls is not None and isinstance(session.task, Search):
-        for control in open_controls(session.task.folder.path, controls):
+    task = session.task
+    if isinstance(task, Search) and task.experiment.controls is not None:
+        for control in open_controls(task.folder.path, task.experiment.controls):
             control.run(display, draw, opener)
 
 

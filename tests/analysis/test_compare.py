@@ -295,7 +295,7 @@ def test_what_is_unfinished_or_damaged_is_left_out_in_one_line(
         "stuck_seed-2/champion",
     ):
         assert name in err
-    assert "2 of 2 runs: from the runs themselves, 1 trials" in out
+    assert "2 of 2 runs: from the runs themselves, 1 trial\n" in out
     assert "evoros evaluate like=SWEEP" in out
 
 

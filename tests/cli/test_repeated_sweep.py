@@ -70,7 +70,7 @@ def test_another_run_is_not_touched(copy: Path, capsys: pytest.CaptureFixture[st
     assert sweep(copy, "seed=0,1", "trials=2", subdir) == INPUT
     assert everything(copy) == before
     err = capsys.readouterr().err
-    assert err.count("must have the configuration of its job, but trials is 2 and was 1") == 2
+    assert err.count("must have the configuration of its job, but trials is 2, but was 1") == 2
 
 
 @pytest.mark.slow

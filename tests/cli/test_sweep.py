@@ -72,6 +72,7 @@ class Fake:
 
     executor: Executor
     do: Callable[[Pool], object]
+    task: None = None
 
     def run(self, display: Display, draw: DrawFigures, opener: PoolOpener = open_pool) -> None:
         with opener(self.executor) as pool:

@@ -68,7 +68,7 @@ def settle_vehicles(container: Element, reading: Reading) -> set[str]:
         elif joints:
             names = ", ".join(quote(joint.get("name", "")) for joint in joints[:3])
             more = f" and {len(joints) - 3} more" if len(joints) > 3 else ""
-            problem = f"keeps its joints {names}{more} fixed: evoros moves no parts of a model"
+            problem = f"keeps its joints {names}{more} fixed: the parts of a model cannot move"
             reading.notes.add(model, problem, "joints")
             for joint in joints:
                 joint.set("type", "fixed")
