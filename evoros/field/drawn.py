@@ -65,7 +65,10 @@ def note_draws(distribution: Noted, draws: str) -> str:
 def draw_example(sampler: WorldSampler, renew: bool, function: str) -> World:
     """Draw the world of a fixed key; with ``renew``, each mission draws a new one."""
     if not FLAG.holds(renew):
-        raise InputError(f"{function}.renew: must be {FLAG.text}, not {renew!r}")
+        raise InputError(
+            f"{function}.renew: must be {FLAG.text}, not {renew!r}; type true for a new world in "
+            f"each mission"
+        )
     world = sampler.draw_world(FIXED)
     return replace(world, sampler=sampler) if renew else world
 

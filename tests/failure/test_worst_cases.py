@@ -46,7 +46,7 @@ def test_the_cases_are_all_sets_at_all_times(count: int, least: int, more: int, 
     }
     assert set(cases) == wanted
     assert len(wanted) == total
-    with pytest.raises(ValueError, match=f"have {total} cases"):
+    with pytest.raises(ValueError, match=f"number must be below {total}"):
         failure.state_case(count, total)
 
 

@@ -176,7 +176,7 @@ def test_a_box_of_the_visual_stands_for_a_missing_mesh(
     (shape,) = body.shapes
     assert (shape.kind, shape.size) == ("box", (1.0, 1.0, 3.0))
     assert (body.pose @ shape.pose).position == pytest.approx((4.0, 5.0, 6.0))
-    assert "a 1 x 1 x 3 m box of its visual" in caplog.text
+    assert "a 1 x 1 x 3 m box from its visual" in caplog.text
 
 
 def test_the_box_of_the_inertia_stands_for_a_missing_mesh(tmp_path: Path) -> None:

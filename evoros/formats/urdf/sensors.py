@@ -239,7 +239,7 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
         return replace(sensor, kind=SONAR, pose=pose, settings=settings, notes=told)
     vertical = find_child(scan, "vertical")
     if vertical is not None and _read_fan(vertical)[0] > 1:
-        notes += ("has several layers; evoros uses only the layer that is level with the sensor",)
+        notes += ("has several layers, of which only the level one is used",)
     if max(high, -low) > LARGEST_RAD:
         notes += (f"has angles from {low:g} to {high:g} rad, which may be in degrees",)
     settings["beams"] = beams

@@ -59,6 +59,6 @@ def test_a_mission_that_was_not_run_scores_nothing() -> None:
 
 
 def test_worlds_without_a_shortest_way_are_refused_before_a_run() -> None:
-    with pytest.raises(InputError, match=r"world\.boxes: no shortest_m"):
+    with pytest.raises(InputError, match=r"world\.boxes: the world must have shortest_m"):
         Barn().check_worlds({"boxes": example_world()})
     Barn().check_worlds({"boxes": replace(example_world(), shortest_m=10.0)})
