@@ -77,8 +77,12 @@ class SimulatorSuite(PartSuite):
             for sensor, place in zip(robot.mounted_sensors(), robot.signal_layout, strict=True):
                 if sees(sensor):
                     ranges = signals[place]
-                    assert (ranges >= sensor.range_min_m).all(), f"{ranges} m are too short"
-                    assert (ranges <= sensor.range_max_m).all(), f"{ranges} m are too long"
+                    assert (ranges >= sensor.range_min_m).all(), (
+                        f"{ranges.min()} m is below range_min_m"
+                    )
+                    assert (ranges <= sensor.range_max_m).all(), (
+                        f"{ranges.max()} m is above range_max_m"
+                    )
 
     def test_the_robot_starts_at_home_and_drives(self) -> None:
         """The robot starts at the start of the course, and then moves."""

@@ -21,7 +21,7 @@ SLACK_M = 0.002
 """Maximum overlap [m] that is left to the engines, which treat it as a contact.
 
 At their shortest usual step, 2.5 ms, engines separate two bodies at up to 100 times the overlap per
-second. For 2 mm, this is about the final speed of a free fall from 2 cm. Robots also drive over
+second. For 2 mm, this is about the final speed of a free fall from 2 mm. Robots also drive over
 obstacles of this height, and a body this close to the ground counts as standing.
 """
 
