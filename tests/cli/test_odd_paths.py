@@ -67,7 +67,7 @@ TYPED = (  # by Hydra's grammar, which has quotes of its own
 SWEPT = ("status {}-swept", "diff {}-swept {}-swept", "analyze fitness {}-swept --output {}-fit")
 """Lines that read what a line of ``TYPED`` has made."""
 NEED_MORE = (
-    *("archive", "factors", "failure", "front", "power", "regression", "requirements"),
+    *("archive", "controls", "factors", "failure", "front", "power", "regression", "requirements"),
     *("transfer", "worst"),
 )
 """Subcommands of ``analyze`` that one run does not suffice for."""

@@ -59,8 +59,8 @@ def smaller(words: list[str]) -> list[str]:
     return [*(word for word in arguments if word.partition("=")[0] not in keys), *added]
 
 
-ELSEWHERE = {"regression", "requirements"}
-"""Subcommands that docs/test_bench.md shows."""
+ELSEWHERE = {"controls", "regression", "requirements"}
+"""Subcommands that docs/evaluation.md and docs/test_bench.md show."""
 
 
 def shorten(line: str) -> str:
