@@ -317,7 +317,7 @@ def test_a_step_that_is_too_coarse_is_told_with_one_that_does() -> None:
 @pytest.mark.slow
 def test_a_motion_that_no_step_corrects_is_told() -> None:
     (line,) = check_drive(two_wheeler(wheel_friction=0.005))
-    assert "no time step down to 0.00078125 s corrects that; compare" in line
+    assert "no time step down to 0.00078125 s corrects that; check the" in line
     fast = build(
         "robot=two_wheeler", "robot.drive.max_speed_mps=3", "controller.avoidance.speed_mps=3"
     )
