@@ -12,6 +12,7 @@ from evoros.base.arrays import Array
 
 from ..drawing.style import BLUE, VERMILLION, cut_short, figure_width, use_style
 from ..statistics.controls import (
+    FITNESS,
     SHARES,
     TITLES,
     compare_controls,
@@ -28,7 +29,6 @@ FILES = {
     "controls.csv": "a row for each run and control",
     "controls_summary.csv": "means over the runs, a row for each treatment and control",
 }
-FITNESS = ("control_fitness", "champion_fitness")
 LOOKS = {"control": (VERMILLION, 7.0, "white"), "champion": (BLUE, 4.0, BLUE)}
 """Edge colour, size and face colour of each side's marker."""
 INTERVAL = "95 % interval of the difference"

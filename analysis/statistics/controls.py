@@ -9,19 +9,20 @@ from evoros.base.errors import InputError
 from evoros.certificate.controls import NO_SENSORS, RANDOM
 from evoros.storage.layout import CONTROLS, EVALUATION
 
-from ..tables.paired_missions import COMPLETED, QUANTITIES, read_missions
+from ..tables.paired_missions import CHAMPION, COMPLETED, QUANTITIES, read_missions
 from ..tables.records import Record, read_record
 from ..tables.study import Study
 from .regression import ALL_WORLDS, compare_missions
-from .small_samples import Interval, mean_interval
+from .small_samples import mean_interval
 
-CHAMPION = "champion"
 TITLES = {NO_SENSORS: "no sensors", RANDOM: "random search"}
 DECIDES = {NO_SENSORS: "the sensors", RANDOM: "the search"}
 """Control -> what matters if the control is worse than the champion."""
 LITTLE = 0.9
 """A control that completes at least this share of the champion's missions decides little."""
 SHARES = ("control_completed", "champion_completed")
+FITNESS = ("control_fitness", "champion_fitness")
+CHANGE = ("difference", "low", "high")
 
 
 def compare_controls(study: Study) -> pd.DataFrame:
@@ -62,7 +63,7 @@ def _compare(record: Record) -> pd.DataFrame:
             "missions": tests["missions"].to_numpy(),
             "control_completed": tests["mean_a"].to_numpy(),
             "champion_completed": tests["mean_b"].to_numpy(),
-            **{name: tests[name].to_numpy() for name in ("difference", "low", "high")},
+            **{name: tests[name].to_numpy() for name in CHANGE},
             "control_fitness": [fitness[name] for name in order],
             "champion_fitness": fitness[CHAMPION],
         }
@@ -78,15 +79,11 @@ def summarize_controls(table: pd.DataFrame) -> pd.DataFrame:
     """Average over the runs of each treatment; the interval of several runs is over the runs."""
     rows = []
     for (treatment, control), runs in table.groupby(["treatment", "control"], sort=False):
-        (row,) = runs[["difference", "low", "high"]].head(1).to_dict("records")
-        change = mean_interval(runs["difference"].to_numpy(float))
-        if len(runs) == 1:
-            change = Interval(*row.values())
-        means = {name: runs[name].mean() for name in table if str(name).endswith(("ed", "fitness"))}
-        bounds = {"difference": change.value, "low": change.low, "high": change.high}
-        rows.append(
-            {"treatment": treatment, "control": control, "runs": len(runs)} | means | bounds
-        )
+        means = runs[[*SHARES, *FITNESS, *CHANGE]].mean().to_dict()
+        if len(runs) > 1:
+            change = mean_interval(runs["difference"].to_numpy(float))
+            means |= {"low": change.low, "high": change.high}
+        rows.append({"treatment": treatment, "control": control, "runs": len(runs), **means})
     return pd.DataFrame(rows)
 
 

@@ -24,10 +24,10 @@ from evoros.session.run import Session, open_run, record_run
 from evoros.session.search import Search, build_search
 from evoros.session.status import Display, survey
 from evoros.storage import layout
+from evoros.storage.champion_files import CHAMPION
 from evoros.storage.layout import CONTROLS, EVALUATION, read_sealed
 from evoros.terminal.log import LOGGER, collect_messages
 
-CHAMPION = "champion"
 PLAIN: Mapping[str, Any] = {"controls": None, "observers": {}, "figures": [], "record": "none"}
 """Configuration values of all controls."""
 
@@ -105,15 +105,13 @@ def _record_random(run: Path, controls: Controls, folder: Path) -> Session:
     """Record a random search with as many generations and designs as the run."""
     from evoros.storage.reading import load_run  # imports pandas, which is slow
 
-    table = load_run(run).generations
+    recorded, table = read_recorded(run / layout.CONFIG).values, load_run(run).generations
     number, designs = int(table["generation"].max()) + 1, table["id"].nunique()
     optimizer = {
         "_target_": f"{RandomSearch.__module__}.{RandomSearch.__qualname__}",
         "population_size": -(-designs // number),
         "generations": number,
-        "validation_trials": read_recorded(run / layout.CONFIG).values["optimizer"][
-            "validation_trials"
-        ],
+        "validation_trials": recorded["optimizer"]["validation_trials"],
     }
     config = _configure(run, {"optimizer": optimizer})
     with collect_messages() as messages, change_to_origin(read_sealed(run, layout.MANIFEST)):
