@@ -30,9 +30,8 @@ class Product:
     table: "pd.DataFrame | None" = None  # written to SUBCOMMAND.csv
     figure: "Figure | None" = None  # written to SUBCOMMAND.FORMAT
     messages: Sequence[str] = ()  # lines for standard output
-    tables: "Mapping[str, pd.DataFrame]" = field(
-        default_factory=dict
-    )  # further tables, by file name
+    # further tables, by file name
+    tables: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)
     files: Mapping[str, bytes] = field(default_factory=dict)  # content by file name
     folder: str = ""
     """If set, the folder that is written as a whole; keys of ``files`` are paths inside it."""

@@ -23,10 +23,8 @@ DASHES: Mapping[int, Any] = {1: "-", 2: (0, (2.5, 1.0))}
 """Line style of each phase of a mission."""
 _HEAD: dict[str, Any] = {"ls": "none", "ms": 4.5, "mec": "black", "mew": 0.5}
 _HEADS = {1: {**_HEAD, "mfc": "black"}, 2: {**_HEAD, "mfc": "white"}}
-_APART_M, _ARROWHEAD_M = (
-    7.0,
-    0.3,
-)  # spacing of arrowheads, and length of path that directs them
+# spacing of arrowheads, and length of path that directs them
+_APART_M, _ARROWHEAD_M = (7.0, 0.3)
 _ARROW_M = 1.5  # length of the arrow at the start of the path
 _POINT: dict[str, Any] = {"ls": "none", "marker": "v", "ms": 5, "mec": "black", "mew": 0.7}
 _MARKS: Mapping[str, Mapping[str, Any]] = {

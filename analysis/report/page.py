@@ -30,9 +30,8 @@ class Missions:
     """The designs' missions on the page, and the grounds that these missions share."""
 
     playbacks: dict[tuple[str, int], Markup] = field(default_factory=dict)  # one per run and design
-    maps: dict[tuple[str, int], list[str]] = field(
-        default_factory=dict
-    )  # keys of the maps that contain the design
+    # keys of the maps that contain the design
+    maps: dict[tuple[str, int], list[str]] = field(default_factory=dict)
     labels: dict[tuple[str, int], str] = field(default_factory=dict)
     grounds: dict[str, Json] = field(default_factory=dict)
 

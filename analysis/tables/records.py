@@ -36,9 +36,8 @@ class Record:
     values: Mapping[str, Any]  # configuration values by dotted key
     treatment: str = ""  # label of the differences from other runs, except for the seed
     levels: Mapping[str, str] = field(default_factory=dict)  # level by factor
-    given: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # the user's description of the treatment
+    # the user's description of the treatment
+    given: Mapping[str, Any] = field(default_factory=dict)
     agent: str = ""  # name of the robot that the record shows; '' for the first robot
 
     @property

@@ -173,9 +173,8 @@ def allow(targets: Sequence[str]) -> Mapping[str, Any]:
     return {"_execution_whitelist_": tuple(targets)} if IS_LATER else {}
 
 
-logging.getLogger(get_object.__module__).addHandler(
-    logging.NullHandler()
-)  # keeps Hydra from printing errors
+# keeps Hydra from printing errors
+logging.getLogger(get_object.__module__).addHandler(logging.NullHandler())
 TARGET = "_target_"
 OWN = "evoros"
 ROOMS = (

@@ -49,12 +49,12 @@ class LineController(LiveController):
     period_s: Annotated[float, POSITIVE] = 0.1
     modes: Annotated[Sequence[str], MODES] = ("driving",)
     localization: Annotated[Mapping[str, Localizer], LOCALIZATION] = field(default_factory=dict)
-    parameters: Annotated[Mapping[str, Any], PARAMETERS] = field(
-        default_factory=dict
-    )  # sent to the command
+    # sent to the command
+    parameters: Annotated[Mapping[str, Any], PARAMETERS] = field(default_factory=dict)
+    # additional environment variables of the command
     environment: Annotated[Mapping[str, str], mapping_of(str, "strings")] = field(
         default_factory=dict
-    )  # additional environment variables of the command
+    )
     files: Annotated[Sequence[str], TEXTS] = ()  # additional files that the command depends on
     command_timeout_s: Annotated[float | None, NOT_NEGATIVE] = None  # simulated time; None: never
     start_limit_s: Annotated[float, POSITIVE] = 30.0  # wall-clock time

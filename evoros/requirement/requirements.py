@@ -26,11 +26,8 @@ class Survival:
 
     survives: Annotated[int, COUNT]  # maximum number of sensors that fail
     stops_below: Annotated[float, SHARE] = 0.5  # completion rate in a world
-    times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (
-        0.0,
-        40.0,
-        80.0,
-    )  # failure times of the sets
+    # failure times of the sets
+    times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)
     max_cases: Annotated[int, COUNT] = 500  # maximum number of pairs of a set and a time
     confidence: Annotated[float, CONFIDENCE] = 0.95
 

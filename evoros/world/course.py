@@ -28,9 +28,8 @@ class Course:
     home_z_m: Annotated[float, checks.NOT_NEGATIVE]  # height of the robot's base frame at the start
     home_yaw_rad: Annotated[float, checks.NUMBER]
     waypoints: Annotated[Sequence[Sequence[float]], PAIRS]  # corners [m], without home
-    acceptance_m: Annotated[
-        float, checks.POSITIVE
-    ]  # radius [m] within which a waypoint counts as reached
+    # radius [m] within which a waypoint counts as reached
+    acceptance_m: Annotated[float, checks.POSITIVE]
     time_limit_s: Annotated[float, checks.POSITIVE]
     direction: Annotated[str, DIRECTION]
     """Direction of the first phase; ``parity`` means forward in even rounds."""

@@ -23,11 +23,8 @@ class WorstCases:
     """
 
     most: Annotated[int, checks.COUNT] = 6  # maximum number of failed sensors
-    times_s: Annotated[Sequence[float], checks.NOT_NEGATIVES] = (
-        0.0,
-        40.0,
-        80.0,
-    )  # when sets fail
+    # when sets fail
+    times_s: Annotated[Sequence[float], checks.NOT_NEGATIVES] = (0.0, 40.0, 80.0)
     latest_s: Annotated[float, checks.NOT_NEGATIVE] = 80.0  # latest failure time of a mutant
     max_cases: Annotated[int, checks.COUNT] = (
         500  # maximum number of cases of a size that are all tried

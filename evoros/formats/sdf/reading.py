@@ -290,9 +290,8 @@ class Reading:
     source: str  # name of the world in messages
     notes: Notes = field(default_factory=lambda: Notes(LOG))
     contents: dict[Path, bytes] = field(default_factory=dict)  # all files except the world's
-    models: dict[tuple[str, Path], Path | None] = field(
-        default_factory=dict
-    )  # keyed by address and folder
+    # keyed by address and folder
+    models: dict[tuple[str, Path], Path | None] = field(default_factory=dict)
     meshes: dict[tuple[object, ...], tuple[Shape, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -41,9 +41,8 @@ class Making(NamedTuple):
     gain: float  # fraction of the steering error corrected per step
     bond: dict[str, Any]  # contact parameters of the coupling between motors and joints
     prefix: str = ""  # prefix of the robot's names
-    masks: tuple[int, int] = MEETS[
-        ROBOT
-    ]  # contype and conaffinity of the links that collide with obstacles
+    # contype and conaffinity of the links that collide with obstacles
+    masks: tuple[int, int] = MEETS[ROBOT]
 
 
 def add_robot(spec: Any, library: Any, robot: Robot, making: Making) -> list[Sole]:

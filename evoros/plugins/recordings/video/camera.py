@@ -30,11 +30,8 @@ Pixels = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
 NEAR_M = 0.05  # distance below which points are not drawn
-BACK_M, UP_M, AHEAD_M = (
-    2.3,
-    1.9,
-    0.7,
-)  # chase camera: behind the robot, above it, looking at a point ahead
+# chase camera: behind the robot, above it, looking at a point ahead
+BACK_M, UP_M, AHEAD_M = (2.3, 1.9, 0.7)
 CHASE_FOV_DEG, OVERHEAD_FOV_DEG = 50.0, 14.0  # overhead nearly parallel, so that walls hide little
 
 

@@ -36,10 +36,8 @@ UNPAINTED = (0.6, 0.6, 0.6)  # default colour
 MOST_FACES = 24_000
 """Approximate maximum number of triangles, to which a robot's meshes are coarsened."""
 _MIN_FACES = 400  # minimum number for a mesh
-_FINEST, _COARSER = (
-    1 / 400,
-    1.25,
-)  # first cell size as a fraction of the mesh's extent, and growth factor per step
+# first cell size as a fraction of the mesh's extent, and growth factor per step
+_FINEST, _COARSER = (1 / 400, 1.25)
 
 
 class Picture(NamedTuple):

@@ -57,9 +57,8 @@ class Mission:
         """Start the nodes and join the graph; rclpy is imported while the nodes start."""
         self._conversation, briefing = conversation, conversation.briefing
         try:
-            self._claim = set_environment(
-                briefing["ros"]["isolate"]
-            )  # held until this process exits
+            # held until this process exits
+            self._claim = set_environment(briefing["ros"]["isolate"])
         except OSError as error:
             conversation.refuse(f"controller: this system cannot run ROS 2 missions ({error})")
         self._crew = Crew(conversation, rest, lambda: start_nodes(briefing))
