@@ -19,7 +19,7 @@ TITLES = {NO_SENSORS: "no sensors", RANDOM: "random search"}
 DECIDES = {NO_SENSORS: "the sensors", RANDOM: "the search"}
 """Control -> what matters if the control is worse than the champion."""
 LITTLE = 0.9
-"""A control that completes at least this share of the champion's missions decides little."""
+"""A control shown to complete this share of the champion's missions decides little."""
 SHARES = ("control_completed", "champion_completed")
 FITNESS = ("control_fitness", "champion_fitness")
 CHANGE = ("difference", "low", "high")
@@ -102,6 +102,8 @@ def _describe_control(row: Mapping[Any, Any], label: str) -> str:
         f"{champion:.0f} % (95 % interval of the difference {low:.0f} to {high:.0f} points); "
         f"{label} {row['control_fitness']:.3g}, the champion's {row['champion_fitness']:.3g}"
     )
-    if control >= LITTLE * champion:
+    if not champion:
+        return f"{text}; the champion completes none, so this decides nothing"
+    if high <= (1 - LITTLE) * champion:
         return f"{text}; {DECIDES.get(row['control'], 'the search')} decided little here"
     return text if low > 0 else f"{text}; no evidence that the champion is better"

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 import evoros
-from evoros.analysis.statistics.controls import compare_controls
+from evoros.analysis.statistics.controls import LITTLE, compare_controls, describe_controls
 from evoros.analysis.tables.loading import load_study
 from evoros.base.errors import InputError
 from evoros.cli.main import evoros as run_command
@@ -141,3 +141,23 @@ def test_controls_that_mean_nothing_are_refused_before_the_run(
     with pytest.raises(InputError, match=message):
         evoros.run((*SMALL, *CONTROLS, *overrides), tmp_path / "run", display=NoDisplay())
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("champion", "high", "said"),
+    [
+        (1.0, 1.0 - LITTLE, "decided little here"),
+        (1.0, 1.01 - LITTLE, "no evidence that the champion is better"),
+        (0.5, 1.0 - LITTLE, "no evidence that the champion is better"),  # a share of its missions
+        (0.0, 0.0, "this decides nothing"),
+        (1.0, np.nan, "no evidence that the champion is better"),  # too few runs for an interval
+    ],
+)
+def test_a_control_decides_little_only_if_its_interval_shows_it(
+    champion: float, high: float, said: str
+) -> None:
+    row = {"treatment": "", "control": "random", "control_completed": champion}
+    row |= {"champion_completed": champion, "low": -0.05, "high": high}
+    row |= {"control_fitness": 1.0, "champion_fitness": 1.0}
+    (line,) = describe_controls(pd.DataFrame([row]), "fitness")
+    assert line.endswith(said)
