@@ -11,14 +11,7 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import NUMBER, POSITIVE, Rule, checked, is_number
 from evoros.drive.candidates import default_bicycle
-from evoros.drive.protocol import (
-    ANGLE,
-    LINKS,
-    SIDE,
-    DriveDescription,
-    check_caster,
-    measure_axle,
-)
+from evoros.drive.protocol import ANGLE, LINKS, SIDE, DriveDescription, check_caster, measure_axle
 from evoros.drive.rolling import Pair
 from evoros.formats.urdf.tree import Urdf
 

@@ -183,10 +183,7 @@ def _find_free(
 
 
 def _find_route(
-    space: FreeSpace,
-    given: tuple[float, float] | None,
-    spacings: tuple[float, ...],
-    rng: Generator,
+    space: FreeSpace, given: tuple[float, float] | None, spacings: tuple[float, ...], rng: Generator
 ) -> _Route | None:
     centres = space.centres()
     if len(centres) < 2:

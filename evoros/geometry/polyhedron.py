@@ -12,13 +12,7 @@ from numpy.typing import NDArray
 
 from evoros.base.arrays import Array, determinant, length, product
 from evoros.geometry.shapes import Shape, Vector
-from evoros.geometry.triangles import (
-    Indices,
-    Surface,
-    find_normals,
-    group_connected,
-    list_edges,
-)
+from evoros.geometry.triangles import Indices, Surface, find_normals, group_connected, list_edges
 
 _SAME_FACE = 9
 """Number of decimals to which the planes of two triangles on one face agree."""

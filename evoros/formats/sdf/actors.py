@@ -11,25 +11,9 @@ from lxml.etree import _Element as Element
 
 from evoros.base.arrays import product
 from evoros.base.errors import InputError
+from evoros.formats import strict_xml as xml
 from evoros.formats.sdf.frames import read_pose
 from evoros.formats.sdf.reading import Reading
-from evoros.formats.strict_xml import (
-    SOURCE,
-    element_error,
-    find_child,
-    parse_pose,
-    quote,
-    read_child_numbers,
-    read_flag,
-    read_meaning,
-    read_name,
-    read_number,
-    read_numbers,
-    read_positive,
-    read_text,
-    require_child,
-    source_of,
-)
 from evoros.geometry.shapes import Pose
 
 _DRIVES = re.compile(
@@ -66,7 +50,7 @@ def settle_vehicles(container: Element, reading: Reading) -> set[str]:
             if model.getparent() is None:
                 left_out.add(model.get("name", "").strip())
         elif joints:
-            names = ", ".join(quote(joint.get("name", "")) for joint in joints[:3])
+            names = ", ".join(xml.quote(joint.get("name", "")) for joint in joints[:3])
             more = f" and {len(joints) - 3} more" if len(joints) > 3 else ""
             problem = f"keeps its joints {names}{more} fixed: the parts of a model cannot move"
             reading.notes.add(model, problem, "joints")
@@ -78,16 +62,16 @@ def settle_vehicles(container: Element, reading: Reading) -> set[str]:
 def _fix_to_world(world: Element, reading: Reading) -> None:
     models = {model.get("name", "").strip(): model for model in world.findall("model")}
     for joint in world.findall("joint"):
-        names = [read_text(require_child(joint, tag)) for tag in ("parent", "child")]
+        names = [xml.read_text(xml.require_child(joint, tag)) for tag in ("parent", "child")]
         ends = [models.get(name.split("::")[0]) for name in names]
         for name, model in zip(names, ends, strict=True):
             if model is None and name != "world":
-                problem = f"refers to {quote(name)}, which is not in the world"
-                raise element_error(joint, problem, "name a link of a model")
+                problem = f"refers to {xml.quote(name)}, which is not in the world"
+                raise xml.element_error(joint, problem, "name a link of a model")
         reading.notes.add(joint, "is ignored, because the connected models are fixed")
         for model in ends:
             if model is not None:
-                etree.SubElement(model, "static", {SOURCE: source_of(model)}).text = "true"
+                etree.SubElement(model, "static", {xml.SOURCE: xml.source_of(model)}).text = "true"
 
 
 def _settle_vehicle(model: Element, reason: str, reading: Reading) -> None:
@@ -100,12 +84,12 @@ def _settle_vehicle(model: Element, reason: str, reading: Reading) -> None:
         parent.remove(model)
         return
     reading.notes.add(model, f"is fixed in place, because it is a vehicle ({reason})", "vehicle")
-    etree.SubElement(model, "static", {SOURCE: source_of(model)}).text = "true"
+    etree.SubElement(model, "static", {xml.SOURCE: xml.source_of(model)}).text = "true"
 
 
 def is_static(model: Element) -> bool:
     """Return True if a model is static; Gazebo adds a second ``<static>``, so the last counts."""
-    flags = [read_flag(element) for element in model.findall("static")]
+    flags = [xml.read_flag(element) for element in model.findall("static")]
     return bool(flags) and flags[-1]
 
 
@@ -118,7 +102,9 @@ def _why_it_drives(model: Element, joints: list[Element]) -> str:
             return f"plugin {plugin.get('filename') or plugin.get('name')}"
     wheels = [joint for joint in joints if _turns_freely(joint) and _rolls(joint)]
     if len(wheels) >= 2:
-        return f"joints {quote(wheels[0].get('name', ''))} and {len(wheels) - 1} more turn freely"
+        return (
+            f"joints {xml.quote(wheels[0].get('name', ''))} and {len(wheels) - 1} more turn freely"
+        )
     return ""
 
 
@@ -128,9 +114,9 @@ def _movable_joints(model: Element) -> Iterator[Element]:
             yield from _movable_joints(child)
         if child.tag == "joint" and child.get("type") != "fixed":
             if child.get("type") not in _KINDS:
-                kind = quote(child.get("type", ""))
+                kind = xml.quote(child.get("type", ""))
                 problem = f"has type {kind}, which SDF does not know"
-                raise element_error(child, problem, 'write type="fixed", or the intended type')
+                raise xml.element_error(child, problem, 'write type="fixed", or the intended type')
             yield child
 
 
@@ -158,10 +144,12 @@ def _rolls(joint: Element) -> bool:
     if not _WHEEL.search(words) and (_DOOR.search(words) or _is_panel(link)):
         return False
     xyz = joint.find("axis/xyz")
-    axis = (0.0, 0.0, 1.0) if xyz is None or not (xyz.text or "").strip() else read_numbers(xyz, 3)
+    axis = (
+        (0.0, 0.0, 1.0) if xyz is None or not (xyz.text or "").strip() else xml.read_numbers(xyz, 3)
+    )
     frame = "" if xyz is None else xyz.get("expressed_in", "")
     of_model = joint.find("axis/use_parent_model_frame")
-    if frame == "__model__" or (of_model is not None and read_flag(of_model)):
+    if frame == "__model__" or (of_model is not None and xml.read_flag(of_model)):
         heights = [axis[2]]
     elif frame:
         heights = [_height_of(axis, named.get(frame))]
@@ -175,14 +163,14 @@ def _height_of(axis: tuple[float, ...], *frames: Element | None) -> float:
     pose = Pose()
     for element in frames:
         placed = None if element is None else element.find("pose")
-        pose = pose if placed is None else pose @ parse_pose(placed)
+        pose = pose if placed is None else pose @ xml.parse_pose(placed)
     return float(product(pose.rotation, np.array(axis))[2])
 
 
 def _is_panel(link: Element | None) -> bool:
     """Return True if one of a link's collisions is a thin box; others may be a door's handle."""
     sizes = [] if link is None else link.iterfind("collision/geometry/box/size")
-    lengths = (sorted(read_positive(size, 3)) for size in sizes)
+    lengths = (sorted(xml.read_positive(size, 3)) for size in sizes)
     return any(thin < _THIN * middle for thin, middle, _ in lengths)
 
 
@@ -190,8 +178,8 @@ def _range(limit: Element) -> float:
     """Return the range of a joint [rad]; a missing bound is infinite."""
     low, high = (limit.find(tag) for tag in ("lower", "upper"))
     try:
-        lower = -math.inf if low is None else read_meaning(low, "limit/lower")
-        upper = math.inf if high is None else read_meaning(high, "limit/upper")
+        lower = -math.inf if low is None else xml.read_meaning(low, "limit/lower")
+        upper = math.inf if high is None else xml.read_meaning(high, "limit/upper")
     except InputError:
         return math.inf
     return upper - lower
@@ -227,11 +215,11 @@ def read_actors(container: Element, reading: Reading) -> tuple[Actor, ...]:
 
 
 def _read_actor(element: Element, taken: set[str], reading: Reading) -> Actor:
-    name = unique = re.sub(r"[^A-Za-z0-9_-]", "_", read_name(element))
+    name = unique = re.sub(r"[^A-Za-z0-9_-]", "_", xml.read_name(element))
     number = 1
     while unique in taken:
         unique, number = f"{name}_{number}", number + 1
-    script = find_child(element, "script")
+    script = xml.find_child(element, "script")
     points = [] if script is None else list(_read_points(script))
     starts = script is None or _read_flag(script, "auto_start")
     if not points or not starts:
@@ -240,7 +228,7 @@ def _read_actor(element: Element, taken: set[str], reading: Reading) -> Actor:
         reading.notes.add(element, problem, "actor that stands")
         return Actor(unique, ((x, y, 0.0),))
     assert script is not None
-    (delay,) = read_child_numbers(script, "delay_start", (0.0,))
+    (delay,) = xml.read_child_numbers(script, "delay_start", (0.0,))
     size = f"{2 * RADIUS_M:g} m wide and {HEIGHT_M:g} m high"
     problem = f"walks as a cylinder {size}, straight from waypoint to waypoint"
     reading.notes.add(element, problem, "actor that walks")
@@ -248,8 +236,8 @@ def _read_actor(element: Element, taken: set[str], reading: Reading) -> Actor:
 
 
 def _read_flag(script: Element, tag: str) -> bool:
-    child = find_child(script, tag)
-    return True if child is None else read_flag(child)
+    child = xml.find_child(script, tag)
+    return True if child is None else xml.read_flag(child)
 
 
 def _read_points(script: Element) -> Iterator[Point]:
@@ -257,17 +245,17 @@ def _read_points(script: Element) -> Iterator[Point]:
     for trajectory in script.findall("trajectory"):
         shift = None
         for waypoint in trajectory.findall("waypoint"):
-            element = require_child(waypoint, "time")
-            time = read_number(element, "a time of at least 0 s", lambda value: value >= 0.0)
+            element = xml.require_child(waypoint, "time")
+            time = xml.read_number(element, "a time of at least 0 s", lambda value: value >= 0.0)
             if shift is None:  # the times of a later trajectory may start again
                 shift = last if 0.0 <= time <= last else 0.0
                 skip = shift > 0.0 and time == 0.0
-            x, y, _ = parse_pose(require_child(waypoint, "pose")).position
+            x, y, _ = xml.parse_pose(xml.require_child(waypoint, "pose")).position
             if skip:
                 skip = False
                 continue
             if time + shift <= last:
                 problem = f"must be later than the previous waypoint, at {last - shift:g} s"
-                raise element_error(element, problem, "put the waypoints in order")
+                raise xml.element_error(element, problem, "put the waypoints in order")
             last = time + shift
             yield x, y, last

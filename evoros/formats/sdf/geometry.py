@@ -15,20 +15,12 @@ from lxml.etree import _Element as Element
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
+from evoros.formats import strict_xml as xml
 from evoros.formats.mesh import WORK, Mesh, find_box, read_mesh
 from evoros.formats.missing import MissingFileError
 from evoros.formats.sdf.heightmaps import read_heightmap
 from evoros.formats.sdf.inclusion import CHOICES, find_uri, require_file
 from evoros.formats.sdf.reading import Reading
-from evoros.formats.strict_xml import (
-    element_error,
-    find_child,
-    local_tag,
-    read_flag,
-    read_numbers,
-    read_positive,
-    read_text,
-)
 from evoros.geometry.polyhedron import decompose, placed_corners
 from evoros.geometry.shapes import Pose, Shape, Vector
 from evoros.terminal.activity import announce
@@ -69,7 +61,7 @@ def read_geometry(geometry: Element, reading: Reading) -> tuple[Shape, ...]:
     if not solids or (len(solids) > 1 and kinds != {"polyline"}):
         element = solids[1] if solids else geometry
         problem = f"must be the only shape in its <geometry>, which has {len(solids)}"
-        raise element_error(element, problem, "write one <collision> for each shape")
+        raise xml.element_error(element, problem, "write one <collision> for each shape")
     solid = solids[0]
     kind = str(solid.tag)
     if kind == "empty":
@@ -86,8 +78,8 @@ def read_geometry(geometry: Element, reading: Reading) -> tuple[Shape, ...]:
     if kind == "plane":
         return _read_plane(solid)
     if kind not in _SIZES_M:
-        problem = f"is not supported inside <{local_tag(geometry)}>"
-        raise element_error(solid, problem, f"use {_KINDS}")
+        problem = f"is not supported inside <{xml.local_tag(geometry)}>"
+        raise xml.element_error(solid, problem, f"use {_KINDS}")
     sizes = _read_sizes(solid, reading)
     return _MAKERS[kind](*sizes) if kind in _MAKERS else (Shape(kind, sizes),)
 
@@ -95,23 +87,23 @@ def read_geometry(geometry: Element, reading: Reading) -> tuple[Shape, ...]:
 def _read_sizes(solid: Element, reading: Reading) -> tuple[float, ...]:
     sizes: list[float] = []
     for tag, default in _SIZES_M[str(solid.tag)].items():
-        element = find_child(solid, tag)
+        element = xml.find_child(solid, tag)
         if element is None:
             value = " ".join(f"{length:g}" for length in default)
             reading.notes.add(solid, f"has no <{tag}>: SDF's default of {value} m is assumed")
-        sizes += default if element is None else read_positive(element, len(default))
+        sizes += default if element is None else xml.read_positive(element, len(default))
     return tuple(sizes)
 
 
 def _read_plane(plane: Element) -> tuple[Shape, ...]:
-    size, normal = find_child(plane, "size"), find_child(plane, "normal")
+    size, normal = xml.find_child(plane, "size"), xml.find_child(plane, "normal")
     if size is not None:  # only used for drawing, since a plane is unbounded
-        read_numbers(size, 2)
+        xml.read_numbers(size, 2)
     if normal is None:
         return (Shape("plane", (0.0, 0.0, 1.0)),)
-    values = read_numbers(normal, 3)
+    values = xml.read_numbers(normal, 3)
     if sum(n * n for n in values) < 1e-12:
-        raise element_error(normal, "must not be 0 0 0", "write 0 0 1 for level ground")
+        raise xml.element_error(normal, "must not be 0 0 0", "write 0 0 1 for level ground")
     return (Shape("plane", values),)
 
 
@@ -152,18 +144,18 @@ def _read_polylines(polylines: list[Element]) -> tuple[Shape, ...]:
     """Read prisms that stand on z = 0; a polyline inside another one is a hole in it."""
     rings = []
     for polyline in polylines:
-        points = [read_numbers(point, 2) for point in polyline.findall("point")]
+        points = [xml.read_numbers(point, 2) for point in polyline.findall("point")]
         if len(points) < 3:
             problem = f"must have three or more <point>, not {len(points)}"
-            raise element_error(polyline, problem, "add points")
+            raise xml.element_error(polyline, problem, "add points")
         rings.append([(point[0], point[1]) for point in points])
-    element = find_child(polylines[0], "height")
-    height = 1.0 if element is None else read_positive(element, 1)[0]
+    element = xml.find_child(polylines[0], "height")
+    height = 1.0 if element is None else xml.read_positive(element, 1)[0]
     try:
         pieces = decompose(rings)
     except ValueError as error:
         problem = f"must be a simple polygon, but {error}"
-        raise element_error(polylines[0], problem, "move its points") from None
+        raise xml.element_error(polylines[0], problem, "move its points") from None
     return tuple(
         Shape("convex", (), corners=tuple((x, y, z) for x, y in piece for z in (0.0, height)))
         for piece in pieces
@@ -190,10 +182,10 @@ def _read_mesh(mesh: Element, reading: Reading) -> tuple[Shape, ...]:
 def _identify_mesh(mesh: Element, reading: Reading) -> _MeshUse:
     element = find_uri(mesh)
     if element is None:
-        raise element_error(mesh, "must have a <uri>", "name a mesh file")
-    scale = find_child(mesh, "scale")
+        raise xml.element_error(mesh, "must have a <uri>", "name a mesh file")
+    scale = xml.find_child(mesh, "scale")
     x, y, z = (1.0, 1.0, 1.0) if scale is None else _read_scale(scale)
-    name, center = _read_submesh(find_child(mesh, "submesh"))
+    name, center = _read_submesh(xml.find_child(mesh, "submesh"))
     place = require_file(element, reading)
     reading.read(place)
     return _MeshUse(place.resolve(), (x, y, z), name, center)
@@ -206,7 +198,7 @@ def _read_parts(mesh: Element, use: _MeshUse, work: float, reading: Reading) -> 
         problem = f"names a mesh that cannot be read: {error}"
         element = find_uri(mesh)
         assert element is not None
-        raise MissingFileError(str(element_error(element, problem, f"or {CHOICES}"))) from None
+        raise MissingFileError(str(xml.element_error(element, problem, f"or {CHOICES}"))) from None
 
 
 def divide_meshes(
@@ -282,12 +274,15 @@ def _measure_place(
 def _read_submesh(submesh: Element | None) -> tuple[str, bool]:
     if submesh is None:
         return "", False
-    name, center = find_child(submesh, "name"), find_child(submesh, "center")
-    return ("" if name is None else read_text(name), center is not None and read_flag(center))
+    name, center = xml.find_child(submesh, "name"), xml.find_child(submesh, "center")
+    return (
+        "" if name is None else xml.read_text(name),
+        center is not None and xml.read_flag(center),
+    )
 
 
 def _read_scale(scale: Element) -> tuple[float, ...]:
-    values = read_numbers(scale, 1, 3)
+    values = xml.read_numbers(scale, 1, 3)
     return values * 3 if len(values) == 1 else values
 
 
@@ -300,7 +295,7 @@ def scale_model(model: Element, scale: Element, reading: Reading) -> None:
     if (x, y, z) == (1.0, 1.0, 1.0):
         return
     if min(x, y, z) <= 0:
-        raise element_error(scale, "must be greater than 0", "write three positive numbers")
+        raise xml.element_error(scale, "must be greater than 0", "write three positive numbers")
     reading.notes.add(scale, f"scales the sizes of its shapes by {x:g} {y:g} {z:g}, as in Gazebo")
     factors: Mapping[str, tuple[float, ...]] = {
         "size": (x, y, z), "radii": (x, y, z), "radius": (max(x, y),), "length": (z,)
@@ -309,7 +304,7 @@ def scale_model(model: Element, scale: Element, reading: Reading) -> None:
         for tag in _SIZES_M.get(str(solid.tag), ()):
             by = (max(x, y, z),) if solid.tag == "sphere" else factors[tag]
             for element in solid.findall(tag):
-                sizes = read_numbers(element, len(by))
+                sizes = xml.read_numbers(element, len(by))
                 element.text = " ".join(repr(a * b) for a, b in zip(sizes, by, strict=True))
         if solid.tag == "mesh":
             stated = solid.find("scale")

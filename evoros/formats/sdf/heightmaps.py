@@ -10,11 +10,7 @@ from evoros.base.arrays import Array
 from evoros.formats.missing import MissingFileError
 from evoros.formats.sdf.inclusion import CHOICES, find_uri, require_file
 from evoros.formats.sdf.reading import Reading
-from evoros.formats.strict_xml import (
-    element_error,
-    read_child_numbers,
-    require_child,
-)
+from evoros.formats.strict_xml import element_error, read_child_numbers, require_child
 from evoros.geometry.shapes import Pose, Shape
 
 _MAX_PIXELS = 2049

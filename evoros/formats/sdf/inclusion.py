@@ -7,7 +7,7 @@ from pathlib import Path
 from lxml import etree
 from lxml.etree import _Element as Element
 
-from evoros.formats import strict_xml
+from evoros.formats import strict_xml as xml
 from evoros.formats.missing import Absence, MissingFileError
 from evoros.formats.sdf.reading import Reading
 
@@ -25,7 +25,7 @@ def require_files(container: Element, reading: Reading) -> None:
         for shape in collision.iterfind("geometry/*"):
             uri = find_uri(shape) if shape.tag in ("mesh", "heightmap") else None
             if uri is not None and _find(uri, reading) is None:
-                add_absence(uri, strict_xml.read_text(uri), reading)
+                add_absence(uri, xml.read_text(uri), reading)
     reading.absences.require_none(CHOICES)
 
 
@@ -46,16 +46,16 @@ def drop_loose_joints(reading: Reading) -> None:
 
 def find_uri(shape: Element) -> Element | None:
     """Return the element that names the file of a mesh or height map."""
-    uri = strict_xml.find_child(shape, "uri")
-    return strict_xml.find_child(shape, "filename") if uri is None else uri
+    uri = xml.find_child(shape, "uri")
+    return xml.find_child(shape, "filename") if uri is None else uri
 
 
 def add_absence(element: Element, uri: str, reading: Reading) -> None:
     """Record that nothing exists at an address that an element names."""
     problem, remedy = reading.addresses.explain(uri, reading.folder_of(element))
     kind = "model" if element.tag == "include" else "mesh"
-    sentence = f"{strict_xml.locate(element)} {problem}"
-    reading.absences.add(Absence(kind, uri, strict_xml.place_of(element), sentence, remedy))
+    sentence = f"{xml.locate(element)} {problem}"
+    reading.absences.add(Absence(kind, uri, xml.place_of(element), sentence, remedy))
 
 
 def require_file(uri: Element, reading: Reading) -> Path:
@@ -66,17 +66,13 @@ def require_file(uri: Element, reading: Reading) -> Path:
     """
     place = _find(uri, reading)
     if place is None:
-        problem, remedy = reading.addresses.explain(
-            strict_xml.read_text(uri), reading.folder_of(uri)
-        )
-        raise MissingFileError(
-            str(strict_xml.element_error(uri, problem, f"{remedy}; or {CHOICES}"))
-        )
+        problem, remedy = reading.addresses.explain(xml.read_text(uri), reading.folder_of(uri))
+        raise MissingFileError(str(xml.element_error(uri, problem, f"{remedy}; or {CHOICES}")))
     return place
 
 
 def _find(uri: Element, reading: Reading) -> Path | None:
-    return reading.addresses.find(strict_xml.read_text(uri), reading.folder_of(uri), Path.is_file)
+    return reading.addresses.find(xml.read_text(uri), reading.folder_of(uri), Path.is_file)
 
 
 _BASICS = {
@@ -99,7 +95,7 @@ def expand_includes(container: Element, reading: Reading, chain: tuple[Path, ...
             container.remove(include)
             continue
         _adapt(include, model_element)
-        if strict_xml.is_set(include, "merge") and container.tag == "model":
+        if xml.is_set(include, "merge") and container.tag == "model":
             _merge(include, model_element, container)
         else:
             container.replace(include, model_element)
@@ -107,8 +103,8 @@ def expand_includes(container: Element, reading: Reading, chain: tuple[Path, ...
 
 
 def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Element | None:
-    element = strict_xml.require_child(include, "uri")
-    uri = strict_xml.read_text(element)
+    element = xml.require_child(include, "uri")
+    uri = xml.read_text(element)
     beside = reading.folder_of(include)
     if (uri, beside) not in reading.models:
         reading.models[uri, beside] = _find_model(uri, beside, reading)
@@ -117,7 +113,7 @@ def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Elemen
         return _stand_in(include, uri, reading)
     if file in chain:
         circle = " -> ".join(str(f) for f in (*chain[chain.index(file) :], file))
-        raise strict_xml.element_error(
+        raise xml.element_error(
             include, f"includes itself: {circle}", "delete one of these includes"
         )
     root = reading.parse(file)
@@ -128,7 +124,7 @@ def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Elemen
     model = _choose_model(root, include, reading, file)
     if model is not None:
         expand_includes(model, reading, (*chain, file))
-        model.set(strict_xml.SOURCE, str(file))
+        model.set(xml.SOURCE, str(file))
     return model
 
 
@@ -162,17 +158,17 @@ def _stand_in(include: Element, uri: str, reading: Reading) -> Element | None:
 
 def _choose_model(root: Element, include: Element, reading: Reading, file: Path) -> Element | None:
     if root.tag not in ("sdf", "gazebo"):
-        raise strict_xml.element_error(root, "must be <sdf>", "name a model in SDF")
+        raise xml.element_error(root, "must be <sdf>", "name a model in SDF")
     models = root.findall("model")
     if not models:
         if root.find("light") is None and root.find("actor") is None:
-            raise strict_xml.element_error(
+            raise xml.element_error(
                 root, "must contain a <model>", "add one, or include another file"
             )
         _add_actor(root, include)
         return None
     if len(models) > 1:
-        names = ", ".join(strict_xml.quote(model.get("name", "")) for model in models[1:])
+        names = ", ".join(xml.quote(model.get("name", "")) for model in models[1:])
         problem = f"includes only the first model of {file}, as in Gazebo; {names} are left out"
         reading.notes.add(include, problem)
     return models[0]
@@ -182,7 +178,7 @@ def _add_actor(root: Element, include: Element) -> None:
     actor, world = root.find("actor"), include.getparent()
     if actor is not None and world is not None:
         actor.set("name", (include.findtext("name") or actor.get("name") or "").strip())
-        actor.set(strict_xml.SOURCE, str(root.get(strict_xml.SOURCE, "")))
+        actor.set(xml.SOURCE, str(root.get(xml.SOURCE, "")))
         world.append(actor)
 
 
@@ -209,32 +205,32 @@ def _minor_version(text: str) -> int:
 
 
 def _adapt(include: Element, model: Element) -> None:
-    source = strict_xml.source_of(include)
+    source = xml.source_of(include)
     for tag in ("name", "placement_frame"):
-        element = strict_xml.find_child(include, tag)
+        element = xml.find_child(include, tag)
         if element is not None:
-            model.set(tag, strict_xml.read_text(element))
-    pose = strict_xml.find_child(include, "pose")
+            model.set(tag, xml.read_text(element))
+    pose = xml.find_child(include, "pose")
     if pose is not None:
         for old in model.findall("pose"):
             model.remove(old)
-        pose.set(strict_xml.SOURCE, source)
+        pose.set(xml.SOURCE, source)
         model.insert(0, pose)
-    static = strict_xml.find_child(include, "static")
+    static = xml.find_child(include, "static")
     if static is not None:
-        strict_xml.read_flag(static)
-        static.set(strict_xml.SOURCE, source)
+        xml.read_flag(static)
+        static.set(xml.SOURCE, source)
         model.append(static)  # Gazebo uses the last one
     for plugin in include.findall("plugin"):
-        plugin.set(strict_xml.SOURCE, source)
+        plugin.set(xml.SOURCE, source)
         model.append(plugin)
 
 
 def _merge(include: Element, model: Element, container: Element) -> None:
     """Move the parts of a model into the model around the include, at the same poses."""
-    source = str(model.get(strict_xml.SOURCE))
-    name = f"_merged_{strict_xml.read_name(model)}"
-    frame = etree.Element("frame", {"name": name, strict_xml.SOURCE: source})
+    source = str(model.get(xml.SOURCE))
+    name = f"_merged_{xml.read_name(model)}"
+    frame = etree.Element("frame", {"name": name, xml.SOURCE: source})
     pose = model.find("pose")
     if pose is not None:
         frame.append(pose)
@@ -247,7 +243,7 @@ def _merge(include: Element, model: Element, container: Element) -> None:
         if child.tag in ("pose", "static"):
             continue
         _anchor(child, name)
-        child.set(strict_xml.SOURCE, source)
+        child.set(xml.SOURCE, source)
         container.insert(position, child)
         position += 1
     container.insert(0, frame)
@@ -290,7 +286,7 @@ def _rename_duplicates(container: Element, reading: Reading) -> None:
             numbered = (f"{stem}_{index}" for index in itertools.count())
             names = numbered if is_named_twice else itertools.chain([stem], numbered)
             new = next(text for text in names if text not in taken)
-            problem = f"has a name that is taken: it is renamed to {strict_xml.quote(new)}"
+            problem = f"has a name that is taken: it is renamed to {xml.quote(new)}"
             reading.notes.add(element, problem, "renamed")
             element.set("name", new)
             name = new

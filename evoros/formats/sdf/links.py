@@ -9,7 +9,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array, principal_axes
 from evoros.base.errors import InputError
-from evoros.formats import strict_xml
+from evoros.formats import strict_xml as xml
 from evoros.formats.missing import MissingFileError
 from evoros.formats.notes import Notes
 from evoros.formats.sdf.frames import Frames, Path
@@ -39,25 +39,25 @@ def read_inertia(
     link: Element, path: Path, frames: Frames, weights: Weights, notes: Notes
 ) -> Inertia:
     """Read the inertia of a link; impossible masses and moments are replaced and noted."""
-    inertial = strict_xml.find_child(link, "inertial")
+    inertial = xml.find_child(link, "inertial")
     if inertial is None:
         return Inertia(1.0, frames.world_pose(path), None)
     if is_auto(link):
         return _compute_inertia(frames.world_pose(path), weights)
-    element = strict_xml.find_child(inertial, "mass")
-    mass = 1.0 if element is None else strict_xml.read_numbers(element, 1)[0]
+    element = xml.find_child(inertial, "mass")
+    mass = 1.0 if element is None else xml.read_numbers(element, 1)[0]
     pose = frames.resolve(inertial, path)
     if element is not None and mass <= 0:
         notes.add(element, f"must be greater than 0, not {mass:g}: 1 kg is assumed", "no mass")
         return Inertia(1.0, pose, None)
-    moments = strict_xml.find_child(inertial, "inertia")
+    moments = xml.find_child(inertial, "inertia")
     return Inertia(mass, pose, None if moments is None else _read_moments(moments, notes))
 
 
 def is_auto(link: Element) -> bool:
     """Return True if a link's inertia is computed from its collisions."""
     inertial = link.find("inertial")
-    return inertial is not None and strict_xml.is_set(inertial, "auto")
+    return inertial is not None and xml.is_set(inertial, "auto")
 
 
 def _compute_inertia(pose: Pose, weights: Weights) -> Inertia:
@@ -77,7 +77,7 @@ def _compute_inertia(pose: Pose, weights: Weights) -> Inertia:
 def _read_moments(inertia: Element, notes: Notes) -> Array | None:
     """Read the first moment of each name; None if no solid can have these moments."""
     values = {
-        tag: strict_xml.read_numbers(element, 1)[0]
+        tag: xml.read_numbers(element, 1)[0]
         for tag in _MOMENTS
         if (element := inertia.find(tag)) is not None
     }
@@ -124,11 +124,9 @@ def read_link(element: Element, path: Path, frames: Frames, static: bool, readin
     names: set[str] = set()
     solids: list[Solid] = []
     for collision in element.findall("collision"):
-        name = strict_xml.read_name(collision)
+        name = xml.read_name(collision)
         if name in names:
-            raise strict_xml.element_error(
-                collision, "has a name that is taken", "rename one of the two"
-            )
+            raise xml.element_error(collision, "has a name that is taken", "rename one of the two")
         names.add(name)
         pose = frames.resolve(collision, path)
         shapes = _read_shapes(collision, element, pose, path, frames, reading)
@@ -156,8 +154,8 @@ def read_link(element: Element, path: Path, frames: Frames, static: bool, readin
 def _is_held(link: Element, solids: Sequence[Solid], reading: Reading) -> bool:
     """Return True if a link of a model that is not static cannot move."""
     for tag, moves in (("gravity", True), ("kinematic", False)):
-        element = strict_xml.find_child(link, tag)
-        if element is not None and strict_xml.read_flag(element) != moves:
+        element = xml.find_child(link, tag)
+        if element is not None and xml.read_flag(element) != moves:
             problem = f"is {str(not moves).lower()}, so the link is fixed in place"
             reading.notes.add(element, problem)
             return True
@@ -172,12 +170,12 @@ def _read_shapes(
     collision: Element, link: Element, pose: Pose, path: Path, frames: Frames, reading: Reading
 ) -> tuple[Shape, ...]:
     """Return the shapes of a collision in its frame, whose world pose is ``pose``."""
-    if strict_xml.touches_nothing(collision):
+    if xml.touches_nothing(collision):
         problem = "is left out: its <contact> or <max_contacts> lets everything pass through it"
         reading.notes.add(collision, problem, "passable")
         return ()
     try:
-        return read_geometry(strict_xml.require_child(collision, "geometry"), reading)
+        return read_geometry(xml.require_child(collision, "geometry"), reading)
     except MissingFileError:
         if reading.options.missing == "error":
             raise
@@ -197,26 +195,24 @@ def _read_shapes(
 
 def _read_friction(collision: Element) -> float:
     """Read the friction coefficient mu: ODE's, else Bullet's, else 1, the default of SDF."""
-    surface = strict_xml.find_child(collision, "surface")
+    surface = xml.find_child(collision, "surface")
     if surface is None:
         return 1.0
-    friction = strict_xml.find_child(surface, "friction")
+    friction = xml.find_child(surface, "friction")
     if friction is None:
         return 1.0
     coefficients: list[float] = []
     for engine, tag in (("ode", "mu"), ("bullet", "friction")):
-        element = strict_xml.find_child(friction, engine)
+        element = xml.find_child(friction, engine)
         if element is not None:
-            coefficients += _read_coefficient(strict_xml.find_child(element, tag))
+            coefficients += _read_coefficient(xml.find_child(element, tag))
     _read_coefficient(friction.find("ode/mu2"))  # only checked: mu applies in all directions
     return coefficients[0] if coefficients else 1.0
 
 
 def _read_coefficient(element: Element | None) -> list[float]:
     return (
-        []
-        if element is None
-        else [min(strict_xml.read_meaning(element, "friction/mu"), strict_xml.MAX_NUMBER)]
+        [] if element is None else [min(xml.read_meaning(element, "friction/mu"), xml.MAX_NUMBER)]
     )
 
 
@@ -224,7 +220,7 @@ def _read_density(collision: Element, link: Element) -> float:
     """Return the density [kg/m3] of a collision: its value, else its link's, else water's."""
     for element in (collision.find("density"), link.find("inertial/density")):
         if element is not None:
-            return strict_xml.read_positive(element, 1)[0]
+            return xml.read_positive(element, 1)[0]
     return 1000.0
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array, principal_axes, product
+from evoros.formats import strict_xml as xml
 from evoros.formats.lenient_xml import parse_leniently
 from evoros.formats.notes import Notes
 from evoros.formats.sdf.actors import Actor, is_static, read_actors, settle_vehicles
@@ -28,16 +29,6 @@ from evoros.formats.sdf.inclusion import drop_loose_joints, expand_includes, req
 from evoros.formats.sdf.links import Inertia, Link, Solid, read_link
 from evoros.formats.sdf.old_versions import modernize
 from evoros.formats.sdf.reading import Reading, SdfOptions
-from evoros.formats.strict_xml import (
-    element_error,
-    find_child,
-    quote,
-    read_name,
-    read_numbers,
-    read_text,
-    require_child,
-    touches_nothing,
-)
 from evoros.geometry.footprint import bottom_height
 from evoros.geometry.polyhedron import point_tensor
 from evoros.geometry.shapes import Body, Pose, Vector
@@ -175,22 +166,22 @@ def _hash(content: bytes, reading: Reading) -> str:
 
 def _choose_container(root: Element, reading: Reading) -> Element:
     if root.tag not in ("sdf", "gazebo"):
-        raise element_error(root, "must be <sdf>", f"give an SDF file, version {_VERSIONS}")
+        raise xml.element_error(root, "must be <sdf>", f"give an SDF file, version {_VERSIONS}")
     version = re.fullmatch(r"1\.([0-9]{1,2})", root.get("version", "").strip())
     if version is None or int(version[1]) > 12:
-        problem = f"must have a version from {_VERSIONS}, not {quote(root.get('version', ''))}"
-        raise element_error(root, problem, "convert the file")
+        problem = f"must have a version from {_VERSIONS}, not {xml.quote(root.get('version', ''))}"
+        raise xml.element_error(root, problem, "convert the file")
     modernize(root, reading.notes)
     worlds = root.findall("world")
     wanted = reading.options.world_name
     names = [world.get("name", "") for world in worlds]
-    fix = f"set world.NAME.world_name to one of: {', '.join(map(quote, names)) or 'none'}"
+    fix = f"set world.NAME.world_name to one of: {', '.join(map(xml.quote, names)) or 'none'}"
     if wanted and wanted not in names:
-        raise element_error(root, f"has no world {quote(wanted)}", fix)
+        raise xml.element_error(root, f"has no world {xml.quote(wanted)}", fix)
     if wanted:
         worlds = [worlds[names.index(wanted)]]
     if len(worlds) > 1:
-        raise element_error(worlds[1], f"is one of {len(worlds)} worlds in the file", fix)
+        raise xml.element_error(worlds[1], f"is one of {len(worlds)} worlds in the file", fix)
     if not worlds:
         return root
     for other in [child for child in root if child is not worlds[0]]:
@@ -216,13 +207,13 @@ def _insert_and_delete(container: Element) -> None:
 
 def _read_gravity(container: Element) -> float:
     for parent in (container, *container.findall("physics")):
-        gravity = find_child(parent, "gravity")
+        gravity = xml.find_child(parent, "gravity")
         if gravity is not None:
-            x, y, z = read_numbers(gravity, 3)
+            x, y, z = xml.read_numbers(gravity, 3)
             if max(abs(x), abs(y)) > 0.05 or z >= -0.05:
                 reason = "evoros supports only robots that drive on the ground"
                 problem = f"must point straight down, not along {x:g} {y:g} {z:g}: {reason}"
-                raise element_error(gravity, problem, "write a value such as 0 0 -9.81")
+                raise xml.element_error(gravity, problem, "write a value such as 0 0 -9.81")
             return -z
     return 9.81
 
@@ -236,18 +227,18 @@ def _apply_state(
     left_out: set[str],
 ) -> None:
     for element in state.iterchildren("model", "link"):
-        name = read_name(element)
+        name = xml.read_name(element)
         if not scope and name in left_out:
             continue
         path = (*scope, name)
         inner = next((m for m in owner.findall(str(element.tag)) if m.get("name") == name), None)
-        scale = find_child(element, "scale")
+        scale = xml.find_child(element, "scale")
         if scale is not None and inner is not None:
             scale_model(inner, scale, reading)
         relative = read_pose(element)
         if relative.base not in ("", "world"):
-            problem = f"must not be relative to {quote(relative.base)}"
-            raise element_error(relative.element, problem, "give its world pose")
+            problem = f"must not be relative to {xml.quote(relative.base)}"
+            raise xml.element_error(relative.element, problem, "give its world pose")
         has_pose = relative.element is not element
         if has_pose and not frames.move(path, relative.pose):
             problem = "is ignored: nothing in the world has this name"
@@ -262,8 +253,8 @@ def _place_meshes(models: Sequence[Element], frames: Frames) -> Iterator[tuple[E
             for link in element.findall("link"):
                 for collision in link.findall("collision"):
                     mesh = collision.find("geometry/mesh")
-                    if mesh is not None and not touches_nothing(collision):
-                        yield mesh, frames.resolve(collision, (*path, read_name(link)))
+                    if mesh is not None and not xml.touches_nothing(collision):
+                        yield mesh, frames.resolve(collision, (*path, xml.read_name(link)))
 
 
 def _build_bodies(model: Element, frames: Frames, reading: Reading) -> list[Body]:
@@ -274,7 +265,7 @@ def _build_bodies(model: Element, frames: Frames, reading: Reading) -> list[Body
     models = list(_walk_models(model, (), False))
     for path, element, static in models:
         for child in element.findall("link"):
-            link = read_link(child, (*path, read_name(child)), frames, static, reading)
+            link = read_link(child, (*path, xml.read_name(child)), frames, static, reading)
             links.append(link)
             parents[link.path] = () if static or link.held else link.path
     for path, element, static in models:
@@ -294,7 +285,7 @@ def _build_bodies(model: Element, frames: Frames, reading: Reading) -> list[Body
 
 def _walk_models(model: Element, scope: Path, static: bool) -> Iterator[tuple[Path, Element, bool]]:
     static = static or is_static(model)
-    path = (*scope, read_name(model))
+    path = (*scope, xml.read_name(model))
     yield path, model, static
     for child in model.findall("model"):
         yield from _walk_models(child, path, static)
@@ -303,12 +294,12 @@ def _walk_models(model: Element, scope: Path, static: bool) -> Iterator[tuple[Pa
 def _join(joint: Element, scope: Path, frames: Frames, parents: dict[Path, Path]) -> None:
     roots = []
     for tag in ("parent", "child"):
-        end = require_child(joint, tag)
-        name = read_text(end)
+        end = xml.require_child(joint, tag)
+        name = xml.read_text(end)
         # A link joined to the world is fixed to the ground.
         path = () if name == "world" else frames.find(scope, name, end)
         if path and path not in parents:
-            raise element_error(end, f"must name a link, not {quote(name)}", "name a link")
+            raise xml.element_error(end, f"must name a link, not {xml.quote(name)}", "name a link")
         roots.append(_find_root(parents, path))
     # The ground, (), stays at the end of the chain.
     first, last = roots if roots[0] else roots[::-1]

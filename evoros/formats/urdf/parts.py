@@ -9,15 +9,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array, length
 from evoros.base.errors import InputError, single_line
-from evoros.formats.strict_xml import (
-    MAX_NUMBER,
-    element_error,
-    parse_number,
-    quote,
-    read_meaning,
-    read_name,
-    require_child,
-)
+from evoros.formats import strict_xml as xml
 from evoros.geometry.polyhedron import symmetric_tensor
 from evoros.geometry.shapes import Pose, Shape
 
@@ -47,17 +39,17 @@ def read_values(
     """Return the finite numbers in an attribute."""
     text = element.get(attribute, default)
     if text is None:
-        raise element_error(element, f"must have the attribute {attribute}", "add it")
+        raise xml.element_error(element, f"must have the attribute {attribute}", "add it")
     return parse_numbers(element, text, count, f" in {attribute}")
 
 
 def parse_numbers(element: Element, text: str, count: int, place: str = "") -> list[float]:
     """Return the finite numbers in an element's string; ``place`` describes its position."""
-    numbers = [parse_number(word) for word in text.split()]
+    numbers = [xml.parse_number(word) for word in text.split()]
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
         expected = f"{count} finite number{'s' * (count > 1)}"
-        problem = f"must have {expected}{place}, not {quote(text)}"
-        raise element_error(element, problem, f"write {expected}")
+        problem = f"must have {expected}{place}, not {xml.quote(text)}"
+        raise xml.element_error(element, problem, f"write {expected}")
     return numbers
 
 
@@ -69,9 +61,9 @@ def read_value(element: Element, attribute: str, default: str | None = None) -> 
 def read_lengths(solid: Element, attribute: str, count: int = 1) -> list[float]:
     """Return the lengths [m] of a solid, limited so that their products do not overflow."""
     lengths = read_values(solid, attribute, count)
-    if max(lengths) > MAX_NUMBER:
-        problem = f"must have lengths of at most {MAX_NUMBER:g} m in {attribute}, not {lengths}"
-        raise element_error(solid, problem, "write smaller lengths")
+    if max(lengths) > xml.MAX_NUMBER:
+        problem = f"must have lengths of at most {xml.MAX_NUMBER:g} m in {attribute}, not {lengths}"
+        raise xml.element_error(solid, problem, "write smaller lengths")
     return lengths
 
 
@@ -86,7 +78,9 @@ def read_origin(element: Element) -> Pose:
         return Pose.from_rpy((x, y, z), roll, pitch, yaw)
     except InputError as error:
         problem = f"must be a pose ({single_line(error)})"
-        raise element_error(origin, problem, "write xyz in metres and rpy in radians") from error
+        raise xml.element_error(
+            origin, problem, "write xyz in metres and rpy in radians"
+        ) from error
 
 
 def read_tensor(inertia: Element) -> Array:
@@ -100,11 +94,11 @@ def read_joint(element: Element, links: Collection[str]) -> Joint:
     """Read a ``<joint>``; both its links must be among ``links``."""
     kind = element.get("type", "")
     if kind not in JOINT_TYPES:
-        problem = f"must be of type {', '.join(JOINT_TYPES)}, not {quote(kind)}"
-        raise element_error(element, problem, "change its type")
+        problem = f"must be of type {', '.join(JOINT_TYPES)}, not {xml.quote(kind)}"
+        raise xml.element_error(element, problem, "change its type")
     lower, upper, effort, velocity = _read_limit(element, kind)
     return Joint(
-        name=read_name(element),
+        name=xml.read_name(element),
         type=kind,
         parent=_read_end(element, "parent", links),
         child=_read_end(element, "child", links),
@@ -118,11 +112,11 @@ def read_joint(element: Element, links: Collection[str]) -> Joint:
 
 
 def _read_end(joint: Element, tag: str, links: Collection[str]) -> str:
-    end = require_child(joint, tag)
+    end = xml.require_child(joint, tag)
     link = end.get("link", "")
     if link not in links:
-        problem = f"must name an existing link, not {quote(link)}"
-        raise element_error(end, problem, "add or rename the link")
+        problem = f"must name an existing link, not {xml.quote(link)}"
+        raise xml.element_error(end, problem, "add or rename the link")
     return link
 
 
@@ -132,7 +126,7 @@ def _read_axis(joint: Element) -> Array:
     size = length(axis)
     if element is not None and size < 1e-9:
         fix = "write the direction of the axis"
-        raise element_error(element, "must not have length 0", fix)
+        raise xml.element_error(element, "must not have length 0", fix)
     unit: Array = axis / size
     return unit
 
@@ -146,7 +140,7 @@ def _read_limit(joint: Element, kind: str) -> tuple[float, float, float, float]:
     if limit is None:
         return -math.inf, math.inf, math.inf, math.inf
     lower, upper, effort, velocity = (
-        read_meaning(limit, f"limit/{name}", limit.get(name, "0"))
+        xml.read_meaning(limit, f"limit/{name}", limit.get(name, "0"))
         for name in ("lower", "upper", "effort", "velocity")
     )
     if kind not in LIMITED_TYPES:
@@ -174,11 +168,11 @@ def read_visuals(link: Element) -> tuple[Shape, ...]:
 
 def read_shape(element: Element) -> Shape:
     """Read the shape of a ``<collision>`` or a ``<visual>``."""
-    geometry = require_child(element, "geometry")
+    geometry = xml.require_child(element, "geometry")
     if len(geometry) != 1 or geometry[0].tag not in ("box", "cylinder", "sphere", "convex"):
         content = " and ".join(f"<{child.tag!s}>" for child in geometry) or "nothing"
         problem = f"must contain one box, cylinder or sphere, not {content}"
-        raise element_error(geometry, problem, "build the part from such collision shapes")
+        raise xml.element_error(geometry, problem, "build the part from such collision shapes")
     solid = geometry[0]
     if solid.tag == "convex":  # this package writes it to replace a mesh
         numbers = iter([float(word) for word in solid.get("corners", "").split()])
@@ -191,5 +185,5 @@ def read_shape(element: Element) -> Shape:
         size = [length for name in names for length in read_lengths(solid, name)]
     if min(size) <= 0:
         problem = f"must have lengths above 0 m, not {size}"
-        raise element_error(solid, problem, "write positive lengths only")
+        raise xml.element_error(solid, problem, "write positive lengths only")
     return Shape(str(solid.tag), tuple(size), read_origin(element))

@@ -9,19 +9,8 @@ from lxml.etree import _Element as Element
 
 from evoros.base import elementary
 from evoros.base.errors import InputError
+from evoros.formats import strict_xml as xml
 from evoros.formats.notes import LARGEST_RAD
-from evoros.formats.strict_xml import (
-    element_error,
-    find_child,
-    parse_pose,
-    place_of,
-    quote,
-    read_meaning,
-    read_number,
-    read_positive,
-    read_text,
-    require_child,
-)
 from evoros.geometry.shapes import Pose
 
 GAUSSIAN, NONE = "gaussian", "none"
@@ -49,7 +38,7 @@ class Noise(NamedTuple):
 
 def read_ray_noise(*elements: Element) -> Noise:
     """Read the Gaussian noise of ranges from the first of several elements that has noise."""
-    noises = (find_child(element, "noise") for element in elements)
+    noises = (xml.find_child(element, "noise") for element in elements)
     noise = next((element for element in noises if element is not None), None)
     if noise is None:
         return Noise({}, ())
@@ -64,7 +53,7 @@ def read_imu_noise(sensor: Element) -> Noise:
 
     Each quantity gets the values of the axis with the most noise. Missing values are 0.
     """
-    imu = find_child(sensor, "imu")
+    imu = xml.find_child(sensor, "imu")
     settings: dict[str, float] = {}
     notes: tuple[str, ...] = ()
     if imu is None:
@@ -92,26 +81,26 @@ def read_imu_noise(sensor: Element) -> Noise:
 
 
 def _find_axes(imu: Element, now: str, before: str) -> Iterator[Element | None]:
-    quantity, common = find_child(imu, now), find_child(imu, "noise")
+    quantity, common = xml.find_child(imu, now), xml.find_child(imu, "noise")
     if quantity is not None:
-        axes = (find_child(quantity, axis) for axis in _AXES)
-        yield from (None if axis is None else find_child(axis, "noise") for axis in axes)
+        axes = (xml.find_child(quantity, axis) for axis in _AXES)
+        yield from (None if axis is None else xml.find_child(axis, "noise") for axis in axes)
     elif common is not None:
-        yield find_child(common, before)
+        yield xml.find_child(common, before)
 
 
 def _read_values(noise: Element | None) -> tuple[dict[str, float], list[str]]:
     """Return the supported values of a noise element, and the names of all other values."""
     if noise is None:
         return {}, []
-    kind = find_child(noise, "type")
-    given = noise.get("type") or (GAUSSIAN if kind is None else read_text(kind).strip())
+    kind = xml.find_child(noise, "type")
+    given = noise.get("type") or (GAUSSIAN if kind is None else xml.read_text(kind).strip())
     if given == NONE:
         return {}, []
     values = {
-        name: read_number(element, *_RULES.get(name, ("a number", math.isfinite)))
+        name: xml.read_number(element, *_RULES.get(name, ("a number", math.isfinite)))
         for name in (*_KEPT, *_OTHERS)
-        if (element := find_child(noise, name)) is not None
+        if (element := xml.find_child(noise, name)) is not None
     }
     lost = [name for name in _OTHERS if values.pop(name, 0.0)]
     lost += [f"type {given}"] * (given != GAUSSIAN and "precision" not in lost)
@@ -177,18 +166,18 @@ def _read_sensor(element: Element, link: str) -> DescribedSensor:
     given = element.get("type", "").strip()
     name = element.get("name", "").strip() or f"{link}_{given}"
     if not link:
-        raise element_error(element, "must be on a link", "name it in <gazebo reference=...>")
-    placed, settings = find_child(element, "pose"), _read_period(element)
-    pose = Pose() if placed is None else parse_pose(placed)
-    sensor = DescribedSensor(name, LIDAR, link, pose, settings, place=place_of(element))
+        raise xml.element_error(element, "must be on a link", "name it in <gazebo reference=...>")
+    placed, settings = xml.find_child(element, "pose"), _read_period(element)
+    pose = Pose() if placed is None else xml.parse_pose(placed)
+    sensor = DescribedSensor(name, LIDAR, link, pose, settings, place=xml.place_of(element))
     if given in _RAYS:
         return _read_rays(element, sensor)
     if given not in _KINDS:
-        problem = f"must be of a supported type, not {quote(given)}"
-        raise element_error(element, problem, f"use {', '.join((*_RAYS, *_KINDS))}")
+        problem = f"must be of a supported type, not {xml.quote(given)}"
+        raise xml.element_error(element, problem, f"use {', '.join((*_RAYS, *_KINDS))}")
     notes: tuple[str, ...] = ()
     if given == "sonar":
-        settings |= _read_cone(require_child(element, "sonar"))
+        settings |= _read_cone(xml.require_child(element, "sonar"))
     if given == "imu":
         noise = read_imu_noise(element)
         settings, notes = {**settings, **noise.settings}, noise.notes
@@ -197,15 +186,15 @@ def _read_sensor(element: Element, link: str) -> DescribedSensor:
 
 def _read_period(element: Element) -> dict[str, float]:
     """Return the period; empty if the sensor measures at each step of Gazebo."""
-    rate = find_child(element, "update_rate")
-    hertz = math.inf if rate is None else read_meaning(rate, "sensor/update_rate")
+    rate = xml.find_child(element, "update_rate")
+    hertz = math.inf if rate is None else xml.read_meaning(rate, "sensor/update_rate")
     return {"period_s": 1.0 / hertz} if math.isfinite(hertz) else {}
 
 
 def _read_cone(cone: Element) -> dict[str, float]:
     """Read a ``<sonar>``; its ``radius`` is the radius of the cone at the maximum range."""
     low, high, radius = (
-        read_positive(require_child(cone, name), 1)[0] for name in ("min", "max", "radius")
+        xml.read_positive(xml.require_child(cone, name), 1)[0] for name in ("min", "max", "radius")
     )
     _check_order(cone, low, high)
     fov_deg = math.degrees(2.0 * elementary.atan(radius / high))
@@ -216,10 +205,10 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
     """Read a ray sensor: a lidar, or a sonar if only its nearest hit is published."""
     rays = next((child for tag in ("lidar", "ray") for child in element.iterfind(tag)), None)
     if rays is None:
-        raise element_error(element, "must have a <ray> or <lidar>", "add it")
-    scan = require_child(rays, "scan")
-    beams, low, high, notes = _read_fan(require_child(scan, "horizontal"))
-    settings = {**sensor.settings, **_read_limits(require_child(rays, "range"))}
+        raise xml.element_error(element, "must have a <ray> or <lidar>", "add it")
+    scan = xml.require_child(rays, "scan")
+    beams, low, high, notes = _read_fan(xml.require_child(scan, "horizontal"))
+    settings = {**sensor.settings, **_read_limits(xml.require_child(rays, "range"))}
     noise = read_ray_noise(element, rays)
     settings |= noise.settings
     told = noise.notes
@@ -237,7 +226,7 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
     settings["fov_deg"] = math.degrees(min(high - low, _FULL_TURN))
     if any(_RANGE_PLUGIN in filename for filename in plugins):
         return replace(sensor, kind=SONAR, pose=pose, settings=settings, notes=told)
-    vertical = find_child(scan, "vertical")
+    vertical = xml.find_child(scan, "vertical")
     if vertical is not None and _read_fan(vertical)[0] > 1:
         notes += ("has several layers, of which only the level one is used",)
     if max(high, -low) > LARGEST_RAD:
@@ -253,9 +242,9 @@ def _read_fan(fan: Element) -> tuple[int, float, float, tuple[str, ...]]:
     is ``<samples>`` times ``<resolution>``, rounded down (``RaySensor.cc``, ``Lidar.cc`` of
     gz-sensors).
     """
-    samples = max(1, round(read_positive(require_child(fan, "samples"), 1)[0]))
-    resolution = find_child(fan, "resolution")
-    scale = 1.0 if resolution is None else read_positive(resolution, 1)[0]
+    samples = max(1, round(xml.read_positive(xml.require_child(fan, "samples"), 1)[0]))
+    resolution = xml.find_child(fan, "resolution")
+    scale = 1.0 if resolution is None else xml.read_positive(resolution, 1)[0]
     ranges = max(1, int(samples * scale))
     text = (
         f"casts {samples} rays for {ranges} ranges (<resolution>); evoros casts one ray for each "
@@ -263,18 +252,20 @@ def _read_fan(fan: Element) -> tuple[int, float, float, tuple[str, ...]]:
     )
     notes = (text,) * (ranges != samples)
     low, high = (
-        0.0 if edge is None else read_number(edge, "an angle", math.isfinite)
-        for edge in (find_child(fan, "min_angle"), find_child(fan, "max_angle"))
+        0.0 if edge is None else xml.read_number(edge, "an angle", math.isfinite)
+        for edge in (xml.find_child(fan, "min_angle"), xml.find_child(fan, "max_angle"))
     )
     if high < low:
         problem = f"must have a max_angle of at least its min_angle ({low:g}), not {high:g}"
-        raise element_error(fan, problem, "swap the two")
+        raise xml.element_error(fan, problem, "swap the two")
     return ranges, low, high, notes
 
 
 def _read_limits(element: Element) -> dict[str, float]:
-    low = read_number(require_child(element, "min"), "at least 0", lambda value: value >= 0.0)
-    high = read_meaning(require_child(element, "max"), "range/max")
+    low = xml.read_number(
+        xml.require_child(element, "min"), "at least 0", lambda value: value >= 0.0
+    )
+    high = xml.read_meaning(xml.require_child(element, "max"), "range/max")
     _check_order(element, low, high)
     return {"range_min_m": low} | ({"range_max_m": high} if math.isfinite(high) else {})
 
@@ -282,4 +273,4 @@ def _read_limits(element: Element) -> dict[str, float]:
 def _check_order(element: Element, low: float, high: float) -> None:
     if low >= high:
         problem = f"must have a min below its max ({high:g} m), not {low:g} m"
-        raise element_error(element, problem, "lower min or raise max")
+        raise xml.element_error(element, problem, "lower min or raise max")

@@ -67,8 +67,7 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
         again = _request_expansion(later, file, options.time_limit_s)
         if "error" not in again:
             _LOG.warning(
-                "%s: uses names before they are defined, so definitions are read first",
-                file,
+                "%s: uses names before they are defined, so definitions are read first", file
             )
             answer = again
     absences = _collect_absences(file, answer.get("absent", {}), options)
