@@ -24,7 +24,7 @@ from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import RuleSimulation, open_alone
 from evoros.world.model import World
 
-calm = settings(deadline=None, max_examples=60)
+calm = settings(max_examples=25)
 speeds = st.floats(-0.39, 0.39)
 steerings = st.floats(-0.6, 0.6)
 coordinates = st.floats(-6.0, 6.0)

@@ -63,23 +63,16 @@ def test_missions_run_together_have_the_bytes_of_missions_alone() -> None:
 
 
 LONG = "course.time_limit_s=100"  # so that failures come
-POSE_FILTERS = ("pose_drift", "pose_jump", "pose_noise")
-PLACES = {
-    "filter": "+filter@design.sensors.sonar.filters.extra",
-    "sensor": "+sensor@design.sensors.extra",
-}
-GROUPS = ["failure", "filter", "sensor", "controller", "controller/avoidance", "robot", "design"]
-GROUPS += ["controller/localization", "controller/navigation", "world", "walkers", "agents"]
-GROUPS += ["experiment", "simulator", "failure/onset"]
+PLACES = {"sensor": "+sensor@design.sensors.extra"}
+GROUPS = ["failure", "sensor", "controller", "controller/avoidance", "robot", "world", "walkers"]
+GROUPS += ["controller/localization", "controller/navigation", "simulator", "failure/onset"]
 NEEDED = {
     "controller=ardupilot": ["controller.binary=/bin/true"],
     "controller=program": ["controller.command=[/bin/true]"],
     "controller=ros1": ["controller.nodes=[[/bin/true]]"],
     "controller=ros2": ["controller.nodes=[[/bin/true]]"],
     "robot=courier": ["design=around"],
-    "filter=constant": ["design.sensors.sonar.filters.extra.value=1.0"],
     "sensor=infrared": ["controller.avoidance.range_m=0.7"],
-    "design=priced_sensors": ["controller.avoidance.range_m=0.7"],
     "controller/localization=dead_reckoning": ["design=reckoning"],
     **{f"failure/onset={name}": ["failure=drive"] for name in kinds("failure/onset")},
 }
@@ -96,8 +89,6 @@ def choose(group: str) -> dict[str, Experiment]:
     chosen = {}
     for name in kinds(group):
         choice, place = f"{group}={name}", PLACES.get(group, group)
-        if group == "filter" and name in POSE_FILTERS:
-            place = "+filter@controller.localization.extra"
         if choice not in USERS:
             chosen[choice] = experiment_of(LONG, f"{place}={name}", *NEEDED.get(choice, []))
     return chosen
@@ -106,7 +97,7 @@ def choose(group: str) -> dict[str, Experiment]:
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_missions_with_each_choice_of_each_group_run_together_or_have_no_kernel() -> None:
-    """A new part is among them by its YAML file; so are parts that are chosen together.
+    """A new part is among them by its YAML file, a filter by those that are chosen together.
 
     All are one launch, because the kernel is made again for each launch with new rules.
     """

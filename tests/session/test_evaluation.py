@@ -39,7 +39,7 @@ from evoros.session.given_designs import read_given
 from evoros.storage import run_folder
 from evoros.storage.champion_files import DESIGN_COLUMNS, design_table
 from evoros.storage.creation import create_folder
-from evoros.terminal.console import DONE, INPUT, INTERRUPTED, STOPPED
+from evoros.terminal.console import DONE, INPUT, STOPPED
 
 HEADER = "design,sensor,x_m,y_m,yaw_deg"
 TWO = f"{HEADER}\nb,0,0.2,0,0\nb,1,0.2,0.05,30\n7,0,0.1,0,-60\n"
@@ -311,15 +311,7 @@ def test_a_sweep_is_one_evaluation_for_each_combination(file: Path, tmp_path: Pa
 # Interruption -------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
-def test_the_same_bytes_for_any_number_of_workers(whole: Path, file: Path, tmp_path: Path) -> None:
-    more = ["trials=3", "executor=processes", "executor.workers=2"]
-    assert scored(tmp_path / "scores", file, *more) == DONE
-    ours = content(tmp_path / "scores")
-    assert ours | {"config.yaml": b""} == content(whole) | {"config.yaml": b""}
-
-
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_an_evaluation_cut_anywhere_ends_with_the_same_bytes(
     seed: int, whole: Path, tmp_path: Path
 ) -> None:
@@ -333,35 +325,32 @@ def test_an_evaluation_cut_anywhere_ends_with_the_same_bytes(
     assert content(folder) == content(whole)
 
 
-def test_missing_rows_in_the_middle_change_nothing(whole: Path, tmp_path: Path) -> None:
+@pytest.mark.slow
+def test_rows_missing_repeated_and_out_of_order_run_in_processes(
+    whole: Path, tmp_path: Path
+) -> None:
     folder = tmp_path / "gaps"
     shutil.copytree(whole, folder)
     lines = (folder / "missions.csv").read_bytes().splitlines(keepends=True)
-    (folder / "missions.csv").write_bytes(b"".join(lines[:1] + lines[2:5] + lines[6:] + lines[7:9]))
-    assert resume(folder) == DONE
-    again = set((folder / "missions.csv").read_bytes().splitlines())
-    assert again == set((whole / "missions.csv").read_bytes().splitlines())
-    assert (folder / "designs.csv").read_bytes() == (whole / "designs.csv").read_bytes()
+    assert len(lines) == 13
+    lines = [lines[0], *lines[12:5:-1], *lines[7:9], *lines[2:5]]
+    (folder / "missions.csv").write_bytes(b"".join(lines))
+    assert resume(folder, "executor=processes", "executor.workers=2") == DONE
+    for name in ("missions.csv", "designs.csv"):
+        assert (folder / name).read_bytes() == (whole / name).read_bytes()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("signum", "status"),
-    [(signal.SIGINT, INTERRUPTED), (signal.SIGTERM, STOPPED), (signal.SIGKILL, -signal.SIGKILL)],
-)
-def test_a_signal_loses_nothing_and_the_folder_stands_alone(
-    signum: signal.Signals, status: int, whole: Path, tmp_path: Path
-) -> None:
+def test_a_signal_loses_nothing_and_the_folder_stands_alone(whole: Path, tmp_path: Path) -> None:
     (tmp_path / "two.csv").write_text(TWO)
-    more = ["designs=two.csv", "trials=3", "simulator.pause_s=0.2", "executor.workers=2"]
+    more = ["designs=two.csv", "trials=3", "simulator.pause_s=0.1", "executor.workers=2"]
     process = start(["evaluate", *TINY, *more, "hydra.run.dir=scores"], tmp_path)
     wait_for_missions(tmp_path / "scores", 3)
-    process.send_signal(signum)
+    process.send_signal(signal.SIGTERM)
     _, err = process.communicate()
-    assert process.returncode == status
+    assert process.returncode == STOPPED
     assert "Traceback" not in err
-    if signum != signal.SIGKILL:
-        assert f"evoros resume scores {OPTION}" in err
+    assert f"evoros resume scores {OPTION}" in err
     flown = (tmp_path / "scores" / "missions.csv").read_bytes().rpartition(b"\n")[0]
     (tmp_path / "two.csv").unlink()
     assert resume(tmp_path / "scores", "executor=serial") == DONE
@@ -415,16 +404,16 @@ def test_memory_does_not_grow_with_the_missions(
 
     monkeypatch.setattr(dispatcher.Dispatcher, "run", instant)
     monkeypatch.setattr(run_folder, "create_folder", create)
-    rows = "\n".join(f"{i},0,0.1,0,{i}" for i in range(40))
-    (tmp_path / "forty.csv").write_text(f"{HEADER}\n{rows}\n")
+    rows = "\n".join(f"{i},0,0.1,0,{i}" for i in range(20))
+    (tmp_path / "twenty.csv").write_text(f"{HEADER}\n{rows}\n")
     peaks: list[int] = []
     for trials in (10, 100):
         folder = tmp_path / f"{trials}"
-        assert scored(folder, tmp_path / "forty.csv", f"trials={trials}") == DONE
+        assert scored(folder, tmp_path / "twenty.csv", f"trials={trials}") == DONE
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-        assert len((folder / "missions.csv").read_text().splitlines()) == 1 + 40 * 2 * trials
-    assert peaks[1] < peaks[0] + 1_000_000  # all missions would be several times as much
+        assert len((folder / "missions.csv").read_text().splitlines()) == 1 + 20 * 2 * trials
+    assert peaks[1] < peaks[0] + 500_000  # all missions would be several times as much
 
 
 # What is refused ----------------------------------------------------------------------------

@@ -1,11 +1,12 @@
 """A run draws its own figures when it is finished, whatever becomes of them."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pandas as pd
 import pytest
-from helpers import content, everything, resume, tiny
+from helpers import content, copied, everything, resume, tiny
 
 from evoros.terminal.console import DONE, INPUT
 
@@ -55,22 +56,14 @@ def test_the_summary_says_where(
 
 
 @pytest.mark.slow
-def test_workers_draw_the_same_bytes(run: Path, tmp_path: Path) -> None:
-    again = tmp_path / "run"  # of the same name
-    assert tiny(again, WANTED, "executor=processes", "executor.workers=1") == DONE
-    assert everything(again / "figures") == everything(run / "figures")
-
-
-@pytest.mark.slow
-def test_resuming_draws_what_is_missing_and_nothing_again(tmp_path: Path) -> None:
-    folder = tmp_path / "run"
-    assert tiny(folder, "figures=[fitness,mission]", "optimizer.generations=1") == DONE
-    before, bytes_before = stamps(folder), everything(folder / "figures")
+def test_workers_draw_what_is_missing_and_nothing_again(run: Path, tmp_path: Path) -> None:
+    folder = copied(run, tmp_path / "run")  # of the same name
+    before = stamps(folder)
     for file in (folder / "figures").glob("fitness.*"):
         file.unlink()
-    assert resume(folder) == DONE
+    assert resume(folder, "executor=processes", "executor.workers=1") == DONE
+    assert everything(folder / "figures") == everything(run / "figures")
     after = stamps(folder)
-    assert everything(folder / "figures") == bytes_before
     kept = [name for name in before if not name.startswith("fitness")]
     assert all(after[name] == before[name] for name in kept)
 
@@ -104,17 +97,14 @@ def test_a_figure_that_raises_leaves_a_finished_run_and_one_warning(
 
 @pytest.mark.slow
 def test_where_nothing_can_be_written_the_run_is_finished_all_the_same(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """In worker processes, with a file in the place of the folder."""
-    folder = tmp_path / "run"
-    assert tiny(folder, "figures=[fitness]", "optimizer.generations=1") == DONE
-    for file in (folder / "figures").iterdir():
-        file.unlink()
-    (folder / "figures").rmdir()
+    """There is a file in the place of the folder."""
+    folder = copied(run, tmp_path / "run")
+    shutil.rmtree(folder / "figures")
     (folder / "figures").write_text("")
     capsys.readouterr()
-    assert resume(folder, "executor=processes", "executor.workers=1") == DONE
+    assert resume(folder) == DONE
     warnings = [line for line in capsys.readouterr().err.splitlines() if "fitness: " in line]
     assert len(warnings) == 1
     assert "cannot be drawn" in warnings[0]

@@ -8,27 +8,23 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
-from dask_cases import cluster
-from helpers import everything
+from helpers import ROOT, everything
 
 from evoros.cli.main import evoros
-from evoros.session.diff import diff_runs
 from evoros.terminal.console import DONE
 
 SMALL = ("simulator=planar", "executor=serial", "figures=[]", "record=all", "trials=1")
 OPTIMIZER = ("population_size=3", "generations=2", "validation_trials=1")
 TINY = (*SMALL, *(f"optimizer.{setting}" for setting in OPTIMIZER))
+NOISE = "+filter@controller.localization.noise=pose_noise"
 CASES = {
-    "failures": ("failure=combined", "+filter@controller.localization.noise=pose_noise"),
-    "spatial": ("failure=spatial", "controller=rover_l1"),
     "generated": ("experiment=yard", "failure=random"),
-    "team": ("experiment=two_rovers",),
-    "reckoning": ("experiment=reckoning",),
+    "team": ("experiment=two_rovers", "failure=spatial", "controller=rover_l1", NOISE),
+    "reckoning": ("experiment=reckoning", "failure=combined"),
     "lidar": ("experiment=lidar", "failure=random"),
     "rooms": ("experiment=rooms",),
 }
@@ -44,33 +40,19 @@ def older_processor() -> dict[str, str]:
     }
 
 
-ALL = """
+ALL = f"""
 import sys
-from evoros.cli.main import evoros
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from test_processors import run_cases
 
-for line in sys.argv[1:]:
-    assert evoros(line.split(" ")) == 0
+run_cases(".")
 """
 
 
-def run_cases(folder: Path, settings: Mapping[str, str], cases: Iterable[str]) -> Path:
-    """Run small experiments in a process of their own, each into the folder of its name."""
-    lines = [" ".join([*TINY, *CASES[case], f"hydra.run.dir={case}"]) for case in cases]
-    folder.mkdir()
-    subprocess.run(
-        [sys.executable, "-c", ALL, *lines],
-        cwd=folder,
-        env={**os.environ, **settings},
-        stdout=subprocess.DEVNULL,
-        check=True,
-    )
-    return folder
-
-
-def require_same(case: str, here: Path, there: Path) -> None:
-    ours, theirs = (results(folder / case) for folder in (here, there))
-    assert ours.keys() == theirs.keys()
-    assert [name for name in ours if ours[name] != theirs[name]] == []
+def run_cases(folder: str | Path) -> None:
+    """Run small experiments, each into the folder of its name."""
+    for case, parts in CASES.items():
+        assert evoros([*TINY, *parts, f"hydra.run.dir={folder}/{case}"]) == DONE
 
 
 def results(folder: Path) -> dict[str, bytes]:
@@ -81,36 +63,18 @@ def results(folder: Path) -> dict[str, bytes]:
     return {name: files[name] for name in files if name.startswith(names)}
 
 
-@pytest.fixture(scope="module")
-def everywhere(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """All cases as this processor runs them, and as an older one does, for which rules differ."""
-    folder = tmp_path_factory.mktemp("processors")
+@pytest.mark.slow
+def test_every_kind_of_run_has_the_same_bytes_with_older_instructions(tmp_path: Path) -> None:
+    here, there = tmp_path / "here", tmp_path / "there"
+    run_cases(here)
+    there.mkdir()
     older = older_processor() | {"NUMBA_CPU_NAME": "generic"}
-    return run_cases(folder / "here", {}, CASES), run_cases(folder / "there", older, CASES)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", [*CASES])
-def test_every_kind_of_run_has_the_same_bytes_with_older_instructions(
-    case: str, everywhere: tuple[Path, Path]
-) -> None:
-    require_same(case, *everywhere)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="takes processors of Linux")
-def test_a_cluster_of_different_processors_has_the_folder_of_this_one(tmp_path: Path) -> None:
-    """Of a dask cluster, one of the two workers computes like an older processor."""
-    arguments = [word for word in TINY if not word.startswith(("executor", "trials"))]
-    arguments += [*CASES["failures"], "trials=2"]
-    here, there = (tmp_path / name for name in ("here", "there"))
-    assert evoros([*arguments, "executor=serial", f"hydra.run.dir={here}"]) == DONE
-    with cluster(tmp_path, workers=1) as mixed:
-        mixed.add_worker(older_processor())
-        assert evoros([*arguments, "executor=dask", mixed.key, f"hydra.run.dir={there}"]) == DONE
-    compared = diff_runs(here, there)
-    assert compared.difference == ""
-    assert compared.missions > 0
+    environment = {**os.environ, **older, "PYTHONPATH": str(ROOT / "tests")}
+    subprocess.run([sys.executable, "-c", ALL], cwd=there, env=environment, check=True)
+    for case in CASES:
+        ours, theirs = (results(folder / case) for folder in (here, there))
+        assert ours.keys() == theirs.keys()
+        assert [name for name in ours if ours[name] != theirs[name]] == []
 
 
 def test_the_settings_change_what_the_libraries_compute() -> None:

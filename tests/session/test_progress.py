@@ -67,11 +67,13 @@ def test_nothing_is_promised_before_anything_is_known(monkeypatch: pytest.Monkey
     assert after(4, 1, monkeypatch).startswith("generation 0/3 | missions 1/8 | ")
 
 
-@pytest.fixture
-def terminal(tmp_path: Path) -> Iterator[tuple[int, "subprocess.Popen[bytes]"]]:
+@pytest.fixture(params=["executor.workers=1"])
+def terminal(
+    request: pytest.FixtureRequest, tmp_path: Path
+) -> Iterator[tuple[int, "subprocess.Popen[bytes]"]]:
     """The command on a terminal of its own: the side of the person, and the process."""
     person, machine = pty.openpty()
-    more = ["simulator.pause_s=0.1", "executor.workers=1", "hydra.run.dir=run"]
+    more = ["simulator.pause_s=0.1", request.param, "hydra.run.dir=run"]
     code = "from evoros.cli.main import main; main()"
     process = subprocess.Popen(
         [sys.executable, "-c", code, *TINY, *more],
@@ -103,6 +105,7 @@ HIDE, SHOW = "\x1b[?25l", "\x1b[?25h"
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("terminal", ["executor=serial"], indirect=True)
 def test_the_live_line_counts_and_leaves_the_terminal_as_it_was(
     terminal: tuple[int, "subprocess.Popen[bytes]"],
 ) -> None:
@@ -297,7 +300,8 @@ def test_evaluations_in_a_script_are_not_silent(
 ) -> None:
     monkeypatch.setattr(Pipe, "first_s", 0.0)
     monkeypatch.setattr(Pipe, "period_s", 0.01)
-    config = evoros.compose(["experiment=tiny", "simulator.pause_s=0.05"], config_dir=USER_PARTS)
+    slow = ["experiment=tiny", "executor=serial", "simulator.pause_s=0.05"]
+    config = evoros.compose(slow, config_dir=USER_PARTS)
     with evoros.Evaluator(config) as evaluator:
         design = evaluator.space.decode(np.full(evaluator.space.size, 0.5))
         evaluator.score([design, design])

@@ -120,7 +120,7 @@ def test_they_touch_in_the_same_places(
 ) -> None:
     robot, full = experiment.robot, experiment.world[name]
     for touching, bounds in ((True, (0.0, 0.0)), (False, (1e-4, 0.05))):
-        for world in standing(12, robot, full, *bounds):
+        for world in standing(6, robot, full, *bounds):
             assert touches(engine(), robot, world) == touching
             assert touches(Planar(), robot, world) == touching
 
