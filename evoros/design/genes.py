@@ -11,8 +11,7 @@ from evoros.base import checks
 from evoros.base.errors import InputError
 
 Part = TypeVar("Part")
-BOUNDS = ("low", "high")
-"""Configuration keys of a gene's bounds."""
+BOUNDS = ("low", "high")  # configuration keys of a gene's bounds
 
 # Robot values may evolve only if no file sets them. Evolving worlds, failures or the simulator
 # would make the test easier instead of the robot better.

@@ -25,8 +25,7 @@ CELLS = {"z_m": 2, "x_m": 12, "y_m": 12, "arc": 32, "yaw_deg": 8, "pitch_deg": 2
 _MAX_BLIND = 0.5
 """Maximum fraction of a sensor's channels that the robot may block; a sonar has one channel."""
 
-_MIRRORED = (1.0, -1.0, 1.0, -1.0, 1.0)
-"""Factors that mirror a pose (x, y, z, yaw, pitch)."""
+_MIRRORED = (1.0, -1.0, 1.0, -1.0, 1.0)  # factors that mirror a pose (x, y, z, yaw, pitch)
 
 
 @dataclass(frozen=True)

@@ -231,8 +231,7 @@ def _find_drives() -> Mapping[str, type[DriveDescription]]:
 
 _LOG = logging.getLogger(__name__)
 
-DRIVES = _find_drives()
-"""The drives that can be detected, keyed by ``kind``."""
+DRIVES = _find_drives()  # drives that can be detected, keyed by ``kind``
 
 
 def _choose_kind(pairs: Sequence[Pair]) -> str:

@@ -28,8 +28,7 @@ _SEPARATOR = re.compile(r"[,\s]+")  # separator of a plugin's joint names
 _WHEEL = re.compile(r"wheel|whl|tire|tyre|hub(?!cap)", re.IGNORECASE)
 _STEERING = re.compile(r"steer|hinge|knuckle|kingpin|ackermann", re.IGNORECASE)
 MAX_LACK = 0.15  # maximum deviation from roundness of a part that may be a wheel
-MIN_RADIUS_M = 0.01
-"""Radius [m] up to which a part counts as a wheel only if the user names it."""
+MIN_RADIUS_M = 0.01  # radius [m] up to which a part counts as a wheel only if the user names it
 DEFAULT_SPEED_MPS = 0.5  # used if the wheels state no velocity limit
 MAX_DEFAULT_SPEED_MPS = 1.0  # applies even if the wheels state a higher limit
 DEFAULT_BICYCLE_STEERING_RAD = 0.9  # used if nothing steers; the turning radius is 0.79 tracks

@@ -124,11 +124,9 @@ TOLERANCE_M = 1e-3
 TOLERATED_M, TOLERATED_SHARE = 5e-3, 0.05
 """Maximum deviation of a wheel's position: a distance [m], or a fraction of its radius."""
 
-TOLERATED_SKEW = 0.02
-"""Maximum misalignment of an axle's wheels, as a fraction of its track."""
+TOLERATED_SKEW = 0.02  # maximum misalignment of an axle's wheels, as a fraction of its track
 
-CASTER_GAP_M = 12e-3
-"""Maximum distance [m] between a caster's lowest point and the ground."""
+CASTER_GAP_M = 12e-3  # maximum distance [m] between a caster's lowest point and the ground
 
 FORWARD, LEFT, UP = range(3)
 

@@ -52,8 +52,7 @@ class Candidate:
         return float(self.wheel.centre[1])
 
 
-Pair = tuple[Candidate, Candidate]
-"""Wheels opposite each other, left and right."""
+Pair = tuple[Candidate, Candidate]  # wheels opposite each other, left and right
 
 
 def group_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:

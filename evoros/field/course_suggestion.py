@@ -57,8 +57,7 @@ HOMES, CORNERS, TRIES = 12, 60, 4000
 LARGE_ENOUGH_M = 24.0  # size of a loop below which other homes are tried
 ROOM_M = 12.0  # size of a loop below which other attempts are made
 SHARES = np.linspace(0.0, 1.0, 9)  # fractions of a leg at which the clearance is checked
-THIN = 0.02
-"""Area over squared length below which a loop is nearly a line; a square has 0.06."""
+THIN = 0.02  # area over squared length below which a loop is nearly a line; a square has 0.06
 STRAIGHT = 0.7  # maximum absolute cosine of the angle of a turn
 MEETING_M, MISSING = 2.0, 0.2
 """Distance within which a loop should meet an obstacle; weight of a loop that meets none."""

@@ -15,8 +15,7 @@ from evoros.geometry.shapes import Body
 from evoros.world.course import Course
 from evoros.world.model import KEPT_WORLDS, World, WorldSampler
 
-FIXED = "fixed"
-"""Key of the random draws of a world that is the same in all missions."""
+FIXED = "fixed"  # key of the random draws of a world that is the same in all missions
 
 
 class Noted(Protocol):

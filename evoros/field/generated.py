@@ -27,16 +27,14 @@ from evoros.world.model import World
 
 MAX_ATTEMPTS = 50
 """Maximum number of times that placement is restarted because an obstacle does not fit."""
-MIN_SHARE = 0.5
-"""Fraction of placed obstacles below which no further attempt is made."""
+MIN_SHARE = 0.5  # fraction of placed obstacles below which no further attempt is made
 
 EXTENT = checks.Rule(
     "two numbers [x, y] greater than 0",
     lambda v: isinstance(v, list | tuple) and len(v) == 2 and all(map(checks.POSITIVE.holds, v)),
     limit=10_000.0,
 )
-MAX_COUNT = 100_000
-"""Maximum number of obstacles in a field; more take hours to place."""
+MAX_COUNT = 100_000  # maximum number of obstacles in a field; more take hours to place
 
 
 @dataclass(frozen=True)

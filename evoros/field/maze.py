@@ -23,10 +23,8 @@ MAX_ATTEMPTS = 10_000
 """Maximum number of mazes drawn to find a corridor through all waypoints in order."""
 OFF_CENTRE = 0.1
 """Maximum distance of a waypoint from its cell's centre, as a fraction of the corridor's width."""
-Cell = tuple[int, int]
-"""The column (along x) and row (along y) of a cell."""
-Doors = dict[Cell, set[Cell]]
-"""The neighbours to which each cell has a door."""
+Cell = tuple[int, int]  # column (along x) and row (along y) of a cell
+Doors = dict[Cell, set[Cell]]  # neighbours to which each cell has a door
 Run = tuple[int, int, int]
 """A wall: the index of its grid line, and the indices of the lines at which it starts and ends."""
 

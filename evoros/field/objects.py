@@ -18,8 +18,7 @@ from evoros.world.course import A_COURSE, Course
 from evoros.world.floors import GROUND
 from evoros.world.model import World
 
-MAX_ATTEMPTS = 1000
-"""Maximum number of positions drawn for one decoy."""
+MAX_ATTEMPTS = 1000  # maximum number of positions drawn for one decoy
 BEHIND_M = 0.1
 """Distance between a waypoint, which must be free, and the nearest point of the object behind."""
 

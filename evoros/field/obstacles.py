@@ -18,8 +18,7 @@ from evoros.geometry.polygon import polygon_distance
 from evoros.geometry.polyhedron import solid_moments
 from evoros.geometry.shapes import MASS, Body, Pose, Shape
 
-_MIN_SIZE_M = 0.001
-"""Minimum size [m], and the step [m] to which sizes are rounded."""
+_MIN_SIZE_M = 0.001  # minimum size [m], and the step [m] to which sizes are rounded
 
 SIZE = checks.Rule(
     f"a number of at least {_MIN_SIZE_M:g}, or [low, high] of such numbers with low <= high",
@@ -121,8 +120,7 @@ class Passage:
         return False
 
 
-MAX_POSES = 300
-"""Maximum number of poses tried for one obstacle."""
+MAX_POSES = 300  # maximum number of poses tried for one obstacle
 
 
 @dataclass

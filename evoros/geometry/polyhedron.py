@@ -14,8 +14,7 @@ from evoros.base.arrays import Array, determinant, length, product
 from evoros.geometry.shapes import Shape, Vector
 from evoros.geometry.triangles import Indices, Surface, find_normals, group_connected, list_edges
 
-_SAME_FACE = 9
-"""Number of decimals to which the planes of two triangles on one face agree."""
+_SAME_FACE = 9  # number of decimals to which the planes of two triangles on one face agree
 
 
 class Polyhedron(NamedTuple):

@@ -17,10 +17,8 @@ OBSTACLE_SIZE = EXTENT + 3
 BOX, CYLINDER, SPHERE, CONVEX = 0.0, 1.0, 2.0, 3.0
 Frame = tuple[float, float, float, float, float, float, float, float, float]
 """The rows of a rotation matrix."""
-Point = tuple[float, float, float]
-"""x, y, z [m]."""
-MARGIN_M = 1e-9
-"""Upper bound [m] on the rounding error of a distance."""
+Point = tuple[float, float, float]  # x, y, z [m]
+MARGIN_M = 1e-9  # upper bound [m] on the rounding error of a distance
 FACE_SIZE = 4
 """Size of a face: outward normal (3,), and distance [m] from the polyhedron's origin along it."""
 

@@ -42,8 +42,7 @@ TOLERANCE = 0.05  # relative to the commanded motion
 SKIDDING_TOLERANCE = 0.1  # wider if wheels slip: the model assumes equal loads and points
 MAX_SUNK_M, MAX_TILT_DEG = 0.01, 5.0
 ALIKE = 0.05  # maximum difference between deviations that are reported together
-FIRM_GRIP_MPS2 = 8.0
-"""The lateral acceleration above which wheels slip on common ground."""
+FIRM_GRIP_MPS2 = 8.0  # lateral acceleration above which wheels slip on common ground
 RIGHT = ", in which the robot moves as commanded"
 
 

@@ -45,8 +45,7 @@ def try_rules(inputs: LoopInputs, readings: int) -> None:
             check_answer("", function.function, COMMAND, command)
 
 
-FOREIGN = object()
-"""The result for a rule that is not user-defined."""
+FOREIGN = object()  # result for a rule that is not user-defined
 
 
 def _call(rule: Any, *arguments: Any) -> Any:

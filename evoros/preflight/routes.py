@@ -30,8 +30,7 @@ MAX_RATIO = 3.0
 
 It is 2.5 in ``world=dense``, where the designs evolved in the studies still make progress.
 """
-FIT_RATIO = 2.0
-"""The ratio that warnings suggest."""
+FIT_RATIO = 2.0  # ratio that warnings suggest
 CELL_M = 0.1  # cell size of the search grid
 MAX_CELLS = 400  # maximum number of cells along each side of the grid
 

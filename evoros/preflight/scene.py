@@ -98,11 +98,9 @@ def find_avoidance_range(controller: object) -> tuple[str, float] | None:
 
 
 TRIALS = 3
-MARGIN_M = 1.0
-"""Maximum distance [m] of a waypoint outside the bounding box of the obstacles."""
+MARGIN_M = 1.0  # maximum distance [m] of a waypoint outside the bounding box of the obstacles
 SAMPLES = 100
-WALLED_SHARE = 0.9
-"""Minimum fraction of each side that obstacles must cover; the rest are doors."""
+WALLED_SHARE = 0.9  # minimum fraction of each side that obstacles must cover; the rest are doors
 
 
 def check_waypoints(experiment: Experiment) -> Iterator[str]:
@@ -224,8 +222,7 @@ def place_robots(scenario: Scenario, members: Sequence[Member]) -> dict[str, lis
     }
 
 
-DRAWS = 20
-"""Number of missions for which faults are drawn."""
+DRAWS = 20  # number of missions for which faults are drawn
 
 
 def check_onsets(subject: Subject) -> Iterator[str]:

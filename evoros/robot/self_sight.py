@@ -24,8 +24,7 @@ SURFACE_M = 1e-3
 MAX_DIRECTIONS = 36
 """Maximum number of directions sampled per scanning sensor when many poses are checked."""
 
-_OUTSIDE_M = 100.0
-"""A distance [m] at which any ray has left the robot."""
+_OUTSIDE_M = 100.0  # distance [m] at which any ray has left the robot
 
 
 class SelfSight(NamedTuple):

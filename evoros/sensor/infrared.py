@@ -16,8 +16,7 @@ from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.gazebo_rays import Fan, gazebo_rays
 from evoros.sensor.protocol import BEAM, BOX, RangeSensor, find_field
 
-RIM = 8
-"""Number of rays on the edge of the cone, in addition to the central ray."""
+RIM = 8  # number of rays on the edge of the cone, in addition to the central ray
 
 
 @dataclass(frozen=True)

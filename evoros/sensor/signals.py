@@ -22,5 +22,4 @@ robot.
 """
 
 # CONTACT: contacts of the robot in the zone of a ``ContactSensor``
-TOUCHES = 0
-"""Index in CONTACT: number of simulation steps with a contact since the start."""
+TOUCHES = 0  # index in CONTACT: number of simulation steps with a contact since the start

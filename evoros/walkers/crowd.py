@@ -117,8 +117,7 @@ class Walkers:
 WALKERS = checks.mapping_of(Walkers, "walkers (evoros.walkers.crowd.Walkers)")
 
 
-AWAY_M = 1e5
-"""Distance at which the walkers absent from a mission are placed, 10 m apart."""
+AWAY_M = 1e5  # distance at which the walkers absent from a mission are placed, 10 m apart
 
 
 class Walker(NamedTuple):

@@ -24,8 +24,7 @@ REACHED_M, PASSED_M = 0.3, 1.0
 """Distances at which a corner counts as reached, before and after the walker passes it."""
 FOREIGN_REACH_M = 2.5
 """Distance [m] beyond which obstacles have no effect; their potential has fallen to e**-12."""
-STRIDE_S = 2.0
-"""Time ahead for which others stay out of a walker's path, as in the paper."""
+STRIDE_S = 2.0  # time ahead for which others stay out of a walker's path, as in the paper
 SIGHT_COS, UNSEEN = -0.17364817766693033, 0.5
 """The cosine of half the field of view (100 degrees) and the weight of unseen forces (paper)."""
 SLOW, BLOCKED_S = 0.1, 3.0

@@ -13,8 +13,7 @@ from evoros.walkers import layout as at
 from evoros.walkers.forces import find_obstacle, find_robot, is_near, steer
 from evoros.walkers.layout import Walk, Walking
 
-_FASTEST_MPS = 10.0
-"""Speed above which an actor jumps to the start of its next round."""
+_FASTEST_MPS = 10.0  # speed above which an actor jumps to the start of its next round
 SLIDES = 3  # maximum number of deflections by obstacles in one step
 
 

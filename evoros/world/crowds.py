@@ -22,10 +22,8 @@ from evoros.world.floors import project_ground
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
-MARGIN_M = 0.1
-"""Minimum distance [m] of drawn routes from obstacles."""
-AROUND_M = 2.0
-"""Maximum distance [m] of walkers from the area with the obstacles and the course."""
+MARGIN_M = 0.1  # minimum distance [m] of drawn routes from obstacles
+AROUND_M = 2.0  # maximum distance [m] of walkers from the area with the obstacles and the course
 
 
 @lru_cache(maxsize=64)
@@ -81,15 +79,11 @@ def measure_legs(corners: Array) -> Array:
     return np.array([math.hypot(x, y) for x, y in legs.tolist()])
 
 
-MAX_DRAWS = 200
-"""Maximum number of routes or positions drawn for a walker."""
+MAX_DRAWS = 200  # maximum number of routes or positions drawn for a walker
 MIN_LEG_M = 1.0
-CORNERS = 2, 4
-"""Minimum and maximum number of corners on the way out along a drawn route."""
-CLEAR_M = 0.5
-"""Minimum distance [m] of a walker's surface from a robot at the start."""
-APART_M = 0.05
-"""Minimum distance [m] between the surfaces of two walkers at the start."""
+CORNERS = 2, 4  # minimum and maximum number of corners on the way out along a drawn route
+CLEAR_M = 0.5  # minimum distance [m] of a walker's surface from a robot at the start
+APART_M = 0.05  # minimum distance [m] between the surfaces of two walkers at the start
 
 
 class Standing(NamedTuple):

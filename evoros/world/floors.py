@@ -28,8 +28,7 @@ MAT_M = 0.015
 STAGE_M = 1.0
 """Maximum height [m] of a level top that can become the floor if it carries the course."""
 
-STEP_M = 0.1
-"""Spacing [m] of sample points along a course, which tell a floor from posts."""
+STEP_M = 0.1  # spacing [m] of sample points along a course, which tell a floor from posts
 
 _LEVEL = 1e-6
 _STEEP = 0.5  # vertical part of a plane's normal below which it is no ground

@@ -25,8 +25,7 @@ KEPT_WORLDS = 512
 Missions may run in many worlds, such as the 300 of BARN, one after another; a smaller cache would
 then never hit (67 instead of 54 ms per mission). A world with its outlines takes about 0.15 MB.
 """
-LOW_M = 0.3
-"""Minimum ground clearance [m] of an obstacle below which a waypoint may be placed."""
+LOW_M = 0.3  # minimum ground clearance [m] of an obstacle below which a waypoint may be placed
 
 
 @runtime_checkable

@@ -185,10 +185,8 @@ def _range(limit: Element) -> float:
     return upper - lower
 
 
-RADIUS_M, HEIGHT_M = 0.25, 1.7
-"""The size assumed for every actor, since skins are not read."""
-Point = tuple[float, float, float]
-"""x, y [m] and time [s]."""
+RADIUS_M, HEIGHT_M = 0.25, 1.7  # size assumed for every actor, since skins are not read
+Point = tuple[float, float, float]  # x, y [m] and time [s]
 
 
 @dataclass(frozen=True)

@@ -35,8 +35,7 @@ REACH_M = 30.0
 
 The limit does not apply if ``mesh_effort`` exceeds 1.
 """
-HIGH_M = 0.6
-"""Height above which few robots reach or look."""
+HIGH_M = 0.6  # height above which few robots reach or look
 
 
 _KINDS = (

@@ -25,8 +25,7 @@ from evoros.geometry.shapes import Body, Pose, Shape
 _WHITE = 65535  # maximum level of 16 bits
 _GREY_16 = (16, 0, 0, 0, 0)  # depth, colour type, compression, filter, interlacing of a PNG
 _PART = "part_{}"  # name of a polyhedron in the OBJ file, by its number from 1
-_GRAVITY_MPS2 = 9.81
-"""The gravity of a file that states none."""
+_GRAVITY_MPS2 = 9.81  # gravity of a file that states none
 
 _FRAME = """<?xml version="1.0"?>
 {comment}<sdf version="1.9">

@@ -24,8 +24,7 @@ _SKIPPED = ("build", "install", "log", "node_modules", "site-packages")
 _MANIFESTS = ("package.xml", "manifest.xml")
 """Manifest files of a package; the older file, from before 2012, does not state the name."""
 _IGNORED = {"COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE"}
-_SPACES = ("src", "install", "devel")
-"""Folders of a workspace that contain packages."""
+_SPACES = ("src", "install", "devel")  # folders of a workspace that contain packages
 _INDEX = "ament_index/resource_index/packages"
 """The folder in ``share`` with an empty file for each installed package."""
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)

@@ -113,15 +113,13 @@ def _tell(lost: Iterable[str], where: str) -> tuple[str, ...]:
 
 
 LIDAR, SONAR, BUMPER, IMU = "lidar", "sonar", "bumper", "imu"
-RANGE_FINDER = "multizone"
-"""The sensor type of a single-beam range finder: one zone with one ray."""
+RANGE_FINDER = "multizone"  # sensor type of a single-beam range finder: one zone with one ray
 _RAYS = ("ray", "gpu_ray", "lidar", "gpu_lidar")
 _KINDS = {"contact": BUMPER, "imu": IMU, "sonar": SONAR}
 _RANGE_PLUGIN = "range"
 """Part of the file name of ROS's plugin that publishes the nearest of all rays as one distance."""
 _FULL_TURN = 2.0 * math.pi
-_LEAST_FIELD = 1e-8
-"""Width [rad] below which a scan is a single ray."""
+_LEAST_FIELD = 1e-8  # width [rad] below which a scan is a single ray
 
 
 @dataclass(frozen=True)
