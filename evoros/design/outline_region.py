@@ -12,7 +12,15 @@ from evoros.base import elementary
 from evoros.base.arrays import Array, product
 from evoros.base.checks import INTERVAL, NOT_NEGATIVE, TEXT, Interval, bounds, checked, one_of
 from evoros.base.errors import InputError
-from evoros.design.protocol import Area, Point, Range, RegionDescription, SensorPose, check_link
+from evoros.design.protocol import (
+    Area,
+    Point,
+    Range,
+    RegionDescription,
+    SensorPose,
+    check_link,
+    require_height,
+)
 from evoros.design.region import ELEVATION, HEADING, FreePlaces, check_height, find_free_places
 from evoros.geometry.footprint import Footprint, convex_hull, distances
 from evoros.robot.model import Robot
@@ -33,17 +41,14 @@ class SideLine:
     normals_deg: tuple[float, ...]  # outward normal of each segment, or of the single corner
 
     @property
-    def length(self) -> float:
-        """The total length [m]."""
-        return math.fsum(self._lengths())
-
-    def _lengths(self) -> list[float]:
-        return [math.dist(a, b) for a, b in zip(self.corners, self.corners[1:], strict=False)]
+    def lengths(self) -> list[float]:
+        """The length [m] of each segment."""
+        return [math.dist(a, b) for a, b in pairwise(self.corners)]
 
     def at(self, share: float) -> tuple[Point, float]:
         """Return the point at a fraction of the length, and the outward normal [deg] there."""
-        rest = share * self.length
-        for i, length in enumerate(self._lengths()):
+        rest = share * math.fsum(self.lengths)
+        for i, length in enumerate(self.lengths):
             if rest <= length:
                 (ax, ay), (bx, by) = self.corners[i], self.corners[i + 1]
                 part = rest / length
@@ -67,7 +72,8 @@ def trace_side(outline: Array, side: str) -> SideLine:
         if a == b:
             continue
         normal = math.degrees(elementary.atan2(a[0] - b[0], b[1] - a[1]))
-        turn = _wrap(normal - direction)
+        turn = normal - direction
+        turn -= 360.0 * math.ceil((turn - 180.0) / 360.0)
         if abs(turn) <= reach + _ROUNDING_DEG:
             edges.append((turn, a, b))
     if not edges:
@@ -79,10 +85,6 @@ def trace_side(outline: Array, side: str) -> SideLine:
     corners = [edges[0][1], *(b for _, _, b in edges)]
     normals = tuple(direction + turn for turn, _, _ in edges)  # ascending
     return SideLine(tuple((x, y) for x, y in corners), normals)
-
-
-def _wrap(degrees: float) -> float:
-    return degrees - 360.0 * math.ceil((degrees - 180.0) / 360.0)
 
 
 @dataclass(frozen=True)
@@ -115,8 +117,11 @@ class OutlineRegion(RegionDescription):
         """
         link = robot.mount_link if self.link is None else self.link
         self._check_link(link, robot, mirrored, key)
-        default = self.height_m is None
-        heights = bounds(self._default_height(robot, key) if default else self.height_m)
+        height = self.height_m
+        if height is None:
+            require_height(link, robot, f"{key}.height_m")
+            height = robot.sensor_links[link][2] + robot.mount_z_m
+        heights = bounds(height)
         check_height(robot, key, "height_m", heights, self.overhang_m)
         lines = tuple(
             (top, trace_side(self._outline(robot, middle, mirrored, key), self.side))
@@ -124,10 +129,9 @@ class OutlineRegion(RegionDescription):
         )
         pitch = robot.default_pitch(sensors) if self.pitch_deg is None else self.pitch_deg
         frame = robot.sensor_links[link]
-        longest = max(line.length for _, line in lines)
         ranges = {
             "z_m": (heights[0] - frame[2], heights[1] - frame[2]),
-            "arc": (0.0, 1.0 if longest > 0 else 0.0),
+            "arc": (0.0, 1.0 if any(any(line.lengths) for _, line in lines) else 0.0),
             "yaw_deg": bounds(self.yaw_deg),
             "pitch_deg": bounds(pitch),
         }
@@ -144,14 +148,6 @@ class OutlineRegion(RegionDescription):
                 f"{key}.link: must be a link with a collision shape, not {link!r}, because "
                 f"sensors lie on its outline; choose {' or '.join([*choices, 'null'])}"
             )
-
-    def _default_height(self, robot: Robot, key: str) -> float:
-        if self.link is not None and self.link != robot.mount_link:
-            raise InputError(
-                f"{key}.height_m: must be set for the link {self.link}, because the robot's "
-                f"default height applies only to {robot.mount_link}"
-            )
-        return robot.sensor_links[robot.mount_link][2] + robot.mount_z_m
 
     def _outline(self, robot: Robot, height: float, mirrored: bool, key: str) -> Array:
         solids = _solids(robot, self.link)

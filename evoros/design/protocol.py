@@ -94,3 +94,12 @@ def check_link(link: str, robot: Robot, mirrored: bool, key: str) -> None:
             f"mirrored, not {link!r} at y {y:g} m, yaw {yaw:g} rad; "
             f"choose another link or set mirrored to false"
         )
+
+
+def require_height(link: str, robot: Robot, key: str) -> None:
+    """Raise an InputError if the default height does not apply to a link; ``key`` sets a height."""
+    if link != robot.mount_link:
+        raise InputError(
+            f"{key}: must be set for the link {link}, because the robot's default height applies "
+            f"only to {robot.mount_link}"
+        )

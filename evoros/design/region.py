@@ -13,7 +13,15 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import INTERVAL, NOT_NEGATIVE, TEXT, Interval, Rule, bounds, checked
 from evoros.base.errors import InputError
-from evoros.design.protocol import ANGLES, Area, Range, RegionDescription, SensorPose, check_link
+from evoros.design.protocol import (
+    ANGLES,
+    Area,
+    Range,
+    RegionDescription,
+    SensorPose,
+    check_link,
+    require_height,
+)
 from evoros.robot.model import Robot
 from evoros.robot.mounting import make_frames, place_on_links
 from evoros.robot.self_sight import BlindShares
@@ -57,7 +65,7 @@ class FreePlaces:
     are equally large in the search space.
     """
 
-    ranges: Mapping[str, Range]  # the grid axes, in order
+    ranges: Mapping[str, Range]  # the range of each value, in the order of the grid axes
     free: NDArray[np.bool_]
     view: View
 
@@ -96,8 +104,7 @@ def find_free_places(
 ) -> FreePlaces | None:
     """Find the cells where the robot blocks none of ``sensors`` and none of their mirror images.
 
-    Returns:
-        None if all cells are free or if none is, so that no cell is excluded.
+    The result is None if no cell is excluded, because all cells are free or none is.
     """
     types = [sensor for sensor in sensors if sees(sensor)]
     axes = {name: ranges[name] for name in CELLS if np.ptp(ranges.get(name, (0.0, 0.0))) > 0.0}
@@ -125,8 +132,7 @@ def _list_corners(axes: Mapping[str, Range]) -> Iterator[dict[str, float]]:
 
 
 def _list_ends(ends: Range, cells: int) -> list[float]:
-    values: list[float] = np.linspace(*ends, cells + 1).tolist()
-    return values
+    return list(np.linspace(*ends, cells + 1).tolist())
 
 
 COORDINATES = ("x_m", "y_m", "z_m")
@@ -162,7 +168,9 @@ class Region(RegionDescription):
     ) -> "BoundRegion":
         """Return this region bound to ``robot``; the default mount replaces None values."""
         link = robot.mount_link if self.link is None else self.link
-        self._check_link(link, robot, mirrored, key)
+        check_link(link, robot, mirrored, key)
+        if self.z_m is None:
+            require_height(link, robot, f"{key}.z_m")
         bound = replace(
             self,
             z_m=robot.mount_z_m if self.z_m is None else self.z_m,
@@ -170,20 +178,13 @@ class Region(RegionDescription):
             link=link,
         )
         bound._check_outline(link, robot, mirrored, key)
-        bound._check_height(link, robot, key)
         ranges = {name: bounds(getattr(bound, name)) for name in (*COORDINATES, *ANGLES)}
-        x, y, _, yaw = robot.sensor_links[link]
+        x, y, base, yaw = robot.sensor_links[link]
+        low, high = ranges["z_m"]
+        check_height(robot, key, "z", (base + low, base + high), self.overhang_m, base)
         whole = BoundRegion(link, ranges, (x, y, yaw))
         free = find_free_places(robot, link, ranges, whole.place, sensors, mirrored)
         return replace(whole, free=free)
-
-    def _check_link(self, link: str, robot: Robot, mirrored: bool, key: str) -> None:
-        check_link(link, robot, mirrored, key)
-        if self.z_m is None and link != robot.mount_link:
-            raise InputError(
-                f"{key}.z_m: must be set for the link {link}, because the robot's default height "
-                f"applies only to {robot.mount_link}"
-            )
 
     def _check_outline(self, link: str, robot: Robot, mirrored: bool, key: str) -> None:
         x, y, _, yaw = robot.sensor_links[link]
@@ -203,11 +204,6 @@ class Region(RegionDescription):
                     f"{maximum:g} m); choose design=around, which fits any robot, move the region, "
                     "or raise overhang_m"
                 )
-
-    def _check_height(self, link: str, robot: Robot, key: str) -> None:
-        base = robot.sensor_links[link][2]
-        low, high = (base + end for end in bounds(self.z_m))
-        check_height(robot, key, "z", (low, high), self.overhang_m, base)
 
 
 def check_height(

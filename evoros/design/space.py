@@ -45,66 +45,6 @@ class FixedSensor:
         return Mount(self.sensor, link, *place, float(self.yaw_deg), float(self.pitch_deg))
 
 
-@dataclass(frozen=True)
-class Layout:
-    """The genes of placed sensors, of their number, and of other values; constants have no gene."""
-
-    slots: tuple[str, ...]  # names of the placed sensors
-    types: int  # number of sensor types that a placed sensor can have
-    regions: Mapping[str, BoundRegion]
-    numbers: int  # number of possible sensor counts
-    genes: Mapping[str, Gene]
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """One block per placed sensor, one for their number if it evolves, one per gene group."""
-        return self._blocks_and_index[0]
-
-    @property
-    def index(self) -> Mapping[str, int]:
-        """The index of each gene, keyed by gene name."""
-        return self._blocks_and_index[1]
-
-    @cached_property
-    def _blocks_and_index(self) -> tuple[tuple[Block, ...], dict[str, int]]:
-        index: dict[str, int] = {}
-
-        def add_genes(*names: str) -> tuple[int, ...]:
-            return tuple(index.setdefault(name, len(index)) for name in names)
-
-        def add_sensor(slot: str) -> Block:
-            kind = add_genes(f"{slot}_type") if self.types > 1 else ()
-            region = add_genes(f"{slot}_region") if len(self.regions) > 1 else ()
-            position = add_genes(*(f"{slot}_{name}" for name in POSITION if self.varies(name)))
-            angle = add_genes(*(f"{slot}_{name}" for name in ANGLES if self.varies(name)))
-            place = Aspect("place", position, region)
-            aspects = (Aspect("type", (), kind), place, Aspect("angle", angle))
-            return Block(slot, tuple(a for a in aspects if a.continuous or a.categorical))
-
-        blocks = [add_sensor(slot) for slot in self.slots]
-        if self.numbers > 1:
-            blocks.append(Block("number", (Aspect("number", add_genes("number")),)))
-        for title, names in group_genes(self.genes).items():
-            blocks.append(Block(title, tuple(Aspect(name, add_genes(name)) for name in names)))
-        return tuple(block for block in blocks if block.genes), index
-
-    @cached_property
-    def levels(self) -> Mapping[int, int]:
-        """The number of levels of each discrete gene, by gene index."""
-        counts = {"number": self.numbers}
-        counts |= {f"{slot}_type": self.types for slot in self.slots}
-        counts |= {f"{slot}_region": len(self.regions) for slot in self.slots}
-        for name, gene in self.genes.items():
-            if gene.whole:
-                counts[name] = int(gene.high - gene.low) + 1
-        return {self.index[name]: count for name, count in counts.items() if name in self.index}
-
-    def varies(self, name: str) -> bool:
-        """Return True if a coordinate or angle, such as ``yaw_deg``, varies within some region."""
-        ranges = (region.ranges.get(name, (0.0, 0.0)) for region in self.regions.values())
-        return any(low < high for low, high in ranges)
-
-
 SLOT_NUMBER = checks.Rule(
     "a whole number of at least 0, or [low, high] with two such numbers",
     lambda v: (
@@ -212,31 +152,64 @@ class DesignSpace:
     # the design's genes and those that other parts declare
     genes: Mapping[str, Gene] = field(default_factory=dict)
 
-    @cached_property
-    def _layout(self) -> Layout:
-        design = self.design
-        types, numbers = len(design.placed_types), design.max_number - design.min_number + 1
-        return Layout(tuple(self._slots), types, self.regions, numbers, self.genes)
-
     @property
     def blocks(self) -> tuple[Block, ...]:
         """One block per placed sensor, one for their number if it evolves, one per gene group."""
-        return self._layout.blocks
+        return self._blocks_and_index[0]
+
+    @property
+    def _index(self) -> Mapping[str, int]:
+        """The index of each gene, keyed by gene name."""
+        return self._blocks_and_index[1]
+
+    @cached_property
+    def _blocks_and_index(self) -> tuple[tuple[Block, ...], dict[str, int]]:
+        index: dict[str, int] = {}
+
+        def add_genes(*names: str) -> tuple[int, ...]:
+            return tuple(index.setdefault(name, len(index)) for name in names)
+
+        def add_sensor(slot: str) -> Block:
+            kind = add_genes(f"{slot}_type") if len(self.design.placed_types) > 1 else ()
+            region = add_genes(f"{slot}_region") if len(self.regions) > 1 else ()
+            position = add_genes(*(f"{slot}_{name}" for name in POSITION if self._varies(name)))
+            angle = add_genes(*(f"{slot}_{name}" for name in ANGLES if self._varies(name)))
+            place = Aspect("place", position, region)
+            aspects = (Aspect("type", (), kind), place, Aspect("angle", angle))
+            return Block(slot, tuple(a for a in aspects if a.continuous or a.categorical))
+
+        blocks = [add_sensor(slot) for slot in self._slots]
+        if self.design.min_number < self.design.max_number:
+            blocks.append(Block("number", (Aspect("number", add_genes("number")),)))
+        for title, names in group_genes(self.genes).items():
+            blocks.append(Block(title, tuple(Aspect(name, add_genes(name)) for name in names)))
+        return tuple(block for block in blocks if block.genes), index
+
+    def _varies(self, name: str) -> bool:
+        """Return True if a coordinate or angle, such as ``yaw_deg``, varies within some region."""
+        ranges = (region.ranges.get(name, (0.0, 0.0)) for region in self.regions.values())
+        return any(low < high for low, high in ranges)
 
     @property
     def size(self) -> int:
         """The number of genes."""
-        return len(self._layout.index)
+        return len(self._index)
 
-    @property
+    @cached_property
     def levels(self) -> Mapping[int, int]:
         """The number of levels of each discrete gene, by gene index."""
-        return self._layout.levels
+        counts = {"number": self.design.max_number - self.design.min_number + 1}
+        counts |= {f"{slot}_type": len(self.design.placed_types) for slot in self._slots}
+        counts |= {f"{slot}_region": len(self.regions) for slot in self._slots}
+        for name, gene in self.genes.items():
+            if gene.whole:
+                counts[name] = int(gene.high - gene.low) + 1
+        return {self._index[name]: count for name, count in counts.items() if name in self._index}
 
     @property
     def middle(self) -> Array:
         """The genome at the centre of all ranges, with exclusive regions spread over sensors."""
-        genome, index = np.full(self.size, 0.5), self._layout.index
+        genome, index = np.full(self.size, 0.5), self._index
         for i, slot in enumerate(self._slots if self.design.exclusive else ()):
             if f"{slot}_region" in index:
                 genome[index[f"{slot}_region"]] = (i + 0.5) / len(self._slots)
@@ -304,19 +277,17 @@ class DesignSpace:
     @cached_property
     def _slot_columns(self) -> list[str]:
         kind = ["type"] if len(self.design.placed_types) > 1 else []
-        extra = [name for name in ("z_m", "pitch_deg") if self._layout.varies(name)]
+        extra = [name for name in ("z_m", "pitch_deg") if self._varies(name)]
         return [*kind, "region", "x_m", "y_m", "yaw_deg", *extra]
 
     def _genes(self, genome: Array) -> dict[str, float]:
         vector = np.asarray(genome, dtype=np.float64)
-        if vector.shape != (self.size,) or not np.all(
-            (vector >= 0) & (vector <= 1)
-        ):  # false for NaN
+        if vector.shape != (self.size,) or not ((vector >= 0) & (vector <= 1)).all():  # or NaN
             raise InputError(
                 f"genome: must be {self.size} numbers from 0 to 1, not {vector.tolist()}; "
                 "clip the genomes that the optimizer proposes"
             )
-        return dict(zip(self._layout.index, vector.tolist(), strict=True))
+        return dict(zip(self._index, vector.tolist(), strict=True))
 
     def _place(self, genes: dict[str, float]) -> list[tuple[Mount, str]]:
         """Return (sensor, region name) for each placed sensor, without twins."""
@@ -333,9 +304,9 @@ class DesignSpace:
         kind = types[checks.pick_index(genes.get(f"{slot}_type", 0.0), len(types))]
         name = names[checks.pick_index(genes.get(f"{slot}_region", 0.0), len(names))]
         region = self.regions[name]
-        shares = {value: genes.get(f"{slot}_{value}", 0.0) for value in region.ranges}
         values = {
-            value: checks.scale(shares[value], *ends) for value, ends in region.ranges.items()
+            value: checks.scale(genes.get(f"{slot}_{value}", 0.0), *ends)
+            for value, ends in region.ranges.items()
         }
         (x, y, z), yaw, pitch = region.place(values)
         return Mount(kind, region.link, x, y, z, yaw, pitch), name

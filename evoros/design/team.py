@@ -82,7 +82,17 @@ class TeamSpace:
                 f"optimizer: set_cover supports only one robot with a design, not "
                 f"{len(self.spaces)}; choose another optimizer"
             )
-        return _view_slots(self._first, genome, distance_m)
+        space, sensors = self._first, self._first.design.sensors
+
+        def look(mounts: Sequence[Mount], place: str = "") -> View:
+            seen = find_seen(space.robot.with_sensors(mounts, sensors), distance_m)
+            return View(seen.sum(axis=0, dtype=np.int64), add_prices(mounts, sensors), place)
+
+        views = [
+            look(mounts, region if space.design.exclusive else "")
+            for mounts, region in space.mount_slots(genome)
+        ]
+        return views, look(space.fixed)
 
     @property
     def _first(self) -> DesignSpace:
@@ -138,17 +148,3 @@ class TeamSpace:
 
 def _prefix(name: str) -> str:
     return f"{name}." if name else ""
-
-
-def _view_slots(space: DesignSpace, genome: Array, distance_m: float) -> tuple[list[View], View]:
-
-    def view(mounts: Sequence[Mount], place: str = "") -> View:
-        sensors = space.design.sensors
-        seen = find_seen(space.robot.with_sensors(mounts, sensors), distance_m)
-        return View(seen.sum(axis=0, dtype=np.int64), add_prices(mounts, sensors), place)
-
-    slots = space.mount_slots(genome)
-    places = (region if space.design.exclusive else "" for _, region in slots)
-    return [view(mounts, place) for (mounts, _), place in zip(slots, places, strict=True)], view(
-        space.fixed
-    )

@@ -27,7 +27,7 @@ class Imu(SignalSensor):
 
     Each reading is the mean over the time since the previous one. The acceleration is the specific
     force: at rest on level ground, it equals gravity and points up. The first reading contains the
-    current rate and, only gravity as the acceleration. The defaults are close to InvenSense's
+    current rates, and only gravity as the acceleration. The defaults are close to InvenSense's
     MPU-9250.
     """
 
@@ -73,10 +73,9 @@ class Imu(SignalSensor):
         """Compute angular rates from the orientations, and accelerations from the velocities."""
         facing = signal[ORIENTATION : ORIENTATION + 4]
         qw, qx, qy, qz = facing[0], facing[1], facing[2], facing[3]
-        rates = to_axes(qw, qx, qy, qz, signal[TURNING], signal[TURNING + 1], signal[TURNING + 2])
-        speeds = to_axes(
-            qw, qx, qy, qz, signal[VELOCITY], signal[VELOCITY + 1], signal[VELOCITY + 2]
-        )
+        v, w = VELOCITY, TURNING
+        rates = to_axes(qw, qx, qy, qz, signal[w], signal[w + 1], signal[w + 2])
+        speeds = to_axes(qw, qx, qy, qz, signal[v], signal[v + 1], signal[v + 2])
         weight = to_axes(qw, qx, qy, qz, 0.0, 0.0, signal[GRAVITY])
         elapsed = time - memory.time[0]
         moves = 0.0 < elapsed < math.inf

@@ -1,6 +1,5 @@
 """A planar lidar, with one range per direction in a plane."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated
@@ -13,7 +12,7 @@ from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, Rule, checked, is_
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.gazebo_rays import Fan, gazebo_rays
-from evoros.sensor.protocol import BOX, RangeSensor
+from evoros.sensor.protocol import BOX, RangeSensor, spread_bearings
 
 FIELD = Rule("an angle greater than 0 and at most 360", lambda v: is_number(v) and 0 < v <= 360)
 
@@ -48,11 +47,8 @@ class Lidar(RangeSensor):
         return np.column_stack((cos_all(angles), sin_all(angles), np.zeros(self.beams)))
 
     def _angles(self) -> Array:
-        """Return the bearings (beams,) [rad], left positive; mirrored ones are bitwise opposite."""
         spaces = self.beams if self.fov_deg == 360.0 else max(self.beams - 1, 1)
-        half_space = math.radians(self.fov_deg) / spaces / 2
-        steps: Array = np.arange(1.0 - self.beams, self.beams, 2.0)
-        return steps * half_space
+        return spread_bearings(self.beams, self.fov_deg, spaces)
 
     def gazebo(self, name: str) -> str:
         """Return the SDF ``<sensor>``; ``name`` is its name and topic."""

@@ -1,6 +1,5 @@
 """A multizone range finder: a few adjacent zones, each of which reads its nearest hit."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated
@@ -13,7 +12,7 @@ from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, checked
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.gazebo_rays import Fan, gazebo_rays
-from evoros.sensor.protocol import BEAM, BOX, RangeSensor, find_field
+from evoros.sensor.protocol import BEAM, BOX, RangeSensor, find_field, spread_bearings
 
 
 @dataclass(frozen=True)
@@ -50,15 +49,9 @@ class Multizone(RangeSensor):
 
     def rays(self) -> Array:
         """Return (zones * rays_per_zone, 3) unit vectors in the sensor's frame, x forward."""
-        angles = self._angles()
-        return np.column_stack((cos_all(angles), sin_all(angles), np.zeros(len(angles))))
-
-    def _angles(self) -> Array:
-        """Divide the field of view into equal parts; return the bearings [rad] of the middles."""
         count = self.zones * self.rays_per_zone
-        half_space = math.radians(self.fov_deg) / count / 2
-        steps: Array = np.arange(1.0 - count, count, 2.0)
-        return steps * half_space
+        angles = spread_bearings(count, self.fov_deg, count)  # the middles of equal parts
+        return np.column_stack((cos_all(angles), sin_all(angles), np.zeros(count)))
 
     def gazebo(self, name: str) -> str:
         """Return the SDF ``<sensor>``; ``name`` is its name and topic.

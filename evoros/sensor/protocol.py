@@ -72,22 +72,16 @@ BEAM = checks.Rule(
 )
 
 RAY_DEG = 1.0
-"""Width [deg] that coverage assumes for a single ray or a narrower beam.
-
-A ray has no width, but a sensor with a single ray sees in its direction. Figures show it as a line.
-"""
+"""Width [deg] of coverage by a single ray or a narrower beam, which figures show as a line."""
 
 RANGE, MOTION, WHEELS, CONTACT = "range", "motion", "wheels", "contact"
 """The quantities that sensors can measure.
 
 These are distances along rays, motion of the mount, rolling of the wheels, and contacts of the
-robot. Simulators provide them; ``signals`` describes the last three.
+robot.
 """
-
 SIGNAL_SIZES = {MOTION: 14, WHEELS: 2, CONTACT: 1}
 """The number of values of each signal; ``signals`` describes them."""
-
-
 SENSOR_ARGUMENTS = "parameters", "memory", "rng", "signal", "values", "time"
 """Arguments that a signal sensor's ``rule`` may take; the rule fills ``values`` at ``time`` [s]."""
 
@@ -123,10 +117,7 @@ class Sensor(ABC):
         """The channels of a reading; there is at least one."""
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>`` element for the champion's URDF.
-
-        The default is an empty string, for sensors that Gazebo does not simulate itself.
-        """
+        """Return the SDF ``<sensor>`` for the champion's URDF; empty if Gazebo has no such one."""
         return ""
 
 
@@ -196,19 +187,17 @@ def _are_channels(value: object) -> bool:
     channels = value if isinstance(value, list | tuple) else ()
     return bool(channels) and all(
         isinstance(one, Channel)
-        and isinstance(one.name, str)
-        and isinstance(one.unit, str)
-        and isinstance(one.low, int | float)
-        and isinstance(one.high, int | float)
+        and all(isinstance(text, str) for text in one[:2])
+        and all(isinstance(limit, int | float) for limit in one[2:])
         and one.low <= one.high
         for one in channels
     )
 
 
 def _are_rays(value: object) -> bool:
-    if not isinstance(value, np.ndarray) or value.dtype != np.dtype(float) or value.ndim != 2:
+    if not isinstance(value, np.ndarray) or value.dtype != np.float64 or value.shape[1:] != (3,):
         return False
-    lengths = np.sqrt((value * value).sum(axis=1)) if value.shape[1] == 3 else np.zeros(0)
+    lengths = np.sqrt((value * value).sum(axis=1))
     return len(lengths) > 0 and bool(np.all(np.abs(lengths - 1.0) < 1e-6))
 
 
@@ -227,18 +216,10 @@ RAYS = checks.Rule("a float64 array (k, 3) of unit vectors, k at least 1", _are_
 
 
 def check_sensor(sensor: Sensor) -> None:
-    """Check that a sensor type, possibly user-defined, follows its protocol.
-
-    Raises:
-        InputError: a value breaks its rule.
-    """
+    """Raise an InputError if a sensor type, possibly user-defined, breaks a rule."""
     checks.require(sensor, RULES)
-    checks.ask(
-        "",
-        sensor.gazebo,
-        checks.Rule("an SDF element as a string", lambda v: isinstance(v, str)),
-        "sensor",
-    )
+    element = checks.Rule("an SDF element as a string", lambda v: isinstance(v, str))
+    checks.ask("", sensor.gazebo, element, "sensor")
     if is_signal_sensor(sensor):
         start_part(sensor.start)
     if not sees(sensor):
@@ -277,9 +258,8 @@ def is_signal_sensor(sensor: Sensor) -> TypeGuard[SignalSensor]:
 def find_field(sensor: RangeSensor) -> tuple[float, float]:
     """Return the right and left edges [rad] of a sensor's field of view in its x-y plane.
 
-    All code that states, exports or draws a field of view uses this function. The field is as wide
-    as ``fov_deg``. Without ``fov_deg``, it lies between the outermost rays, or covers the full
-    circle if they leave no gap behind the sensor. A single ray has no width.
+    The field is as wide as ``fov_deg``. Without ``fov_deg``, it lies between the outermost rays, or
+    covers the full circle if they leave no gap behind the sensor. A single ray has no width.
     """
     rays = np.asarray(sensor.rays())
     azimuths = np.unique(atan2_all(rays[:, 1], rays[:, 0]))
@@ -310,8 +290,7 @@ def name_channels(sensors: Iterable[Sensor]) -> Iterator[str]:
     these are numbered as well: ``range_N_K_m``.
     """
     for index, sensor in enumerate(sensors):
-        channels = [(channel.name, channel.unit) for channel in sensor.channels]
-        yield from name_readings(index, channels)
+        yield from name_readings(index, [channel[:2] for channel in sensor.channels])
 
 
 def name_readings(index: int, channels: Sequence[tuple[str, str]]) -> Iterator[str]:
@@ -322,3 +301,12 @@ def name_readings(index: int, channels: Sequence[tuple[str, str]]) -> Iterator[s
         place = f"{index}" if sizes[name] == 1 else f"{index}_{seen[name]}"
         seen[name] += 1
         yield f"{name}_{place}_{unit}" if unit else f"{name}_{place}"
+
+
+def spread_bearings(count: int, width_deg: float, spaces: int) -> Array:
+    """Return bearings (count,) [rad], left positive; the width is ``spaces`` times their distance.
+
+    Unlike the values of ``linspace``, mirrored bearings are bitwise opposite.
+    """
+    half_space = math.radians(width_deg) / spaces / 2
+    return np.asarray(np.arange(1.0 - count, count, 2.0) * half_space)

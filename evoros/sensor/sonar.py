@@ -1,6 +1,5 @@
 """A sonar, whose range is the nearest hit of a grid of rays that fills the beam."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated
@@ -13,7 +12,7 @@ from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, checked
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.gazebo_rays import Fan, gazebo_rays
-from evoros.sensor.protocol import BEAM, BOX, RangeSensor, find_field
+from evoros.sensor.protocol import BEAM, BOX, RangeSensor, find_field, spread_bearings
 
 
 @dataclass(frozen=True)
@@ -21,10 +20,8 @@ from evoros.sensor.protocol import BEAM, BOX, RangeSensor, find_field
 class Sonar(RangeSensor):
     """A range sensor with a square beam, sampled by a square grid of rays.
 
-    Objects between the rays are missed; preflight warns about narrow obstacles. The planar
-    simulator could intersect whole cones with footprints at a fifteenth of the cost of 25 rays.
-    However, engines can only cast rays, so readings would depend on the simulator, and footprints
-    have no height.
+    Objects between the rays are missed; preflight warns about narrow obstacles. Whole cones would
+    be cheaper in the planar simulator, but engines can only cast rays.
 
     The defaults, with ``conf/sensor/sonar.yaml``, match the sonar of the 2018 paper (Evo-ROS).
     """
@@ -50,10 +47,8 @@ class Sonar(RangeSensor):
         elevation b, both evenly spaced over the beam, including its edges. A single ray points
         forward.
         """
-        # The rays of linspace would not be mirror images to the last bit.
-        spaces = self.rays_per_axis - 1
-        half_space = math.radians(self.fov_deg) / 2 / max(spaces, 1)
-        angles = np.arange(-spaces, spaces + 1, 2) * half_space
+        spaces = max(self.rays_per_axis - 1, 1)
+        angles = spread_bearings(self.rays_per_axis, self.fov_deg, spaces)
         a, b = (grid.ravel() for grid in np.meshgrid(angles, angles, indexing="ij"))
         return np.column_stack((cos_all(a) * cos_all(b), sin_all(a) * cos_all(b), sin_all(b)))
 

@@ -1,9 +1,9 @@
 """The walkers of a mission, and the initial arrays of the walkers' rule."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -18,22 +18,19 @@ MOST_WALKERS = 200
 """Maximum number of walkers in a group; at every step, each one interacts with all others."""
 
 
-def _is_range(value: object, holds: checks.Rule) -> bool:
-    if isinstance(value, list | tuple):
-        return len(value) == 2 and all(map(holds.holds, value)) and value[0] <= value[1]
-    return holds.holds(value)
+def _interval(text: str, holds: Callable[[Any], bool]) -> checks.Rule:
+    def is_valid(value: Any) -> bool:
+        ends = value if isinstance(value, list | tuple) else (value,)
+        return checks.INTERVAL.holds(value) and all(map(holds, ends))
+
+    return checks.Rule(f"{text}, or [low, high]", is_valid)
 
 
-_COUNTED = checks.Rule("", lambda v: checks.is_whole(v) and 0 <= v <= MOST_WALKERS)
-_PACED = checks.Rule("", lambda v: checks.is_number(v) and 0.0 < v <= 5.0)
-NUMBER = checks.Rule(
-    f"a whole number from 0 to {MOST_WALKERS}, or [low, high]",
-    lambda v: _is_range(v, _COUNTED),
-    limit=checks.MOST,
+NUMBER = _interval(
+    f"a whole number from 0 to {MOST_WALKERS}",
+    lambda v: checks.is_whole(v) and 0 <= v <= MOST_WALKERS,
 )
-PACE = checks.Rule(
-    "a number greater than 0 and at most 5, or [low, high]", lambda v: _is_range(v, _PACED)
-)
+PACE = _interval("a number greater than 0 and at most 5", lambda v: 0.0 < v <= 5.0)
 ROUTE = checks.Rule(
     "a list of at least two corners [x, y] that differ",
     lambda v: (
@@ -58,9 +55,8 @@ class SocialForce:
 
     relaxation_s: Annotated[float, checks.POSITIVE] = 0.5  # time in which a walker reaches its pace
     repulsion_m2ps2: Annotated[float, checks.NOT_NEGATIVE] = 2.1  # potential between two walkers
-    range_m: Annotated[float, checks.POSITIVE] = (
-        0.3  # distance over which the potential falls to 1/e
-    )
+    # distance over which the potential falls to 1/e
+    range_m: Annotated[float, checks.POSITIVE] = 0.3
     border_repulsion_m2ps2: Annotated[float, checks.NOT_NEGATIVE] = 10.0  # potential of obstacles
     border_range_m: Annotated[float, checks.POSITIVE] = 0.2
 
@@ -83,12 +79,10 @@ class Walkers:
     phase: Annotated[str, checks.one_of(RANDOM, EVEN)] = RANDOM  # start position along the route
     avoids_robots: Annotated[bool, checks.FLAG] = True  # True if robots repel the walkers
     stops_for_robots: Annotated[bool, checks.FLAG] = False
-    stop_distance_m: Annotated[float, checks.POSITIVE] = (
-        1.0  # gap at which a walker stops for a robot
-    )
-    patience_s: Annotated[float, checks.NOT_NEGATIVE] = (
-        10.0  # time after which a waiting walker goes around the robot
-    )
+    # gap at which a walker stops for a robot
+    stop_distance_m: Annotated[float, checks.POSITIVE] = 1.0
+    # time after which a waiting walker goes around the robot
+    patience_s: Annotated[float, checks.NOT_NEGATIVE] = 10.0
     force: Annotated[SocialForce, checks.instance_of(SocialForce, "forces (SocialForce)")] = field(
         default_factory=SocialForce
     )
@@ -98,20 +92,20 @@ class Walkers:
             corners = tuple((float(x), float(y)) for x, y in self.route)
             ends = zip(corners, (*corners[1:], corners[0]), strict=True)
             if any(start == end for start, end in ends):
-                raise checks.invalid(self, "route", self.route, "must not repeat a corner directly")
+                rule = "must not have the same corner twice in a row (the first follows the last)"
+                raise checks.invalid(self, "route", self.route, rule)
             object.__setattr__(self, "route", corners)
 
     @property
     def numbers(self) -> tuple[int, int]:
         """The minimum and maximum number of walkers."""
-        low, high = self.number if isinstance(self.number, Sequence) else (self.number,) * 2
+        low, high = map(int, checks.bounds(self.number))
         return low, high
 
     @property
     def paces(self) -> tuple[float, float]:
         """The minimum and maximum pace [m/s]."""
-        low, high = self.pace_mps if isinstance(self.pace_mps, Sequence) else (self.pace_mps,) * 2
-        return float(low), float(high)
+        return checks.bounds(self.pace_mps)
 
 
 WALKERS = checks.mapping_of(Walkers, "walkers (evoros.walkers.crowd.Walkers)")
@@ -178,16 +172,11 @@ class Crowd:
 
 def _describe(walker: Walker, first: int, end: int) -> list[float]:
     group = walker.group
-    if group is None:
-        kind = at.ACTING
-        manners = [0.0] * (at.DELAY - at.AVOIDS)
-    else:
-        kind = at.WALKING
-        gap = group.stop_distance_m if group.stops_for_robots else 0.0
-        force = group.force
-        manners = [float(group.avoids_robots), gap, group.patience_s, force.relaxation_s]
-        manners += [force.repulsion_m2ps2, force.range_m]
-        manners += [force.border_repulsion_m2ps2, force.border_range_m]
+    kind, manners = at.ACTING, [0.0] * (at.DELAY - at.AVOIDS)
+    if group is not None:
+        kind, gap = at.WALKING, group.stop_distance_m if group.stops_for_robots else 0.0
+        forces = vars(group.force).values()  # fields in the order of the columns
+        manners = [float(group.avoids_robots), gap, group.patience_s, *forces]
     kind = kind if walker.present else at.ABSENT
     route = [walker.radius, walker.pace, first, end, kind]
     return [*route, *manners, walker.delay, float(walker.loops)]

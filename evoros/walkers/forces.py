@@ -247,10 +247,7 @@ def weigh(fx: float, fy: float, ex: float, ey: float) -> tuple[float, float]:
 def find_robot(
     parameters: Array, robots: Array, robot: int, x: float, y: float
 ) -> tuple[float, float, float]:
-    """Return the distance [m] from a robot's outline (negative inside) and the direction away.
-
-    The direction is a unit vector (x, y) in the world frame.
-    """
+    """Return the distance [m] from a robot's outline (negative inside) and the unit vector away."""
     crowd = unpack(Walk, parameters)
     outline = crowd.outlines[int(crowd.ends[robot]) : int(crowd.ends[robot + 1])]
     cos = robots[robot, 2]

@@ -26,11 +26,9 @@ without progress [s]; time in its script [s]; time it has waited for a robot [s]
 2**i over the robots i that it has touched.
 """
 MOTION_SIZE = 10
-
 CORNER_X, CORNER_Y, CORNER_S = range(3)
 """Columns of a corner: position [m] and, in a script, time [s]."""
 CORNER_SIZE = 3
-
 REPORT_X, REPORT_Y, REPORT_TOUCHED = range(3)
 """Columns of a report on a walker, after the robots' states; NaN if the walker is absent."""
 REPORT_SIZE = 3
