@@ -29,13 +29,7 @@ if TYPE_CHECKING:
     from .tables.loading import load_study
     from .tables.study import Study
 
-__all__ = [
-    "Product",
-    "Study",
-    "analyze",
-    "load_study",
-    "save",
-]
+__all__ = ["Product", "Study", "analyze", "load_study", "save"]
 
 if not TYPE_CHECKING:  # otherwise, type checkers would accept any name
     from evoros.base.lazy import import_lazily

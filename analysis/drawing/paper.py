@@ -103,10 +103,7 @@ class Rail(NamedTuple):
 
 
 def write_ordinates(
-    axes: Axes,
-    values: Mapping[float, Sequence[float]],
-    rail: Rail,
-    colour: str = DARK,
+    axes: Axes, values: Mapping[float, Sequence[float]], rail: Rail, colour: str = DARK
 ) -> None:
     """Write the values of an axis on a rail, each with a line from the measured point."""
     place, end, upright = rail

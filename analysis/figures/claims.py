@@ -39,9 +39,7 @@ from .own_claims import judge_own
 FIRST_ROBOT = True
 HELP = "claims with measured values, intervals and verdicts"
 NEEDS = "finished runs"
-FILES = {
-    "claims.csv": "a row for each claim",
-}
+FILES = {"claims.csv": "a row for each claim"}
 READS: tuple[Callable[[Record], object], ...] = (
     identify_champion,
     read_champion,

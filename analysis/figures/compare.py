@@ -48,11 +48,7 @@ BOX, DOTS = (-0.22, 0.24), (0.18, 0.3)
 """Offsets of boxes and dots from the middle of a treatment's row, and their heights."""
 ROW_IN = 0.36
 KEY = "box: quartiles, bar: median, dots: runs"
-HEADS = {
-    "treatments": (0.0, "left"),
-    "p (Holm)": (0.62, "right"),
-    "A12 [95 %]": (1.0, "right"),
-}
+HEADS = {"treatments": (0.0, "left"), "p (Holm)": (0.62, "right"), "A12 [95 %]": (1.0, "right")}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

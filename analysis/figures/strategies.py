@@ -35,9 +35,7 @@ from .options import add_thresholds, check_thresholds
 ONE_ROBOT = True
 HELP = "evolved features: coverage, front arrays, side mounts, redundancy, clusters"
 NEEDS = "finished runs"
-FILES = {
-    "strategies.csv": "the measures of each treatment and of random designs",
-}
+FILES = {"strategies.csv": "the measures of each treatment and of random designs"}
 RANDOM = "0.45"
 """Grey of random designs."""
 MARKERS = "os^Dvp"

@@ -164,11 +164,7 @@ def _table_row(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
 
 
 def _draw_panel(
-    axes: Axes,
-    pairs: pd.DataFrame,
-    groups: list[str],
-    label: str,
-    bounds: tuple[float, float],
+    axes: Axes, pairs: pd.DataFrame, groups: list[str], label: str, bounds: tuple[float, float]
 ) -> None:
     colours = assign_colours(groups)
     errors = {

@@ -116,11 +116,7 @@ def encode_place(sensor: Mapping[Any, Any]) -> dict[str, Any]:
 def encode_poses(trajectory: pd.DataFrame) -> dict[str, list[int | None]]:
     """Encode a robot's columns ``x``, ``y`` and ``yaw``."""
     x, y, yaw = (trajectory[name].to_numpy(float) for name in ("x_m", "y_m", "yaw_rad"))
-    return {
-        "x": encode_numbers(x),
-        "y": encode_numbers(y),
-        "yaw": encode_numbers(np.unwrap(yaw)),
-    }
+    return {"x": encode_numbers(x), "y": encode_numbers(y), "yaw": encode_numbers(np.unwrap(yaw))}
 
 
 def encode_numbers(values: Array) -> list[int | None]:

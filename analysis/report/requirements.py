@@ -29,9 +29,7 @@ GENERATION = 0
 """The generation number of all missions of an evaluation."""
 HELP = "one HTML page with verdicts on requirements and a player of worst missions"
 NEEDS = "an evaluation with requirements"
-FILES = {
-    "requirements.html": "the page",
-}
+FILES = {"requirements.html": "the page"}
 FORMATS = {"html": ""}
 SCRIPTS = (*PLAYER, "verdicts", "tables")
 

@@ -50,10 +50,7 @@ def list_random_missions(study: Study) -> pd.DataFrame:
         first = (missions.purpose == "selection") & (missions.generation == 0)
         flown = missions[first & missions.design.isin(drawn)]
         marks = {"kind": classify_failure(record), "run": record.name, "design": flown.design}
-        outcome = {
-            "failed": has_failed(flown),
-            "completed": flown.completed.astype(bool),
-        }
+        outcome = {"failed": has_failed(flown), "completed": flown.completed.astype(bool)}
         frames.append(pd.DataFrame({**marks, **outcome}))
     return pd.concat([frame for frame in frames if len(frame)] or frames, ignore_index=True)
 
