@@ -23,8 +23,8 @@ if __name__ != "evoros.analysis":
 keep_fonts()
 
 if TYPE_CHECKING:
-    from .api import analyze
     from .drawing.style import save
+    from .products import analyze
     from .subcommands import Product
     from .tables.loading import load_study
     from .tables.study import Study
@@ -37,7 +37,7 @@ if not TYPE_CHECKING:  # otherwise, type checkers would accept any name
     _HOMES = {
         "Product": "subcommands",
         "Study": "tables.study",
-        "analyze": "api",
+        "analyze": "products",
         "load_study": "tables.loading",
         "save": "drawing.style",
     }

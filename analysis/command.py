@@ -16,7 +16,7 @@ from evoros.storage.layout import MARKS
 from evoros.terminal.console import print_result, report_errors, run_main
 
 from .drawing.style import choose_style, render
-from .robot_choice import make_product
+from .products import make_product
 from .subcommands import NAME, Product, import_subcommand, parse, to_csv
 from .tables.loading import load_study
 from .tables.study import Study
@@ -95,12 +95,7 @@ def _render(product: Product, options: argparse.Namespace) -> dict[str, bytes]:
 
 
 def write_folder(path: Path, command: str, files: Mapping[str, bytes]) -> None:
-    """Write ``files``, keyed by path, into a folder that appears complete or not at all.
-
-    Raises:
-        InputError: the folder contains files that this command did not write.
-        OSError: the folder cannot be written.
-    """
+    """Replace a folder by ``files``, keyed by path, unless others changed it; all or nothing."""
     _check_unchanged(path, command)
     path.parent.mkdir(parents=True, exist_ok=True)
     draft, replaced = (
@@ -123,7 +118,6 @@ def write_folder(path: Path, command: str, files: Mapping[str, bytes]) -> None:
 
 
 def _check_unchanged(path: Path, command: str) -> None:
-    """Require that a folder is missing, empty, or unchanged since the command wrote it."""
     if not path.exists() and not path.is_symlink():
         return
     problem = _find_change(path, command)
@@ -135,7 +129,7 @@ def _check_unchanged(path: Path, command: str) -> None:
 
 
 def _find_change(path: Path, command: str) -> str:
-    """Describe the first difference between a folder and the command's output; empty if none."""
+    """Describe the first difference from the command's output; empty if there is none."""
     if not path.is_dir() or path.is_symlink():
         return "it is not a folder"
     present = {

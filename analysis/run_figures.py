@@ -28,10 +28,7 @@ def check_figures(values: Mapping[str, Any]) -> None:
 
 
 def draw_figure(run: Path, name: str, folder: Path) -> list[str]:
-    """Write the files of one subcommand into a folder, in a worker; return the warnings.
-
-    The files are written to a draft folder and moved once all are on disk, the picture last.
-    """
+    """Write the files of one subcommand into a folder, in a worker; return the warnings."""
     from .command import draw
 
     make_folder(folder)  # also syncs the folder's name
@@ -40,7 +37,7 @@ def draw_figure(run: Path, name: str, folder: Path) -> list[str]:
     with _silence() as stack:
         messages = stack.enter_context(collect_messages())
         written, _ = draw(parse([name, str(run.resolve()), "--output", str(draft)]))
-    for file in reversed(written):
+    for file in reversed(written):  # the picture last
         sync(file)
         file.replace(folder / file.name)
     draft.rmdir()
@@ -49,7 +46,6 @@ def draw_figure(run: Path, name: str, folder: Path) -> list[str]:
 
 
 def _silence() -> ExitStack:
-    """Silence a worker's terminal output; the main process reports the warnings."""
     stack = ExitStack()
     stack.enter_context(redirect_stdout(io.StringIO()))
     for handler in LOGGER.handlers:

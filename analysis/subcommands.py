@@ -173,7 +173,6 @@ def _add_common_arguments(parser: argparse.ArgumentParser, output: str) -> None:
 
 
 def _add_formats(parser: argparse.ArgumentParser, formats: Mapping[str, str]) -> None:
-    """Add ``--format`` if there are several formats, and the options for a figure's style."""
     from .drawing.finish import LETTERS
 
     if formats:

@@ -166,7 +166,7 @@ OF_FIGURES = (
         slow=True,
     ),
     Finished(
-        "analysis/statistics/controls.py controls=all",
+        "analysis/figures/controls.py controls=all",
         _RUN,
         "analyze controls r",
         ("resume r {parts} {} controls.trials=1", "analyze controls r"),

@@ -33,10 +33,7 @@ def dilate(vertices: Array, radius_m: float) -> Array:
 
 
 def trace_cones(sensors: pd.DataFrame, reach_m: float = math.inf) -> list[Array]:
-    """Return the cone (k, 2) [m] of each sensor, cut off at ``reach_m``.
-
-    Pitch does not shorten a cone, because the lowest rays are nearly level.
-    """
+    """Return the cone (k, 2) [m] of each sensor, cut off at ``reach_m``; pitch is ignored."""
     return [
         trace_sector(x, y, yaw, fov, min(range_m, reach_m))
         for x, y, yaw, fov, range_m in sensors[CONE].to_numpy(dtype=np.float64).tolist()
@@ -73,10 +70,7 @@ def trace_zone(
 
 
 def find_covered(sensors: pd.DataFrame, x: Array, y: Array, cell_m: float, reach_m: float) -> Array:
-    """Return True for each point x, y [m] (arrays of the same shape) in any sensor's cone.
-
-    A cone extends at least half a cell to either side, so that a single ray also covers cells.
-    """
+    """Return True for each point x, y [m] in any sensor's cone; a single ray is a cell wide."""
     covered = np.zeros(x.shape, dtype=bool)
     for sensor_x, sensor_y, yaw, fov, range_m in sensors[CONE].to_numpy(dtype=np.float64).tolist():
         dx, dy = x - sensor_x, y - sensor_y

@@ -69,9 +69,7 @@ def _overlap(sensors: pd.DataFrame, headings: Array, around: float) -> Array:
 
 
 def _openings(sensors: pd.DataFrame) -> Array:
-    """Return the field of view of each sensor [deg], at least the width of a ray, ``RAY_DEG``."""
-    openings: Array = np.maximum(sensors.fov_deg.to_numpy(float), RAY_DEG)  # NaN: no sensor
-    return openings
+    return np.asarray(np.maximum(sensors.fov_deg.to_numpy(float), RAY_DEG))  # NaN: no sensor
 
 
 def compute_directions(profiles: pd.DataFrame) -> Array:
@@ -201,18 +199,13 @@ def _describe(
 
 
 def _classify(share: float) -> str:
-    """Name the strategy for a share of the field of view near 0 deg; NaN stands for no sensors."""
     if np.isnan(share):
         return NEITHER
     return FRONT if share >= 0.5 else SIDE
 
 
 def compare_with_random(table: pd.DataFrame, rings: Sequence[Ring] = ()) -> pd.DataFrame:
-    """Compare champions with random designs: one row per treatment and feature.
-
-    ``table`` comes from ``describe_designs``; ``docs/analysis.md`` describes the columns. Clusters
-    are tested against clouds without clusters and against samples of random designs.
-    """
+    """Compare champions with random designs: one row per treatment and feature."""
     radii = [ring.radius_m for ring in tuple(rings) or paper_rings()]
     rows: list[Row] = []
     for treatment in dict.fromkeys(table.treatment):
@@ -285,7 +278,6 @@ def _p(best: "pd.Series[float]", drawn: "pd.Series[float]") -> float:
 
 
 def _adjust(frame: pd.DataFrame) -> "pd.Series[float]":
-    """Adjust each measure's p-values over the treatments by Holm's method."""
     single = frame[frame.p.notna() & (frame.treatment != ALL)]
     adjusted = frame.p.where(frame.treatment == ALL).copy()
     for rows in single.groupby(["measure", "at"], dropna=False).groups.values():

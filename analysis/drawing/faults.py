@@ -19,12 +19,10 @@ from ..tables.tracks import PARTS
 from .style import ORANGE, VERMILLION, YELLOW
 
 _LABEL_M = 1.2  # failures closer than this share a label
-DASHES: Mapping[int, Any] = {1: "-", 2: (0, (2.5, 1.0))}
-"""Line style of each phase of a mission."""
+DASHES: Mapping[int, Any] = {1: "-", 2: (0, (2.5, 1.0))}  # line style by phase
 _HEAD: dict[str, Any] = {"ls": "none", "ms": 4.5, "mec": "black", "mew": 0.5}
 _HEADS = {1: {**_HEAD, "mfc": "black"}, 2: {**_HEAD, "mfc": "white"}}
-# spacing of arrowheads, and length of path that directs them
-_APART_M, _ARROWHEAD_M = (7.0, 0.3)
+_APART_M, _ARROWHEAD_M = 7.0, 0.3  # spacing of arrowheads; length of path that directs them
 _ARROW_M = 1.5  # length of the arrow at the start of the path
 _POINT: dict[str, Any] = {"ls": "none", "marker": "v", "ms": 5, "mec": "black", "mew": 0.7}
 _MARKS: Mapping[str, Mapping[str, Any]] = {
@@ -40,8 +38,7 @@ _WORDS = {
 _PART: dict[str, Any] = {**_POINT, "marker": "D", "ms": 5.5, "mfc": VERMILLION}
 _WEDGE: dict[str, Any] = {"color": ORANGE, "alpha": 0.45}
 _WIDEST_PT = 6.0  # maximum width of a growing fault's band
-GROWN_S = 60.0
-"""Time [s] until the band of a growing error reaches its full width."""
+GROWN_S = 60.0  # time at which the band of a growing error has its full width
 _STRETCHES = 60  # number of segments in a widening band
 
 

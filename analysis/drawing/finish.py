@@ -17,13 +17,11 @@ from matplotlib.transforms import Bbox
 
 from evoros.base.arrays import Array
 
-LETTERS = ("A", "a", "(a)")
-"""Styles of panel letters, named by the first panel's letter."""
+LETTERS = ("A", "a", "(a)")  # styles of panel letters, named by the first panel's letter
 _GAP_PT = 2.0  # minimum gap between tick labels
 _ROUNDS = 8  # maximum number of attempts to thin out ticks
 _LETTERED = "lettered"  # group id of a figure with panel letters
-COLOUR_BAR = "<colorbar>"
-"""Matplotlib's label for the axes of a colour bar."""
+COLOUR_BAR = "<colorbar>"  # matplotlib's label for the axes of a colour bar
 
 
 def prepare_figure(figure: Figure, letters: str = "") -> None:
@@ -111,7 +109,6 @@ def _spell(texts: Iterable[Text]) -> None:
 
 
 def _keep_marks_whole(axes: Axes) -> None:
-    """Let markers inside the axes extend beyond the edges."""
     for artist in axes.get_children():
         places = find_marks(artist, axes)
         if places is not None and len(places) and _within(places, axes):
@@ -156,7 +153,6 @@ def _align_panels(figure: Figure) -> None:
 
 
 def _thin_ticks(figure: Figure) -> None:
-    """Remove ticks that a locator has chosen until no labels of an axis collide."""
     for _ in range(_ROUNDS):
         figure.draw_without_rendering()
         crowded = [axis for axis in _number_axes(figure) if collide(list_tick_labels(axis))]
@@ -188,7 +184,6 @@ def _move(note: Annotation, others: Sequence[Text]) -> None:
 
 
 def _number_axes(figure: Figure) -> Iterator[Axis]:
-    """Yield the numeric axes whose ticks are chosen by a locator."""
     for axes in figure.axes:
         if axes.axison and axes.get_visible():
             for axis in (axes.xaxis, axes.yaxis):

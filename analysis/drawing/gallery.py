@@ -42,7 +42,7 @@ def draw_designs(
     designs: Sequence[pd.DataFrame],
     context: FigureContext,
 ) -> None:
-    """Draw one design per panel with its cones; the designs have ``designs.COLUMNS``."""
+    """Draw one design per panel, with its cones."""
     reach = LENGTHS * robot_length(context)
     everything = pd.concat(list(designs))
     view = fit_window([context], everything, reach)
@@ -60,11 +60,7 @@ def draw_designs(
 def draw_in_cells(
     axes: Axes, centres: Array, side: Array, designs: Sequence[pd.DataFrame], context: FigureContext
 ) -> None:
-    """Draw each design in its cell, all to the same scale.
-
-    The cells' ``centres`` (n, 2) and ``side`` (2,) are in the units of the axes. The designs have
-    ``designs.COLUMNS``.
-    """
+    """Draw designs to the same scale in cells with these ``centres`` (n, 2) and ``side`` (2,)."""
     reach = SHORT * robot_length(context)
     view = fit_window([context], pd.concat(list(designs)), reach, margin_m=0.0)
     parts = sorted(context.parts, key=lambda part: part.top_m)
@@ -88,7 +84,7 @@ def draw_in_cells(
 
 
 def _to_cell(points: Array, view: Window) -> Array:
-    """Convert points (n, 2) in the robot's frame to offsets from a cell's centre, in cell sides."""
+    """Convert points (n, 2) on the robot to offsets from a cell's centre, in cell sides."""
     x_low, x_high, y_low, y_high = view
     scale = _SHARE / max(x_high - x_low, y_high - y_low)
     across, up = to_page(points - np.array([(x_low + x_high) / 2, 0.0])).T
@@ -98,10 +94,7 @@ def _to_cell(points: Array, view: Window) -> Array:
 def draw_growth(
     axes: Axes, growth: pd.DataFrame, treatments: Sequence[str], pooled: bool, column: str
 ) -> None:
-    """Plot a column against missions: each run, or the median and quartiles of each treatment.
-
-    ``growth`` has the columns ``treatment``, ``run``, ``generation`` and ``missions``.
-    """
+    """Plot a column against missions: each run, or the median and quartiles of each treatment."""
     for treatment, colour in assign_colours(treatments).items():
         rows = growth[growth.treatment == treatment]
         if not pooled:

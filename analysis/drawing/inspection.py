@@ -1,6 +1,5 @@
 """Top and side views of a robot, with its outline and sensor poses."""
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -17,16 +16,12 @@ from evoros.robot.model import Robot
 from .style import BLUE, CATEGORIES, PAGE_IN, render, use_style
 
 X, Y, Z = range(3)
+_HEADING_M = 0.03  # length of a sensor's line
 _BODY, _WHEEL, _CASTER, _EDGE = "0.88", "0.45", "0.65", "0.35"
 
 
 def draw_robot_picture(robot: Robot, places: Mapping[str, Array]) -> bytes:
-    """Draw a robot as a PNG; see ``draw_inspected_robot``."""
-    return render(draw_inspected_robot(robot, places), "png")
-
-
-def draw_inspected_robot(robot: Robot, places: Mapping[str, Array]) -> Figure:
-    """Draw a robot's top and right-hand views, with sensor poses (n, 5) by region."""
+    """Draw a robot's top and right-hand views as a PNG, with sensor poses (n, 5) by region."""
     with use_style():
         figure = Figure(figsize=(PAGE_IN, 0.5 * PAGE_IN), layout="constrained")
         length, width = np.ptp(robot.outline, axis=0)
@@ -42,7 +37,7 @@ def draw_inspected_robot(robot: Robot, places: Mapping[str, Array]) -> Figure:
         above.invert_xaxis()
         side.set(xlabel="x, forward [m]", ylabel="z [m]", title="side view", aspect="equal")
         figure.legend(handles=_legend(places), loc="outside lower center", ncols=4, frameon=False)
-    return figure
+    return render(figure, "png")
 
 
 def _draw_view(axes: Axes, robot: Robot, plane: tuple[int, int]) -> None:
@@ -57,15 +52,13 @@ def _draw_view(axes: Axes, robot: Robot, plane: tuple[int, int]) -> None:
 
 
 def _draw_places(above: Axes, side: Axes, poses: Array, colour: str) -> None:
-    length = 0.03
-    for x, y, z, yaw, pitch in poses.tolist():
-        ahead = length * math.cos(pitch)
-        tip_x, tip_y = x + ahead * math.cos(yaw), y + ahead * math.sin(yaw)
-        above.plot([y, tip_y], [x, tip_x], color=colour, lw=0.4, alpha=0.6, zorder=4)
-        tip_z = z + length * math.sin(pitch)
-        side.plot([x, tip_x], [z, tip_z], color=colour, lw=0.4, alpha=0.6, zorder=4)
-    above.scatter(poses[:, 1], poses[:, 0], s=3.0, c=colour, lw=0.0, zorder=5)
-    side.scatter(poses[:, 0], poses[:, 2], s=3.0, c=colour, lw=0.0, zorder=5)
+    yaw, pitch = poses[:, 3], poses[:, 4]
+    ahead = np.cos(pitch)
+    steps = np.stack((ahead * np.cos(yaw), ahead * np.sin(yaw), np.sin(pitch)), axis=1)
+    lines = np.stack((poses[:, :3], poses[:, :3] + _HEADING_M * steps))
+    for axes, (across, up) in ((above, (Y, X)), (side, (X, Z))):
+        axes.plot(lines[..., across], lines[..., up], color=colour, lw=0.4, alpha=0.6, zorder=4)
+        axes.scatter(poses[:, across], poses[:, up], s=3.0, c=colour, lw=0.0, zorder=5)
 
 
 def _cycle(count: int) -> Sequence[str]:

@@ -26,22 +26,15 @@ from .worlds import HALO, draw_course, draw_obstacles
 
 _ESTIMATED = Line2D([], [], color=BLACK, lw=0.9, ls=(0, (3, 1.5)), label="estimated path")
 OBSTACLE = "0.8"
+# Colour and width [pt] by mode, in the order of the controller's layers.
 PATHS = ((VERMILLION, 1.6), (BLUE, 0.8), (GREEN, 1.2), (PURPLE, 1.6))
-"""Colour and width [pt] by mode, in the order of the controller's layers."""
 UNDECIDED = ("0.3", 0.8)
 _POINT: dict[str, Any] = {"ls": "none", "zorder": 5}
 HOME = {**_POINT, "marker": "*", "color": "black", "ms": 6, "label": "home (arrow: start)"}
 WAYPOINT = {**_POINT, "marker": "o", "mfc": "none", "mec": "0.5", "ms": 7}
 WAYPOINT["label"] = "waypoint (number)"
-END = {
-    **_POINT,
-    "marker": "D",
-    "ms": 3.5,
-    "mfc": "white",
-    "mec": "black",
-    "mew": 0.9,
-    "label": "end",
-}
+END = {**_POINT, "marker": "D", "ms": 3.5, "mfc": "white", "mec": "black", "mew": 0.9}
+END["label"] = "end"
 COLLISION = {**_POINT, "marker": "X", "ms": 7, "mfc": "black", "mec": "white", "mew": 0.6}
 COLLISION["label"] = "collision"
 TOUCH = {**_POINT, "marker": "s", "ms": 9, "mfc": "none", "mec": PURPLE, "mew": 1.2}
@@ -100,7 +93,7 @@ def _draw_phase(axes: Axes, phase: int, path: pd.DataFrame, modes: Sequence[str]
 
 
 def _styles(modes: Sequence[str]) -> dict[str, tuple[str, float]]:
-    """Return the colour and width of each mode; the last layer is drawn first."""
+    # The last layer is drawn first.
     styles = {name: PATHS[i % len(PATHS)] for i, name in enumerate(modes)}
     return dict(reversed([*styles.items(), (NONE, UNDECIDED)]))
 
@@ -168,10 +161,8 @@ def draw_errors(figure: SubFigure, paths: Mapping[str, pd.DataFrame], columns: i
 
 
 def measure_drift(path: pd.DataFrame) -> tuple[Array, Array, Array]:
-    """Return the distance driven [m], position error [m] and heading error [deg], each (n,).
-
-    The last record is left out, because its estimate comes from an earlier decision.
-    """
+    """Return the distance driven [m], position error [m] and heading error [deg], each (n,)."""
+    # The last estimate comes from an earlier decision.
     rows = path.iloc[:-1] if len(path) > 1 else path
     x, y = rows["x_m"].to_numpy(float), rows["y_m"].to_numpy(float)
     steps = np.hypot(np.diff(x, prepend=x[:1]), np.diff(y, prepend=y[:1]))
@@ -191,8 +182,8 @@ def draw_companions(
     for place, (name, other) in enumerate(others.items()):
         if len(path) and len(other):
             style = _choose_style(place)
-            draw_path(axes, other, style)
-            draw_meeting(axes, (path, other), (robots[""], robots[name]), style["color"])
+            _draw_path(axes, other, style)
+            _draw_meeting(axes, (path, other), (robots[""], robots[name]), style["color"])
 
 
 def _choose_style(place: int) -> dict[str, Any]:
@@ -200,8 +191,7 @@ def _choose_style(place: int) -> dict[str, Any]:
     return {"color": colour, "ls": dashes, "lw": _WIDTH_PT}
 
 
-def draw_path(axes: Axes, path: pd.DataFrame, style: Mapping[str, Any]) -> None:
-    """Draw a robot's path and collisions, with a star at its home."""
+def _draw_path(axes: Axes, path: pd.DataFrame, style: Mapping[str, Any]) -> None:
     axes.plot(path["x_m"], path["y_m"], zorder=2.4, **style)
     x, y = path["x_m"].iloc[0], path["y_m"].iloc[0]
     axes.plot(x, y, marker="*", mfc=style["color"], mec="black", mew=0.4, ms=7, zorder=5)
@@ -209,23 +199,21 @@ def draw_path(axes: Axes, path: pd.DataFrame, style: Mapping[str, Any]) -> None:
     axes.plot(hits["x_m"], hits["y_m"], ls="none", marker="X", ms=7, zorder=5, **_HIT)
 
 
-def draw_meeting(
+def _draw_meeting(
     axes: Axes, paths: Sequence[pd.DataFrame], robots: Sequence[FigureContext], colour: str
 ) -> None:
-    """Draw two robots at their closest approach, with the time; the first one is white."""
     both = paths[0].merge(paths[1], on="time_s", suffixes=("", "_other"))
     first = both[[*POSE]].to_numpy(float)
     other = both[[f"{name}_other" for name in POSE]].to_numpy(float)
     row = int(np.argmin(np.hypot(*(first - other)[:, :2].T)))
-    draw_outline(axes, robots[0], first[row].tolist(), "white")
-    draw_outline(axes, robots[1], other[row].tolist(), colour)
+    _draw_outline(axes, robots[0], first[row].tolist(), "white")
+    _draw_outline(axes, robots[1], other[row].tolist(), colour)
     x, y = ((first[row] + other[row]) / 2).tolist()[:2]
     time_s = float(both["time_s"].to_numpy(float)[row])
     axes.annotate(f"{time_s:.0f} s", (x, y), xytext=(7, 5), **_NEAR_LABEL)
 
 
-def draw_outline(axes: Axes, robot: FigureContext, pose: Sequence[float], colour: str) -> None:
-    """Draw a robot's top view at a pose x, y [m], yaw [rad]."""
+def _draw_outline(axes: Axes, robot: FigureContext, pose: Sequence[float], colour: str) -> None:
     parts = sorted(robot.parts, key=lambda part: part.top_m)
     areas = [_place(outline_part(part), pose) for part in parts]
     colours = ["0.25" if part.wheel else colour for part in parts]

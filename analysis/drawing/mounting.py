@@ -263,7 +263,6 @@ def draw_mounting(plan: MountingPlan) -> Figure:
 
 
 def _draw_view(axes: Axes, plan: MountingPlan, view: View) -> None:
-    """Draw the robot (parts closest to the viewer last), then its sensors and datum."""
     depth, sign = (Z, 1.0) if view.up == Y else (Y, -1.0)
     for solid in sorted(plan.solids, key=lambda s: float((sign * s.points_mm[:, depth]).max())):
         look = {"fc": _WHEEL if solid.wheel else _BODY, "ec": GREY, "alpha": 0.9}

@@ -22,7 +22,6 @@ from ..designs.cones import Window, outline_part, trace_cones, trace_zone
 from ..tables.champions import BEST_SO_FAR
 from ..tables.designs import SIGNAL_COLUMNS
 from ..tables.treatments import SINGLE
-from . import robot
 from .style import PURPLE, VERMILLION
 
 MARKERS = "os^DvP"  # one per sensor type
@@ -30,8 +29,7 @@ AXES = ("y, left [m]", "x, forward [m]")
 _BODY, _WHEEL = "0.88", "0.45"
 _EDGE = "0.35"
 RAY = VERMILLION
-LINE_DEG = 2.0
-"""Field of view [deg] below which a beam is drawn as a line of fixed width."""
+LINE_DEG = 2.0  # field of view below which a beam is drawn as a line of fixed width
 _HEADING_IN, _RAY_PT = 0.075, 1.2  # length of a heading line, and width of a ray
 
 
@@ -122,7 +120,6 @@ def draw_sensors(
 
 
 def _draw_headings(axes: Axes, sensors: pd.DataFrame, alpha: float) -> None:
-    """Draw a line of fixed length on the page from each sensor along its heading."""
     places = to_page(sensors[["x_m", "y_m"]].to_numpy(dtype=np.float64))
     yaw = np.radians(sensors["yaw_deg"].to_numpy(dtype=np.float64))
     # Angles refer to the page rather than to the data.
@@ -132,8 +129,7 @@ def _draw_headings(axes: Axes, sensors: pd.DataFrame, alpha: float) -> None:
     axes.quiver(*places.T, -np.sin(yaw), np.cos(yaw), alpha=alpha, zorder=4.1, **look)
 
 
-def make_place_handles(sensors: pd.DataFrame) -> list[Line2D]:
-    """Make the legend entries for sensors and single rays; none without sensors."""
+def _make_place_handles(sensors: pd.DataFrame) -> list[Line2D]:
     if sensors.empty:
         return []
     dot = Line2D([], [], marker="o", ms=3, lw=1.0, color="black", label="sensor and heading")
@@ -147,8 +143,7 @@ def assign_markers(sensors: pd.DataFrame) -> dict[str, str]:
     return {kind: MARKERS[i % len(MARKERS)] for i, kind in enumerate(kinds)}
 
 
-def make_type_handles(markers: Mapping[str, str]) -> list[Line2D]:
-    """Make the legend entries for sensor types; none if there is only one type."""
+def _make_type_handles(markers: Mapping[str, str]) -> list[Line2D]:
     if len(markers) < 2:
         return []
     return [
@@ -157,8 +152,7 @@ def make_type_handles(markers: Mapping[str, str]) -> list[Line2D]:
     ]
 
 
-_MARKERS = {WHEELS: ("p", 6.5), MOTION: ("X", 4.0), CONTACT: ("*", 4.0)}
-"""The marker and its size [pt] for each measured quantity."""
+_MARKERS = {WHEELS: ("p", 6.5), MOTION: ("X", 4.0), CONTACT: ("*", 4.0)}  # marker and size [pt]
 _HATCH = "/////"
 
 
@@ -184,7 +178,7 @@ class Champions:
     @cached_property
     def markers(self) -> dict[str, str]:
         """The marker of each sensor type."""
-        return robot.assign_markers(self.placed)
+        return assign_markers(self.placed)
 
     @cached_property
     def numbers(self) -> "pd.Series[int]":
@@ -198,17 +192,17 @@ class Champions:
 
     def make_handles(self, with_rays: bool = True) -> list[Line2D | Patch]:
         """Make the legend entries for sensors, rays and sensor types."""
-        places = robot.make_place_handles(self.placed)
-        types = robot.make_type_handles(self.markers)
+        places = _make_place_handles(self.placed)
+        types = _make_type_handles(self.markers)
         return [*places[: None if with_rays else 1], *types, *_make_signal_handles(self.others)]
 
     def draw_on_each_other(self, axes: Axes, treatment: str, cut_m: float, places: bool) -> None:
         """Draw the rays of a treatment's champions and, with ``places``, their sensors."""
         chosen = self.placed[self.placed.treatment == treatment]
         alpha = 0.35 if self.several else 0.8  # overlapping dots look darker
-        robot.draw_rays(axes, chosen, [robot.RAY] * len(chosen), cut_m, alpha)
+        draw_rays(axes, chosen, [RAY] * len(chosen), cut_m, alpha)
         if places:
-            robot.draw_sensors(axes, chosen, ["black"] * len(chosen), self.markers, (2.5, alpha))
+            draw_sensors(axes, chosen, ["black"] * len(chosen), self.markers, (2.5, alpha))
             if len(self.others):
                 signals = self.others[self.others.treatment == treatment]
                 draw_signals(axes, signals, self.contexts[treatment], alpha)

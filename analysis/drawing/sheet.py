@@ -84,7 +84,7 @@ class Layout:
 
     @property
     def table_size(self) -> tuple[float, float]:
-        """Width and height of the subfigure of a table."""
+        """The width and height [in] of a subfigure that holds a table."""
         return self.width / self._columns, self.table
 
     def make_figure(self) -> tuple[Figure, list[tuple[SubFigure, SubFigure]]]:

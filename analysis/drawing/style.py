@@ -20,10 +20,8 @@ from evoros.files.resources import expand_home
 from .finish import fit_text, letter, prepare_figure
 
 _DPI = 300
-"""Resolution for print, in dots per inch."""
 COLOURS = 256
-VISIBLE = 0.1
-"""Mean palette error, in steps of 1/255, above which a picture retains all its colours."""
+VISIBLE = 0.1  # mean error of a palette, in steps of 1/255, above which a picture does not use it
 COLUMN_IN = 3.5  # width of one column of a two-column page
 PAGE_IN = 7.0  # width of both columns
 FONT_PT = 8.0
@@ -45,27 +43,16 @@ _OURS = ("savefig.", "backend", "figure.autolayout", "figure.constrained_layout"
 _chosen: ContextVar[Mapping[Any, Any] | None] = ContextVar("chosen", default=None)
 _DATES = {"svg": "Date", "pdf": "CreationDate"}
 
-BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
-    "#000000",
-    "#e69f00",
-    "#56b4e9",
-    "#009e73",
-    "#f0e442",
-    "#0072b2",
-    "#d55e00",
-    "#cc79a7",
-)
-"""The colours of Okabe and Ito (2008), which colour-blind readers can distinguish."""
+# The colours of Okabe and Ito (2008), which colour-blind readers can distinguish.
+BLACK, ORANGE, SKY, GREEN = "#000000", "#e69f00", "#56b4e9", "#009e73"
+YELLOW, BLUE, VERMILLION, PURPLE = "#f0e442", "#0072b2", "#d55e00", "#cc79a7"
 CATEGORIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
 """Colours in the order of use; the first few also differ in greyscale."""
 
 
 @contextmanager
 def choose_style(name: str | None) -> Iterator[None]:
-    """Apply a matplotlib style (a file, or a name from matplotlib's library) inside the context.
-
-    All sizes scale with ``font.size``; the width in ``figure.figsize`` is the width of one column.
-    """
+    """Apply a matplotlib style, given as a file or by name, inside the context."""
     parameters = {} if name is None else _read_style(name)
     token = _chosen.set(
         {key: parameters[key] for key in parameters if not str(key).startswith(_OURS)}

@@ -24,8 +24,7 @@ HEIGHTS_M = Normalize(0.0, 1.0)
 HALO = withStroke(linewidth=1.5, foreground="white")
 _NUMBER: dict[str, Any] = {"fontsize": "x-small", "ha": "center", "va": "center", "zorder": 4.8}
 PICTURE_IN = 4.5  # width of a world's picture
-OVERHEAD_M = 1.0
-"""Height [m] of the underside above which a part hides nothing that robots can touch or see."""
+OVERHEAD_M = 1.0  # parts with a higher underside hide nothing that robots can touch or see
 
 
 def draw_world_picture(worlds: Mapping[str, World]) -> bytes:

@@ -39,6 +39,7 @@ MOST_COLUMNS = 5  # maximum number of maps in a row
 MAP_IN, PANEL_IN, BELOW_IN = 3.5, 1.02, 1.95
 HEIGHT_IN = MAP_IN + BELOW_IN + 0.55
 LINE_IN = 0.14
+LETTERS = 90  # title characters per row of maps
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,19 +57,15 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     groups = group_runs(study, options.by)
     elites = {name: archive.select_elites(runs) for name, runs in groups.items()}
     listed = pd.concat(list(elites.values()), ignore_index=True)
-    records = [study.records[place] for place in listed.place]
-    listed["run"] = [record.name for record in records]
-    listed["treatment"] = [record.treatment for record in records]
     listed = listed.rename(columns={x.column: "x", y.column: "y"})
-    listed = listed[["run", "treatment", "id", "cell_x", "cell_y", "x", "y", "fitness"]]
-    figure = draw_archives(study, archive, elites, options.by)
-    return Product(listed, figure, tables={"archive_growth.csv": archive.growth})
+    columns = ["run", "treatment", "id", "cell_x", "cell_y", "x", "y", "fitness"]
+    figure = _draw_archives(study, archive, elites, options.by)
+    return Product(listed[columns], figure, tables={"archive_growth.csv": archive.growth})
 
 
-def draw_archives(
+def _draw_archives(
     study: Study, archive: Archive, elites: Mapping[str, pd.DataFrame], by: str
 ) -> Figure:
-    """Draw one map per group of runs, with coverage and QD score below."""
     with use_style():
         titles = _make_titles(study, elites, by)
         treatments = study.treatments
@@ -95,7 +92,6 @@ def draw_archives(
 
 
 def _make_titles(study: Study, elites: Mapping[str, pd.DataFrame], by: str) -> dict[str, str]:
-    """Return the titles of groups: a run's treatment and seed, or the number of pooled runs."""
     if by == RUN:
         return {r.name: f"{r.treatment}, seed {r.seed}" for r in study.records}
     counts = Counter(record.treatment for record in study.records)
@@ -106,16 +102,11 @@ def _make_titles(study: Study, elites: Mapping[str, pd.DataFrame], by: str) -> d
 
 
 def _lay_out(count: int, titles: Mapping[str, str], below: float) -> Sheet:
-    """Lay out several maps: up to three in one row, more in a nearly square grid."""
     columns = count if count <= 3 else min(MOST_COLUMNS, math.ceil(math.sqrt(count)))
     rows = math.ceil(count / columns)
-    lines = max(_wrap_title(title, columns).count("\n") for title in titles.values())
+    lines = max(wrap(title, LETTERS / columns).count("\n") for title in titles.values())
     heads = [0.25 + LINE_IN * lines + (0.42 if row else 0.0) for row in range(rows)]
     return Sheet(PAGE_IN, columns, [1.0] * rows, heads, right=0.95, bottom=below + 0.42, gap=0.3)
-
-
-def _wrap_title(title: str, columns: int) -> str:
-    return wrap(title, 90 / columns)
 
 
 def _draw_side_by_side(
@@ -132,7 +123,7 @@ def _draw_side_by_side(
         row, column = divmod(i, sheet.columns)
         axes = sheet.add_panel(figure, row, column)
         image = _draw_map(axes, study, archive, table, (sheet.panel, scale))
-        axes.set_title(_wrap_title(titles[name], sheet.columns), fontsize="small")
+        axes.set_title(wrap(titles[name], LETTERS / sheet.columns), fontsize="small")
         if i + sheet.columns < len(elites):
             axes.set_xlabel("")
         if column:

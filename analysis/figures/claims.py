@@ -28,13 +28,12 @@ from ..statistics.finding import (
 from ..statistics.small_samples import describe_shortfalls
 from ..subcommands import Product
 from ..tables.champions import read_champion
-from ..tables.claims_file import read_claims
 from ..tables.designs import read_initial_sensors
 from ..tables.records import Record
 from ..tables.study import Study
 from ..tables.validated import identify_champion
 from .options import add_thresholds, check_thresholds
-from .own_claims import judge_own
+from .own_claims import judge_own, read_claims
 
 FIRST_ROBOT = True
 HELP = "claims with measured values, intervals and verdicts"

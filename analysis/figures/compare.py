@@ -76,7 +76,6 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def _report_sources(runs: pd.DataFrame) -> Iterator[str]:
-    """Report the sources of the validated fitness, because the runs themselves use few trials."""
     for source, column in ((BY_EVALUATION, "fresh_trials"), (BY_RUN, "in_run_trials")):
         rows = runs[runs["validated_by"] == source]
         if len(rows):
@@ -120,10 +119,7 @@ def draw_comparison(
     label: str = FITNESS,
     with_tests: bool = True,
 ) -> Figure:
-    """Draw one panel per measure: a dot for each run below a box plot, with tests underneath.
-
-    ``width`` is in inches. Whiskers end at the last value within 1.5 interquartile ranges.
-    """
+    """Draw one panel per measure: a dot for each run below a box plot, with tests underneath."""
     names = list(dict.fromkeys(runs["treatment"].astype(str)))
     letters = style.abbreviate(names, NAME_LENGTH)
     full = (name if short == name else f"{short}: {name}" for name, short in letters.items())
@@ -178,7 +174,7 @@ def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[st
 
 def _draw_box(axes: Axes, y: float, values: Array) -> None:
     q1, median, q3 = np.quantile(values, [0.25, 0.5, 0.75])
-    reach = 1.5 * (q3 - q1)
+    reach = 1.5 * (q3 - q1)  # whiskers end at the last value within
     low, high = values[values >= q1 - reach].min(), values[values <= q3 + reach].max()
     axes.hlines([y, y], [low, q3], [q1, high], color="0.4", lw=0.7, zorder=1)
     axes.barh(y, q3 - q1, BOX[1], left=q1, color="0.9", ec="0.4", lw=0.7, zorder=1)

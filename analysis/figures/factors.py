@@ -206,10 +206,7 @@ def draw_factors(
     width: float = style.COLUMN_IN,
     label: str = FITNESS,
 ) -> Figure:
-    """Draw one panel per measure: replicates, means and intervals, with the tests below.
-
-    ``width`` is in inches. Lines between means are parallel if there is no interaction.
-    """
+    """Draw one panel per measure: replicates, means and intervals, with the tests below."""
     lines = max(_wrap_level(level, width, cells).count("\n") for level in _list_first(cells))
     panel_in = PANEL_IN + style.scale_type(0.13) * lines
     layout = Layout(len(cells), width, panel_in, table_height(len(names) * 2 - 1, note=True))
@@ -256,7 +253,6 @@ def _wrap_level(level: str, width: float, cells: Mapping[str, Mapping[Cell, Arra
 def _draw_means(
     axes: Axes, cells: Mapping[Cell, Array], names: Sequence[str], bounds: tuple[float, float]
 ) -> None:
-    """Draw the replicates of each cell as dots, next to their mean and its interval."""
     first, *others = list_levels(cells, names).values()
     second = others[0] if others else [""]
     colours = style.assign_colours(second)

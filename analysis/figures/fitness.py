@@ -56,11 +56,7 @@ def draw_fitness(
     champion: Interval | None = None,
     labels: Mapping[str, str] | None = None,
 ) -> Figure:
-    """Draw each individual, the best and the mean of one run, or the quartiles of several runs.
-
-    Each treatment has a panel; ``width`` is in inches. ``champion`` is the interval of the
-    champion's fitness. Treatments whose ``labels`` differ have separate scales.
-    """
+    """Draw one run's individuals, or the quartiles of several runs in a panel per treatment."""
     names = labels or {}
     several = "run" in generations and generations["run"].nunique() > 1
     with use_style():

@@ -1,7 +1,7 @@
 """The Pareto front of two objectives, with some of its designs."""
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import cycle
 from typing import Any
 
@@ -39,20 +39,17 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the front of each treatment or run; the table lists the designs on it."""
     shown = read_front(study, options)
     groups = group_runs(study, options.by)
-    front = pd.concat([shown.select_front(runs) for runs in groups.values()], ignore_index=True)
-    records = [study.records[place] for place in front.place]
-    listed = front.assign(run=[record.name for record in records])
-    listed["treatment"] = [record.treatment for record in records]
-    listed = listed.assign(x=front[shown.x.column], y=front[shown.y.column])
-    columns = ["run", "treatment", "id", "x", "y", "fitness"]
-    return Product(listed[columns], draw_front(study, shown, groups))
-
-
-def draw_front(study: Study, shown: Front, groups: Mapping[str, Sequence[int]]) -> Figure:
-    """Draw all candidates, the front of each group of runs, and some designs next to it."""
-    x, y = shown.x, shown.y
     fronts = {name: shown.select_front(runs) for name, runs in groups.items()}
     front = pd.concat(list(fronts.values()), ignore_index=True)
+    listed = front.assign(x=front[shown.x.column], y=front[shown.y.column])
+    columns = ["run", "treatment", "id", "x", "y", "fitness"]
+    return Product(listed[columns], _draw_front(study, shown, fronts, front))
+
+
+def _draw_front(
+    study: Study, shown: Front, fronts: Mapping[str, pd.DataFrame], front: pd.DataFrame
+) -> Figure:
+    x, y = shown.x, shown.y
     with use_style():
         below = LINE_IN * (1 + len(study.treatments)) if len(study.treatments) > 1 else 0.0
         sheet = Sheet(PAGE_IN, 1, [], [HEIGHT_IN + below], bottom=0.0)
@@ -85,9 +82,7 @@ def _draw_candidates(axes: Axes, shown: Front) -> None:
     x, y, candidates = shown.x, shown.y, shown.candidates
     places = candidates[x.column], candidates[y.column]
     axes.scatter(*places, s=6, color="0.7", linewidths=0, label="evaluated", zorder=1)
-    better = {1.0: "higher is better", -1.0: "lower is better"}
-    labels = (wrap(f"{axis.label} ({better[axis.sign]})", LETTERS) for axis in (x, y))
-    axes.set(**dict(zip(("xlabel", "ylabel"), labels, strict=True)))
+    axes.set(xlabel=wrap(x.directed_label, LETTERS), ylabel=wrap(y.directed_label, LETTERS))
     axes.margins(0.08)
 
 

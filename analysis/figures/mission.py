@@ -180,7 +180,6 @@ def _draw_map(axes: Axes, missions: Missions, name: str, room: float) -> None:
 def _list_parts_below(
     missions: Missions, columns: int
 ) -> list[tuple[Callable[[SubFigure], None], float]]:
-    """List the functions that draw the parts below the maps, with their heights [in]."""
     parts: list[tuple[Callable[[SubFigure], None], float]] = []
     if mission_map.has_estimate(missions.first):
         height = math.ceil(len(missions.paths) / columns) * _ERRORS_IN
@@ -195,7 +194,6 @@ def _list_parts_below(
 
 
 def _measure_panel(panels: Sequence[Axes], width: float) -> float:
-    """Return the height [in] of a panel, including labels, for a width [in]."""
     limits = (panels[0].get_xlim(), panels[0].get_ylim())
     x_span, y_span = (abs(end - begin) for begin, end in limits)
     lines = max(len(axes.get_title().splitlines()) for axes in panels)

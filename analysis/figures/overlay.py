@@ -86,10 +86,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 def choose_cuts(
     sensors: pd.DataFrame, contexts: Mapping[str, FigureContext], near_m: float | None = None
 ) -> tuple[float, ...]:
-    """Choose the lengths [m] at which cones are cut off: a near one, and the full range if longer.
-
-    The shortest range is added if its cones would look like dots next to the longest ones.
-    """
+    """Choose the lengths [m] at which cones are cut off: a near one, and a longer full range."""
     if near_m is not None and not 0 < near_m < math.inf:
         raise InputError(
             f"--cut: must be a length greater than 0, not {near_m}; type --cut 0.5, for example"
@@ -100,16 +97,13 @@ def choose_cuts(
     near = near_m or max(round(max(map(robot_length, contexts.values())), 1), 0.1)
     short = float(sensors.range_m.min())
     cuts = {near, far}
-    if near_m is None and near < short < far / APART:
+    if near_m is None and near < short < far / APART:  # the shortest cones would look like dots
         cuts = {short, far} if short <= APART * near else {near, short, far}
     return tuple(sorted(cut for cut in cuts if cut <= far))
 
 
 def draw_overlay(cover: pd.DataFrame, champions: Champions, width: float = COLUMN_IN) -> Figure:
-    """Draw one panel per treatment and cut: the robot, its sensors, and their coverage.
-
-    ``cover`` comes from ``count_coverage``; ``width`` is in inches.
-    """
+    """Draw one panel per treatment and cut: the robot, its sensors, and their coverage."""
     contexts = champions.contexts
     cuts_m = sorted(cover.cut_m.unique()) or [0.0]
     views = [fit_window(contexts.values(), champions.placed, cut) for cut in cuts_m]

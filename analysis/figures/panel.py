@@ -66,10 +66,7 @@ def draw_panels(
     width: float = COLUMN_IN,
     signals: pd.DataFrame | None = None,
 ) -> Figure:
-    """Draw one panel per champion, in rows by treatment; ``width`` is in inches.
-
-    ``sensors`` comes from ``rank_pairs``, and ``signals`` has the form of ``Study.signals``.
-    """
+    """Draw one panel per champion, in rows by treatment; ``sensors`` comes from ``rank_pairs``."""
     champions = Champions(sensors, contexts, signals)
     placed = champions.placed
     shown = [contexts[treatment] for treatment in champions.numbers.index]

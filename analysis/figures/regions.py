@@ -62,10 +62,7 @@ def group_contexts(study: Study) -> dict[str, FigureContext]:
 
 
 def list_regions(contexts: Mapping[str, FigureContext]) -> pd.DataFrame:
-    """List one row per region and, if sensors have twins, one for the mirror image.
-
-    ``docs/analysis.md`` describes the columns. Corners form a rectangle, or a line on the outline.
-    """
+    """List one row per region and, if sensors have twins, one for the mirror image."""
     rows = [
         {"treatment": treatment, "robot": context.robot, "region": name, "twin": twin}
         | {f"{'xy'[k]}{i}_m": c[k] for i, c in enumerate(area.corners) for k in (0, 1)}
@@ -94,11 +91,7 @@ def _flip(headings: tuple[float, float]) -> tuple[float, float]:
 def draw_regions(
     contexts: Mapping[str, FigureContext], width: float = COLUMN_IN, named: bool = False
 ) -> Figure:
-    """Draw one panel per context: the robot, its regions, and fans of headings.
-
-    Mirror images that are not regions have dashed edges. ``width`` is in inches; with ``named``,
-    even a single panel has a title.
-    """
+    """Draw one panel per context: the robot, its regions, and fans of headings."""
     reach = FAN * max(map(robot_length, contexts.values()))
     view = _fit_window(contexts, reach)
     columns = max(1, min(len(contexts), int(width / PANEL_IN)))
@@ -121,7 +114,6 @@ def draw_regions(
 
 
 def _fit_window(contexts: Mapping[str, FigureContext], reach: float) -> Window:
-    """Return a window with the robots, the fans, and room for names around them."""
     corners = [
         (x, y, 0.0, 360.0, scale_type(3.4 if area.facing_deg else 2.4) * reach)
         for context in contexts.values()

@@ -210,11 +210,7 @@ def _list_worst(pairs: pd.DataFrame) -> Iterator[str]:
 def draw_paired_times(
     pairs: pd.DataFrame, tests: pd.DataFrame, sides: Sequence[str], design: str, width: float
 ) -> Figure:
-    """Draw each mission at its times in A and B, with the tests over all worlds below.
-
-    Incomplete missions are in bands beyond the longest time, farther out the less progress they
-    made. ``sides`` holds the names of A and B. ``width`` is in inches.
-    """
+    """Draw each mission at its times in A and B, with the tests over all worlds below."""
     names = [f"{side}: {name}" for side, name in zip("AB", sides, strict=True)]
     note = cut_short(", ".join([*names, *([design] if design else [])]), NOTE_LENGTH)
     rows = [_list_cells(row) for row in tests.to_dict("records")]
@@ -244,6 +240,7 @@ def _draw_pairs(axes: Axes, pairs: pd.DataFrame) -> None:
     for place in (axes.axvspan, axes.axhspan):
         place(high, end, color="0.94", lw=0, zorder=0)
     axes.plot([low, high], [low, high], color="0.5", lw=0.7, ls=(0, (4, 2)), zorder=1)
+    # Incomplete missions are farther out the less progress they made.
     progress = pairs[[f"{PROGRESS}_a", f"{PROGRESS}_b"]].to_numpy(float)
     lost = high + (end - high) * (0.15 + 0.7 * (1 - np.nan_to_num(progress)))
     places = np.where(np.isnan(times), lost, times)

@@ -138,7 +138,6 @@ def _make_upper_key(colours: Mapping[str, str]) -> list[Artist]:
 
 
 def _shorten(treatments: Sequence[str]) -> dict[str, str]:
-    """Map treatments to tick labels: letters if a name is too long or if there are many."""
     return abbreviate(treatments, NAME_LENGTH if len(treatments) <= 4 else 0)
 
 
@@ -179,7 +178,6 @@ def _reach(summary: pd.DataFrame) -> int:
 
 
 def _close(values: Array, end: float | None = None) -> Array:
-    """Append the value for 180 deg: ``end``, or the value at -180 deg."""
     return np.append(values, values[0] if end is None else end)
 
 

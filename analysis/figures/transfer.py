@@ -127,11 +127,7 @@ def draw_transfer(
     label: str = FITNESS,
     bounds: tuple[float, float] = UNBOUNDED,
 ) -> Figure:
-    """Draw one panel per pair of conditions; designs on the diagonal have equal scores.
-
-    Bars are standard errors over the trials, clipped to the ``bounds`` of the fitness. The tables
-    below have bootstrap intervals; ``width`` is in inches.
-    """
+    """Draw one panel per pair of conditions; designs on the diagonal have equal scores."""
     panels = list(table.groupby(["x", "y"], sort=False))
     groups = list(dict.fromkeys(summary["group"].astype(str)))
     lines = int(summary.groupby(["x", "y"]).size().max())
@@ -214,11 +210,7 @@ def draw_ladder(
     label: str = FITNESS,
     bounds: tuple[float, float] = UNBOUNDED,
 ) -> Figure:
-    """Draw a line for each design over the rungs, and the mean of all designs in black.
-
-    ``table`` comes from ``climb``; the ``summary`` is printed as a table below. Bars are standard
-    errors over the trials, clipped to the ``bounds`` of the fitness.
-    """
+    """Draw a line for each design over the rungs, and the mean of all designs in black."""
     rows = summary.to_dict("records")
     names = (cut_short(row["y"], RUNG_LENGTH) + "*" * (row["n"] < MIN_DESIGNS) for row in rows)
     cells = [(name, *_table_row(row)[1:]) for name, row in zip(names, rows, strict=True)]

@@ -167,7 +167,6 @@ def draw_worst(
 
 
 def _find_met(cases: pd.DataFrame) -> tuple[tuple[int, ...], str]:
-    """Return the smallest set with an incomplete mission, and its title."""
     smallest = find_smallest(cases)
     if smallest.empty:
         return (), ""
@@ -178,7 +177,6 @@ def _find_met(cases: pd.DataFrame) -> tuple[tuple[int, ...], str]:
 
 
 def _find_confirmed(searched: pd.DataFrame) -> tuple[tuple[int, ...], str]:
-    """Return the smallest set that stops the design on fresh draws, and its title."""
     stopping = searched[searched["smallest"] & searched["stops"]]
     if stopping.empty:
         return (), f"stopped by none of {searched['number'].nunique() - 1} cases"

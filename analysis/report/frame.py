@@ -105,7 +105,6 @@ def render(template: str, **values: Any) -> Markup:
 
 
 def _read_asset(name: str) -> Markup:
-    """Read a style or script in ``web/``, to be embedded without escaping."""
     return Markup((_WEB / name).read_text(encoding="utf-8"))
 
 
@@ -126,7 +125,6 @@ def format_table(frame: pd.DataFrame) -> Table:
 
 
 def _format_column(column: pd.Series) -> tuple[bool, list[str]]:
-    """Return True if a column is numeric, and its cells with equal numbers of decimals."""
     values = column.to_numpy()
     if values.dtype.kind in "iu":
         return True, [str(value) for value in values]

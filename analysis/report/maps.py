@@ -66,7 +66,7 @@ class DesignMap:
     axes: tuple[str, str]
     ticks: tuple[list[Tick], list[Tick]]
     marks: list[Mark]
-    dots: list[tuple[float, float]]  # other designs, in percent
+    dots: Sequence[Sequence[float]]  # other designs, in percent
     designs: list[tuple[Record, int]]  # one per marker
     data: Markup  # all designs as JSON
     low: float  # fitness at the ends of the colour scale
@@ -102,20 +102,15 @@ def _colour_share(share: float) -> str:
     return to_hex(mpl.colormaps[_CMAP](share))
 
 
-MOST_DRAWN = 18
-"""Maximum number of cells along a descriptor at which designs are drawn in the cells."""
+MOST_DRAWN = 18  # cells along a descriptor, beyond which no designs are drawn in cells
 MOST_DOTS = 3000
 MARGIN = 0.06  # margin around a front's points, as a fraction of its width
 FITNESS = "fitness"
-BETTER = {1.0: "higher is better", -1.0: "lower is better"}
 TITLES = {"archive": "Archive", "front": "Front"}
 
 
 def make_maps(study: Study, options: argparse.Namespace) -> dict[str, DesignMap]:
-    """Make maps of the recorded objectives and descriptors, for the first robot, by key.
-
-    As in the figures, each treatment has a separate map with the same axes and colours.
-    """
+    """Make maps of objectives and descriptors by key: one per figure and treatment."""
     makers = {"archive": _map_archive, "front": _map_front}
     maps: dict[str, DesignMap] = {}
     first = choose_robot(study, None).study
@@ -138,34 +133,29 @@ def make_maps(study: Study, options: argparse.Namespace) -> dict[str, DesignMap]
 
 
 class _Content(NamedTuple):
-    """The designs on a map and their positions."""
-
     table: pd.DataFrame
     places: Array  # (n, 2), in percent
-    dots: Sequence[tuple[float, float]] = ()  # other designs, in percent
+    dots: Sequence[Sequence[float]] = ()  # other designs, in percent
 
 
 class _Ground(NamedTuple):
-    """The axes of a map and the size and type of its markers."""
-
     name: str
     axes: tuple[Axis, Axis]
     bounds: Sequence[tuple[float, float]]
     width: float = 0.0  # width of a marker in percent; 0 for points
-    drawn: bool = False  # True: markers have pictures
+    drawn: bool = False  # whether each marker contains a picture of its design
 
     @property
     def labels(self) -> tuple[str, str]:
-        """The axis labels. On a map of points, each label also says which direction is better."""
-        x, y = (a.label if self.width else f"{a.label} ({BETTER[a.sign]})" for a in self.axes)
+        x, y = (axis.label if self.width else axis.directed_label for axis in self.axes)
         return x, y
 
 
-Maker = tuple[_Ground, Callable[[Sequence[int]], _Content]]
+Made = tuple[_Ground, Callable[[Sequence[int]], _Content]]
 """The axes of a map, and the function that selects the designs of given runs."""
 
 
-def _map_archive(study: Study, options: argparse.Namespace) -> Maker:
+def _map_archive(study: Study, options: argparse.Namespace) -> Made:
     archive = read_archive(study, options)
     x, y, cells = archive.grid
     width = 100 / cells
@@ -178,7 +168,7 @@ def _map_archive(study: Study, options: argparse.Namespace) -> Maker:
     return _Ground("archive", (x, y), (x.bounds, y.bounds), width, drawn), select
 
 
-def _map_front(study: Study, options: argparse.Namespace) -> Maker:
+def _map_front(study: Study, options: argparse.Namespace) -> Made:
     shown = read_front(study, options)
     x, y, candidates = shown.x, shown.y, shown.candidates
     columns = [x.column, y.column]
@@ -191,9 +181,7 @@ def _map_front(study: Study, options: argparse.Namespace) -> Maker:
         front = shown.select_front(runs)
         places = _to_percent(candidates.loc[candidates.place.isin(runs), columns], bounds)
         dots = np.unique(np.round(places, 1), axis=0)[:MOST_DOTS].tolist()
-        return _Content(
-            front, _to_percent(front[columns], bounds), [(across, up) for across, up in dots]
-        )
+        return _Content(front, _to_percent(front[columns], bounds), dots)
 
     return _Ground("front", (x, y), bounds), select
 
@@ -232,7 +220,7 @@ def _make_map(
         axes=ground.labels,
         ticks=(x_ticks, y_ticks),
         marks=list(_list_marks(marked, content.places, ground)),
-        dots=list(content.dots),
+        dots=content.dots,
         designs=[(record, int(design)) for record, design in zip(records, table.id, strict=True)],
         data=_encode_designs(marked, ground.axes, designs, context),
         low=low,
@@ -243,7 +231,6 @@ def _make_map(
 
 
 def _list_marks(table: pd.DataFrame, places: Array, ground: _Ground) -> Iterator[Mark]:
-    """Yield the marker of each design, named also after the run if there are several runs."""
     several = table.place.nunique() > 1
     for row, (x, y) in zip(table.to_dict("records"), places.round(3).tolist(), strict=True):
         run = f" of {row['record'].name}" if several else ""

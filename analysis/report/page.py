@@ -69,7 +69,7 @@ def collect_missions(maps: Mapping[str, DesignMap], study: Study, max_bytes: flo
 
 
 def _take_turns(maps: Mapping[str, DesignMap]) -> Iterator[tuple[str, int]]:
-    """Take turns among the maps: yield a map's key and the index of its next playable mark."""
+    """Yield, map by map in turn, a map's key and the index of its next playable mark."""
     orders = {}
     for name, chosen in maps.items():
         playable = [i for i, mark in enumerate(chosen.marks) if mark.playable]
@@ -259,7 +259,6 @@ def _common_choices(records: Sequence[Record]) -> dict[str, str]:
 
 
 def _tabulate_differences(records: Sequence[Record]) -> pd.DataFrame:
-    """List the keys that differ between treatments: one row per key, one column per treatment."""
     first: Mapping[str, Values] = {r.treatment: r.values for r in reversed(records)}
     treatments = list(dict.fromkeys(record.treatment for record in records))
     keys = dict.fromkeys(key for name in treatments for key in first[name])

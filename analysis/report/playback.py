@@ -185,11 +185,7 @@ class Flown:
 def select_playbacks(
     study: Study, max_bytes: float, flown: Mapping[str, Markup]
 ) -> dict[str, Markup]:
-    """Encode the missions of each treatment's best run, and of other runs that fit.
-
-    The other runs follow, best first, up to a total of ``max_bytes``. Keys are run names. For an
-    unfinished run, these are the missions of its best design so far, if stored or rerun.
-    """
+    """Encode the missions of each treatment's best run, and of more runs up to ``max_bytes``."""
 
     def encode(record: Record) -> Markup:
         return flown.get(record.name) or encode_playback(record)

@@ -19,7 +19,7 @@ from evoros.terminal.log import LOGGER, withhold_messages
 
 from ..designs.cones import outline_part, trace_cones
 from ..drawing import style
-from ..robot_choice import make_product
+from ..products import make_product
 from ..subcommands import import_subcommand, parse
 from ..tables.study import Study
 from .frame import Table, format_table, render

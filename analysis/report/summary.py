@@ -12,9 +12,9 @@ from evoros.files.resources import expand_home
 from evoros.storage.layout import CONTROLS
 from evoros.terminal.log import LOGGER
 
+from ..figures.controls import compare_controls, describe_controls, summarize_controls
 from ..figures.options import score_runs
 from ..statistics.comparison import compare_treatments, conclude, title_measure
-from ..statistics.controls import compare_controls, describe_controls, summarize_controls
 from ..statistics.small_samples import median_interval
 from ..tables.champions import BEST_SO_FAR
 from ..tables.records import EvaluationRecord, Record, label_fitness
@@ -181,7 +181,6 @@ def _describe_treatments(runs: pd.DataFrame, measure: str, label: str) -> Iterat
 
 
 def _describe_best(study: Study, label: str) -> Iterator[str]:
-    """Describe the best design, the interval of its fitness, and a rival's possible lead."""
     try:
         best = study.ranked[0]
     except InputError:

@@ -22,11 +22,7 @@ COLUMNS = (
 
 
 def compare_treatments(runs: pd.DataFrame, measures: Sequence[str] = MEASURES) -> pd.DataFrame:
-    """Compare each pair of treatments ``a`` and ``b`` by each measure: one row per comparison.
-
-    ``runs`` has a row for each run; ``docs/analysis.md`` describes the columns. A single treatment
-    has one row, in which ``b`` and the comparison are empty.
-    """
+    """Compare each pair of treatments by each measure; a single treatment has one row."""
     rows = [row for measure in measures for row in _compare(measure, group_values(runs, measure))]
     return pd.DataFrame(rows, columns=list(COLUMNS))
 

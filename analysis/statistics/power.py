@@ -65,7 +65,6 @@ class Simulation:
 
     @cached_property
     def _noise(self) -> tuple[Array, Array]:
-        """Simulated replicates of two identical treatments, with standard deviation 1."""
         rng = np.random.default_rng(SEED)
         residuals = self.scatter.residuals / self.scatter.residuals.std()
         width = 1.06 * residuals.size**-0.2

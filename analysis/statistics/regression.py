@@ -211,7 +211,6 @@ def judge_margins(
 def _judge(
     missions: pd.DataFrame, quantity: str, margin: float, confidence: float
 ) -> tuple[str, int, float, float, float]:
-    """Return the result, the number of trials that decided it, the mean change and its bounds."""
     changes = (missions[f"{quantity}_b"] - missions[f"{quantity}_a"]).to_numpy(float)
     values = (1 + changes) / 2  # scaled to 0..1
     result, count = decide(values, (1 - margin) / 2, confidence)

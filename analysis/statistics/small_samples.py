@@ -95,10 +95,7 @@ def mean_interval(values: Sample) -> Interval:
 
 
 def spearman(x: Sample, y: Sample) -> Interval:
-    """Return Spearman's rank correlation and its interval; NaN if ``x`` or ``y`` is constant.
-
-    With fewer than ``MIN_PAIRS`` pairs, there is no interval.
-    """
+    """Return Spearman's rank correlation and its interval; NaN if a sample is constant."""
     if len(x) < MIN_PAIRS:
         return Interval(float(_rank_correlation(np.asarray(x), np.asarray(y))))
     return _bootstrap(_rank_correlation, x, y)
@@ -127,10 +124,7 @@ def fisher(count: int, total: int, other_count: int, other_total: int) -> float:
 
 
 def ratio_interval(parts: Sample, wholes: Sample) -> Interval:
-    """Return the ratio of two sums and its bootstrap interval, expanded for small samples.
-
-    Each replicate's part and whole are resampled together.
-    """
+    """Return the ratio of two sums over replicates and its expanded bootstrap interval."""
     return _bootstrap(_ratio, parts, wholes, tail=expand_tail(len(parts)))
 
 
@@ -182,7 +176,6 @@ def _bootstrap(
 
 
 def _ratio(parts: Array, wholes: Array, axis: int = -1) -> Array:
-    """Divide the sums over the last axis; NaN if the sum of ``wholes`` is 0."""
     part, whole = parts.sum(axis=axis), wholes.sum(axis=axis)
     return np.asarray(part / np.where(whole == 0, np.nan, whole))
 

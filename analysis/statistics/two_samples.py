@@ -120,10 +120,7 @@ def compute_statistics(x: Array, y: Array) -> Array:
 
 
 def find_critical(n: int, level: float) -> tuple[float, float]:
-    """Return the lower and upper statistics beyond which p < level, for two samples of n values.
-
-    The values must have no ties.
-    """
+    """Return the statistics beyond which p < level, for two samples of n values without ties."""
     if n < MIN_VALUES:
         return -inf, inf
     ends = np.arange(1, 2 * n + 1)
@@ -203,7 +200,6 @@ def _permute_samples(x: Sample, y: Sample) -> Array | None:
 
 @lru_cache(maxsize=256)
 def _permute(m: int, ends_of_ties: bytes) -> Array:
-    """Return the sorted statistics of m values against the rest, over the splits."""
     ends = np.frombuffer(ends_of_ties, np.int64)
     starts = np.searchsorted(ends, ends)
 
@@ -226,10 +222,7 @@ def _permute(m: int, ends_of_ties: bytes) -> Array:
 
 
 def _find_critical(permuted: Array, drawn: int, level: float) -> tuple[float, float]:
-    """Return the lower and upper statistics beyond which p is below a level; infinite if none are.
-
-    ``permuted`` must be sorted.
-    """
+    """Return the lower and upper critical value at a level; infinite if there is none."""
     place = int(np.ceil(level / 2 * (permuted.size + drawn))) - 1 - drawn
     if place < 0:
         return -inf, inf

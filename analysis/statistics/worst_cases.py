@@ -56,7 +56,6 @@ def count_sensors(record: EvaluationRecord) -> Iterator[tuple[tuple[str, str], i
 
 
 def _is_stated(missions: pd.DataFrame) -> "pd.Series[bool]":
-    """Return True for each mission whose case was stated by the model or by a worst-case search."""
     if CASE not in missions:
         return pd.Series(False, index=missions.index)
     return missions[CASE].notna()
@@ -69,7 +68,6 @@ def _find_intact(record: EvaluationRecord, missions: pd.DataFrame) -> "pd.Series
 
 
 def _require_one_simulator(study: Study) -> None:
-    """Reject evaluations in different simulators, because their missions are not comparable."""
     simulators: dict[str, str] = {}
     for record in study.evaluations:
         # Only the first simulator counts; a second one is used only for confirmation.

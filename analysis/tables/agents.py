@@ -25,51 +25,44 @@ GROUPS = ("robot", "design", "controller")
 
 
 @dataclass(frozen=True)
-class AgentRun(Run):
+class _AgentRun(Run):
     """A run from the point of view of one agent, with the column names of a single-robot run."""
 
     whole: Run
-    context: FigureContext  # first robot's context, which contains the contexts of the other robots
+    context: FigureContext  # the first robot's, which contains the contexts of all agents
     agent: str
     designed: str  # name of the robot whose design the agent uses; '' for the first robot
 
     @cached_property
     def missions(self) -> pd.DataFrame:
-        """The missions, with the agent's outcomes."""
         return self._select_columns(self.whole.missions, MISSION_COLUMNS, self.agent)
 
     @cached_property
     def generations(self) -> pd.DataFrame:
-        """The candidates, with the agent's genes."""
         common = (*CANDIDATE_COLUMNS, *MEASURED_COLUMNS)
         table = self.whole.generations
         return self._select_columns(table, common, self.designed) if self.designed else table
 
     @cached_property
     def champion(self) -> pd.DataFrame:
-        """The agent's sensors."""
         return self._select_rows(self.whole.champion)
 
     @cached_property
     def genes(self) -> pd.DataFrame:
-        """The agent's other evolved values."""
         return self._select_rows(self.whole.genes)
 
     def champion_file(self, name: str, agent: str = "") -> Path:
-        """Return the path of one of the champion's files; see ``Run``."""
         return self.whole.champion_file(name, agent)
 
     def _select_rows(self, table: pd.DataFrame) -> pd.DataFrame:
         return select_robot(table, self.designed).drop(columns=AGENT, errors="ignore")
 
     def trajectory(self, world: str) -> pd.DataFrame:
-        """Read the agent's columns of the champion's first mission in a world; see ``Run``."""
         return select_trajectory(self.whole.trajectory(world), self.agent)
 
     def mission_trajectory(
         self, generation: int, design: int, world: str, trial: int
     ) -> pd.DataFrame:
-        """Read the agent's columns of a mission's trajectory; see ``Run``."""
         whole = self.whole.mission_trajectory(generation, design, world, trial)
         return select_trajectory(whole, self.agent)
 
@@ -81,18 +74,13 @@ class AgentRun(Run):
 
 
 def select_agent(record: AnyRecord, name: str) -> AnyRecord:
-    """Return a run's record from the point of view of one agent."""
-    if name not in record.context.agents:
-        raise InputError(
-            f"{record.path}: no agent {name!r}, only "
-            f"{', '.join(record.context.agents) or 'one robot'}; choose one of these for --agent"
-        )
+    """Return a run's record from the point of view of one of its agents."""
     whole = record.run
     has_design = any(key.startswith(f"agents.{name}.design.") for key in record.values)
     designed = name if has_design else ""
     return replace(
         record,
-        run=AgentRun(whole.path, whole, record.context, name, designed),
+        run=_AgentRun(whole.path, whole, record.context, name, designed),
         context=record.context.agents[name],
         values=_select_values(record.values, name),
         agent=name,
@@ -102,7 +90,7 @@ def select_agent(record: AnyRecord, name: str) -> AnyRecord:
 def list_robots(record: Record) -> list[Record]:
     """Return the records of all robots in this record's run."""
     whole = record
-    if isinstance(record.run, AgentRun):
+    if isinstance(record.run, _AgentRun):
         whole = replace(record, run=record.run.whole, context=record.run.context, agent="")
     return [whole, *(select_agent(whole, name) for name in whole.context.agents)]
 
@@ -118,7 +106,6 @@ def read_tracks(record: Record, world: str) -> pd.DataFrame:
 
 
 def _select_values(values: Mapping[str, Any], agent: str) -> dict[str, Any]:
-    """Return an agent's configuration, with its parts in place of the first robot's."""
     start = f"agents.{agent}."
     parts = {key.removeprefix(start): v for key, v in values.items() if key.startswith(start)}
     groups = [group for group in GROUPS if any(key.startswith(f"{group}.") for key in parts)]
@@ -135,7 +122,7 @@ class Choice(NamedTuple):
 
 
 def choose_robot(study: Study, agent: str | None) -> Choice:
-    """Reduce a study to each run's first robot, or to the named agent where runs have it."""
+    """Reduce a study to the first robot of each run, or to the named agent of the runs with it."""
     several = (*study.records, *study.evaluations)
     known = list(dict.fromkeys(name for record in several for name in record.context.agents))
     if agent not in (None, *known):
@@ -161,7 +148,6 @@ def choose_robot(study: Study, agent: str | None) -> Choice:
 def _show_robot(
     study: Study, records: Iterable[AnyRecord], agent: str | None
 ) -> Iterator[AnyRecord]:
-    """Yield one robot's records, with its name in the treatments; report runs without it."""
     for record in records:
         agents, label = record.context.agents, agent or FIRST
         if agent is not None and agent not in agents:

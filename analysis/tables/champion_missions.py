@@ -56,7 +56,6 @@ def list_random_missions(study: Study) -> pd.DataFrame:
 
 
 def _sources(record: Record, evaluations: list[Scores]) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Yield the missions of a run's champion by source: first the run, then evaluations."""
     missions = record.run.missions
     best = record.run.champion.design.iloc[0]
     yield (
@@ -71,11 +70,7 @@ def _sources(record: Record, evaluations: list[Scores]) -> Iterator[tuple[str, p
 
 
 def describe_rates(record: Record) -> dict[str, str]:
-    """Describe, by world, the champion's completion rate on fresh draws, with its interval.
-
-    Worlds without fresh draws are omitted. The result is empty for an evaluation, and for an
-    unfinished run.
-    """
+    """Describe, by world, the champion's completion rate on fresh draws, with its interval."""
     if record.run.evaluates or not record.finished:
         return {}
     path = record.run.champion_file("certificate.json")

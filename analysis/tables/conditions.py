@@ -11,8 +11,7 @@ from evoros.base.errors import InputError, single_line
 from .factors import TARGET, Factor, find_factors, format_level, name_part
 from .records import Record
 
-Conditions = Mapping[str, Sequence[str]]
-"""The allowed levels, by factor."""
+Conditions = Mapping[str, Sequence[str]]  # allowed levels by factor
 
 
 def parse_conditions(texts: Sequence[str]) -> dict[str, tuple[str, ...]]:
@@ -47,14 +46,14 @@ def find_record_factors(records: Sequence[Record]) -> list[Factor]:
     )
 
 
-def find_levels(records: Sequence[Record], name: str) -> list[str] | None:
-    """Return each record's level of a factor or key; None if no record has the key.
+def require_levels(records: Sequence[Record], name: str, source: str) -> list[str]:
+    """Return each record's level of a factor or key; ``source`` prefixes messages.
 
     ``name`` may be the column name, the words or the key of a factor, or the end of a configuration
     key; ``treatment`` stands for the treatment's given name.
     """
-    wanted = name.replace("_", " ")
-    for factor in find_record_factors(records):
+    wanted, factors = name.replace("_", " "), find_record_factors(records)
+    for factor in factors:
         if name == factor.key or wanted == factor.name.replace("_", " "):
             return list(factor.levels)
     if name == "treatment" and any(record.given.get("name") for record in records):
@@ -63,7 +62,11 @@ def find_levels(records: Sequence[Record], name: str) -> list[str] | None:
     parts = [key.removesuffix(f".{TARGET}") for key in keys if key != TARGET]
     known = [key for key in dict.fromkeys(parts) if f".{key}".endswith(f".{name}")]
     if not known:
-        return None
+        there = ", ".join(factor.name for factor in factors)
+        raise InputError(
+            f"{source}: {name!r} is neither a factor nor a key of the runs; their factors are "
+            f"{there or 'none, as all runs belong to one treatment'}"
+        )
     key = min(known, key=lambda name: name.count("."))
     return [
         format_level({**record.values, **record.given}, key)
@@ -74,7 +77,7 @@ def find_levels(records: Sequence[Record], name: str) -> list[str] | None:
 
 
 def is_level(level: str, wanted: str) -> bool:
-    """Return True if a level equals the wanted one as text (``_`` is a space) or a number."""
+    """Return True if a level equals ``wanted`` as a number, or as text with ``_`` for a space."""
     if level.replace("_", " ") == wanted.replace("_", " "):
         return True
     try:
@@ -95,19 +98,6 @@ def select_rows(records: Sequence[Record], conditions: Conditions, source: str) 
         rows = match_levels(levels, allowed)
         chosen = [was and fits for was, fits in zip(chosen, rows, strict=True)]
     return chosen
-
-
-def require_levels(records: Sequence[Record], name: str, source: str) -> list[str]:
-    """Return each record's level, as ``find_levels`` does."""
-    levels = find_levels(records, name)
-    if levels is None:
-        factors = [factor.name for factor in find_record_factors(records)]
-        there = ", ".join(factors) or "none, as all runs belong to one treatment"
-        raise InputError(
-            f"{source}: {name!r} is neither a factor nor a key of the runs; their factors are "
-            f"{there}"
-        )
-    return levels
 
 
 def match_levels(levels: Sequence[str], allowed: Sequence[str]) -> list[bool]:

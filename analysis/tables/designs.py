@@ -48,7 +48,6 @@ def place_signals(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
 
 
 def _transform_mounts(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
-    """Transform mounts from their links' frames to the robot's frame, and number the pairs."""
     frame = mounts[mounts.sensor.notna()].copy()
     frame["link"] = frame.link.astype(str)
     kinds = (*context.beams, *context.signals)

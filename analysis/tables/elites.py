@@ -28,13 +28,16 @@ class Axis:
     bounds: tuple[float, float]
     sign: float  # -1 if the measure is minimized
 
+    @property
+    def directed_label(self) -> str:
+        """The label, with the direction in which the measure is better."""
+        return f"{self.label} ({'higher' if self.sign > 0 else 'lower'} is better)"
 
-Grid = tuple[Axis, Axis, int]
-"""Two descriptors, and the number of cells along each."""
+
+Grid = tuple[Axis, Axis, int]  # two descriptors, and the number of cells along each
 
 
-def read_axes(record: Record, group: str) -> list[Axis]:
-    """Read a run's measures of one group, ``OBJECTIVES`` or ``DESCRIPTORS``."""
+def _read_axes(record: Record, group: str) -> list[Axis]:
     columns = [str(name) for name in read_generations(record) if str(name).startswith(f"{group}.")]
     return [_read_axis(record, column) for column in columns]
 
@@ -54,11 +57,10 @@ def add_choice(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{name}", metavar="NAME", help=about)
 
 
-def choose_axes(study: Study, group: str, options: argparse.Namespace) -> tuple[Axis, Axis]:
-    """Choose the two measures to draw among the first run's measures."""
+def _choose_axes(study: Study, group: str, options: argparse.Namespace) -> tuple[Axis, Axis]:
     if not study.records:
         raise InputError(f"{options.subcommand}: no run found; add a run's folder")
-    known = {axis.column.partition(".")[2]: axis for axis in read_axes(study.records[0], group)}
+    known = {axis.column.partition(".")[2]: axis for axis in _read_axes(study.records[0], group)}
     if len(known) < 2:
         raise InputError(
             f"{study.records[0].path}: at least two recorded {group} are needed, but it has only "
@@ -76,8 +78,7 @@ def choose_axes(study: Study, group: str, options: argparse.Namespace) -> tuple[
     return known[names[0]], known[names[1]]
 
 
-def read_measured(record: Record, axes: Sequence[Axis]) -> pd.DataFrame:
-    """Read all rows of a run's generations; fail if a column of ``axes`` is missing."""
+def _read_measured(record: Record, axes: Sequence[Axis]) -> pd.DataFrame:
     table = read_generations(record)
     for axis in axes:
         if axis.column not in table:
@@ -93,8 +94,7 @@ def take_latest(table: pd.DataFrame) -> pd.DataFrame:
     return table.drop_duplicates("id", keep="last")
 
 
-def count_missions(record: Record) -> "pd.Series[int]":
-    """Count the missions up to each generation, excluding validations."""
+def _count_missions(record: Record) -> "pd.Series[int]":
     missions = record.run.missions
     counts = missions[missions.purpose != "validation"].groupby("generation").size()
     numbers = sorted(read_generations(record).generation.unique())
@@ -109,7 +109,7 @@ class Archive(NamedTuple):
     growth: pd.DataFrame  # one row per run and generation
 
     def select_elites(self, places: Sequence[int]) -> pd.DataFrame:
-        """Select the fittest candidate of some runs in each cell, ordered by decreasing fitness."""
+        """Select the fittest candidate of some runs in each cell, fittest first."""
         return find_elites(self.candidates[self.candidates.place.isin(places)], self.grid)
 
 
@@ -131,28 +131,30 @@ class Front(NamedTuple):
 
 def read_archive(study: Study, options: argparse.Namespace) -> Archive:
     """Read the archive; ``options`` holds the descriptors ``x`` and ``y``, and ``cells``."""
-    x, y = choose_axes(study, DESCRIPTORS, options)
+    x, y = _choose_axes(study, DESCRIPTORS, options)
     cells = options.cells or int(study.records[0].values.get("optimizer.cells", 10))
     if not 1 <= cells <= MOST_CELLS:
         raise InputError(f"--cells: must be a number from 1 to {MOST_CELLS}, not {cells}")
     grid = (x, y, cells)
-    tables = [read_measured(record, (x, y)) for record in study.records]
+    tables = [_read_measured(record, (x, y)) for record in study.records]
     growth = [
-        trace_growth(table, count_missions(record), grid).assign(
+        trace_growth(table, _count_missions(record), grid).assign(
             run=record.name, treatment=record.treatment
         )
         for record, table in zip(study.records, tables, strict=True)
     ]
-    return Archive(grid, _pool(tables), pd.concat(growth, ignore_index=True))
+    return Archive(grid, _pool(study, tables), pd.concat(growth, ignore_index=True))
 
 
-def _pool(tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
-    latest = [take_latest(table).assign(place=place) for place, table in enumerate(tables)]
+def _pool(study: Study, tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
+    latest = [
+        take_latest(table).assign(place=place, run=record.name, treatment=record.treatment)
+        for place, (record, table) in enumerate(zip(study.records, tables, strict=True))
+    ]
     return pd.concat(latest, ignore_index=True)
 
 
-def assign_cells(table: pd.DataFrame, grid: Grid) -> pd.DataFrame:
-    """Add each candidate's cell; values out of bounds are assigned to the outermost cells."""
+def _assign_cells(table: pd.DataFrame, grid: Grid) -> pd.DataFrame:
     *axes, cells = grid
     columns = {}
     for name, axis in zip(("cell_x", "cell_y"), axes, strict=True):
@@ -163,8 +165,8 @@ def assign_cells(table: pd.DataFrame, grid: Grid) -> pd.DataFrame:
 
 
 def find_elites(candidates: pd.DataFrame, grid: Grid) -> pd.DataFrame:
-    """Return the fittest candidate of each occupied cell, in order of decreasing fitness."""
-    ranked = assign_cells(candidates, grid).sort_values(
+    """Return the fittest candidate of each occupied cell, fittest first."""
+    ranked = _assign_cells(candidates, grid).sort_values(
         ["fitness", "id"], ascending=[False, True], kind="stable"
     )
     return ranked.drop_duplicates(["cell_x", "cell_y"]).reset_index(drop=True)
@@ -186,9 +188,10 @@ def trace_growth(table: pd.DataFrame, missions: "pd.Series[int]", grid: Grid) ->
 
 def read_front(study: Study, options: argparse.Namespace) -> Front:
     """Read the objectives; ``options`` names the two objectives to draw, ``x`` and ``y``."""
-    x, y = choose_axes(study, OBJECTIVES, options)
-    axes = read_axes(study.records[0], OBJECTIVES)
-    return Front(x, y, axes, _pool(read_measured(record, axes) for record in study.records))
+    x, y = _choose_axes(study, OBJECTIVES, options)
+    axes = _read_axes(study.records[0], OBJECTIVES)
+    tables = (_read_measured(record, axes) for record in study.records)
+    return Front(x, y, axes, _pool(study, tables))
 
 
 def find_front(values: Array) -> Array:

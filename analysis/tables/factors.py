@@ -10,17 +10,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+# Top-level keys that may differ between replicates; the treatment is read separately.
 IGNORED = ("seed", "executor", "observers", "figures", "record", "treatment")
-"""Top-level keys that may differ between replicates; ``treatment`` is read separately."""
 TARGET = "_target_"
-RESERVED = ("name", "run", "treatment", "seed")
-"""Names that a factor cannot have."""
-Values = Mapping[str, Any]
-"""Configuration values by dotted key."""
-Choices = Mapping[str, str]
-"""The choice of each group, by the dotted key of the part that the group configures."""
-Given = Mapping[str, Any]
-"""The user's description of a treatment: its ``name``, and levels by factor."""
+RESERVED = ("name", "run", "treatment", "seed")  # names that a factor cannot have
+Values = Mapping[str, Any]  # configuration values by dotted key
+Choices = Mapping[str, str]  # choice of each group, by the dotted key of the configured part
+Given = Mapping[str, Any]  # a treatment's name and levels by factor, as stated by the user
 _WORLD = "world"
 _MANY = 24  # maximum length of a label that lists world names
 
@@ -32,8 +28,8 @@ class Factor:
     key: str  # dotted configuration key, or the name given by the user
     name: str  # column name: the shortest end of the key that no other factor has
     levels: tuple[str, ...]  # one per run; '' if the run has no level
-    named: bool = False  # True: the levels are names that need no explanation
-    whole: bool = False  # True: the factor may determine any key
+    named: bool = False  # whether the levels are names that need no explanation
+    whole: bool = False  # whether the factor may determine any key
 
 
 def read_choices(recorded: object) -> dict[str, str]:
@@ -142,7 +138,6 @@ def _find_global(
 
 
 def _list_parts(differing: Mapping[str, object]) -> list[str]:
-    """List the keys of all parts that contain differing keys, outer parts first."""
     ends = dict.fromkeys(
         ".".join(key.split(".")[:depth])
         for key in differing
@@ -164,7 +159,6 @@ def _find_part(
     if all(follows(column, around) for column in below.values()):
         return
     for levels in _name_levels(part, compared, choices):
-        # Equal values are the same level, even if their choices have different names.
         if len(set(levels)) > 1 and follows(levels, below.values()):
             if not follows(levels, around):
                 yield Factor(part, part, levels, named=True)
@@ -174,7 +168,6 @@ def _find_part(
 def _name_levels(
     part: str, compared: Sequence[Values], choices: Sequence[Choices]
 ) -> Iterator[tuple[str, ...]]:
-    """Yield ways to name a part in each configuration, the preferred way first."""
     if part == _WORLD:
         worlds = [
             dict.fromkeys(key.split(".")[1] for key in values if key.startswith("world."))

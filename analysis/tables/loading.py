@@ -18,8 +18,7 @@ from .records import EvaluationRecord, Record, read_record
 from .study import AnyRecord, Study
 from .treatments import label_treatments, name_treatments, read_treatments
 
-_MOST_SPACES = 3
-"""Maximum number of spaces in a path that can be put together again if quotes are missing."""
+_MOST_SPACES = 3  # limit for a path without quotes to be put together again
 
 
 def load_study(
@@ -106,7 +105,6 @@ def _name_copies(runs: Sequence[Record]) -> set[str]:
 
 
 def _report_versions(runs: Sequence[Record]) -> None:
-    """Warn if the runs used different code or packages, which may explain a difference."""
     made: dict[str, list[str]] = {}
     for run in runs:
         manifest = run.run.manifest
@@ -159,7 +157,6 @@ def find_folders(paths: Sequence[Path]) -> list[Path]:
 
 
 def _advise(paths: Sequence[Path], missing: int) -> str:
-    """Suggest a fix for a missing path, which may be one piece of a path with a space."""
     starts, ends = range(max(0, missing - _MOST_SPACES), missing + 1), range(1, _MOST_SPACES + 2)
     for start, length in product(starts, ends):
         whole = Path(" ".join(map(str, paths[start : start + length])))

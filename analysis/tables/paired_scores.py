@@ -62,7 +62,6 @@ def pair_scores(study: Study, between: str | None = None) -> pd.DataFrame:
 
 
 def _pair_evaluations(study: Study) -> Iterator[Row]:
-    """Pair the designs that two evaluations share if their conditions differ in one part."""
     evaluations = read_evaluations(study) if len(study.evaluations) > 1 else []
     conditions = [select_conditions(evaluation) for evaluation, _ in evaluations]
     choices = [apply_confirmation(evaluation.choices) for evaluation, _ in evaluations]

@@ -19,8 +19,7 @@ from .champions import read_champion_sensors, read_champion_signals
 from .designs import SIGNAL_COLUMNS, read_generations, read_initial_sensors, to_number
 from .records import EvaluationRecord, Record
 
-KEYS = ("run", "treatment", "seed")
-"""The first columns of every table of a study."""
+KEYS = ("run", "treatment", "seed")  # first columns of every table of a study
 NO_RUNS = "no run found, only evaluations; add the folder of a run"
 AnyRecord = TypeVar("AnyRecord", bound=Record)
 Result = TypeVar("Result")
@@ -32,10 +31,8 @@ class Study:
 
     records: tuple[Record, ...]
     evaluations: tuple[EvaluationRecord, ...] = ()
-    left_out: tuple[str, ...] = ()
-    """One line per incomplete or damaged folder."""
-    given: tuple[Record, ...] = ()
-    """All runs, including those that repeat the configuration and seed of a run in ``records``."""
+    left_out: tuple[str, ...] = ()  # a line for each incomplete or damaged folder
+    given: tuple[Record, ...] = ()  # all runs, even if they repeat a configuration and seed
     _reported: set[str] = field(default_factory=set, repr=False)
 
     def gather(self, read: Callable[[Record], pd.DataFrame]) -> pd.DataFrame:
@@ -49,7 +46,6 @@ class Study:
     def _mark(
         self, records: Iterable[Record], read: Callable[[Record], pd.DataFrame]
     ) -> list[pd.DataFrame]:
-        """Read all nonempty tables, with ``KEYS`` as their first columns."""
         frames = []
         for record, frame in self.read_each(records, read):
             marked = frame.assign(run=record.name, treatment=record.treatment, seed=record.seed)
@@ -159,10 +155,7 @@ class Study:
 
     @cached_property
     def ordered(self) -> tuple[Record, ...]:
-        """The finished runs, then the unfinished runs, each sorted from best to worst.
-
-        The order is by validated fitness, then by recorded fitness.
-        """
+        """The finished runs, then the others, each by validated, then recorded fitness."""
         if not self.records:
             raise InputError(NO_RUNS)
         best_first = sorted(self.records, key=_fitness, reverse=True)
@@ -170,11 +163,7 @@ class Study:
 
     @property
     def ranked(self) -> tuple[Record, ...]:
-        """The finished runs, best first.
-
-        Raises:
-            InputError: no run is finished.
-        """
+        """The finished runs, best first; an error if there are none."""
         finished = tuple(record for record in self.ordered if record.finished)
         if not finished:
             self.records[0].require_finished()
@@ -183,10 +172,7 @@ class Study:
     def choose(
         self, name: str | None, read: Callable[[Record], Result], unfinished: bool = False
     ) -> tuple[Record, Result]:
-        """Read the named run, or the best one that can be read.
-
-        If ``unfinished``, unfinished runs are allowed as well; they rank below finished runs.
-        """
+        """Read the named run, or else the best that can be read, finished runs first."""
         study = self if name is None else self.keep([self.find(name)])
         candidates = study.ordered if unfinished else study.ranked
         if len(candidates) == 1:
@@ -207,7 +193,6 @@ def read_complete(record: AnyRecord, read: Callable[[AnyRecord], Result]) -> Res
 
 
 def _fitness(record: Record) -> tuple[float, float]:
-    """Return the champion's validated and recorded fitness; minus infinity if unknown."""
     names = ("best_validated_fitness", "best_fitness")
     scores = (to_number(record.run.status.get(name)) for name in names)
     first, second = (-math.inf if math.isnan(score) else score for score in scores)

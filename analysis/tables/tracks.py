@@ -136,7 +136,6 @@ def load_mission_world(run: Run, context: FigureContext, row: "pd.Series[str]") 
 
 
 def _load_recorded(path: Path, course: Course) -> World:
-    """Load a world that a run has written, without repeating the run's messages."""
     if not path.is_file():
         raise InputError(f"{path}: not found; resume the run, or restore the file")
     verify_world(path)

@@ -174,10 +174,7 @@ def _read_entry(entry: object, place: str) -> NamedTreatment:
 def name_treatments(
     records: Sequence[Record], entries: Sequence[NamedTreatment], path: Path
 ) -> tuple[list[Record], dict[str, str]]:
-    """Name each record after the only entry that matches it; report entries that match no run.
-
-    Also return, by name, the problem of each record that does not match exactly one entry.
-    """
+    """Name each record after the only entry that matches it; return problems by record name."""
     fitting = [_fit(records, entry, path) for entry in entries]
     labels = label_levels(find_record_factors(records), len(records))
     named, problems = [*records], dict[str, str]()
@@ -204,7 +201,6 @@ def name_treatments(
 
 
 def _fit(records: Sequence[Record], entry: NamedTreatment, path: Path) -> list[bool]:
-    """Return True for each record that matches an entry; an unknown level matches no record."""
     rows = [
         not entry.folders
         or any(fnmatch(r.name, p) or fnmatch(r.path.name, p) for p in entry.folders)

@@ -85,10 +85,7 @@ def read_champion_genes(record: Record) -> dict[str, float]:
 
 
 def read_scores(evaluation: EvaluationRecord) -> pd.DataFrame:
-    """Read the content and the scores of each design in a finished evaluation.
-
-    ``fitness`` is computed from the trials like in the evaluation, usually as their mean.
-    """
+    """Read the content and the scores of each design in a finished evaluation."""
     names = ["source", "design"]
     mounts, genes, scores = (
         table.assign(**{name: table[name].astype(str) for name in names})
@@ -197,7 +194,6 @@ def _validate(record: Record, evaluations: Sequence[Scores]) -> pd.DataFrame:
 
 
 def _score_freshly(record: Record, evaluations: Sequence[Scores]) -> dict[str, Any]:
-    """Return the champion's scores in the evaluation with the most trials; empty without one."""
     content, best = identify_champion(record), dict[str, Any]()
     for evaluation, table in evaluations:
         rows = table[[other == content for other in table["content"]]]

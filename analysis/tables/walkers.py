@@ -37,10 +37,7 @@ class WalkerTrack(NamedTuple):
 
 
 def list_walkers(trajectory: pd.DataFrame, values: Mapping[str, Any]) -> list[WalkerTrack]:
-    """List the walkers of a mission; ``values`` is the configuration of its run.
-
-    Actors, and groups that the configuration lacks, have the size of a person.
-    """
+    """List the walkers of a mission; ``values`` is the configuration of its run."""
     tracks = []
     time = trajectory["time_s"].to_numpy(float)
     for column in map(str, trajectory.columns):
@@ -57,6 +54,7 @@ def list_walkers(trajectory: pd.DataFrame, values: Mapping[str, Any]) -> list[Wa
 
 def _find_size(values: Mapping[str, Any], name: str) -> tuple[float, float]:
     group = name.rpartition("_")[0]
+    # Actors, and groups that the configuration lacks, have the size of a person.
     radius = values.get(f"walkers.{group}.radius_m", RADIUS_M)
     height = values.get(f"walkers.{group}.height_m", HEIGHT_M)
     return float(radius), float(height)

@@ -71,10 +71,7 @@ class WorstRun(Run):
 
 
 def show_worst(study: Study, name: str | None) -> tuple[Study, list[str]]:
-    """Return a study with the worst stored mission of its evaluations, if it has no runs.
-
-    ``name`` chooses an evaluation. Also return messages that describe the mission.
-    """
+    """Show the worst stored mission of a study without runs; also return a message about it."""
     if study.records or not study.evaluations:
         return study, []
     candidates = study.keep(study.evaluations)

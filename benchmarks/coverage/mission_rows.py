@@ -28,7 +28,7 @@ from evoros.failure.protocol import Case
 from evoros.requirement.bets import bound, bound_from_below, count_to_proof, decide
 from evoros.requirement.requirements import Assessment
 from evoros.requirement.verdict import MET, VIOLATED
-from evoros.worst_cases.case_search import CaseTrials
+from evoros.worst_cases.worst_cases import CaseTrials
 
 SHARES = (0.5, 0.9, 0.98, 0.99)
 CHANGED = (0.01, 0.05, 0.2)

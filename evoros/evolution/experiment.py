@@ -53,7 +53,7 @@ from evoros.mission.plan import (
 from evoros.mission.scenario import Scenario
 from evoros.observers.protocol import OBSERVERS, Observer
 from evoros.optimizer.protocol import AskedSearch, Goals, Optimizer, Search
-from evoros.requirement.condition import Condition
+from evoros.requirement.claim import Condition
 from evoros.requirement.requirements import (
     REQUIREMENTS,
     Requirement,

@@ -1,8 +1,8 @@
-"""Claims about a design's missions, decided by sequential testing."""
+"""Claims about a design's missions under some condition, decided by sequential testing."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import islice
 from typing import Annotated, Any
 
@@ -13,10 +13,10 @@ from evoros.base.checks import MOST, NAME, NOT_NEGATIVES, NUMBER, Rule, checked,
 from evoros.base.errors import InputError
 from evoros.certificate.rates import share_level
 from evoros.certificate.validation import CONFIDENCE
+from evoros.failure.protocol import Case
 from evoros.measure.protocol import BOUNDS, Measure
 from evoros.mission.mission import NOT_RUN, Outcome, Outcomes
 from evoros.requirement.bets import bound, decide, estimate_further
-from evoros.requirement.condition import FAILED_SENSOR, PARTS, WORLD
 from evoros.requirement.verdict import (
     MET,
     PERCENT,
@@ -27,14 +27,41 @@ from evoros.requirement.verdict import (
     write_percent,
 )
 
+FAILED_SENSOR, WORLD = "failed_sensor", "world"
+PARTS = ("failure", "walkers", "simulator", "controller")
+"""Fields of an experiment that a condition may replace."""
 COMPLETION_TIME = "completion_time_s"
 """The time of a completed mission; infinite for all other missions."""
 COLUMNS = (
-    *(field.name for field in fields(Outcome) if field.type in (bool, int, float)),
+    *(one.name for one in fields(Outcome) if one.type in (bool, int, float)),
     COMPLETION_TIME,
 )
 _NATURAL = dict.fromkeys(("completed", "progress", "avoiding"), (0.0, 1.0))
 """Quantities with natural bounds."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A given case of failed sensors, or a part that replaces one of the experiment's parts.
+
+    Without either, missions run under the evaluation's conditions.
+    """
+
+    case: Case | None = None  # failures that replace all others
+    factor: str = ""  # one of PARTS
+    name: str = ""  # name of the replacing part
+    part: Any = field(default=None, compare=False, repr=False)
+
+    @property
+    def text(self) -> str:
+        """The value in the column ``case`` of the missions; empty for ``OWN``."""
+        if self.case is not None:
+            return self.case.text
+        return f"{self.factor}={self.name}" if self.factor else ""
+
+
+OWN = Condition()
+"""The conditions of the evaluation itself."""
 
 
 def read_quantity(outcomes: Outcomes, column: str, agents: Sequence[str]) -> float:
@@ -217,7 +244,7 @@ class Claim:
         return self._foresee(verdict, values, tests) if result == UNDECIDED else verdict
 
     def _foresee(self, verdict: Verdict, values: Array, tests: int) -> Verdict:
-        """Add the result to be expected from further trials, and their estimated number."""
+        """Add the probable result, and the number of further trials that would reach it."""
         violated = share_level(self.confidence, tests)
         further = {
             MET: estimate_further(values, self._required, self.confidence),
@@ -265,7 +292,6 @@ class Claim:
         return float(value >= self.limit if self.at_most is None else value <= self.limit)
 
     def _rate(self, value: float) -> float:
-        """Rate a value between the bounds from 0 (worst) to 1."""
         assert self.bounds is not None
         low, high = self.bounds
         share = (min(max(value, low), high) - low) / (high - low)

@@ -10,8 +10,17 @@ from evoros.base.checks import COUNT, NAME, NOT_NEGATIVES, checked, list_rules, 
 from evoros.base.errors import InputError
 from evoros.certificate.validation import CONFIDENCE
 from evoros.failure.protocol import Case
-from evoros.requirement.claim import SHARE, Claim, Measured, Trials, require_column
-from evoros.requirement.condition import FAILED_SENSOR, OWN, WORLD, Condition
+from evoros.requirement.claim import (
+    FAILED_SENSOR,
+    OWN,
+    SHARE,
+    WORLD,
+    Claim,
+    Condition,
+    Measured,
+    Trials,
+    require_column,
+)
 from evoros.requirement.verdict import MET, UNDECIDED, VIOLATED, Verdict, conclude, write_percent
 
 
@@ -88,10 +97,7 @@ class Level:
 def list_levels(
     requirement: Requirement, worlds: Sequence[str], sensors: int | None = None
 ) -> list[Level]:
-    """List the levels of a requirement for a design with this number of sensors.
-
-    If ``sensors`` is None, levels with failed sensors are left out.
-    """
+    """List a requirement's levels; levels with failed sensors only if ``sensors`` is known."""
     if isinstance(requirement, Survival):
         return [
             Level(f"{case.text} in {world}", Condition(case), requirement.claim_for(world))
@@ -165,12 +171,7 @@ def _make(name: str, fields: Any) -> Requirement:
 def check_requirements(
     requirements: Mapping[str, Requirement], worlds: Sequence[str], agents: Sequence[str]
 ) -> None:
-    """Check that missions have the columns, worlds and parts that the requirements name.
-
-    Raises:
-        InputError: a requirement names an unknown column or world, or two requirements give the
-            same name to different parts.
-    """
+    """Check that missions have the columns, worlds and parts that the requirements name."""
     for name, claim in requirements.items():
         if isinstance(claim, Survival):
             continue
@@ -187,11 +188,7 @@ def check_requirements(
 
 
 def list_conditions(requirements: Mapping[str, Requirement]) -> dict[str, Condition]:
-    """Return the conditions that replace parts of the experiment, by ``text``.
-
-    Raises:
-        InputError: two requirements give the same name to different parts.
-    """
+    """Return the conditions that replace parts of the experiment by text; names must be unique."""
     conditions: dict[str, Condition] = {}
     for name, requirement in requirements.items():
         for level in list_levels(requirement, ()):

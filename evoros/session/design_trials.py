@@ -10,7 +10,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.evolution.trials import A_NUMBER, equip_robots
 from evoros.measure.protocol import Evaluated, Measure
 from evoros.mission.mission import Mission, MissionKey, Outcomes
-from evoros.requirement.condition import OWN, Condition
+from evoros.requirement.claim import OWN, Condition
 from evoros.requirement.requirements import ROUND, Assessment, Judged
 from evoros.requirement.verdict import Trial
 

@@ -17,7 +17,7 @@ from evoros.mission.scenario import Scenario
 from evoros.observers.protocol import FREE
 from evoros.preflight.preflight import preflight
 from evoros.preflight.sight import check_designs
-from evoros.requirement.condition import OWN, Condition
+from evoros.requirement.claim import OWN, Condition
 from evoros.requirement.requirements import Judged, need_conditions
 from evoros.session.design_tables import NamedDesign
 from evoros.session.design_trials import DesignTrials

@@ -23,8 +23,7 @@ from evoros.storage.tables import are_recorded, to_csv
 from evoros.storage.verdicts import Row, name_worst, read_verdicts
 from evoros.terminal.activity import announce
 from evoros.terminal.log import LOGGER
-from evoros.worst_cases.case_search import CaseSearch, CaseTrials
-from evoros.worst_cases.worst_cases import WorstCases
+from evoros.worst_cases.worst_cases import CaseSearch, CaseTrials, WorstCases
 
 COLUMNS = (
     *("source", "design", "number", "case", "failed", "stage", "world", "trials", "completed"),

@@ -25,7 +25,7 @@ from evoros.files.disk import LONGEST_LINE, write_atomically
 from evoros.files.nested import parse_yaml
 from evoros.mission.plan import FINAL
 from evoros.observers.protocol import FREE
-from evoros.requirement.condition import OWN as OWN_CONDITION
+from evoros.requirement.claim import OWN as OWN_CONDITION
 from evoros.storage import circumstances, layout, tables
 from evoros.storage.archives import NOWHERE, Relocation
 from evoros.storage.layout import read_sealed, seal_json

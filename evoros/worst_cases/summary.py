@@ -13,11 +13,7 @@ REPLACED = ("worst_cases", "requirements", "failure", "filter@failure", "trials"
 def describe_worst_cases(
     table: pd.DataFrame, typed: Sequence[str], option: Sequence[str]
 ) -> Iterator[str]:
-    """Yield lines about each design, with a command that repeats the design's worst case.
-
-    ``table`` comes from an evaluation that was started with the overrides ``typed``; ``option``
-    sets the configuration folder, if any.
-    """
+    """Yield lines about each design, with a command that repeats the design's worst case."""
     for (source, design), rows in table.groupby(["source", "design"], sort=False):
         yield f"design {design} of {source}: {_describe_design(rows)}"
         yield f"  under the run's failure model: {_describe_model(rows)}"

@@ -1,12 +1,19 @@
-"""Settings for the search for a design's worst cases."""
+"""The search for the smallest set of sensors whose failure stops a design."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import chain, combinations
 from typing import Annotated
+
+from numpy.random import Generator
 
 from evoros.base import checks
 from evoros.base.errors import InputError
+from evoros.certificate.rates import bound_difference, bound_rate, share_level
 from evoros.certificate.validation import CONFIDENCE
+from evoros.failure.protocol import CONFIRMED, NOMINAL, SCREENED, Case
+from evoros.mission.mission import Outcome
 
 
 @dataclass(frozen=True)
@@ -48,3 +55,205 @@ class WorstCases:
 A_SEARCH = checks.instance_of(
     WorstCases, "a search for worst cases (evoros.worst_cases.worst_cases.WorstCases)"
 )
+
+
+@dataclass(eq=False)
+class CaseTrials:
+    """The outcomes of a case in each world, in the order of trials."""
+
+    case: Case
+    number: int  # index in the order in which cases were tried
+    stage: str = SCREENED
+    outcomes: dict[str, list[Outcome]] = field(default_factory=dict)
+
+    def add(self, further: Mapping[str, Sequence[Outcome]]) -> None:
+        """Add the outcomes of further trials."""
+        for world, outcomes in further.items():
+            self.outcomes.setdefault(world, []).extend(outcomes)
+
+    def count(self, world: str) -> tuple[int, int]:
+        """Return the number of completed missions in a world and the number of all missions."""
+        outcomes = self.outcomes[world]
+        return sum(outcome.completed for outcome in outcomes), len(outcomes)
+
+    @property
+    def severity(self) -> tuple[float, float]:
+        """The minimum completion rate and mean progress over the worlds; lower is worse.
+
+        Two imaginary trials, of which one is completed, shrink the rate toward one half.
+        """
+        rates, progress = [], []
+        for world, outcomes in self.outcomes.items():
+            completed, trials = self.count(world)
+            rates.append((completed + 1) / (trials + 2))
+            done = [
+                0.0 if math.isnan(outcome.progress) else outcome.progress for outcome in outcomes
+            ]
+            progress.append(sum(done) / len(done))
+        return min(rates), min(progress)
+
+    @property
+    def lost_any(self) -> bool:
+        """True if any mission was not completed."""
+        return not all(outcome.completed for outcome in chain(*self.outcomes.values()))
+
+    def list_stopped(self, nominal: "CaseTrials", below: float, confidence: float) -> list[str]:
+        """Return the worlds in which the case stops the design.
+
+        In these worlds, the completion rate is below ``below`` and below the rate without a
+        failure, both with the given confidence.
+        """
+        stopped = []
+        for world in self.outcomes:
+            failed, whole = self.count(world), nominal.count(world)
+            _, high = bound_rate(*failed, confidence)
+            _, difference = bound_difference(failed, whole, confidence)
+            if high < below and difference < 0:
+                stopped.append(world)
+        return stopped
+
+
+Try = Callable[[Sequence[CaseTrials], range], list[Mapping[str, list[Outcome]]]]
+"""Runs repeats of cases, and returns each case's outcomes by world."""
+
+FIRST_TRIALS = 2
+"""Number of initial trials in screening; a case that completes all of them gets no more."""
+
+
+@dataclass
+class CaseSearch:
+    """The search for a design's worst cases, guided by the outcomes of missions."""
+
+    settings: WorstCases
+    sensors: int
+    worlds: int
+    try_cases: Try
+    rng: Generator
+    tried: dict[Case, CaseTrials] = field(default_factory=dict)
+    nominal: CaseTrials = field(init=False)
+    confirmed: list[CaseTrials] = field(default_factory=list)
+    whole: set[int] = field(default_factory=set)
+    """The numbers of failed sensors for which all sets have been tried."""
+
+    def run(self) -> list[CaseTrials]:
+        """Return the smallest cases that stop the design; empty if none does."""
+        settings = self.settings
+        self.nominal = CaseTrials(Case(), 0, NOMINAL)
+        fresh = range(settings.screening, settings.screening + settings.trials)
+        self.nominal.add(*self.try_cases([self.nominal], fresh))
+        for size in range(1, min(settings.most, self.sensors) + 1):
+            self._search(size)
+            stopping = self._confirm(self._list_tried(size))
+            if stopping:
+                return self._reduce(stopping)
+        return []
+
+    def _search(self, size: int) -> None:
+        """Screen all cases of a size, or else extensions of worst smaller cases; then mutants."""
+        settings = self.settings
+        count = math.comb(self.sensors, size) * len(settings.times_s)
+        if count <= settings.max_cases:
+            self._screen(
+                Case.of((sensor, time) for sensor in chosen)
+                for chosen in combinations(range(self.sensors), size)
+                for time in settings.times_s
+            )
+            self.whole.add(size)
+        else:
+            self._screen(self._grow(size))
+        for _ in range(settings.rounds):
+            parents = self._list_tried(size)[: max(1, settings.population // 4)]
+            if parents:
+                chosen = [parents[i % len(parents)] for i in range(settings.population)]
+                self._screen(self._mutate(parent.case) for parent in chosen)
+
+    def _grow(self, size: int) -> list[Case]:
+        settings = self.settings
+        smaller = [trials.case for trials in self._list_tried(size - 1)] or [Case()]
+        grown: dict[Case, None] = {}
+        for case in smaller:
+            for sensor in sorted(set(range(self.sensors)) - set(case.sensors)):
+                for time in case.times_s[-1:] or settings.times_s:
+                    known = zip(case.sensors, case.times_s, strict=True)
+                    grown[Case.of([*known, (sensor, time)])] = None
+            if len(grown) >= settings.max_cases:
+                break
+        return list(grown)[: settings.max_cases]
+
+    def _mutate(self, case: Case) -> Case:
+        failures = dict(zip(case.sensors, case.times_s, strict=True))
+        place, kind, share = self.rng.random(), self.rng.random(), self.rng.random()
+        sensor = case.sensors[int(place * len(case.sensors))]
+        others = sorted(set(range(self.sensors)) - set(case.sensors))
+        if others and kind < 0.5:
+            failures[others[int(share * len(others))]] = failures.pop(sensor)
+        else:
+            low, high = min(self.settings.times_s), self.settings.latest_s
+            failures[sensor] = round(low + share * (high - low), 1)
+        return Case.of(failures.items())
+
+    def _screen(self, cases: Iterable[Case]) -> None:
+        """Try new cases a few times; if a mission failed, try up to ``screening`` times."""
+        new = []
+        for case in dict.fromkeys(cases):
+            if case not in self.tried:
+                self.tried[case] = CaseTrials(case, len(self.tried) + 1)
+                new.append(self.tried[case])
+        most = self.settings.screening
+        first = min(FIRST_TRIALS, most)
+        self._try(new, range(first))
+        self._try([trials for trials in new if trials.lost_any], range(first, most))
+
+    def _try(self, cases: Sequence[CaseTrials], repeats: range) -> None:
+        if cases and len(repeats):
+            for trials, outcomes in zip(cases, self.try_cases(cases, repeats), strict=True):
+                trials.add(outcomes)
+
+    def _list_tried(self, size: int) -> list[CaseTrials]:
+        cases = self.tried.values()
+        return sorted((trials for trials in cases if len(trials.case.sensors) == size), key=_rank)
+
+    def _confirm(self, ranked: Sequence[CaseTrials]) -> list[CaseTrials]:
+        """Try the worst cases on fresh draws; return the cases that stop the design.
+
+        The trials that selected the cases do not count. The tests for all candidates and worlds
+        share one error rate, so false findings are no more frequent than ``confidence`` allows.
+        """
+        settings = self.settings
+        new = [trials for trials in ranked if trials.lost_any and trials not in self.confirmed]
+        chosen = new[: settings.candidates]
+        for trials in chosen:
+            trials.outcomes, trials.stage = {}, CONFIRMED
+        fresh = range(settings.screening, settings.screening + settings.trials)
+        self._try(chosen, fresh)
+        self.confirmed += chosen
+        return [trials for trials in chosen if self.list_stopped(trials)]
+
+    def list_stopped(self, trials: CaseTrials) -> list[str]:
+        """Return the worlds in which a confirmed case stops the design."""
+        settings = self.settings
+        if trials.stage != CONFIRMED:
+            return []
+        level = share_level(settings.confidence, settings.candidates * self.worlds)
+        return trials.list_stopped(self.nominal, settings.stops_below, level)
+
+    def _reduce(self, stopping: list[CaseTrials]) -> list[CaseTrials]:
+        """Remove sensors from the worst case as long as the remaining ones still stop the design.
+
+        The result is 1-minimal: no case with one sensor fewer stopped the design (Zeller and
+        Hildebrandt, Simplifying and isolating failure-inducing input, IEEE Transactions on Software
+        Engineering 28, 2002). If all sets were tried, the result is the smallest.
+        """
+        case = min(stopping, key=_rank).case
+        size = len(case.sensors) - 1
+        if size < 1 or size in self.whole:
+            return stopping
+        failures = list(zip(case.sensors, case.times_s, strict=True))
+        smaller = [Case.of([*failures[:i], *failures[i + 1 :]]) for i in range(len(failures))]
+        self._screen(smaller)
+        less = self._confirm(sorted((self.tried[case] for case in smaller), key=_rank))
+        return self._reduce(less) if less else stopping
+
+
+def _rank(trials: CaseTrials) -> tuple[tuple[float, float], int]:
+    return trials.severity, trials.number

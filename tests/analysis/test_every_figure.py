@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from evoros.analysis.drawing.finish import LETTERS, list_panels
 from evoros.analysis.drawing.style import choose_style, finish, use_style
-from evoros.analysis.robot_choice import make_product
+from evoros.analysis.products import make_product
 from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS, import_subcommand, parse
 from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.study import Study

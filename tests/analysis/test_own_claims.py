@@ -11,9 +11,9 @@ from helpers import tiny, vary
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.figures import own_claims
+from evoros.analysis.figures.own_claims import read_claims
 from evoros.analysis.statistics.finding import NOT_SUPPORTED, SUPPORTED, UNKNOWN, Finding
 from evoros.analysis.statistics.small_samples import mean_interval
-from evoros.analysis.tables.claims_file import read_claims
 from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.study import Study
 from evoros.terminal.console import DONE, INPUT

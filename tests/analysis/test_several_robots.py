@@ -12,8 +12,8 @@ from rerun.chunk import RrdReader
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.figures.mission import Missions, draw_missions
+from evoros.analysis.products import make_product
 from evoros.analysis.report.playback import encode_playback
-from evoros.analysis.robot_choice import make_product
 from evoros.analysis.subcommands import Product, import_subcommand, parse
 from evoros.analysis.tables.agents import list_robots, read_tracks, select_agent
 from evoros.analysis.tables.champions import read_champion_sensors

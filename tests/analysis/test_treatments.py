@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.drawing.style import choose_style
-from evoros.analysis.robot_choice import make_product
+from evoros.analysis.products import make_product
 from evoros.analysis.subcommands import Product
 from evoros.analysis.tables.conditions import parse_conditions, select_rows
 from evoros.analysis.tables.factors import find_factors, list_conditions

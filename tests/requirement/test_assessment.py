@@ -16,8 +16,7 @@ from evoros.failure.random import RandomFailure
 from evoros.failure.spatial import SpatialFailure
 from evoros.measure.protocol import Measure
 from evoros.mission.mission import COMPLETED, TIME_LIMIT
-from evoros.requirement.claim import Claim
-from evoros.requirement.condition import OWN, Condition
+from evoros.requirement.claim import OWN, Claim, Condition
 from evoros.requirement.requirements import (
     ROUND,
     Assessment,

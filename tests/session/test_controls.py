@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 import evoros
-from evoros.analysis.statistics.controls import LITTLE, compare_controls, describe_controls
+from evoros.analysis.figures.controls import LITTLE, compare_controls, describe_controls
 from evoros.analysis.tables.loading import load_study
 from evoros.base.errors import InputError
 from evoros.cli.main import evoros as run_command

@@ -12,8 +12,7 @@ from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.failure.protocol import Case
 from evoros.mission.mission import COMPLETED, TIME_LIMIT, Outcome
-from evoros.worst_cases.case_search import CaseSearch, CaseTrials
-from evoros.worst_cases.worst_cases import WorstCases
+from evoros.worst_cases.worst_cases import CaseSearch, CaseTrials, WorstCases
 
 Rate = Callable[[Case], float]
 FAILURES = st.dictionaries(st.integers(0, 30), st.floats(0.0, 1e4), max_size=8)

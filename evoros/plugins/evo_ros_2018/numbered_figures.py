@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from evoros.analysis.drawing.style import render
-from evoros.analysis.robot_choice import make_product as make_one
+from evoros.analysis.products import make_product as make_one
 from evoros.analysis.subcommands import Product, import_subcommand, parse, to_csv
 from evoros.analysis.tables.champion_missions import classify_failure
 from evoros.analysis.tables.study import Study
