@@ -52,8 +52,7 @@ class View:
         sides = (poses, poses * _MIRRORED) if self.mirrored else (poses,)
         frames = [make_frames(place_on_links(self.frame, side)) for side in sides]
         shares = [sensor.find(side) for sensor, side in product(self.sensors, frames)]
-        free: NDArray[np.bool_] = np.max(shares, axis=0) < _MAX_BLIND
-        return free
+        return np.asarray(np.max(shares, axis=0) < _MAX_BLIND)
 
 
 @dataclass(frozen=True)

@@ -108,8 +108,7 @@ def shape_points(shape: Shape, pose: Pose) -> Array:
             _circle() * elementary.sin(a) + np.array([0.0, 0.0, elementary.cos(a)]) for a in polar
         ]
         local = shape.size[0] * np.concatenate(rings)
-    points: Array = product(local, pose.rotation.T) + pose.position
-    return points
+    return np.asarray(product(local, pose.rotation.T) + pose.position)
 
 
 def _circle() -> Array:

@@ -80,11 +80,11 @@ def suggest_course(
     origin. The result is deterministic, and None if there is no room for two mutually visible
     points.
     """
-    found = _find_widest_route(footprints, robot_radius_m, ground, home)
-    if found is None:
+    route = _find_widest_route(footprints, robot_radius_m, ground, home)
+    if route is None:
         return None
-    course = create_course(found.corners.tolist(), robot_radius_m)
-    return Suggestion(course, found.place, found.is_enclosed)
+    course = create_course(route.corners.tolist(), robot_radius_m)
+    return Suggestion(course, route.place, route.is_enclosed)
 
 
 class _Route(NamedTuple):
@@ -279,16 +279,13 @@ def _enclosed_area(loops: Array) -> Array:
     """Return the areas (n,) [m2] inside closed loops (n, k, 2), by the shoelace formula."""
     following = np.roll(loops, -1, axis=1)
     twice = loops[:, :, 0] * following[:, :, 1] - loops[:, :, 1] * following[:, :, 0]
-    area: Array = np.abs(twice.sum(axis=1)) / 2.0
-    return area
+    return np.asarray(np.abs(twice.sum(axis=1)) / 2.0)
 
 
 def _narrowest_gap(lengths: Array, picks: NDArray[np.int64]) -> Array:
     """Return the minimum distance [m] between any two of the picked points of each loop."""
     gaps = lengths[picks[:, :, None], picks[:, None, :]]
-    diagonal = np.eye(picks.shape[1], dtype=np.bool_)
-    smallest: Array = np.where(diagonal[None], np.inf, gaps).min(axis=(1, 2))
-    return smallest
+    return np.asarray(np.where(np.eye(picks.shape[1]), np.inf, gaps).min(axis=(1, 2)))
 
 
 def find_steep_places(field: Shape, pose: Pose) -> list[Footprint]:

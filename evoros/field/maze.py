@@ -85,8 +85,7 @@ class Maze:
     def _corner(self) -> Array:
         """The corner (2,) [m] of the grid with the minimum coordinates, in the middle of walls."""
         middle = (self._points.min(axis=0) + self._points.max(axis=0)) / 2
-        corner: Array = middle - np.array([self.columns, self.rows]) * self.pitch_m / 2
-        return corner
+        return np.asarray(middle - np.array([self.columns, self.rows]) * self.pitch_m / 2)
 
     def _find_cell(self, point: Array) -> Cell:
         column, row = np.floor((point - self._corner) / self.pitch_m).astype(int).tolist()

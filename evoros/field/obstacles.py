@@ -86,8 +86,7 @@ CELL_M = 0.2
 MARGIN_M = 0.1415
 """Maximum distance [m] from a point between two neighbouring cell centres to the nearer centre.
 
-The value is 0.2 / sqrt(2), rounded up. A disc that is free by this margin at all cell centres of a
-path is therefore free all along the path.
+A disc that is free by this margin at all cell centres of a path is free all along the path.
 """
 
 

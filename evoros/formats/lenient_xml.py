@@ -43,9 +43,9 @@ def is_xacro(file: Path, content: bytes) -> bool:
 def parse_leniently(content: bytes, source: str) -> Element:
     """Parse a document like ``strict_xml.parse``, with repairs if necessary.
 
-    Repairs, which are reported in one line, concern text, comments or a byte order mark before the
-    XML declaration, anything after the root element, ``--`` in comments, attributes without quotes
-    or without a value, undeclared prefixes, ``::`` in a tag, and unescaped ampersands.
+    The repairs, which are logged, concern text, comments or a byte order mark before the XML
+    declaration, anything after the root element, ``--`` in comments, attributes without quotes or
+    without a value, undeclared prefixes, ``::`` in a tag, and unescaped ampersands.
     """
     try:
         return parse(content, source)

@@ -64,7 +64,7 @@ def read_mesh(
 
     ``submesh`` selects a part of the file by name, and ``center`` moves the middle of its bounding
     box to the origin. ``up_axis`` rotates a DAE according to its ``<up_axis>``. ``work`` limits the
-    time (see ``divide_mesh``). Results are cached in the user's cache folder.
+    time (see ``divide_mesh``).
     """
     key = _make_key(path, scale, submesh, center, up_axis, float(work))
     return _read(path, key, scale, submesh, center, up_axis, work)
@@ -137,9 +137,8 @@ def _read(
 
         parts = divide_mesh(read_faces(path, scale, submesh, center, up_axis).triangles, work)
         corners = tuple(_corners(hull.corners) for hull in parts.hulls)
-        division = _Division(
-            corners, parts.dropped, parts.deviation, parts.work, parts.is_cut_short
-        )
+        size = parts.dropped, parts.deviation
+        division = _Division(corners, *size, parts.work, parts.is_cut_short)
         if not division.parts:
             raise _too_small(path)
         _store(key, division)
@@ -204,14 +203,11 @@ def _load(key: str) -> _Division | None:
 
 
 def _store(key: str, division: _Division) -> None:
-    """Store the parts under a key atomically, for this and other processes."""
     folder = private_folder("meshes")
     if folder is None:
         return
     with suppress(OSError):
-        with tempfile.NamedTemporaryFile(
-            "w", encoding="utf-8", dir=folder, delete=False
-        ) as unfinished:
+        with tempfile.NamedTemporaryFile("w", dir=folder, delete=False) as unfinished:
             json.dump(asdict(division), unfinished)
         os.replace(unfinished.name, folder / _name(key))
 

@@ -60,7 +60,7 @@ def read_dae(path: Path, up_axis: bool = False) -> list[Submesh]:
             return list(_Document(root).surfaces(up_axis))
     except (etree.XMLSyntaxError, ValueError, LookupError, OverflowError, RecursionError) as error:
         problem = f"must be a COLLADA file ({shorten(error)})"
-        raise InputError(f"{path}: {problem}; export the mesh again, or as STL") from error
+        raise InputError(f"{path}: {problem}; export it again, or export it as STL") from error
 
 
 class _Document:
@@ -169,10 +169,10 @@ class _Document:
 
 
 def _find_input(inputs: Iterable[Element], semantic: str) -> Element:
-    for entry in inputs:
-        if entry.get("semantic") == semantic:
-            return entry
-    raise ValueError(f"there is no <input> with semantic {semantic}")
+    entry = next((entry for entry in inputs if entry.get("semantic") == semantic), None)
+    if entry is None:
+        raise ValueError(f"there is no <input> with semantic {semantic}")
+    return entry
 
 
 def _names_of(element: Element) -> tuple[str, ...]:
@@ -180,8 +180,7 @@ def _names_of(element: Element) -> tuple[str, ...]:
 
 
 def _numbers(element: Element, kind: type) -> Array:
-    numbers: Array = np.array((element.text or "").split(), dtype=kind)
-    return numbers
+    return np.asarray(np.array((element.text or "").split(), dtype=kind))
 
 
 def _fan(flat: Array, counts: Array | None) -> Array:
@@ -206,14 +205,13 @@ _CORNERS: Mapping[str, Callable[[Array, Array | None], Array]] = {
 
 
 def _transform(node: Element) -> Array:
-    """Return the pose (4, 4) of a node in its parent, combining all its transforms in order."""
+    """Return the matrix (4, 4) from a node's frame to its parent's, the product of its elements."""
     pose = np.eye(4)
     for element in node.iterfind("{*}*"):
         tag = etree.QName(element).localname
         if tag not in ("matrix", "translate", "rotate", "scale"):
             continue
-        values = _numbers(element, np.float64)
-        step = np.eye(4)
+        values, step = _numbers(element, np.float64), np.eye(4)
         if tag == "matrix":
             step = values.reshape(4, 4)
         elif tag == "translate":
@@ -233,5 +231,4 @@ def _rotation(axis: Array, angle: float) -> Array:
     x, y, z = axis / size
     skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     sin, cos = elementary.sin_cos(angle)
-    turned: Array = np.eye(3) + sin * skew + product((1 - cos) * skew, skew)
-    return turned
+    return np.asarray(np.eye(3) + sin * skew + product((1 - cos) * skew, skew))

@@ -17,7 +17,7 @@ from evoros.geometry.shapes import Vector
 
 FORMATS = (".stl", ".obj", ".dae")
 _TEXTS = {".stl": ("facet", "endsolid"), ".dae": ("<collada", "collada>")}
-"""Lower-case words near the start and the end of a complete text file."""
+"""Words, in lower case, near the start and near the end of a complete mesh file stored as text."""
 _SHORT = 10_000  # number of bytes searched at the start and at the end
 _NOWHERE = logging.NullHandler()  # suppresses tracebacks of failed attempts when logging is off
 
@@ -48,13 +48,9 @@ def _find_cut(suffix: str, content: bytes) -> str:
 
 
 def _to_utf8(content: bytes) -> bytes:
-    """Return content as UTF-8 without a byte order mark.
-
-    Other encodings are read as Latin-1, which only affects names.
-    """
     try:
         return content.decode("utf-8-sig").encode()
-    except UnicodeDecodeError:
+    except UnicodeDecodeError:  # another encoding, which only affects names
         return content.decode("latin-1").encode()
 
 

@@ -61,8 +61,7 @@ class Absences:
         first, names = self._absences[0], self.names()
         if len(names) == 1:
             more = len(self._absences) - 1
-            again = f" (and {more} more like this)" if more else ""
-            problem = f"{first.sentence}{again}"
+            problem = first.sentence + (f" (and {more} more like this)" if more else "")
         else:
             listed = ", ".join(self._list())
             problem = f"{self._source}: refers to {len(names)} missing items: {listed}"

@@ -23,8 +23,7 @@ class Notes:
         """Note an omitted or completed element; ``problem`` is the predicate of the sentence.
 
         Notes of the same ``kind`` (by default, with the same tag and problem) are merged into one
-        line. That line refers to the element by ``name``, by default the name of its model or
-        robot.
+        line, which names each element by ``name``, by default the name of its model or robot.
         """
         kind = kind or f"{local_tag(element)} {problem}"
         line = f"{locate(element)} {problem}", name or name_of(element)
@@ -71,11 +70,8 @@ def note_degrees(root: Element, notes: Notes) -> None:
         # Words that are not numbers count as NaN, which does not exceed a full turn.
         exceeds = any(LARGEST_RAD < abs(parse_number(word)) < math.inf for word in words)
         if exceeds and not any(owner.tag in _LOOKS for owner in walk_up(element)):
-            problem = (
-                f"rotates by {' '.join(words)} rad, more than a full turn; if these are degrees, "
-                f"convert them to radians"
-            )
-            notes.add(element, problem, "degrees")
+            turn = f"rotates by {' '.join(words)} rad, more than a full turn"
+            notes.add(element, f"{turn}; if these are degrees, convert them to radians", "degrees")
 
 
 def tell_degrees(root: Element, log: logging.Logger) -> None:
@@ -86,7 +82,7 @@ def tell_degrees(root: Element, log: logging.Logger) -> None:
 
 
 def _list_angles(element: Element) -> list[str]:
-    """Return the words for roll, pitch and yaw [rad]; none if they are in degrees."""
+    """Return an element's words for roll, pitch and yaw [rad]; empty if these are in degrees."""
     if element.tag == "origin":
         return str(element.get("rpy", "")).split()
     if element.get("degrees", "").strip() in ("true", "1") or element.get("rotation_format"):

@@ -1,9 +1,8 @@
 """Reads XML strictly: anything that cannot be understood is an error with file, line and element.
 
-``MEANINGS`` is the only list of numbers with a special meaning, such as no limit. The list follows
-SDFormat 1.12 (``joint.sdf``, ``surface.sdf``, ``collision.sdf``, ``sensor.sdf``, ``ray.sdf``; up to
-1.5, the defaults of limits are -1 and +-1e16), ``JointAxis.cc`` and ``parser_urdf.cc`` of sdformat,
-and ``SurfaceParams.cc`` and ``Sensor.cc`` of Gazebo Classic.
+``MEANINGS`` lists the numbers with a special meaning, such as no limit. The list follows SDFormat
+1.12 (up to 1.5, the defaults of limits are -1 and +-1e16), ``JointAxis.cc`` and ``parser_urdf.cc``
+of sdformat, and ``SurfaceParams.cc`` and ``Sensor.cc`` of Gazebo Classic.
 """
 
 import math
@@ -61,7 +60,7 @@ def parse(content: bytes, source: str) -> Element:
 
 
 def _drop_default_namespace(root: Element) -> None:
-    """Drop the namespace of tags without a prefix, which ROS and Gazebo ignore."""
+    """Drop the default namespace, because ROS and Gazebo ignore it."""
     for element in root.iter(etree.Element):
         if element.prefix is None:
             element.tag = etree.QName(element).localname
@@ -69,10 +68,7 @@ def _drop_default_namespace(root: Element) -> None:
 
 
 def element_error(element: Element, problem: str, fix: str) -> InputError:
-    """Create the error for an element, which the caller raises.
-
-    ``problem`` completes a sentence about the element; ``fix`` is an instruction.
-    """
+    """Return an error about an element, whose name is the subject of ``problem``."""
     return InputError(f"{locate(element)} {problem}; {fix}")
 
 
@@ -278,8 +274,8 @@ def read_meaning(element: Element, field: str, text: str | None = None) -> float
 def touches_nothing(collision: Element) -> bool:
     """Return True if nothing collides with a ``<collision>``.
 
-    Such a collision allows no contacts, has masks that share none of the 16 bits of other
-    collisions, or has no mask and sets ``collide_without_contact``.
+    Such a collision allows no contacts, has a mask without any of the 16 bits that other collisions
+    have, or has no mask and sets ``collide_without_contact``.
     """
     contacts, contact = collision.findtext("max_contacts"), collision.find("surface/contact")
     if contacts is not None and _read_bits(contacts) == 0:

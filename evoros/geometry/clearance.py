@@ -30,8 +30,8 @@ LAST_X, LAST_Y, LAST_TOUCH, ALONG = range(4)
 WAY_SIZE = 4
 """Size of the memory of ``add_driven``.
 
-The memory holds the last position [m], 1 if it was in contact (else 0), and the signed distance [m]
-along the heading that was driven in contact and is not counted yet.
+The memory holds the robot's last position [m], 1 if the robot touched an obstacle there (else 0),
+and the signed distance [m] along the heading that it has since driven in contact, not yet counted.
 """
 SHAKE_M = 0.01
 """Upper bound [m] on a robot's jitter while it drives against a wall.

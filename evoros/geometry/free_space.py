@@ -96,8 +96,7 @@ class FreeSpace:
     def centres(self) -> Array:
         """Return the centres (n, 2) [m] of all free cells."""
         row, column = np.nonzero(self.free)
-        centres: Array = self.low + self.cell_m * (np.column_stack((column, row)) + 0.5)
-        return centres
+        return np.asarray(self.low + self.cell_m * (np.column_stack((column, row)) + 0.5))
 
     @cached_property
     def _clearances(self) -> Array:
@@ -143,7 +142,8 @@ def find_enclosed(free: Cells) -> Cells | None:
     sheltered cells is enclosed if obstacles make up most of its border. Doors and gaps therefore
     leave a room enclosed, and trees in a field do not enclose the positions between them.
     """
-    regions, total = label_regions(_find_sheltered(free)), float(free.sum())
+    blocked = np.sum([_look(free, x, y) for x, y in DIRECTIONS], axis=0)
+    regions, total = label_regions(free & (blocked >= SHELTERED)), float(free.sum())
     sizes = np.bincount(regions.ravel())
     numbers = np.flatnonzero(sizes[1:] >= LEAST_SHARE * total) + 1
     candidates = [np.equal(regions, number) for number in numbers]
@@ -152,13 +152,6 @@ def find_enclosed(free: Cells) -> Cells | None:
     if not areas or max(areas) < min(LARGE_SHARE * total, ONE_SHARE * sum(areas)):
         return None
     return enclosed[int(np.argmax(areas))]
-
-
-def _find_sheltered(free: Cells) -> Cells:
-    blocked = np.zeros(free.shape, dtype=np.int64)
-    for x, y in DIRECTIONS:
-        blocked += _look(free, x, y)
-    return free & (blocked >= SHELTERED)
 
 
 def _look(free: Cells, x: int, y: int) -> Cells:

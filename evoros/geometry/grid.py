@@ -70,8 +70,7 @@ class Grid:
         centres = (np.stack([column, row], axis=1) + 0.5) * self.cell + self.origin
         half_diagonal = self.cell * math.sqrt(0.5)
         near = distances(footprint, centres) <= reach + half_diagonal
-        cells: NDArray[np.intp] = (row * self.shape[0] + column)[near]
-        return cells
+        return np.asarray((row * self.shape[0] + column)[near])
 
     def to_array(self) -> Array:
         """Return the grid (GRID_SIZE,) for ``cell_at``."""

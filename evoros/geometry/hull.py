@@ -1,5 +1,6 @@
 """Convex hulls of points, with few corners and a minimum thickness."""
 
+import itertools
 from dataclasses import dataclass
 from functools import cache
 
@@ -113,11 +114,8 @@ def _without_flat_corners(hull: Hull) -> Hull:
 
 def _extremes(points: Array, directions: Array) -> NDArray[np.integer]:
     columns = np.ascontiguousarray(points.T)
-    farthest = [
-        (product(directions[i : i + 50], columns)).argmax(axis=1)
-        for i in range(0, len(directions), 50)
-    ]
-    return np.unique(np.concatenate(farthest))
+    parts = (directions[i : i + 50] for i in range(0, len(directions), 50))
+    return np.unique(np.concatenate([product(part, columns).argmax(axis=1) for part in parts]))
 
 
 @cache
@@ -129,12 +127,7 @@ def _spread(count: int) -> Array:
     return np.stack([radius * cos_all(angle), radius * sin_all(angle), z], axis=1)
 
 
-_DIRECTIONS = np.array(
-    [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z],
-    dtype=np.float64,
-)
-
-
+_DIRECTIONS = np.array([d for d in itertools.product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
 _MANY = 5000  # number of faces above which only every second, third, ... one is sampled
 
 

@@ -61,8 +61,7 @@ class Solid:
             reach = length(across)
             end: Array = centre + axis * math.copysign(height / 2, along)
             return end + across * (radius / reach) if reach > SIDEWAYS else end
-        corner: Array = self.points[int(product(self.points, direction).argmax())]
-        return corner
+        return np.asarray(self.points[int(product(self.points, direction).argmax())])
 
     def box(self) -> tuple[Array, Array]:
         """Return the lowest and the highest coordinates (3,) [m] of the solid."""

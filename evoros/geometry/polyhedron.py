@@ -33,10 +33,12 @@ def convex_polyhedron(corners: tuple[Vector, ...]) -> Polyhedron:
     hull = _hull(points)
     numbers = np.full(len(points), -1)
     numbers[hull.vertices] = np.arange(len(hull.vertices))
-    triangles = numbers[_face_outwards(points, hull.simplices, hull.equations)]
-    sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, ::2]]))
-    faces = _distinct_planes(hull.equations)
-    return Polyhedron(points[hull.vertices], triangles, np.unique(sides, axis=0), faces)
+    triangles = hull.simplices.copy()
+    inwards = (find_normals(points[triangles]) * hull.equations[:, :3]).sum(axis=1) < 0.0
+    triangles[inwards] = triangles[inwards][:, ::-1]
+    triangles = numbers[triangles]
+    edges, faces = np.unique(list_edges(triangles), axis=0), _distinct_planes(hull.equations)
+    return Polyhedron(points[hull.vertices], triangles, edges.astype(np.intp), faces)
 
 
 def hull_planes(points: Array) -> tuple[Array, Array]:
@@ -56,24 +58,12 @@ def _hull(points: Array) -> Any:
 
 def _distinct_planes(equations: Array) -> Array:
     planes = np.unique(np.round(equations, _SAME_FACE), axis=0, return_index=True)[1]
-    faces: Array = equations[np.sort(planes)] * (1.0, 1.0, 1.0, -1.0)
-    return faces
-
-
-def _face_outwards(
-    points: Array, triangles: NDArray[np.intp], equations: Array
-) -> NDArray[np.intp]:
-    a, b, c = (points[triangles[:, i]] for i in range(3))
-    inwards = (np.cross(b - a, c - a) * equations[:, :3]).sum(axis=1) < 0.0
-    turned = triangles.copy()
-    turned[inwards] = turned[inwards][:, ::-1]
-    return turned
+    return np.asarray(equations[np.sort(planes)] * (1.0, 1.0, 1.0, -1.0))
 
 
 def box_corners(box: Shape) -> Array:
     """Return the corners (8, 3) [m] of a box in its frame."""
-    corners: Array = np.array(list(itertools.product((-1, 1), repeat=3))) * np.array(box.size) / 2
-    return corners
+    return np.asarray(np.array(list(itertools.product((-1, 1), repeat=3))) * np.array(box.size) / 2)
 
 
 def clip_polyhedron(corners: Array, edges: NDArray[np.intp], low: float, high: float) -> Array:
@@ -116,10 +106,7 @@ def placed_corners(
     corners: Sequence[Vector] | Array, rotation: Array, position: Sequence[float]
 ) -> Array:
     """Return corners (k, 3) [m], rotated and then moved, in the frame of ``position``."""
-    placed: Array = product(np.asarray(corners, dtype=np.float64), rotation.T) + np.asarray(
-        position
-    )
-    return placed
+    return np.asarray(product(np.asarray(corners, dtype=np.float64), rotation.T) + position)
 
 
 Ring = list[tuple[float, float]]
@@ -237,17 +224,13 @@ def solid_moments(shape: Shape, mass: float) -> Vector:
     """
     if shape.kind == "box":
         x, y, z = shape.size
-        return (
-            mass / 12 * (y * y + z * z),
-            mass / 12 * (x * x + z * z),
-            mass / 12 * (x * x + y * y),
-        )
+        sums = (y * y + z * z, x * x + z * z, x * x + y * y)
+        return (mass / 12 * sums[0], mass / 12 * sums[1], mass / 12 * sums[2])
     if shape.kind == "sphere":
         moment = 0.4 * mass * shape.size[0] * shape.size[0]
         return (moment, moment, moment)
     if shape.kind == "convex":
-        volume, _, tensor = solid_properties(shape.corners)
-        xx, yy, zz = (tensor.diagonal() * (mass / volume)).tolist()
+        xx, yy, zz = _solid_tensor(shape, mass).diagonal().tolist()
         return (xx, yy, zz)
     radius, length = shape.size
     across = mass / 12 * (3 * radius * radius + length * length)
@@ -299,8 +282,7 @@ def point_tensor(mass: float, offset: Array) -> Array:
     Add this tensor to a body's tensor about the centre of mass to get the tensor about a point
     ``offset`` away (parallel axis theorem).
     """
-    tensor: Array = mass * (product(offset, offset) * np.eye(3) - np.outer(offset, offset))
-    return tensor
+    return np.asarray(mass * (product(offset, offset) * np.eye(3) - np.outer(offset, offset)))
 
 
 def symmetric_tensor(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> Array:

@@ -123,10 +123,7 @@ def turn_frame(obstacle: Array, cos: float, sin: float) -> Frame:
 
 @compilable
 def _falls_short(origin: Point, way: Point, half: Point, best: float) -> bool:
-    """Return True if a ray surely misses a box within ``best`` [m]; see ``_intersect_box``.
-
-    Most rays miss, and this test needs no division.
-    """
+    """Return True if a ray surely misses a box within ``best`` [m]; this needs no division."""
     return (
         _stays_beside(origin[0], way[0], half[0], best)
         or _stays_beside(origin[1], way[1], half[1], best)

@@ -153,7 +153,7 @@ class Shape:
     kind: Annotated[str, checks.one_of(*_SIZES)]
     size: tuple[float, ...]
     pose: Pose = Pose()  # body frame
-    corners: tuple[Vector, ...] = ()  # corners of a convex polyhedron [m]
+    corners: tuple[Vector, ...] = ()  # [m]
     heights: tuple[tuple[float, ...], ...] = ()
     """Heights [m] above the origin: row i from -y to +y, column j from -x to +x, at equal steps."""
     mesh: MeshFile | None = field(default=None, compare=False, repr=False)
@@ -177,9 +177,8 @@ class Shape:
 def _check_corners(shape: Shape) -> None:
     corners = np.array(shape.corners, dtype=np.float64)
     if corners.shape[:1] < (4,) or corners.shape[1:] != (3,) or not np.isfinite(corners).all():
-        raise checks.invalid(
-            shape, "corners", shape.corners, "must be four or more points [x, y, z]"
-        )
+        rule = "must be four or more points [x, y, z]"
+        raise checks.invalid(shape, "corners", shape.corners, rule)
     if is_flat(corners):
         raise checks.invalid(shape, "corners", shape.corners, "must not all lie in one plane")
 
@@ -193,7 +192,8 @@ def is_flat(corners: Array) -> bool:
 def _check_heights(shape: Shape) -> None:
     rows = shape.heights
     if len(rows) < 2 or len(rows[0]) < 2 or any(len(row) != len(rows[0]) for row in rows):
-        raise checks.invalid(shape, "heights", rows, "must be two or more rows of equal length")
+        rule = "must be two or more rows of equal length, each with two or more numbers"
+        raise checks.invalid(shape, "heights", rows, rule)
     if not np.isfinite(np.array(rows, dtype=np.float64)).all():
         raise checks.invalid(shape, "heights", rows, "must be numbers")
 

@@ -22,8 +22,7 @@ class Surface:
     @property
     def triangles(self) -> Array:
         """The corners (n, 3, 3) [m] of each face."""
-        corners: Array = self.points[self.faces]
-        return corners
+        return np.asarray(self.points[self.faces])
 
     @property
     def area(self) -> float:
@@ -94,9 +93,8 @@ def unique_rows(rows: NDArray[Any]) -> tuple[Indices, Indices]:
 
 def is_closed(surface: Surface) -> bool:
     """Return True if each edge of the surface belongs to an even number of faces."""
-    edges = list_edges(surface.faces)
-    _, counts = np.unique(edges[:, 0] * len(surface.points) + edges[:, 1], return_counts=True)
-    return not (counts % 2).any()
+    numbers = _number_edges(list_edges(surface.faces), len(surface.points))
+    return not (np.unique(numbers, return_counts=True)[1] % 2).any()
 
 
 def sample(triangles: Array, step: float) -> tuple[Array, Indices]:
@@ -130,10 +128,8 @@ def orient(surface: Surface) -> Surface:
     """
     faces, count = surface.faces, len(surface.faces)
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    low, high = np.sort(ends, axis=1).T
-    _, edges, sizes = np.unique(
-        low * len(surface.points) + high, return_inverse=True, return_counts=True
-    )
+    numbers = _number_edges(ends, len(surface.points))
+    _, edges, sizes = np.unique(numbers, return_inverse=True, return_counts=True)
     order = np.argsort(edges, kind="stable")
     first, second = order[sizes[edges[order]] == 2].reshape(-1, 2).T
     differ = ends[first, 0] == ends[second, 0]
@@ -239,15 +235,13 @@ def _find_turns(low: Array, high: Array, apexes: Array, edges: Indices) -> Array
     zero = across[first][own]
     cosine = (across * zero).sum(axis=1)
     sine = (across * np.cross(along, zero)).sum(axis=1)
-    turns: Array = np.where(sine >= 0.0, 1.0 - cosine, 3.0 + cosine)
-    return turns
+    return np.asarray(np.where(sine >= 0.0, 1.0 - cosine, 3.0 + cosine))
 
 
 def split_by_edges(surface: Surface) -> list[Surface]:
     """Return the parts of a surface in which faces are connected by edges."""
-    edges = list_edges(surface.faces)
-    codes = edges[:, 0] * len(surface.points) + edges[:, 1]
-    _, owners = np.unique(codes, return_inverse=True)
+    numbers = _number_edges(list_edges(surface.faces), len(surface.points))
+    _, owners = np.unique(numbers, return_inverse=True)
     count = len(surface.faces)
     faces = np.tile(np.arange(count), 3)
     size = count + int(owners.max(initial=-1)) + 1

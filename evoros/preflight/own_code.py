@@ -63,10 +63,7 @@ def _call(rule: Any, *arguments: Any) -> Any:
 
 
 def report_repeatability(scenario: Scenario, mission: Mission, pool: Pool) -> None:
-    """Have workers run a mission with live controllers twice, and log any difference.
-
-    Other controllers are skipped, because evoros's rules and simulators are deterministic.
-    """
+    """Have workers run a mission with live controllers twice, and log any difference."""
     if not scenario.is_live:
         return
     packed = pack(scenario)
@@ -77,15 +74,13 @@ def report_repeatability(scenario: Scenario, mission: Mission, pool: Pool) -> No
         raise
     except Exception:  # the run will report the error
         return
-    difference = find_difference(
-        first, second, scenario.name_columns(mission.design, mission.world)
-    )
+    columns = scenario.name_columns(mission.design, mission.world)
+    difference = find_difference(first, second, columns)
     if difference:
         LOGGER.warning(
-            "controller: %s was run twice, and %s; results that depend on the controller cannot be "
-            "repeated exactly; plugins/ros/README.md lists possible causes",
-            describe(mission),
-            difference,
+            f"controller: {describe(mission)} was run twice, and {difference}; results that depend "
+            "on the controller cannot be repeated exactly; plugins/ros/README.md lists possible "
+            "causes"
         )
 
 

@@ -109,9 +109,9 @@ def _choose_rules(scenario: Scenario, members: Sequence[Member]) -> Sequence[Sim
 
 
 def _compile(rules: SimulationRules, setup: Setup) -> list[str]:
-    """Compile the rules and loops that missions use; yield the reasons why some are interpreted.
+    """Compile the rules and loops of missions; return the reasons why some are interpreted.
 
-    With an engine, interpreted rules are barely slower, and live controllers have no rules.
+    With an engine, interpreted rules are barely slower. Live controllers have no rules.
     """
     inputs = setup.collect_inputs(RuleSimulation(rules, np.zeros(0), np.zeros(0)))
     try_rules(inputs, len(setup.arrays.readings))
@@ -157,8 +157,7 @@ def _compute(key: str, measure: Measure, evaluated: Evaluated) -> float:
         raise InputError(f"{above}{error}") from None
 
 
-_MAX_RANGE_M = 1000.0
-"""Sensors of mobile robots have shorter ranges, so 6000 is probably in millimetres."""
+_MAX_RANGE_M = 1000.0  # a larger range of a mobile robot's sensor is probably in millimetres
 _MAX_WORKERS_PER_CORE = 4
 
 

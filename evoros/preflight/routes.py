@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -68,8 +68,7 @@ def check_route(world: World, robot: Robot) -> Iterator[str]:
         yield from _check_passages(course, obstacles, half_width, robot.name)
 
 
-@dataclass(frozen=True)
-class RangeFault:
+class RangeFault(NamedTuple):
     """An avoidance range that exceeds the free space along a course."""
 
     key: str
@@ -85,10 +84,7 @@ class RangeFault:
 def find_range_fault(
     world: World, robot: Robot, controller: object, max_ratio: float = MAX_RATIO
 ) -> RangeFault | None:
-    """Return the fault if a controller would avoid obstacles all the time, else None.
-
-    ``max_ratio`` is the maximum ratio of avoidance range to median free space along the route.
-    """
+    """Return the fault if the avoidance range exceeds ``max_ratio`` times the median free space."""
     avoidance = find_avoidance_range(controller)
     obstacles = project_bodies(world.obstacles, robot.height_m)
     if avoidance is None or not obstacles:
@@ -128,8 +124,7 @@ def _check_waypoints(
 
 
 def _free_space(points: Array, obstacles: Sequence[Footprint]) -> Array:
-    free: Array = np.min([distances(footprint, points) for footprint in obstacles], axis=0)
-    return free
+    return np.asarray(np.min([distances(footprint, points) for footprint in obstacles], axis=0))
 
 
 def _check_passages(

@@ -124,13 +124,11 @@ def _list_outside(world: World) -> Iterator[tuple[float, float]]:
     low, high = find_bounds(*areas)
     if not _encloses(np.array([find_bounds(area) for area in areas]), low, high):
         return
-    course = world.course
-    home = np.array([course.home_x_m, course.home_y_m])
+    home = np.array(world.course.home[:2])
     if not ((low <= home) & (home <= high)).all():
         return
-    for x, y in course.waypoints:
-        point = np.array([x, y])
-        if ((point < low - MARGIN_M) | (point > high + MARGIN_M)).any():
+    for x, y in world.course.waypoints:
+        if ((low - MARGIN_M > (x, y)) | (high + MARGIN_M < (x, y))).any():
             yield x, y
 
 
@@ -159,10 +157,7 @@ def check_meshes(subject: Subject) -> Iterator[str]:
 
 
 def check_view(subject: Subject) -> Iterator[str]:
-    """Yield a warning for each sensor type that looks over every obstacle.
-
-    Worlds that are uneven or drawn for each mission are not checked.
-    """
+    """Yield a warning for each sensor type that looks over all obstacles of level, fixed worlds."""
     worlds = list(subject.scenario.world.values())
     if any(world.sampler is not None or not world.is_level for world in worlds):
         return
@@ -238,7 +233,7 @@ def check_onsets(subject: Subject) -> Iterator[str]:
 
 
 def _list_triggers(subject: Subject) -> list[Trigger]:
-    """Return the distinct fault triggers of some missions; empty if only sensors can fail."""
+    """Return the distinct triggers of the faults in several missions."""
     if not subject.scenario.failure.parts:
         return []
     (member,) = subject.scenario.equip(choose_middle(subject.space))
@@ -274,10 +269,7 @@ def find_problem(trigger: Trigger, world: World) -> str:
 
 def _find_extent(world: World) -> Array:
     """Return the lower left and upper right corners (2, 2) [m] of all obstacles and the course."""
-    course = world.course
-    corners = [np.array([course.home[:2], *course.waypoints])]
     areas = project_bodies(world.obstacles)
-    if areas:
-        corners.append(np.array(find_bounds(*areas)))
-    points = np.concatenate(corners)
+    borders = find_bounds(*areas) if areas else ()
+    points = np.array([world.course.home[:2], *world.course.waypoints, *borders])
     return np.stack([points.min(axis=0), points.max(axis=0)])

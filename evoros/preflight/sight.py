@@ -88,8 +88,8 @@ def _propose_masks(robots: Sequence[Robot]) -> Iterator[str]:
 def check_gaps(subject: Subject) -> Iterator[str]:
     """Yield a warning for each sensor type whose rays can miss the narrowest obstacle.
 
-    At the avoidance range, or ``NEAR_M`` if no layer avoids obstacles, the fraction of readings
-    that hit the obstacle is its width divided by the gap between two rays.
+    The fraction of readings that hit the obstacle is its width divided by the gap between two rays
+    at the avoidance range, or at ``NEAR_M`` if no layer avoids obstacles.
     """
     worlds, height = subject.scenario.world.values(), subject.member.robot.height_m
     width, body = min(chain.from_iterable(_list_widths(w, height) for w in worlds), default=(0, ""))
@@ -110,9 +110,9 @@ def check_gaps(subject: Subject) -> Iterator[str]:
 
 
 def _list_widths(world: World, height: float) -> Iterator[tuple[float, str]]:
-    """Yield the width [m] of each obstacle below a height, and the name of its body.
+    """Yield an upper bound on the width [m] of each obstacle below a height, and its body's name.
 
-    The width is the diameter of the bounding circle, an upper bound. A mesh counts as one obstacle.
+    A mesh counts as one obstacle.
     """
     for body in standing_obstacles(world):
         areas = project_bodies([body], height)
@@ -150,10 +150,7 @@ def _report_worst(
 
 
 def check_housings(subject: Subject) -> Iterator[str]:
-    """Yield a warning if sensor housings overlap in every random design.
-
-    If only some designs overlap, a search can choose others.
-    """
+    """Yield a warning if sensor housings overlap in every random design."""
     # The first three designs put all sensors at the middle or at one end of their regions.
     members = islice(try_designs(subject), 3, None)
     overlaps = [list(find_overlaps(list_housings(member.robot))) for member in members]

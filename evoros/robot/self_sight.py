@@ -102,8 +102,7 @@ class BlindShares:
         distances, _ = cast_at_robot(self._occluders, table)
         hidden = (distances < self._sensor.range_max_m).reshape(-1, len(self._rays))
         blind = [hidden[:, channel].any(axis=1) for channel in self._channels]
-        shares: Array = np.mean(blind, axis=0)
-        return shares
+        return np.asarray(np.mean(blind, axis=0))
 
 
 def cast_at_robot(occluders: OccluderRows, rays: Array) -> tuple[Array, Array]:

@@ -185,8 +185,7 @@ def _describe(walker: Walker, first: int, end: int) -> list[float]:
 def _find_heading(walker: Walker) -> Array:
     way = walker.corners[walker.goal, :2] - np.array(walker.place)
     length = float(np.sqrt((way * way).sum()))
-    heading: Array = way / length if length > 0.0 else np.array([1.0, 0.0])
-    return heading
+    return np.asarray(way / length if length > 0.0 else np.array([1.0, 0.0]))
 
 
 @compilable

@@ -37,9 +37,8 @@ class Course:
 
     def __post_init__(self) -> None:
         if not self.waypoints:
-            raise checks.invalid(
-                self, "waypoints", self.waypoints, "must have at least one waypoint"
-            )
+            rule = "must have at least one waypoint"
+            raise checks.invalid(self, "waypoints", self.waypoints, rule)
         for point in self.waypoints:
             if len(point) != 2 or not all(map(checks.is_number, point)):
                 raise checks.invalid(self, "waypoints", point, "each must be two numbers [x, y]")
@@ -81,8 +80,8 @@ class Course:
         """
         if self.is_one_way:
             return np.array(self.waypoints, dtype=np.float64)
-        home = (self.home_x_m, self.home_y_m)
         corners = self.waypoints if forward else self.waypoints[::-1]
+        home = self.home[:2]
         return np.array([*corners, home, *corners[::-1], home], dtype=np.float64)
 
 

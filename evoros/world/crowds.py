@@ -38,8 +38,7 @@ def lay_out_borders(world: World, height: float) -> tuple[Array, ...]:
 def find_free_space(world: World, radius: float, height: float) -> FreeSpace:
     """Return the free positions for a walker's centre that are connected to home.
 
-    Raises:
-        InputError: there is no such position.
+    An InputError says that there is none.
     """
     areas = project_bodies(standing_obstacles(world), height)
     course = world.course

@@ -22,12 +22,8 @@ _LOG = logging.getLogger(__name__)
 
 GROUND = Body("ground", Pose(), (Shape("plane", (0.0, 0.0, 1.0)),))
 
-MAT_M = 0.015
-"""Maximum height [m] of a level top that still belongs to the floor, such as a mat's."""
-
-STAGE_M = 1.0
-"""Maximum height [m] of a level top that can become the floor if it carries the course."""
-
+MAT_M = 0.015  # maximum height of a level top, such as a mat's, that belongs to the floor
+STAGE_M = 1.0  # maximum height of a level top that becomes the floor if it carries the course
 STEP_M = 0.1  # spacing [m] of sample points along a course, which tell a floor from posts
 
 _LEVEL = 1e-6
@@ -68,8 +64,7 @@ def project_ground(bodies: Sequence[Body]) -> list[footprint.Footprint] | None:
 
 def plane_normal(shape: Shape, pose: Pose) -> Array:
     """Return the unit normal (3,) of a plane at ``pose``, in the world frame."""
-    normal: Array = product(pose.rotation, np.array(shape.size)) / length(np.array(shape.size))
-    return normal
+    return np.asarray(product(pose.rotation, np.array(shape.size)) / length(np.array(shape.size)))
 
 
 def check_planes(bodies: Sequence[Body], source: str) -> None:
@@ -127,7 +122,7 @@ def interpolate_heights(heights: Array, size: Sequence[float], x: float, y: floa
 
 @lru_cache(maxsize=2**15)  # enough for the parts of a furnished building
 def _level_top(shape: Shape, pose: Pose) -> tuple[float, footprint.Footprint] | None:
-    """Return the height [m] and area [m2] of a solid shape's level top; None if it has none."""
+    """Return the height [m] and the footprint of a solid shape's level top; None if it has none."""
     up = np.abs(pose.rotation[2])
     upright = {"box": up.max(), "cylinder": up[2]}.get(shape.kind, 0.0)
     if upright > 1 - _LEVEL:
@@ -147,7 +142,12 @@ def settle(bodies: Sequence[Body], course: Course, source: str) -> tuple[Body, .
     world in messages.
     """
     points = [(course.home_x_m, course.home_y_m), *course.waypoints]
-    tops = list(_find_tops(bodies))
+    tops = [
+        _Top(i, j, *top)
+        for i, body in enumerate(bodies)
+        for j, solid in enumerate(body.placed if body.mass is None else ())
+        if (top := _level_top(*solid)) is not None
+    ]
     level = _find_level(bodies, tops, points)
     bodies = _mark_floors(bodies, [top for top in tops if abs(top.height - level) <= MAT_M])
     if abs(level) > _LEVEL:
@@ -162,14 +162,6 @@ def settle(bodies: Sequence[Body], course: Course, source: str) -> tuple[Body, .
     taken = {body.name for body in bodies}
     name = GROUND.name if GROUND.name not in taken else "level ground"
     return (replace(GROUND, name=name), *bodies)
-
-
-def _find_tops(bodies: Sequence[Body]) -> Iterator[_Top]:
-    for i, body in enumerate(bodies):
-        for j, solid in enumerate(body.placed if body.mass is None else ()):
-            top = _level_top(*solid)
-            if top is not None:
-                yield _Top(i, j, *top)
 
 
 def _find_level(

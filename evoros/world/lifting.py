@@ -64,19 +64,16 @@ def find_sunk(bodies: Sequence[Body], solids: Solids) -> dict[int, float]:
     for shape, pose in ground_shapes(bodies):
         heights = _Field(shape, pose) if shape.kind == "heightfield" else None
         for i, solid in zip(solids.body.tolist(), solids.shapes, strict=True):
-            if bodies[i].mass is None:
+            if bodies[i].mass is None or shape.kind not in ("plane", "heightfield"):
                 continue
-            if shape.kind == "plane":
-                depths[i] = max(depths.get(i, 0.0), _depth_in_plane(solid, shape, pose))
-            elif heights is not None:
-                depths[i] = max(depths.get(i, 0.0), heights.depth(solid))
+            if heights is None:
+                normal = plane_normal(shape, pose)
+                above = solid.farthest(-normal) - np.array(pose.position)
+                depth = -float((above * normal).sum() / normal[2])
+            else:
+                depth = heights.depth(solid)
+            depths[i] = max(depths.get(i, 0.0), depth)
     return {i: depth for i, depth in depths.items() if depth > SLACK_M}
-
-
-def _depth_in_plane(solid: Solid, shape: Shape, pose: Pose) -> float:
-    normal = plane_normal(shape, pose)
-    above = solid.farthest(-normal) - np.array(pose.position)
-    return -float((above * normal).sum() / normal[2])
 
 
 class _Field:

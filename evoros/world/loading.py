@@ -99,12 +99,11 @@ def _tell_lifts(bodies: Sequence[Body], lifts: Lifts, source: str) -> None:
         deepest = max(depths, key=depths.__getitem__)
         carried = len(lifts.heights) - len(depths)
         on_top = f" together with {carried} on top" if carried else ""
-        text = (
-            f"{_count(depths)} up to {depths[deepest]:.3g} m deep in the ground or in a body below "
-            f"({bodies[deepest].name!r}); lifted to the surface{on_top}; edit <pose> to choose "
-            "another position"
+        _LOG.warning(
+            f"{source}: {_count(depths)} up to {depths[deepest]:.3g} m deep in the ground or in a "
+            f"body below ({bodies[deepest].name!r}); lifted to the surface{on_top}; edit <pose> to "
+            "choose another position"
         )
-        _LOG.warning("%s: %s", source, text)
 
 
 def _tell_fixed(
@@ -118,12 +117,11 @@ def _tell_fixed(
             depths[i] = max(depths.get(i, (0.0, "")), (depth, repr(bodies[j].name)))
     deepest = max(depths, key=depths.__getitem__)
     depth, other = depths[deepest]
-    text = (
-        f"{_count(fixed)} up to {depth:.3g} m deep in fixed bodies, directly or through other "
-        f"bodies ({bodies[deepest].name!r} in {other}); fixed in place, so robots cannot push "
-        "them; edit <pose> to separate the bodies"
+    _LOG.warning(
+        f"{source}: {_count(fixed)} up to {depth:.3g} m deep in fixed bodies, directly or through "
+        f"other bodies ({bodies[deepest].name!r} in {other}); fixed in place, so robots cannot "
+        "push them; edit <pose> to separate the bodies"
     )
-    _LOG.warning("%s: %s", source, text)
 
 
 def _tell_joined(
@@ -134,11 +132,11 @@ def _tell_joined(
     members = {i for group in groups for i in group}
     depth, i, j = max((depth, i, j) for (i, j), depth in pairs.items() if i in members)
     joined = "one body" if len(groups) == 1 else f"{len(groups)} bodies"
-    text = (
-        f"{_count(members)} up to {depth:.3g} m deep inside each other ({bodies[i].name!r} in "
-        f"{bodies[j].name!r}); they move as {joined}; edit <pose> to separate the bodies"
+    _LOG.warning(
+        f"{source}: {_count(members)} up to {depth:.3g} m deep inside each other "
+        f"({bodies[i].name!r} in {bodies[j].name!r}); they move as {joined}; edit <pose> to "
+        "separate the bodies"
     )
-    _LOG.warning("%s: %s", source, text)
 
 
 def _count(members: Collection[int]) -> str:
@@ -191,20 +189,12 @@ def load_world(
 ) -> World:
     """Load the world of an SDF file, with ground below the course and overlaps removed.
 
-    ``sdf`` is a path, absolute or relative to the bundled folder ``worlds``. ``model_paths`` are
-    folders with the models and meshes that the file names, ``world_name`` selects one of several
-    worlds in the file, and ``arguments`` are passed to xacro. ``missing`` (``error``, ``leave_out``
-    or ``box``) determines how missing models and meshes are handled, and ``vehicles``
-    (``leave_out`` or ``hold_still``) how vehicles are handled. ``mesh_up_axis`` (``ignore`` or
-    ``apply``) determines whether DAE files are rotated as their ``<up_axis>`` requires, and
-    ``actors`` (``walk`` or ``leave_out``) whether actors walk. Meshes within 30 m of the course are
-    divided into convex parts, in about ``mesh_effort`` minutes; more than one minute extends the 30
-    m in proportion. Messages name the world by its file, tables by its key in the configuration.
+    ``sdf`` is a path, absolute or relative to the bundled folder ``worlds``, and ``arguments`` are
+    passed to xacro. The other arguments are the fields of ``SdfOptions``. Messages name the world
+    by its file, tables by its key in the configuration.
     """
-    paths = tuple(model_paths)
-    options = SdfOptions(
-        paths, world_name, missing, vehicles, mesh_up_axis, actors, float(mesh_effort)
-    )
+    treatment = (missing, vehicles, mesh_up_axis, actors, float(mesh_effort))
+    options = SdfOptions(tuple(model_paths), world_name, *treatment)
     world = read_world(sdf, options, arguments or {}, course)
     name = Path(sdf).name.partition(".")[0]
     bodies = free_bodies(settle(world.bodies, course, sdf), sdf)

@@ -1,5 +1,6 @@
 """A world: bodies on the ground, and a course among them."""
 
+from collections import Counter
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -22,8 +23,8 @@ LENGTH = Rule("a length greater than 0, or null", lambda v: v is None or POSITIV
 KEPT_WORLDS = 512
 """Maximum size of caches whose keys are worlds.
 
-Missions may run in many worlds, such as the 300 of BARN, one after another; a smaller cache would
-then never hit (67 instead of 54 ms per mission). A world with its outlines takes about 0.15 MB.
+Missions may run in many worlds, such as the 300 of BARN, one after another. A world with its
+outlines takes about 0.15 MB.
 """
 LOW_M = 0.3  # minimum ground clearance [m] of an obstacle below which a waypoint may be placed
 
@@ -68,7 +69,9 @@ class World:
     crowd: Crowd | None = field(default=None, compare=False)  # walkers in a mission
 
     def __post_init__(self) -> None:
-        _check_names(self)
+        for name, count in Counter(body.name for body in self.bodies).most_common(1):
+            if count > 1:
+                raise invalid(self, "bodies", name, "names must differ", "rename one of the two")
         _check_ground(self)
         _check_course(self)
 
@@ -110,17 +113,9 @@ class World:
         return has_level_ground(self.bodies)
 
 
-def _check_names(world: World) -> None:
-    names = [body.name for body in world.bodies]
-    for name in names if len(set(names)) < len(names) else ():
-        if names.count(name) > 1:
-            raise invalid(world, "bodies", name, "names must differ", "rename one of the two")
-
-
 def _check_ground(world: World) -> None:
     check_planes(world.bodies, world.source)
-    course = world.course
-    height = ground_height(world.bodies, (course.home_x_m, course.home_y_m))
+    height = ground_height(world.bodies, world.course.home[:2])
     if height is None or not -1e-6 <= height <= MAT_M + 1e-6:
         actual = "there is none" if height is None else f"it is at {height:g} m"
         raise InputError(
@@ -129,9 +124,8 @@ def _check_ground(world: World) -> None:
 
 
 def _check_course(world: World) -> None:
-    course = world.course
-    points = {f"waypoint {i}": point for i, point in enumerate(course.waypoints)}
-    points["home"] = (course.home_x_m, course.home_y_m)
+    points = {f"waypoint {i}": point for i, point in enumerate(world.course.waypoints)}
+    points["home"] = world.course.home[:2]
     places = np.array(list(points.values()), dtype=np.float64)
     for body in world.obstacles:
         for footprint in project_bodies([body], LOW_M):

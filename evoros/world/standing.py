@@ -74,9 +74,8 @@ def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
                    for p in place_parts(body)]  # fmt: skip
         for i in sorted(range(len(bodies)), key=lowest.__getitem__):
             if falls[i]:
-                bodies[i] = raise_body(
-                    bodies[i], -_drop(place_parts(bodies[i]), settled, grounds[i])
-                )
+                drop = _drop(place_parts(bodies[i]), settled, grounds[i])
+                bodies[i] = raise_body(bodies[i], -drop)
                 settled += place_parts(bodies[i])
     return tuple(raise_body(body, -ground) for body, ground in zip(bodies, grounds, strict=True))
 
@@ -135,17 +134,12 @@ def obstacle_arrays(
     """Return the arrays of obstacles for a robot of this height [m].
 
     The robot touches obstacles within ``touch`` [m] of its origin, and sees them within ``see``
-    [m].
-
-    Returns:
-        The grid (see ``evoros.geometry.grid``); for contact, the starts and entries of the
-        grid's cells, and the rows and corners of ``outlines``; for rays (see
-        ``evoros.geometry.ray``), the starts and entries of the grid's cells, all obstacles' rows,
-        and the faces of their polyhedra.
+    [m]. The arrays are the grid (see ``evoros.geometry.grid``); for contact, the starts and entries
+    of the grid's cells, and the rows and corners of ``outlines``; for rays (see
+    ``evoros.geometry.ray``), the starts and entries of the grid's cells, all obstacles' rows, and
+    the faces of their polyhedra.
     """
-    solids = [
-        (shape, pose) for body in bodies for shape, pose in body.placed if shape.kind != "plane"
-    ]
+    solids = [solid for body in bodies for solid in body.placed if solid[0].kind != "plane"]
     rows, faces, visible = sight_rows(solids)
     touchable = project_bodies(bodies, height)
     areas = Outlines.of(touchable)
@@ -165,10 +159,9 @@ def sight_rows(solids: Sequence[tuple[Shape, Pose]]) -> tuple[Array, Array, list
     """Return the rows of shapes for ray casting, the faces of polyhedra, and the footprints."""
     placed = [_centre(shape, pose) for shape, pose in solids]
     areas = [project_shape(shape, pose) for shape, pose in placed]
+    none = np.zeros((0, FACE_SIZE))
     faces = [
-        convex_polyhedron(shape.corners).faces
-        if shape.kind == "convex"
-        else np.zeros((0, FACE_SIZE))
+        convex_polyhedron(shape.corners).faces if shape.kind == "convex" else none
         for shape, _ in placed
     ]
     ends = np.cumsum([len(rows) for rows in faces], dtype=np.int64).tolist()
@@ -177,7 +170,7 @@ def sight_rows(solids: Sequence[tuple[Shape, Pose]]) -> tuple[Array, Array, list
         for solid, area, part, end in zip(placed, areas, faces, ends, strict=True)
     ]
     array = np.array(rows).reshape(-1, OBSTACLE_SIZE)
-    return array, np.concatenate([np.zeros((0, FACE_SIZE)), *faces]), areas
+    return array, np.concatenate([none, *faces]), areas
 
 
 def _centre(shape: Shape, pose: Pose) -> tuple[Shape, Pose]:

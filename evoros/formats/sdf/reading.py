@@ -261,7 +261,11 @@ WORLD_NAME = Rule("a string", lambda v: isinstance(v, str))
 @dataclass(frozen=True)
 @checked
 class SdfOptions:
-    """Options for reading an SDF file."""
+    """Options for reading an SDF file.
+
+    Meshes within 30 m of the course are divided into convex parts in about ``mesh_effort`` minutes;
+    more than one minute extends the 30 m in proportion.
+    """
 
     model_paths: Annotated[tuple[str, ...], FOLDERS] = ()  # folders that hold models or meshes
     world_name: Annotated[str, WORLD_NAME] = ""  # selects one of several worlds
@@ -269,7 +273,7 @@ class SdfOptions:
     vehicles: Annotated[str, VEHICLES] = "leave_out"
     mesh_up_axis: Annotated[str, UP_AXIS] = "ignore"  # <up_axis> of DAE files
     actors: Annotated[str, ACTORS] = "walk"
-    mesh_effort: Annotated[float, POSITIVE] = 1.0  # approximate minutes for dividing meshes
+    mesh_effort: Annotated[float, POSITIVE] = 1.0  # minutes
 
     def folders(self) -> list[Path]:
         """Return the folders of ``model_paths``."""

@@ -257,8 +257,7 @@ def _assume_tensor(link: Element, mass: float) -> Array:
 def box_tensor(mass: float, size: Array) -> Array:
     """Return the tensor (3, 3) [kg m2] of a homogeneous box with this size (3,) [m]."""
     squares = np.maximum(size, 1e-3) ** 2
-    tensor: Array = mass / 12.0 * np.diag(squares.sum() - squares)
-    return tensor
+    return np.asarray(mass / 12.0 * np.diag(squares.sum() - squares))
 
 
 def bounds_of(shapes: Iterable[tuple[Shape, Pose]]) -> tuple[Array, Array]:

@@ -127,8 +127,7 @@ def _read_axis(joint: Element) -> Array:
     if element is not None and size < 1e-9:
         fix = "write the direction of the axis"
         raise xml.element_error(element, "must not have length 0", fix)
-    unit: Array = axis / size
-    return unit
+    return np.asarray(axis / size)
 
 
 def _read_limit(joint: Element, kind: str) -> tuple[float, float, float, float]:
