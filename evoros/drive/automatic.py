@@ -89,25 +89,23 @@ def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
     joints = [wheel.joint for wheel in wheels] if pairs else turning
     reason = next(filter(None, (_find_rollers(urdf, joint) for joint in joints)), "")
     plugin = _name_sideways_plugin(urdf.plugins)
-    if plugin and not reason:  # neither a name nor slippery wheels prove it without a plugin
+    if plugin and not reason:  # without a plugin, a name or slippery wheels prove nothing
         reason = _read_kind([urdf.name, Path(urdf.source).name])
         if len(pairs) > 1 and all(_slides(urdf, joint) for joint in joints):
             reason = f"wheels slide in Gazebo, where plugin {plugin} moves the robot"
     if not reason and plugin and (len(pairs) == 1 or (pairs and _PUSHING_PLUGIN.search(plugin))):
         _LOG.warning(
-            "%s: the Gazebo plugin %s can also push the robot sideways; missions never command it, "
-            "and the wheels roll and slip as plain ones",
-            urdf.source,
-            plugin,
+            f"{urdf.source}: the Gazebo plugin {plugin} can also push the robot sideways; missions "
+            "never command it, and the wheels roll and slip as plain ones"
         )
     elif reason or plugin:
         kind = _choose_kind(pairs)
         names = ", ".join(joint.name for joint in joints) or "none that turn"
         reason = reason or f"Gazebo plugin {plugin}"
+        plain = "to simulate it as if it had plain wheels, which slip in turns"
         raise urdf.error(
             f"the robot also moves sideways ({reason}), which no drive models; wheels: {names}",
-            f"set robot.drive.kind={kind} to simulate it as if it had plain wheels, which slip in "
-            "turns"
+            f"set robot.drive.kind={kind} {plain}"
             if kind
             else "write a drive for it (docs/parts/drive.md)",
         )
@@ -185,12 +183,9 @@ def find_diagonal(urdf: Urdf, wheels: Sequence[Candidate]) -> list[str]:
 
     Some robots with plain wheels also use this setting, because they then turn better in Gazebo.
     """
-    joints = [wheel.joint for wheel in wheels]
-    return [
-        joint.name
-        for joint in joints
-        if any(_is_diagonal(urdf, link, joint) for link in urdf.rigid_group(joint.child))
-    ]
+    joints = (wheel.joint for wheel in wheels)
+    groups = ((joint, urdf.rigid_group(joint.child)) for joint in joints)
+    return [j.name for j, group in groups if any(_is_diagonal(urdf, link, j) for link in group)]
 
 
 def _is_diagonal(urdf: Urdf, link: str, joint: Joint) -> bool:
@@ -349,19 +344,15 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
     diagonal = find_diagonal(urdf, wheels)
     if diagonal:
         _LOG.warning(
-            "%s: friction of these wheels is rotated by 45 deg in Gazebo (<fdir1>), as for mecanum "
-            "wheels; they are treated as plain wheels; set robot.drive if they have rollers: %s",
-            urdf.source,
-            ", ".join(diagonal),
+            f"{urdf.source}: friction of these wheels is rotated by 45 deg in Gazebo (<fdir1>), as "
+            "for mecanum wheels; they are treated as plain wheels; set robot.drive if they have "
+            f"rollers: {', '.join(diagonal)}"
         )
     slippery = [wheel.joint.name for wheel in wheels if _slides(urdf, wheel.joint)]
     if slippery:
         names = ", ".join(slippery)
-        _LOG.warning(
-            "%s: in evoros, these wheels grip, although they slide in Gazebo (<mu> is 0): %s",
-            urdf.source,
-            names,
-        )
+        note = "%s: in evoros, these wheels grip, although they slide in Gazebo (<mu> is 0): %s"
+        _LOG.warning(note, urdf.source, names)
     driven = urdf.actuated - {*chosen.wheel_joints, *chosen.steering_joints}
     called = (joint for joint in urdf.joints.values() if is_called_wheel(joint))
     left_out = ", ".join(joint.name for joint in called if joint.name in driven)

@@ -139,10 +139,9 @@ def _inside_another(urdf: Urdf, candidate: Candidate, others: Mapping[str, Candi
     fixed joint.
     """
     above = list(urdf.joints_above(candidate.joint.child))[1:]
-    for other in others.values():
-        carried = other is not candidate and candidate.joint in urdf.joints_above(other.joint.child)
-        if carried and other.turns:
-            return True
+    turning = (other for other in others.values() if other.turns and other is not candidate)
+    if any(candidate.joint in urdf.joints_above(other.joint.child) for other in turning):
+        return True
     return not candidate.turns and any(joint.name in others for joint in above)
 
 

@@ -30,9 +30,8 @@ class Drive(Protocol):
     def speed_limit_offset_m(self) -> float:
         """Lateral distance [m] from the turning point to the point that the speed limit applies to.
 
-        In a turn, the speed of the turning point is at most ``max_speed_mps / (1 + |curvature| *
-        speed_limit_offset_m)``. The offset is 0 if the limit applies to the turning point, and half
-        the track if the limit applies to each of two wheels.
+        In a turn, the turning point moves at up to ``max_speed_mps / (1 + |curvature| *
+        speed_limit_offset_m)``. The offset of a limit on each of two wheels is half the track.
         """
 
     @property
@@ -200,10 +199,8 @@ def wheel(urdf: Urdf, name: str) -> tuple[Array, float]:
         raise urdf.error(f"the cylinder of wheel {link!r} must lie along the joint's axis", fix)
     axle, center = urdf.poses[link].position, pose.position
     if abs(center[0] - axle[0]) + abs(center[2] - axle[2]) > tolerated(radius):
-        raise urdf.error(
-            f"wheel {link!r} must be centred on its joint",
-            "move its <origin> onto the joint's axis",
-        )
+        fix = "move its <origin> onto the joint's axis"
+        raise urdf.error(f"wheel {link!r} must be centred on its joint", fix)
     if abs(center[2] - radius) > reach(radius):
         rule = f"wheel {link!r} must touch the ground, which is at z = 0 of {urdf.root!r}"
         heights = f"its centre is at {center[2]:g} m, its radius {radius:g} m"
@@ -221,11 +218,7 @@ class Axle(NamedTuple):
 
 
 def measure_axle(urdf: Urdf, names: Sequence[str]) -> Axle:
-    """Measure the wheels on two joints, left then right, which must form an axle.
-
-    Raises:
-        InputError: the wheels form no axle, or one of them is not a wheel on the ground.
-    """
+    """Measure the wheels on two joints, left then right, which must form an axle on the ground."""
     centres, radii = zip(*(wheel(urdf, name) for name in names), strict=True)
     radius = math.fsum(radii) / len(radii)
     if max(radii) - min(radii) > tolerated(radius):
@@ -239,11 +232,10 @@ def measure_axle(urdf: Urdf, names: Sequence[str]) -> Axle:
 def place_axle(
     urdf: Urdf, names: Sequence[str], places: Sequence[Array], radius: float
 ) -> tuple[float, float]:
-    """Return x [m] and track [m] of two positions, left then right, opposite each other.
+    """Return x [m] and track [m] of the positions of two joints, left then right.
 
-    Raises:
-        InputError: the positions of the joints ``names`` are not opposite each other, within a
-            tolerance that depends on the wheels' ``radius`` [m].
+    An InputError says that they are not opposite each other, within a tolerance that depends on the
+    wheels' ``radius`` [m].
     """
     (left_x, left_y, _), (right_x, right_y, _) = (place.tolist() for place in places)
     require_left(urdf, names, left_y, right_y)
@@ -288,20 +280,17 @@ def find_targets(
     """Return the angles and rates of a drive's joints, with motors weakened on either side.
 
     ``left`` and ``right`` are strengths from 0 to 1. If each side has a motor, its strength scales
-    the rates of that side. Otherwise one motor drives all wheels through open differentials, which
-    equalise the torques of both sides, so the weaker side limits the speed and the robot stays on
-    its curve.
+    the rates of that side. Otherwise one motor drives all wheels through open differentials, so the
+    weaker side limits the speed, and the robot stays on its curve.
     """
     angles, rates = drive.targets(speed, steering)
     if left == right == 1.0:
         return angles, rates
     if drive.speed_limit_offset_m == 0.0:  # one motor for both sides
         left = right = min(left, right)
-    middle = len(rates) // 2
-    return angles, (
-        *(left * rate for rate in rates[:middle]),
-        *(right * rate for rate in rates[middle:]),
-    )
+    half = len(rates) // 2
+    strengths = (left,) * half + (right,) * (len(rates) - half)
+    return angles, tuple(a * rate for a, rate in zip(strengths, rates, strict=True))
 
 
 def lag_gain(step: float, lag: float) -> float:

@@ -12,6 +12,7 @@ from evoros.base.arrays import Array, length, product
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
+from evoros.geometry.polyhedron import box_corners
 from evoros.geometry.shapes import Pose, Shape
 
 _RIM = 64  # number of points on a cylinder's rim
@@ -96,17 +97,14 @@ def shape_points(shape: Shape, pose: Pose) -> Array:
     if shape.kind == "convex":
         local = np.array(shape.corners)
     elif shape.kind == "box":
-        signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
-        local = signs * np.array(shape.size) / 2
+        local = box_corners(shape)
     elif shape.kind == "cylinder":
         rim = _circle() * shape.size[0]
         half = np.array([0.0, 0.0, shape.size[1] / 2])
         local = np.concatenate([rim - half, rim + half])
     else:
-        polar = np.linspace(0.0, math.pi, 17)
-        rings = [
-            _circle() * elementary.sin(a) + np.array([0.0, 0.0, elementary.cos(a)]) for a in polar
-        ]
+        turns = map(elementary.sin_cos, np.linspace(0.0, math.pi, 17))
+        rings = [_circle() * sin + np.array([0.0, 0.0, cos]) for sin, cos in turns]
         local = shape.size[0] * np.concatenate(rings)
     return np.asarray(product(local, pose.rotation.T) + pose.position)
 

@@ -22,9 +22,6 @@ RADII = Rule("numbers greater than 0", lambda v: bool(v) and all(map(POSITIVE.ho
 def compute_turning_resistance(wheel_x_m: Sequence[float], tracks_m: Sequence[float]) -> float:
     """Return the effective track in a steady turn, divided by the geometric track.
 
-    ``wheel_x_m`` are the axle positions along the robot [m], ``tracks_m`` the tracks of the axles
-    [m].
-
     All wheels carry the same load and have isotropic Coulomb friction. In a turn at the rate w
     about the middle of the wheels, the wheel at x slides sideways at ``x w`` and, because its rim
     moves faster than the ground, lengthwise at ``s``. On an axle with the mean track, ``s = q w``;
@@ -73,8 +70,9 @@ class SkidSteer:
     rear_axle_x_m: Annotated[float, NUMBER]  # x of the wheels' middle, in the robot's frame
     steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
     max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
-    wheel_separation_multiplier: Annotated[float, POSITIVE]  # effective/geometric track in commands
-    turning_resistance: Annotated[float, AT_LEAST_ONE]  # actual effective/geometric track
+    # ratio of effective to geometric track that commands assume
+    wheel_separation_multiplier: Annotated[float, POSITIVE]
+    turning_resistance: Annotated[float, AT_LEAST_ONE]  # actual ratio of these tracks
 
     @property
     def steering_limit(self) -> float:
@@ -122,7 +120,7 @@ class SkidSteerDescription(DriveDescription):
     wheel_separation_multiplier: Annotated[float | None, POSITIVE] = None
     """Track assumed by commands, divided by the geometric track; None: the actual ratio."""
     turning_resistance: Annotated[float | None, AT_LEAST_ONE] = None
-    """Actual effective / geometric track; None: the result of ``compute_turning_resistance``."""
+    """Actual ratio of effective to geometric track; None: see ``compute_turning_resistance``."""
     caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction
 
     @property

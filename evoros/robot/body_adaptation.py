@@ -31,20 +31,18 @@ def hold_joints(elements: Element, urdf: Urdf, driven: Collection[str]) -> list[
     excluded = []
     for joint in elements.findall("joint"):
         if joint.get("name") in held:
-            excluded += _exclude_zero(joint, urdf.joints[str(joint.get("name"))])
+            excluded += _excludes_zero(joint, urdf.joints[str(joint.get("name"))])
             joint.set("type", "fixed")
-            for part in [
-                child for child in joint if child.tag not in ("origin", "parent", "child")
-            ]:
-                joint.remove(part)
+            for part in [*joint]:
+                if part.tag not in ("origin", "parent", "child"):
+                    joint.remove(part)
     notes = [f"{len(held)} joints outside the drive are held at zero: {', '.join(held)}"]
     if excluded:
         notes.append(f"the limits of some held joints exclude zero: {', '.join(excluded)}")
     return notes if held else []
 
 
-def _exclude_zero(element: Element, joint: Joint) -> list[str]:
-    """Return [the joint's name and the reason] if a joint cannot be at zero, else []."""
+def _excludes_zero(element: Element, joint: Joint) -> list[str]:
     if not joint.lower <= 0.0 <= joint.upper:
         return [f"{joint.name} (from {joint.lower:g} to {joint.upper:g})"]
     mimic = element.find("mimic")
@@ -85,13 +83,8 @@ def complete_body(
         return []
     links = {str(link.get("name")): link for link in elements.findall("link")}
     faults: list[InputError] = []
-    shown = _points(
-        [
-            (shape, urdf.poses[name] @ shape.pose)
-            for name in body
-            for shape in _read_visuals(reader, links[name], faults)
-        ]
-    )
+    visuals = {name: _read_visuals(reader, links[name], faults) for name in body}
+    shown = _points([(s, urdf.poses[name] @ s.pose) for name in body for s in visuals[name]])
     if not len(shown) or float(np.ptp(shown, axis=0).min()) <= 0.0:
         if faults and not len(solid):
             raise faults[0]
@@ -135,13 +128,12 @@ def replace_lost_body(
 
 
 def _list_body(urdf: Urdf, rolling: Collection[str]) -> list[str]:
+    def is_wheel(name: str) -> bool:
+        wheel = measure_link(urdf, name) if "wheel" in name.lower() else None
+        return wheel is not None and wheel.roundness < MAX_LACK
+
     free = [name for name in urdf.poses if name not in rolling and not CASTER.search(name)]
-    return [name for name in free if not ("wheel" in name.lower() and _is_round(urdf, name))]
-
-
-def _is_round(urdf: Urdf, name: str) -> bool:
-    wheel = measure_link(urdf, name)
-    return wheel is not None and wheel.roundness < MAX_LACK
+    return [name for name in free if not is_wheel(name)]
 
 
 def collision_points(urdf: Urdf, links: Iterable[str]) -> Array:
@@ -206,11 +198,9 @@ def _looks_round(urdf: Urdf, name: str) -> bool:
 
 def _shows_roller(urdf: Urdf, name: str) -> bool:
     shown = urdf.visuals[name]
-    turned = (urdf.poses[name] @ shape.pose for shape in shown)
-    return len(shown) == 1 and all(
-        shape.kind == "cylinder" and abs(pose.rotation[LEFT, 2]) > ALIGNED
-        for shape, pose in zip(shown, turned, strict=True)
-    )
+    if len(shown) != 1 or shown[0].kind != "cylinder":
+        return False
+    return bool(abs((urdf.poses[name] @ shown[0].pose).rotation[LEFT, 2]) > ALIGNED)
 
 
 def _rolls(urdf: Urdf, name: str) -> bool:

@@ -68,7 +68,9 @@ def find_casters(
         notes.append(f"parts below the ground are raised onto it: {', '.join(raised)}")
     if cut:
         notes.append(f"parts far below the ground are cut off just above it: {', '.join(cut)}")
-    _complete(links, [name for name in casters if name in links])
+    for name in casters:
+        if name in links:
+            _complete(links[name])
     return Casters((*casters, *split), split, tuple(notes))
 
 
@@ -110,16 +112,15 @@ def _cut_off(link: Element, pose: Pose) -> bool:
 def _split_off(elements: Element, name: str, low: Sequence[Element]) -> str:
     new = add_fixed_link(elements, f"{name}_caster", name, Pose())
     new.extend(low)
-    _complete({f"{name}_caster": new}, [f"{name}_caster"])
+    _complete(new)
     return f"{name}_caster"
 
 
-def _complete(links: dict[str, Element], names: Sequence[str]) -> None:
-    for name in names:
-        if links[name].find("inertial") is None:
-            shapes = [read_shape(c) for c in links[name].findall("collision")]
-            centre = np.mean([shape.pose.position for shape in shapes], axis=0)
-            set_inertial(links[name], CASTER_MASS_KG, centre, box_tensor(CASTER_MASS_KG, _SIZE))
+def _complete(link: Element) -> None:
+    if link.find("inertial") is None:
+        shapes = [read_shape(c) for c in link.findall("collision")]
+        centre = np.mean([shape.pose.position for shape in shapes], axis=0)
+        set_inertial(link, CASTER_MASS_KG, centre, box_tensor(CASTER_MASS_KG, _SIZE))
 
 
 _SIZE: Array = np.full(3, 2.0 * _ASSUMED_RADIUS_M)
@@ -153,7 +154,7 @@ def add_supports(
         root = urdf.poses[urdf.root].inverse() @ Pose((x, 0.0, _ASSUMED_RADIUS_M))
         link = add_fixed_link(elements, name, urdf.root, root)
         link.append(build_collision(Shape("sphere", (_ASSUMED_RADIUS_M,))))
-        _complete({name: link}, [name])
+        _complete(link)
         names.append(name)
     if not names:
         return Casters((), {}, ())

@@ -101,7 +101,7 @@ def _adapt_drive(
     elements: Element, urdf: Urdf, drive: DriveDescription
 ) -> tuple[DriveDescription, list[Wheel], list[str]]:
     """Choose the drive and adapt its joints and wheels; return the wheels in the root's frame."""
-    automatic, notes = isinstance(drive, AutomaticDescription), Notes(*([] for _ in Notes._fields))
+    automatic, notes = isinstance(drive, AutomaticDescription), Notes(list)
     chosen = drive.choose(urdf) if isinstance(drive, AutomaticDescription) else drive
     named = isinstance(drive, AutomaticDescription) and bool(drive.left_wheel_joints)
     stop = max(float(getattr(chosen, "steering_limit_rad", 0.0)), STEERING_STOP_RAD)
@@ -110,17 +110,7 @@ def _adapt_drive(
     wheels = [
         adapt_wheel(elements, urdf, name, automatic, named, notes) for name in chosen.wheel_joints
     ]
-    lines = {
-        "joint axes that point right or down are reversed": notes.turned_round,
-        "skewed axes of wheels and steering joints are straightened": notes.straightened,
-        "wheels are replaced by one cylinder each": notes.reshaped,
-        "wheels that mimic another joint get their own motor": notes.mimics,
-        "wheels whose joints have stops turn without them": notes.unstopped,
-        f"steering joints without limits stop at {stop:g} rad": notes.stops,
-        "swapped lower and upper limits of steering joints are put in order": notes.switched,
-        "steering limits exceed half a turn and may be in degrees": notes.spins,
-    }
-    return chosen, wheels, [f"{text}: {', '.join(names)}" for text, names in lines.items() if names]
+    return chosen, wheels, [f"{text}: {', '.join(names)}" for text, names in notes.items()]
 
 
 def _extent(urdf: Urdf, wheels: Sequence[Wheel]) -> float:
@@ -230,14 +220,10 @@ def load_robot(
 ) -> Robot:
     """Load a robot from a xacro or URDF file.
 
-    ``description`` is a path, which may be relative to the bundled robots, and ``arguments`` are
-    passed to xacro. Files named in the description are also searched for in the folders
-    ``packages``; elements from ``ignored_packages`` are left out. ``environment`` holds the
-    variables for ``$(env)``. If ``mount`` is None, a default is derived from the robot. ``missing``
-    (``error``, ``leave_out`` or ``box``) determines how a missing mesh is handled. If
-    ``wheels_touch``, obstacles can touch wheels and casters that stick out of the body.
-    ``self_occlusion`` selects the shapes that block the robot's own sensors, ``collisions`` or
-    ``visuals``.
+    ``description`` is a path, which may be relative to the bundled robots. If ``mount`` is None, a
+    default is derived from the robot. If ``wheels_touch``, obstacles can touch wheels and casters
+    that stick out of the body. ``self_occlusion`` selects the shapes that block the robot's own
+    sensors, ``collisions`` or ``visuals``. The other arguments are the fields of ``ReadOptions``.
     """
     mount = MountDefaults() if mount is None else mount
     options = ReadOptions(arguments or {}, packages, ignored_packages, environment or {}, missing)
@@ -339,9 +325,10 @@ def _find_body(
 def _find_sensor_links(urdf: Urdf, root: Element) -> dict[str, tuple[float, float, float, float]]:
     """Return the x, y, z [m] and yaw [rad] of each upright link fixed to the root, by name."""
     described = {link.get("name") for link in root.findall("link")}
-    sensor_links = {}
-    for link, pose in urdf.poses.items():
-        fixed = all(joint.type == "fixed" for joint in urdf.joints_above(link))
-        if fixed and link in described and pose.rotation[2, 2] > 1.0 - 1e-9:
-            sensor_links[link] = (*pose.position, pose.yaw)
-    return sensor_links
+    return {
+        link: (*pose.position, pose.yaw)
+        for link, pose in urdf.poses.items()
+        if all(joint.type == "fixed" for joint in urdf.joints_above(link))
+        and link in described
+        and pose.rotation[2, 2] > 1.0 - 1e-9
+    }

@@ -197,10 +197,8 @@ class Robot:
     def sensor_poses(self) -> Array:
         """The sensor poses (n, 5): x, y, z [m], yaw (left positive), pitch (nose up) [rad]."""
         links = np.array([self.sensor_links[mount.link] for mount in self.mounts])
-        poses = place_on_links(
-            links.reshape(-1, 4),
-            np.array([mount.pose for mount in self.mounts], dtype=np.float64).reshape(-1, 5),
-        )
+        mounts = np.array([mount.pose for mount in self.mounts], dtype=np.float64)
+        poses = place_on_links(links.reshape(-1, 4), mounts.reshape(-1, 5))
         poses.flags.writeable = False
         return poses
 
@@ -238,8 +236,14 @@ class Robot:
     @cached_property
     def ray_table(self) -> "RayTable":
         """The rays of all mounted sensors in the robot's frame, in the order of the true ranges."""
-        types = {name: sensor for name, sensor in self.sensors.items() if sees(sensor)}
-        return tabulate_rays(self.mounts, self.sensor_frames, types, self.sorted_rays)
+        tables, counts = [np.zeros((0, RAY_SIZE))], [0]
+        for name, sensor in self.sensors.items():  # mounts of one type are contiguous
+            chosen = [index for index, mount in enumerate(self.mounts) if mount.sensor == name]
+            if chosen and sees(sensor):
+                directions, ends = self.sorted_rays[name]
+                tables.append(lay_out_rays(sensor, directions, self.sensor_frames[chosen]))
+                counts += np.diff([0, *ends]).tolist() * len(chosen)
+        return RayTable(np.concatenate(tables), np.cumsum(counts))
 
     def _check_mount(self, mount: Mount, known: Mapping[str, int]) -> None:
         if mount.sensor not in known:
@@ -308,22 +312,6 @@ def sort_rays(sensor: RangeSensor) -> SortedRays:
             f"least once; correct channel_of or rays"
         )
     return SortedRays(rays[np.argsort(channels, kind="stable")], np.cumsum(counts).tolist())
-
-
-def tabulate_rays(
-    mounts: Sequence[Mount],
-    frames: Array,
-    sensors: Mapping[str, RangeSensor],
-    rays: Mapping[str, SortedRays],
-) -> "RayTable":
-    """Return the rays of mounted sensors, given one frame (n, 4, 4) per mount."""
-    tables, counts = [np.zeros((0, RAY_SIZE))], [0]
-    for name, (directions, ends) in rays.items():  # mounts of one type are contiguous
-        chosen = [index for index, mount in enumerate(mounts) if mount.sensor == name]
-        if chosen:
-            tables.append(lay_out_rays(sensors[name], directions, frames[chosen]))
-            counts += np.diff([0, *ends]).tolist() * len(chosen)
-    return RayTable(np.concatenate(tables), np.cumsum(counts))
 
 
 def lay_out_rays(sensor: RangeSensor, rays: Array, frames: Array) -> Array:

@@ -47,9 +47,8 @@ def fit_mount(mount: MountDefaults, places: Places, solids: Sequence[SolidShape]
     z = mount.z_m
     if z is None:
         z = _middle_height(solids, link) - (places[link][2] if link in places else 0.0)
-    values = {"link": mount.link, "z_m": mount.z_m, "pitch_deg": mount.pitch_deg}
     pitch = None if mount.pitch_deg is None else float(mount.pitch_deg)
-    chosen = tuple(name for name, value in values.items() if value is None)
+    chosen = tuple(name for name, value in vars(mount).items() if value is None)
     return FittedMount(link, float(z), pitch, chosen)
 
 

@@ -13,14 +13,7 @@ from evoros.base.arrays import Array
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.drive.protocol import Drive
 from evoros.formats.urdf.tree import Urdf
-from evoros.geometry.footprint import (
-    Footprint,
-    bottom_height,
-    convex_hull,
-    distances,
-    project_shape,
-    top_height,
-)
+from evoros.geometry.footprint import Footprint, convex_hull, distances, find_heights, project_shape
 from evoros.geometry.ray import AT_X, AT_Y, BOUND, place_obstacle
 from evoros.geometry.shapes import Pose, Shape
 from evoros.world.standing import sight_rows
@@ -41,7 +34,7 @@ class SolidShape:
     @property
     def height_range(self) -> tuple[float, float]:
         """The heights [m] of the lowest and highest points."""
-        return bottom_height(self.shape, self.pose), top_height(self.shape, self.pose)
+        return find_heights(self.shape, self.pose)
 
 
 def compute_outline(solids: Iterable[tuple[Shape, Pose]]) -> Array:
@@ -60,10 +53,11 @@ def compute_outline(solids: Iterable[tuple[Shape, Pose]]) -> Array:
 
 def compute_outline_at(solids: Sequence[SolidShape], height: float) -> Array | None:
     """Return the outline (k, 2) [m] of the shapes that reach a height [m]; None if none does."""
+    ranges = [solid.height_range for solid in solids]
     reaching = [
         (solid.shape, solid.pose)
-        for solid in solids
-        if solid.height_range[0] <= height <= solid.height_range[1]
+        for solid, (low, high) in zip(solids, ranges, strict=True)
+        if low <= height <= high
     ]
     return compute_outline(reaching) if reaching else None
 

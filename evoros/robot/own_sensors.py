@@ -69,7 +69,7 @@ def _mount(described: DescribedSensor, urdf: Urdf, robot: Robot) -> tuple[OwnSen
 
 
 def _find_masked(sensor: OwnSensor, robot: Robot) -> list[tuple[int, int]]:
-    """Return (first, last) of each run of lidar beams that see the robot at some steering angle."""
+    """Return the runs (first, last) of lidar beams that see the robot at some steering angle."""
     known = {field.name for field in fields(Lidar)}
     settings: dict[str, Any] = {k: v for k, v in sensor.described.settings.items() if k in known}
     mount = Mount(LIDAR, sensor.link, *sensor.position_m, sensor.yaw_deg, sensor.pitch_deg)

@@ -49,8 +49,7 @@ def report_second_reading(robots: Iterable[Robot]) -> None:
 def read_again(robot: Robot) -> tuple[bool, str]:
     """Compare all link positions with yourdfpy; return False if they differ, and a sentence.
 
-    Joints are at zero, as in missions, and shapes are ignored. A description that yourdfpy cannot
-    read counts as equal.
+    A description that yourdfpy cannot read counts as equal.
     """
     try:
         read = _load(robot)

@@ -1,7 +1,7 @@
 """Adapts a robot's wheels and steering joints to the form that drives expect."""
 
 import math
-from typing import NamedTuple
+from collections import defaultdict
 
 import numpy as np
 from lxml.etree import _Element as Element
@@ -22,17 +22,9 @@ _SAME = 1.0 - 1e-6  # minimum cosine of the angle between axes that count as equ
 MOTOR_VELOCITY = 100.0  # [rad/s], upper bound on a joint's velocity limit
 
 
-class Notes(NamedTuple):
-    """The names of the joints and links to which each assumption applies."""
-
-    turned_round: list[str]
-    straightened: list[str]
-    reshaped: list[str]
-    stops: list[str]
-    spins: list[str]
-    switched: list[str]
-    mimics: list[str]
-    unstopped: list[str]
+Notes = defaultdict[str, list[str]]
+"""The names of the joints and links to which each assumption applies, by what is assumed."""
+_REVERSED = "joint axes that point right or down are reversed"
 
 
 def adapt_wheel(
@@ -57,12 +49,13 @@ def adapt_wheel(
     element = find_joint(elements, name)
     for mimic in element.findall("mimic"):
         element.remove(mimic)
-        notes.mimics.append(name)
+        notes["wheels that mimic another joint get their own motor"].append(name)
     if math.isfinite(joint.upper - joint.lower):
-        notes.unstopped.append(f"{name} (from {joint.lower:g} to {joint.upper:g} rad)")
+        stops = f"{name} (from {joint.lower:g} to {joint.upper:g} rad)"
+        notes["wheels whose joints have stops turn without them"].append(stops)
     if not _is_plain(urdf, joint, axis):
         _reshape(elements, urdf, joint, wheel, axis)
-        notes.reshaped.append(joint.child)
+        notes["wheels are replaced by one cylinder each"].append(joint.child)
     if joint.type != "continuous" or not np.array_equal(axis, joint.axis):
         _rewrite(elements, joint, "continuous", axis)
     centre: Array = product(rotation, wheel.centre) + urdf.poses[joint.child].position
@@ -77,7 +70,7 @@ def _point_left(urdf: Urdf, joint: Joint, named: bool, notes: Notes) -> Array:
         return left
     along = float(urdf.axis_of(joint)[LEFT])
     if along < -ALIGNED:
-        notes.turned_round.append(joint.name)
+        notes[_REVERSED].append(joint.name)
     if abs(along) > _SAME:
         return joint.axis if along > 0.0 else -joint.axis
     if abs(along) < NEARLY_ALIGNED and not named:
@@ -89,7 +82,8 @@ def _point_left(urdf: Urdf, joint: Joint, named: bool, notes: Notes) -> Array:
 def _tell_straightened(joint: Joint, along: float, notes: Notes) -> None:
     if abs(along) < 1.0 - 4e-5:  # half a degree
         angle = math.degrees(elementary.acos(abs(along)))
-        notes.straightened.append(f"{joint.name} ({angle:.1f} deg)")
+        text = "skewed axes of wheels and steering joints are straightened"
+        notes[text].append(f"{joint.name} ({angle:.1f} deg)")
 
 
 def _is_plain(urdf: Urdf, joint: Joint, axis: Array) -> bool:
@@ -133,17 +127,19 @@ def adapt_steering(
     lower, upper = joint.lower, joint.upper
     stated = find_joint(elements, name).find("limit")
     if stated is not None and joint.type == "revolute" and _is_exchanged(stated):
-        notes.switched.append(f"{name} (to {lower:g} and {upper:g})")
+        text = "swapped lower and upper limits of steering joints are put in order"
+        notes[text].append(f"{name} (to {lower:g} and {upper:g})")
         _set_bounds(stated, lower, upper)
     if along < 0.0:
         lower, upper = -upper, -lower
-        notes.turned_round.append(name)
+        notes[_REVERSED].append(name)
     limited = math.isfinite(upper - lower)
     if not limited:
         lower, upper = max(lower, -stop), min(upper, stop)
-        notes.stops.append(name)
+        notes[f"steering joints without limits stop at {stop:g} rad"].append(name)
     if limited and max(upper, -lower) > math.pi + 0.01:
-        notes.spins.append(f"{name} (from {lower:g} to {upper:g})")
+        text = "steering limits exceed half a turn and may be in degrees"
+        notes[text].append(f"{name} (from {lower:g} to {upper:g})")
     if limited and along > _SAME:
         return
     keeps = joint.type != "fixed" and abs(along) > _SAME
