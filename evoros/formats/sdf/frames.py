@@ -44,20 +44,17 @@ class Frames:
 
     def _collect(self, container: Element, scope: Path) -> None:
         for element in container.iterchildren("model", "link", "frame", "joint"):
-            path = (*scope, read_name(element))
-            self._check_name(element, path)
+            name = read_name(element)
+            path = (*scope, name)
+            if path in self._frames:
+                problem = f"has a name that is taken: {quote(name)}"
+                raise element_error(element, problem, "rename one of the two")
+            if name == "world" or (name.startswith("__") and name.endswith("__")):
+                raise element_error(element, f"has a reserved name: {quote(name)}", "rename it")
             placement = element.get("placement_frame", "").strip()
             self._frames[path] = _Frame(_read_frame_pose(element), scope, placement)
             if element.tag == "model":
                 self._collect(element, path)
-
-    def _check_name(self, element: Element, path: Path) -> None:
-        name = path[-1]
-        if path in self._frames:
-            problem = f"has a name that is taken: {quote(name)}"
-            raise element_error(element, problem, "rename one of the two")
-        if name == "world" or (name.startswith("__") and name.endswith("__")):
-            raise element_error(element, f"has a reserved name: {quote(name)}", "rename it")
 
     def move(self, path: Path, pose: Pose) -> bool:
         """Set the world pose of a frame; return False if there is no such frame."""

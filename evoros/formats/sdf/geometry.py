@@ -61,8 +61,7 @@ def read_geometry(geometry: Element, reading: Reading) -> tuple[Shape, ...]:
         element = solids[1] if solids else geometry
         problem = f"must be the only shape in its <geometry>, which has {len(solids)}"
         raise xml.element_error(element, problem, "write one <collision> for each shape")
-    solid = solids[0]
-    kind = str(solid.tag)
+    solid, kind = solids[0], str(solids[0].tag)
     if kind == "empty":
         return ()
     if kind == "image":
@@ -141,13 +140,13 @@ _MAKERS: Mapping[str, Callable[..., tuple[Shape, ...]]] = {
 
 def _read_polylines(polylines: list[Element]) -> tuple[Shape, ...]:
     """Read prisms that stand on z = 0; a polyline inside another one is a hole in it."""
-    rings = []
+    rings: list[list[tuple[float, float]]] = []
     for polyline in polylines:
-        points = [xml.read_numbers(point, 2) for point in polyline.findall("point")]
-        if len(points) < 3:
-            problem = f"must have three or more <point>, not {len(points)}"
+        points = (xml.read_numbers(point, 2) for point in polyline.findall("point"))
+        rings.append([(x, y) for x, y in points])
+        if len(rings[-1]) < 3:
+            problem = f"must have three or more <point>, not {len(rings[-1])}"
             raise xml.element_error(polyline, problem, "add points")
-        rings.append([(point[0], point[1]) for point in points])
     element = xml.find_child(polylines[0], "height")
     height = 1.0 if element is None else xml.read_positive(element, 1)[0]
     try:
@@ -205,11 +204,9 @@ def divide_meshes(
 ) -> None:
     """Divide meshes at their world poses, those nearest to the ``course`` (n, 2) [m] first.
 
-    Meshes above ``HIGH_M`` come last, such as the small parts of items on desks.
-
-    A mesh keeps its coarse convex parts if they fit well enough, if it is out of reach of the
-    course, or once the work for the world is used up. Without a course, every mesh is in reach, and
-    distances are measured from the origin.
+    Meshes above ``HIGH_M``, such as items on desks, come last. A mesh keeps its coarse convex parts
+    if they fit well enough, if it is out of reach of the course, or once the work for the world is
+    used up. Without a course, every mesh is in reach, and the origin takes its place.
     """
     effort = reading.options.mesh_effort
     reach = math.inf if course is None else REACH_M * max(effort, 1.0)
@@ -261,7 +258,7 @@ def _measure_place(
 ) -> tuple[bool, bool, float, float]:
     """Return whether a mesh is out of reach [m], whether it is high, its distance, and its bottom.
 
-    The mesh has its corners at ``pose``; the distance [m] is measured from points (n, 2).
+    The corners are at ``pose``; the distance [m] is measured from points (n, 2).
     """
     corners = placed_corners(corners, pose.rotation, pose.position)
     low, high = corners.min(axis=0), corners.max(axis=0)

@@ -59,11 +59,7 @@ def add_absence(element: Element, uri: str, reading: Reading) -> None:
 
 
 def require_file(uri: Element, reading: Reading) -> Path:
-    """Return the file that the element ``uri`` names.
-
-    Raises:
-        MissingFileError: the file does not exist.
-    """
+    """Return the file that the element ``uri`` names, or raise a MissingFileError."""
     place = _find(uri, reading)
     if place is None:
         problem, remedy = reading.addresses.explain(xml.read_text(uri), reading.folder_of(uri))

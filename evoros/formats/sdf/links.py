@@ -1,6 +1,7 @@
 """A link of an SDF file: its collision shapes, friction and inertia."""
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -152,7 +153,6 @@ def read_link(element: Element, path: Path, frames: Frames, static: bool, readin
 
 
 def _is_held(link: Element, solids: Sequence[Solid], reading: Reading) -> bool:
-    """Return True if a link of a model that is not static cannot move."""
     for tag, moves in (("gravity", True), ("kinematic", False)):
         element = xml.find_child(link, tag)
         if element is not None and xml.read_flag(element) != moves:
@@ -196,9 +196,7 @@ def _read_shapes(
 def _read_friction(collision: Element) -> float:
     """Read the friction coefficient mu: ODE's, else Bullet's, else 1, the default of SDF."""
     surface = xml.find_child(collision, "surface")
-    if surface is None:
-        return 1.0
-    friction = xml.find_child(surface, "friction")
+    friction = None if surface is None else xml.find_child(surface, "friction")
     if friction is None:
         return 1.0
     coefficients: list[float] = []
@@ -211,9 +209,9 @@ def _read_friction(collision: Element) -> float:
 
 
 def _read_coefficient(element: Element | None) -> list[float]:
-    return (
-        [] if element is None else [min(xml.read_meaning(element, "friction/mu"), xml.MAX_NUMBER)]
-    )
+    if element is None:
+        return []
+    return [min(xml.read_meaning(element, "friction/mu"), xml.MAX_NUMBER)]
 
 
 def _read_density(collision: Element, link: Element) -> float:
@@ -231,14 +229,10 @@ def _substitute_box(
     silent = copy(reading)  # only the box of the visual matters, so its notes are dropped
     silent.notes = Notes(LOG)
     for visual in link.findall("visual"):
-        geometry = visual.find("geometry")
-        if geometry is None:
-            continue
-        try:
-            shapes = read_geometry(geometry, silent)
-        except InputError:
-            continue
-        box = _bounding_box(shapes)
+        geometry, box = visual.find("geometry"), None
+        if geometry is not None:
+            with suppress(InputError):
+                box = _bounding_box(read_geometry(geometry, silent))
         if box is not None:
             return replace(box, pose=Pose()), frames.resolve(visual, path) @ box.pose, "visual"
     if link.find("inertial/inertia") is None:
@@ -264,16 +258,14 @@ def _bounding_box(shapes: tuple[Shape, ...]) -> Shape | None:
 def _corners(shape: Shape) -> tuple[Vector, ...]:
     if shape.kind == "convex":
         return shape.corners
-    if shape.kind == "box":
-        a, b, c = (edge / 2 for edge in shape.size)
-    else:
-        a = b = shape.size[0]
-        c = shape.size[1] / 2 if shape.kind == "cylinder" else a
+    a, b, c = (edge / 2 for edge in shape.size) if shape.kind == "box" else (shape.size[0],) * 3
+    if shape.kind == "cylinder":
+        c = shape.size[1] / 2
     return tuple((i * a, j * b, k * c) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1))
 
 
 def _equivalent_box(inertia: Inertia) -> Vector | None:
-    """Return the edges [m] of the axis-aligned homogeneous box with these moments."""
+    """Return the edges [m] of the axis-aligned homogeneous box with these moments, if any."""
     if inertia.moments is None:
         return None
     moments = inertia.moments.diagonal()

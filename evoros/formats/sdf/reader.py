@@ -1,8 +1,7 @@
 """Reads the bodies of an SDF file (versions 1.0 to 1.12) with a ``<world>`` or only models.
 
-The reader accepts files that Gazebo accepts. Each element is used, ignored because it cannot matter
-to evoros, noted in one line as an omission or assumption (a warning of the logger ``evoros.sdf``),
-or rejected. No element that may matter is dropped silently.
+The reader accepts files that Gazebo accepts. No element that may matter is dropped silently:
+omissions and assumptions are warnings of the logger ``evoros.sdf``.
 
 A ``<state>`` moves models and links to world poses, as in Gazebo. Links connected by joints become
 one body. A link without mass gets 1 kg, the default of SDF.
@@ -37,14 +36,10 @@ from evoros.geometry.shapes import Body, Pose, Vector
 def build_fixed_bodies(links: Sequence[Link]) -> list[Body]:
     """Build one body for each collision of static links, so that each keeps its friction."""
     solids = [(link.path, solid) for link in links for solid in link.solids]
+    names = [path[0] if len(solids) == 1 else "::".join((*path, s.name)) for path, s in solids]
     return [
-        Body(
-            path[0] if len(solids) == 1 else "::".join((*path, solid.name)),
-            solid.pose,
-            solid.shapes,
-            friction=solid.friction,
-        )
-        for path, solid in solids
+        Body(name, solid.pose, solid.shapes, friction=solid.friction)
+        for name, (_, solid) in zip(names, solids, strict=True)
     ]
 
 
@@ -70,10 +65,8 @@ def build_movable_body(links: Sequence[Link], alone: bool, notes: Notes) -> list
     if any(solid.friction != friction for solid in solids):
         friction = min(solids, key=_bottom).friction
         values = ", ".join(f"{value:g}" for value in sorted({s.friction for s in solids}))
-        problem = (
-            f"has collisions with friction {values}; the lowest collision's is used: {friction:g}"
-        )
-        notes.add(first.element, problem, "frictions")
+        problem = f"has collisions with friction {values}; the lowest collision's"
+        notes.add(first.element, f"{problem} is used: {friction:g}", "frictions")
     name = first.path[0] if alone else "::".join(first.path)
     return [Body(name, pose, shapes, mass, friction, moments)]
 

@@ -40,7 +40,7 @@ def names_sensor(link: Element) -> bool:
 
 
 def _names_absent(element: Element) -> bool:
-    """Return True if an element other than a decoration names a file of a missing package."""
+    """Return True if an element names a file of a missing package, except in a decoration."""
     if element.tag in _DECORATION:
         return False
     words = (element.text or "", *map(str, element.attrib.values()))

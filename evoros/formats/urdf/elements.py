@@ -107,10 +107,8 @@ def require_limit(joint: Element) -> Element:
 def merge_fixed_links(root: Element, kept: Collection[str] = ()) -> str:
     """Merge every outermost link on a fixed joint into its parent; return the XML.
 
-    The merged link has the mass, centre of mass, inertia and collision shapes of both links
-    together. Links in ``kept`` stay separate, for example because their friction differs. Visual
-    elements and elements for other simulators are removed. ``root``, a ``<robot>``, is modified in
-    place.
+    Links in ``kept`` stay separate, for example because their friction differs. Visual elements and
+    elements for other simulators are removed. ``root``, a ``<robot>``, is modified in place.
     """
     etree.strip_elements(root, "visual", "gazebo", "material", "transmission")
     links = {str(link.get("name")): link for link in root.findall("link")}
@@ -192,8 +190,7 @@ def correct_inertias(robot: Element, extent_m: float) -> list[str]:
     """Replace impossible inertias; return one line per kind of problem.
 
     A link without a mass becomes a frame. A tensor is impossible if no body of positive density can
-    have it, or if it requires mass beyond the robot's extent [m]. A centre of mass beyond the
-    extent is kept and reported.
+    have it, or if it requires mass beyond the robot's extent [m].
     """
     massless, replaced, beyond = [], [], []
     for link in robot.findall("link"):

@@ -1,10 +1,9 @@
 """Locates ROS packages in declared folders, the environment, and folders around a file.
 
-This module also finds files that are not where a description says. A package's CMakeLists.txt may
-install files elsewhere: ``$(find NAME)/x`` is a path in the installed package, which
-``install(DIRECTORY description/x DESTINATION share/NAME)`` fills from another source folder. People
-also write names with different letter case, such as ``Barrel.DAE`` for ``barrel.dae``, on
-case-insensitive systems.
+This module also finds files that are not where a description says. ``$(find NAME)/x`` is a path in
+the installed package, which ``install(DIRECTORY description/x DESTINATION share/NAME)`` in
+CMakeLists.txt fills from another folder. People also write names with different letter case, such
+as ``Barrel.DAE`` for ``barrel.dae``, on case-insensitive systems.
 """
 
 import os
@@ -54,12 +53,12 @@ class PackageIndex:
 def index_packages(
     file: Path, declared: Sequence[str], ignored: Sequence[str] = ()
 ) -> PackageIndex:
-    """Return the packages that ``file`` may name.
+    """Return the packages that ``file`` may name, by the name stated in package.xml.
 
     Packages are found in the declared folders, in ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``,
     and in the folders above the package that contains the file, up to ``_LEVELS_UP`` levels or the
     root of the workspace. Installed packages come last. If the file is in no package, only its
-    folder and a workspace are searched. A package has the name stated in its package.xml.
+    folder and a workspace are searched.
     """
     around = [f for f in file.parents if any((f / name).is_file() for name in _MANIFESTS)][:1]
     given = list(map(_require_folder, declared))

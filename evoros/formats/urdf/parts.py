@@ -131,10 +131,7 @@ def _read_axis(joint: Element) -> Array:
 
 
 def _read_limit(joint: Element, kind: str) -> tuple[float, float, float, float]:
-    """Read the lower and upper bounds, effort and velocity; infinite without a ``<limit>``.
-
-    The bounds of a revolute joint are swapped if they are in the wrong order, as in sdformat.
-    """
+    """Read the lower and upper bounds, effort and velocity; infinite without a ``<limit>``."""
     limit = joint.find("limit")
     if limit is None:
         return -math.inf, math.inf, math.inf, math.inf
@@ -144,7 +141,7 @@ def _read_limit(joint: Element, kind: str) -> tuple[float, float, float, float]:
     )
     if kind not in LIMITED_TYPES:
         return -math.inf, math.inf, effort, velocity
-    if kind == "revolute" and lower > upper:
+    if kind == "revolute" and lower > upper:  # swapped, as in sdformat
         lower, upper = upper, lower
     return lower, upper, effort, velocity
 

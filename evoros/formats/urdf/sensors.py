@@ -14,13 +14,11 @@ from evoros.formats.notes import LARGEST_RAD
 from evoros.geometry.shapes import Pose
 
 GAUSSIAN, NONE = "gaussian", "none"
-_KEPT = ("mean", "stddev", "bias_mean", "bias_stddev")
+_DEVIATIONS = ("stddev", "bias_stddev")
+_KEPT = ("mean", "bias_mean", *_DEVIATIONS)
 _OTHERS = ("precision", "dynamic_bias_stddev", "dynamic_bias_correlation_time")
-_NOT_NEGATIVE = ("at least 0", lambda value: value >= 0.0)
-_RULES: Mapping[str, tuple[str, Callable[[float], bool]]] = {
-    "stddev": _NOT_NEGATIVE,
-    "bias_stddev": _NOT_NEGATIVE,
-}
+_NUMBER: tuple[str, Callable[[float], bool]] = ("a number", math.isfinite)
+_NOT_NEGATIVE: tuple[str, Callable[[float], bool]] = ("at least 0", lambda value: value >= 0.0)
 _QUANTITIES = {
     "rate": ("angular_velocity", "rate"),
     "acceleration": ("linear_acceleration", "accel"),
@@ -98,7 +96,7 @@ def _read_values(noise: Element | None) -> tuple[dict[str, float], list[str]]:
     if given == NONE:
         return {}, []
     values = {
-        name: xml.read_number(element, *_RULES.get(name, ("a number", math.isfinite)))
+        name: xml.read_number(element, *(_NOT_NEGATIVE if name in _DEVIATIONS else _NUMBER))
         for name in (*_KEPT, *_OTHERS)
         if (element := xml.find_child(noise, name)) is not None
     }
@@ -183,7 +181,7 @@ def _read_sensor(element: Element, link: str) -> DescribedSensor:
 
 
 def _read_period(element: Element) -> dict[str, float]:
-    """Return the period; empty if the sensor measures at each step of Gazebo."""
+    """Return the setting ``period_s``, if the sensor does not measure at each step of Gazebo."""
     rate = xml.find_child(element, "update_rate")
     hertz = math.inf if rate is None else xml.read_meaning(rate, "sensor/update_rate")
     return {"period_s": 1.0 / hertz} if math.isfinite(hertz) else {}
@@ -236,18 +234,14 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
 def _read_fan(fan: Element) -> tuple[int, float, float, tuple[str, ...]]:
     """Return the number of ranges, edges [rad] and notes of a ``<horizontal>`` or ``<vertical>``.
 
-    Gazebo casts ``<samples>`` rays and interpolates them to ranges. The number of ranges
-    is ``<samples>`` times ``<resolution>``, rounded down (``RaySensor.cc``, ``Lidar.cc`` of
-    gz-sensors).
+    Gazebo interpolates rays to ``<samples>`` times ``<resolution>`` ranges, rounded down
+    (``RaySensor.cc``, ``Lidar.cc`` of gz-sensors).
     """
     samples = max(1, round(xml.read_positive(xml.require_child(fan, "samples"), 1)[0]))
     resolution = xml.find_child(fan, "resolution")
     scale = 1.0 if resolution is None else xml.read_positive(resolution, 1)[0]
     ranges = max(1, int(samples * scale))
-    text = (
-        f"casts {samples} rays for {ranges} ranges (<resolution>); evoros casts one ray for each "
-        f"range"
-    )
+    text = f"casts {samples} rays for {ranges} ranges (<resolution>); evoros casts one for each"
     notes = (text,) * (ranges != samples)
     low, high = (
         0.0 if edge is None else xml.read_number(edge, "an angle", math.isfinite)
@@ -260,9 +254,7 @@ def _read_fan(fan: Element) -> tuple[int, float, float, tuple[str, ...]]:
 
 
 def _read_limits(element: Element) -> dict[str, float]:
-    low = xml.read_number(
-        xml.require_child(element, "min"), "at least 0", lambda value: value >= 0.0
-    )
+    low = xml.read_number(xml.require_child(element, "min"), *_NOT_NEGATIVE)
     high = xml.read_meaning(xml.require_child(element, "max"), "range/max")
     _check_order(element, low, high)
     return {"range_min_m": low} | ({"range_max_m": high} if math.isfinite(high) else {})

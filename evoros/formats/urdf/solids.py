@@ -174,10 +174,8 @@ class SolidsReader:
             self._hulls += 1
             count, gap = len(mesh.shapes), find_hull_gap(path, scale)
             off = f", up to {1e3 * gap:.0f} mm off its surface" if gap > TOLD_M else ""
-            remark = (
-                f"the mesh is replaced by its convex hull{off}, because it has {count} convex parts"
-            )
-            remarks = (f"{remark}, more than {_MAX_PARTS}", *mesh.remarks)
+            why = f"because it has {count} convex parts, more than {_MAX_PARTS}"
+            remarks = (f"the mesh is replaced by its convex hull{off}, {why}", *mesh.remarks)
             shapes = (hull_of(mesh.shapes),)
         for remark in remarks:
             self.mesh_notes.add_file(path, remark)

@@ -66,9 +66,8 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
         later = {**request, "definitions_first": True}
         again = _request_expansion(later, file, options.time_limit_s)
         if "error" not in again:
-            _LOG.warning(
-                "%s: uses names before they are defined, so definitions are read first", file
-            )
+            note = "%s: uses names before they are defined, so definitions are read first"
+            _LOG.warning(note, file)
             answer = again
     absences = _collect_absences(file, answer.get("absent", {}), options)
     if "error" in answer:
@@ -83,7 +82,7 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
     note_read(answer["read"])
     _tell_skipped(file, answer)
     text, names = str(answer["text"]), absences.names()
-    calls = _list_calls(answer)
+    calls = [*dict.fromkeys(name for name in answer["skipped"] if name.startswith("<"))]  # macros
     if names and not is_needed(text, names, calls):
         note = "%s: left out, because they are absent and only accessories need them: %s"
         _LOG.warning(note, file, ", ".join((*names, *calls)))
@@ -138,21 +137,15 @@ def _explain_error(answer: Mapping[str, Any], lacking: Sequence[str], packages_k
 def _tell_skipped(file: Path, answer: Mapping[str, Any]) -> None:
     absent = answer["absent"]["packages"]
     skipped = [name for name in answer["skipped"] if name.partition("/")[0] not in absent]
-    for text, names in (
-        ("%s: left out, because their packages are ignored: %s", skipped),
-        ("%s: found only with different letter case: %s", answer["unlike"]),
-        (
-            "%s: tags without the prefix xacro:, which old files omit, are read as xacro tags: %s",
-            answer["legacy"],
-        ),
-    ):
+    for text, names in {
+        "left out, because their packages are ignored": skipped,
+        "found only with different letter case": answer["unlike"],
+        "tags without the prefix xacro:, which old files omit, are read as xacro tags": answer[
+            "legacy"
+        ],
+    }.items():
         if names:
-            _LOG.warning(text, file, ", ".join(dict.fromkeys(names)))
-
-
-def _list_calls(answer: Mapping[str, Any]) -> list[str]:
-    """Return the macros of missing packages that a file calls."""
-    return list(dict.fromkeys(name for name in answer["skipped"] if name.startswith("<")))
+            _LOG.warning("%s: %s: %s", file, text, ", ".join(dict.fromkeys(names)))
 
 
 def _request_expansion(
@@ -178,9 +171,8 @@ def _request_expansion(
 def _run_child(request: str, folder: Path, patience_s: float) -> tuple[int, str, str]:
     """Run the child process and return its status, output and messages.
 
-    The child may share the processor with others, so ``patience_s`` [s] exceeds the child's time
-    limit. On a timeout, the processes that it has started also end, because they would keep the
-    pipes open.
+    The child may share the processor with others, so ``patience_s`` [s] exceeds its time limit. On
+    a timeout, all its processes end, because they would keep the pipes open.
     """
     with subprocess.Popen(
         [sys.executable, "-I", xacro_child.__file__],
