@@ -61,7 +61,7 @@ def trace_side(outline: Array, side: str) -> SideLine:
     """Return the edges of an outline (k, 2) [m] that face a side, from right to left.
 
     An edge faces a side if its outward normal is within 45 deg of the side's direction. If no edge
-    does, the result is the corner farthest in that direction. The outline must be convex and
+    does, the result is the corner farthest in that direction. The outline is convex and
     counter-clockwise.
     """
     direction = SIDES[side]
@@ -111,9 +111,7 @@ class OutlineRegion(RegionDescription):
     ) -> "BoundOutlineRegion":
         """Return this region bound to ``robot``.
 
-        Raises:
-            InputError: the link cannot carry sensors, the height is off the robot, or mirrored
-                sensors would protrude too far because the robot is not symmetric.
+        It is an error if mirrored sensors would protrude, because the robot is not symmetric.
         """
         link = robot.mount_link if self.link is None else self.link
         self._check_link(link, robot, mirrored, key)

@@ -60,8 +60,8 @@ class FreePlaces:
     """A grid over a region's values that marks the cells from which sensors see past the robot.
 
     Values are mapped to free cells one axis after another, in proportion to the free cells that
-    remain after the earlier choices. Every genome thus leads to a free place, and all free cells
-    are equally large in the search space.
+    remain. Every genome thus leads to a free place, and all free cells have equal shares of the
+    genomes.
     """
 
     ranges: Mapping[str, Range]  # the range of each value, in the order of the grid axes
@@ -71,8 +71,8 @@ class FreePlaces:
     def adapt(self, values: Mapping[str, float]) -> dict[str, float]:
         """Map values anywhere in the region to values in free cells.
 
-        A robot part smaller than a cell may block the view from a place inside a free cell. The
-        nearest corner of the cell, which is free, then replaces that place.
+        If a part smaller than a cell blocks the view inside, the nearest corner of the cell
+        replaces the place.
         """
         adapted, corner, free = dict(values), {}, self.free
         for name, (low, high) in self.ranges.items():

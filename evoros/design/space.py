@@ -1,7 +1,6 @@
 """The design space: the sensors that a robot may have, their regions, and other evolved values.
 
-A genome is a point in the unit cube. *Every* point of the closed cube decodes to a design that
-respects regions, limits and symmetry, so optimizers need not know these rules.
+Every point of the closed unit cube decodes to a design that respects regions, limits and symmetry.
 """
 
 import math

@@ -37,9 +37,8 @@ class Ackermann:
     """A drive in which every wheel rolls about the point where the lines of all axles meet.
 
     This instant centre of rotation lies on the line of the fixed axle, ``wheelbase /
-    tan(steering)`` to the left of the axle's middle, where ``steering`` is the bicycle model's
-    angle. Each wheel is perpendicular to its line to the centre, and its speed is proportional to
-    its distance from the centre.
+    tan(steering)`` to the left of its middle. Each wheel's speed is proportional to its distance
+    from the centre.
     """
 
     speed_limit_offset_m: ClassVar[float] = 0.0  # the limit applies to the middle of the fixed axle
@@ -58,11 +57,7 @@ class Ackermann:
     max_speed_mps: Annotated[float, POSITIVE]  # speed limit of the middle of the fixed axle
     caster_links: tuple[str, ...] = ()
     slide_m: Annotated[float, NUMBER] = 0.0
-    """Distance from the fixed axle forward to the turning point, which moves along the heading.
-
-    Only the planar simulator uses this distance, because wheels that roll in an engine do not
-    slide.
-    """
+    """Distance [m] from the fixed axle forward to the turning point, for the planar simulator."""
     steers_rear: bool = False  # forklifts: the rear wheels turn right in a left turn
 
     def __post_init__(self) -> None:
@@ -81,9 +76,9 @@ class Ackermann:
         """Return angles [rad] (left, right) and rates [rad/s] (steered left, right, fixed ...).
 
         ``speed`` [m/s] of the fixed axle's middle and ``steering`` [rad] of the bicycle model are
-        clipped to the limits. The calculation uses the curvature instead of the radius to avoid a
-        division by zero straight ahead. In units of the radius, a steering axis is ``1 -+ kingpin``
-        to the side of the centre of rotation and ``tangent`` ahead of or behind the centre.
+        clipped to the limits. Curvature, not radius, avoids a division by zero straight ahead. In
+        units of the radius, a steering axis is ``1 -+ kingpin`` to the side of the centre of
+        rotation and ``tangent`` ahead of it.
         """
         fastest, lock, limit = self.max_speed_mps, self.steering_limit, self.steering_limit_rad
         speed = min(max(speed, -fastest), fastest)
@@ -121,10 +116,7 @@ class AckermannDescription(DriveDescription):
     max_speed_mps: Annotated[float, POSITIVE]  # speed limit of the middle of the fixed axle
     caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction
     turning_x_m: Annotated[float | None, NUMBER] = None
-    """x of the turning point, which moves along the heading; None: on the fixed axle.
-
-    If the rear slides outwards in turns, this point is ahead of the fixed axle.
-    """
+    """x of the turning point, ahead of the fixed axle if that slides outwards; None: on it."""
 
     @property
     def wheel_joints(self) -> tuple[str, ...]:  # type: ignore[override]

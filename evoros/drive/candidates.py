@@ -135,8 +135,7 @@ def _find_steering(urdf: Urdf, above: Sequence[Joint]) -> Joint | None:
 def _inside_another(urdf: Urdf, candidate: Candidate, others: Mapping[str, Candidate]) -> bool:
     """Return True if the candidate is only a part of another candidate's wheel.
 
-    In a chain of joints, the wheel is on the last turning joint or, if none turns, on the first
-    fixed joint.
+    In a chain of joints, the wheel is on the last turning joint, or else on the first fixed joint.
     """
     above = list(urdf.joints_above(candidate.joint.child))[1:]
     turning = (other for other in others.values() if other.turns and other is not candidate)

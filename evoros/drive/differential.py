@@ -18,8 +18,7 @@ class Differential(SkidSteer):
     """A drive with two wheels on one axle; the robot turns about a point on the axle's line.
 
     The wheels roll without slipping, so the track alone determines the turn. Casters carry the rest
-    of the robot. There is no physical wheelbase; the bicycle model has one only to map steering
-    angles to curvatures.
+    of the robot. The wheelbase of the bicycle model only maps steering angles to curvatures.
     """
 
     wheel_separation_multiplier: Annotated[float, POSITIVE] = 1.0

@@ -48,10 +48,7 @@ class Drive(Protocol):
 
     @property
     def rear_axle_x_m(self) -> float:
-        """x [m] of the turning point, which moves along the robot's heading.
-
-        This point is on the unsteered axle, the rear one of most robots, unless that axle slides.
-        """
+        """x [m] of the turning point, which is on the unsteered axle unless that axle slides."""
 
     @property
     def steering_joints(self) -> tuple[str, ...]:
@@ -108,11 +105,7 @@ class DriveDescription(ABC):
 
     @abstractmethod
     def fit(self, urdf: Urdf) -> Drive:
-        """Return the drive bound to a robot.
-
-        Raises:
-            InputError: a joint is missing or does not fit this drive.
-        """
+        """Return the drive bound to a robot; an InputError names a joint that does not fit."""
 
 
 _LOG = logging.getLogger(__name__)
@@ -301,7 +294,7 @@ def lag_gain(step: float, lag: float) -> float:
 def lag_mean(step: float, lag: float) -> float:
     """Return a first-order lag's mean over a step [s] as a fraction of the change in that step.
 
-    The value ``a + c (1 - exp(-t / lag))`` has the mean ``a + c (1 - lag / step * gain)`` and the
-    change ``c * gain``.
+    ``a + c (1 - exp(-t / lag))`` has the mean ``a + c (1 - lag / step * gain)``, and changes by ``c
+    * gain``.
     """
     return 1.0 / lag_gain(step, lag) - lag / step

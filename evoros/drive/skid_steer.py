@@ -92,8 +92,7 @@ class SkidSteer:
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return no angles, and the wheel rates [rad/s].
 
-        ``steering`` [rad] is clipped to full lock, then ``speed`` [m/s] to the limit of the outer
-        wheels, so that the robot stays on its curve.
+        ``steering`` [rad], then ``speed`` [m/s], is clipped, so that the robot stays on its curve.
         """
         lock = self.steering_limit_rad
         curvature = elementary.tan(min(max(steering, -lock), lock)) / self.wheelbase_m

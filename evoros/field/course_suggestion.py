@@ -76,9 +76,8 @@ def suggest_course(
 
     ``footprints`` are the obstacles that the robot can touch. The course stays on ``ground`` (None:
     unbounded), and starts at ``home`` if given. If there is room, the course lies in the largest
-    enclosed free region; in an empty unbounded world, the course is a small square around the
-    origin. The result is deterministic, and None if there is no room for two mutually visible
-    points.
+    enclosed free region; in an empty unbounded world, it is a small square around the origin. The
+    result is None if there is no room for two mutually visible points.
     """
     route = _find_widest_route(footprints, robot_radius_m, ground, home)
     if route is None:
@@ -99,11 +98,7 @@ def _accept_within(radius_m: float) -> float:
 
 
 def create_course(route: Sequence[Sequence[float]], robot_radius_m: float) -> Course:
-    """Return a course along a route (n, 2) [m] that starts at home.
-
-    The course's other values suit a slow robot of this radius, which starts facing the first
-    corner.
-    """
+    """Return a course for a slow robot of this radius along a route (n, 2) [m] from home."""
     (home_x, home_y), (x, y) = route[0], route[1]
     length = 2.0 * sum(math.dist(a, b) for a, b in pairwise([*route, route[0]]))
     return Course(
@@ -217,9 +212,9 @@ def _find_loop(
     """Find a wide loop through the first of ``points`` (n, 2) [m] and 4 others, or else fewer.
 
     The corners are at least the first of ``spacings`` [m] apart, or else the second. The value is
-    the loop's length [m] plus its area [m2], so loops around something rank above routes that go
-    back and forth. Loops without obstacles nearby rank last. A way around a corner and back may
-    replace a loop that is nearly a line.
+    the loop's length [m] plus its area [m2], so loops rank above routes that go back and forth.
+    Loops without obstacles nearby rank last. A way around a corner may replace a loop that is
+    nearly a line.
     """
     lengths = np.linalg.norm(points[:, None] - points[None], axis=2)
     near = (lengths >= min(spacings)) & (lengths <= LONGEST_LEG_M)
@@ -251,10 +246,7 @@ def _find_loop(
 def _find_turn(
     points: Array, lengths: Array, legs: NDArray[np.bool_], spacing: float
 ) -> _Route | None:
-    """Find the longest way along two legs around a corner and back; None if there is none.
-
-    The value of the route is its length [m].
-    """
+    """Find the longest way [m] along two legs around a corner and back; None if there is none."""
     out, on = points - points[0], points[None] - points[:, None]
     along = np.abs((out[:, None] * on).sum(axis=2))
     turns = along <= STRAIGHT * lengths[0][:, None] * lengths

@@ -104,11 +104,7 @@ class Field:
         return draw_world(self, draws)
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
-        """Draw the ground, any walls, and the obstacles.
-
-        Raises:
-            InputError: the density leaves no room for all obstacles.
-        """
+        """Draw the ground, any walls, and the obstacles, for which there must be room."""
         rng = generator(draws, f"field {self.seed}")
         low, high = self.corners
         walls = build_walls(low, high) if self.enclosed else ()

@@ -96,19 +96,11 @@ class Maze:
         return draw_world(self, draws)
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
-        """Draw the ground and the walls.
-
-        Raises:
-            InputError: no corridor leads through all waypoints in order.
-        """
+        """Draw the ground and the walls."""
         return (GROUND, *self._build_walls(self.draw_doors(draws)))
 
     def draw_doors(self, draws: str) -> Doors:
-        """Draw the doors; a filled cell has none.
-
-        Raises:
-            InputError: no corridor leads through all waypoints in order.
-        """
+        """Draw the doors; a filled cell has none, and a corridor leads through all waypoints."""
         rng = generator(draws, f"maze {self.seed}")
         doors = self._connect(rng)
         if self.dead_ends == OPEN:

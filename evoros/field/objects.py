@@ -29,9 +29,9 @@ class Objects:
     """A distribution of upright cylinders: a narrow one behind each waypoint, and wide decoys.
 
     "Behind" is as seen from home. ``seed`` and the key of the random draws determine the bytes of
-    the SDF. The distance of a decoy from home is uniform in ``distance_m``. The decoy's bearing is
-    also uniform, but at least ``apart_deg`` from the bearing of every other object. No decoy covers
-    the acceptance area of a waypoint.
+    the SDF. The distance of a decoy from home is uniform in ``distance_m``, as is its bearing, at
+    least ``apart_deg`` from every other object's. No decoy covers the acceptance area of a
+    waypoint.
     """
 
     kind: ClassVar[str] = "group of objects"
@@ -61,11 +61,7 @@ class Objects:
         return draw_world(self, draws)
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
-        """Draw the ground and the objects.
-
-        Raises:
-            InputError: there is not enough room for all decoys.
-        """
+        """Draw the ground and the objects, for which there must be room."""
         rng = generator(draws, f"objects {self.seed}")
         return (GROUND, *self._place_targets(), *self._draw_decoys(rng))
 

@@ -128,8 +128,7 @@ class PlacedObstacles:
 
     ``low`` and ``high`` are opposite corners (2,) [m] of the field, of which the outermost
     ``inset`` [m] stays free; ``points`` (n, 2) [m] belong to the route. Obstacles stay ``clearing``
-    [m] away from these points and ``gap`` [m] from each other, and leave the path of ``passage``
-    open.
+    [m] from these points and ``gap`` [m] from each other, and leave the path of ``passage`` open.
     """
 
     low: Array

@@ -1,4 +1,1 @@
-"""Strict readers and writers of URDF, SDF, CSV and meshes.
-
-Input that a reader cannot understand raises an InputError with file, line, element, rule and fix.
-"""
+"""Strict readers and writers of URDF, SDF and meshes, whose errors name file, line and element."""

@@ -1,7 +1,7 @@
 """Parses XML as leniently as Gazebo, and repairs unambiguous errors.
 
-Gazebo Classic reads XML with TinyXML 1, which is more lenient than the standard. Each repair keeps
-the line number of every element. A DOCTYPE and a repeated attribute remain errors.
+Gazebo Classic reads XML with TinyXML 1. Each repair keeps the line number of every element. A
+DOCTYPE and a repeated attribute remain errors.
 """
 
 import logging

@@ -1,7 +1,4 @@
-"""Reads mesh files as convex shapes, cached in the user's cache folder, one file per mesh.
-
-If the cache is missing, damaged or read-only, reading only takes longer.
-"""
+"""Reads mesh files as convex shapes, which are cached in the user's cache folder, if possible."""
 
 import hashlib
 import itertools

@@ -1,10 +1,8 @@
 """Reads the surfaces of a COLLADA file (DAE), with the file's unit and the poses of its scene.
 
 By default, coordinates are used unchanged, with z up, regardless of ``<up_axis>``. Gazebo Classic
-and RViz do the same, models are made for these programs, and some exporters always write ``Y_UP``.
-
-``pycollada`` is not used: it rejects 23 of 394 public files, and 14 even after repair by lxml,
-because of names with ``<`` or textures without a path. This module reads 11 of the 14.
+and RViz do the same, and some exporters always write ``Y_UP``. ``pycollada`` rejects more of the
+public files, because of names with ``<`` or textures without a path.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -34,10 +34,7 @@ The memory holds the robot's last position [m], 1 if the robot touched an obstac
 and the signed distance [m] along the heading that it has since driven in contact, not yet counted.
 """
 SHAKE_M = 0.01
-"""Upper bound [m] on a robot's jitter while it drives against a wall.
-
-Within 10 s, MuJoCo moves the robot by up to 5 mm along its heading, and PyBullet by 1 mm.
-"""
+"""Upper bound [m] on a robot's jitter at a wall; within 10 s, MuJoCo moves it by up to 5 mm."""
 
 
 class TrackSummary(NamedTuple):
@@ -101,8 +98,8 @@ def _summarize(
 def add_driven(way: Array, x: float, y: float, yaw: float, touching: bool) -> float:
     """Advance the last position of ``way`` (WAY_SIZE,) and return the distance driven [m].
 
-    A robot in lasting contact also slides sideways, turns about the contact and shakes. The robot's
-    distance is therefore measured along the heading only, and counted once it exceeds ``SHAKE_M``.
+    A robot in lasting contact also slides sideways, turns and shakes. Its distance is therefore
+    measured along the heading only, and counted once it exceeds ``SHAKE_M``.
     """
     dx, dy = x - way[LAST_X], y - way[LAST_Y]
     stays = touching and way[LAST_TOUCH] > 0.0

@@ -50,10 +50,7 @@ class Piece:
 
 
 def make_solid(surface: Surface) -> Any:
-    """Return the inside of a closed surface as a solid of manifold3d; None if it is not closed.
-
-    The faces of the surface must agree on which side is outside.
-    """
+    """Return the inside of an oriented surface as a manifold3d solid; None if it is open."""
     if surface.volume < 0.0:
         surface = replace(surface, faces=surface.faces[:, ::-1])
     closed = separate(surface)
@@ -71,12 +68,9 @@ def divide(
     """Cut a solid into pieces until their concavity [m] is within the tolerance.
 
     The piece with the largest concavity is cut first. There are at most ``few`` pieces if that
-    leaves no concavity above ``TOLERANCE_M``, and else at most ``most``. ``work`` limits the number
-    of faces examined in all cuts tried.
-
-    Returns:
-        The pieces, the number of faces examined, and True if ``work`` ran out before all cuts were
-        made.
+    leaves no concavity above ``TOLERANCE_M``, and else at most ``most``. The result also holds the
+    number of faces examined, and True if more than ``work`` faces would have to be examined for all
+    cuts.
     """
     done: list[Piece] = []
     waiting = [(-piece.concavity, i, piece) for i, piece in enumerate(_split(solid))]
@@ -115,10 +109,9 @@ def _split(*solids: Any) -> list[Piece]:
 
 
 def _cut(piece: Piece) -> tuple[list[Piece], int]:
-    """Cut a piece by the plane that leaves the smallest hulls, and count the planes tried.
+    """Cut a piece by the plane that leaves the smallest hulls, if any; also count the planes tried.
 
-    Planes along the axes are tried only if no cut along a face is good enough. No pieces are
-    returned if no plane divides the piece.
+    Planes along the axes are tried only if no cut along a face is good enough.
     """
     corners, outer = _find_hollows(piece)
     tried = 8 if piece.solid.num_tri() <= _FINE else 3

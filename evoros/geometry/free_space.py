@@ -127,11 +127,10 @@ SHELTERED = 13
 WALLED = 0.7
 """Minimum fraction of obstacles on an enclosed region's border; the rest is doors and gaps."""
 LARGE_SHARE, ONE_SHARE, LEAST_SHARE = 0.2, 0.5, 0.01
-"""Minimum sizes of an enclosed region.
+"""Minimum sizes of an enclosed region, larger than sheds in a field and houses in a town.
 
 The region must cover the first share of all free cells, or the second share of all enclosed cells,
-and in any case the third share of all free cells. Sheds in a field and houses in a town are thus
-too small.
+and in any case the third share of all free cells.
 """
 
 

@@ -125,10 +125,7 @@ class Parts:
 
 
 def divide_mesh(triangles: Array, work: float = math.inf) -> Parts:
-    """Divide triangles (n, 3, 3) [m] into convex parts, with at most about ``work``.
-
-    Work counts operations, not time, so that the parts are the same on every machine.
-    """
+    """Divide triangles (n, 3, 3) [m] into convex parts, with at most about ``work`` operations."""
     surface, spent = weld(triangles), float(_READ * len(triangles))
     limits = _LARGE if np.ptp(surface.points, axis=0).max() >= _LARGE_M else _SMALL
     most = int(min(limits.surfaces, max(_FEWEST, (work - spent) / (_HULL + _PART))))

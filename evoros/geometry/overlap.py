@@ -2,10 +2,9 @@
 
 Two convex solids overlap if the origin lies in their Minkowski difference, and the nearest face of
 the difference gives the shortest translation that separates the solids. The hull of the difference
-starts from some points of each shape. The hull is then refined by the farthest points along the
-normals of the relevant faces, as in the expanding polytope algorithm (van den Bergen, Proximity
-queries and penetration depth computation on 3D game objects, Game Developers Conference, 2001).
-Round shapes are therefore also exact.
+starts from some points of each shape, and is refined by the farthest points along the normals of
+the relevant faces, as in the expanding polytope algorithm (van den Bergen, Game Developers
+Conference, 2001). Round shapes are therefore also exact.
 """
 
 import math
@@ -115,8 +114,7 @@ def overlap_depth(first: Solid, second: Solid) -> float:
 def clearance(first: Solid, second: Solid) -> Clearance | None:
     """Return the lifts of the first solid at which it overlaps the second; None if there are none.
 
-    The limits are the heights at which the vertical line through the origin crosses the hull of the
-    Minkowski difference.
+    There, the vertical line through the origin crosses the hull of the Minkowski difference.
     """
     points = _differences(first, second)
     lifts = None

@@ -99,10 +99,7 @@ def _squared_distance(polygon: Array, points: Array) -> float:
 
 @compilable
 def find_border(polygon: Array, x: float, y: float) -> tuple[float, float, float]:
-    """Return the distance [m] from a point to a convex polygon's border, and a unit normal x, y.
-
-    The normal points outwards, and the distance is negative inside.
-    """
+    """Return the distance [m] from a convex border, negative inside, and the outward normal."""
     best = math.inf
     nearest_x = 0.0
     nearest_y = 0.0
@@ -137,12 +134,10 @@ def polygon_contact(
 ) -> tuple[float, float, float, float, float, float]:
     """Return the contact of two convex counter-clockwise polygons (k, 2) [m], possibly rounded.
 
-    Each polygon may be a segment or a point, and is widened by its radius [m].
-
-    Returns:
-        The depth [m] of the overlap, at most 0 without contact; the normal x, y, from the first to
-        the second; the position of the contact along the normal [m]; and the lowest and the highest
-        position of the contact along the normal's left-hand perpendicular [m].
+    Each polygon may be a segment or a point, and is widened by its radius [m]. The result is the
+    depth [m] of the overlap, at most 0 without contact; the normal x, y, from the first to the
+    second; the position of the contact along the normal [m]; and the lowest and the highest
+    position of the contact along the normal's left-hand perpendicular [m].
     """
     radius = first_radius + second_radius
     best, nx, ny = _widest_gap(first, second)

@@ -82,11 +82,7 @@ def clip_polyhedron(corners: Array, edges: NDArray[np.intp], low: float, high: f
 
 
 def solid_properties(corners: tuple[Vector, ...]) -> tuple[float, Array, Array]:
-    """Return the mass properties of the hull of corners as a homogeneous solid of density 1.
-
-    Returns:
-        The volume [m3], the centre of mass (3,) [m], and the inertia tensor (3, 3) [m5] about it.
-    """
+    """Return volume [m3], centre (3,) [m] and inertia (3, 3) [m5] of a hull of density 1."""
     solid = convex_polyhedron(corners)
     inside = solid.corners.mean(axis=0)
     tetrahedra = solid.corners[solid.triangles] - inside  # relative to the inner fourth corner
@@ -190,10 +186,8 @@ def _is_convex(flat: list[list[float]], loop: list[int]) -> bool:
 def decompose(rings: Sequence[Ring]) -> list[Ring]:
     """Return convex counter-clockwise polygons that together cover the inside of the rings.
 
-    A ring inside another ring is a hole. A ring must not cross itself or another ring.
-
-    Raises:
-        ValueError: a ring crosses itself or another ring, or encloses nothing.
+    A ring inside another ring is a hole. A ValueError says that a ring encloses nothing, or crosses
+    itself or another ring.
     """
     from manifold3d import CrossSection, FillRule, triangulate
 
@@ -217,11 +211,7 @@ def decompose(rings: Sequence[Ring]) -> list[Ring]:
 
 
 def solid_moments(shape: Shape, mass: float) -> Vector:
-    """Return the principal moments [kg m2] of a homogeneous solid of this mass [kg].
-
-    The axes are the shape's, through its centre of mass. They are principal axes except for
-    polyhedra.
-    """
+    """Return a homogeneous solid's moments [kg m2] about its centre, along its frame's axes."""
     if shape.kind == "box":
         x, y, z = shape.size
         sums = (y * y + z * z, x * x + z * z, x * x + y * y)
@@ -279,8 +269,8 @@ def _solid_tensor(shape: Shape, mass: float) -> Array:
 def point_tensor(mass: float, offset: Array) -> Array:
     """Return the inertia tensor (3, 3) [kg m2] of a point mass at ``offset`` (3,) [m].
 
-    Add this tensor to a body's tensor about the centre of mass to get the tensor about a point
-    ``offset`` away (parallel axis theorem).
+    By the parallel axis theorem, a body's tensor about a point is its tensor about the centre of
+    mass plus this one.
     """
     return np.asarray(mass * (product(offset, offset) * np.eye(3) - np.outer(offset, offset)))
 

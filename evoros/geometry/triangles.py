@@ -58,9 +58,8 @@ def _have_area(points: Array, faces: Indices) -> NDArray[np.bool_]:
 def join_near(surface: Surface, cell: float) -> tuple[Surface, Indices, float]:
     """Replace the points in each cube of ``cell`` [m] by their mean.
 
-    Returns:
-        The surface of the faces that keep an area, the indices of these faces, and the maximum
-        displacement [m] of a point.
+    The result is the surface of the faces that keep an area, the indices of these faces, and the
+    maximum displacement [m] of a point.
     """
     _, indices = unique_rows(np.floor(surface.points / cell))
     counts = np.bincount(indices)
@@ -79,10 +78,7 @@ def find_normals(triangles: Array) -> Array:
 
 
 def unique_rows(rows: NDArray[Any]) -> tuple[Indices, Indices]:
-    """Return the first index of each distinct row, sorted by row, and each row's rank among these.
-
-    This takes a fraction of the time of ``numpy.unique``.
-    """
+    """Return the first index of each distinct row, in row order, and each row's rank."""
     order = np.lexsort(rows.T[::-1])
     new = np.ones(len(rows), dtype=bool)
     new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)

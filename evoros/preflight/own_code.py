@@ -1,7 +1,7 @@
 """Tries a user's code before a run, at a stage where errors can be reported.
 
-Each rule is called once in Python, because compiled rules check neither indices nor divisions. With
-live controllers, one mission is run twice to detect nondeterministic controllers.
+Rules are called in Python, because compiled rules check neither indices nor divisions. With live
+controllers, one mission is run twice to detect nondeterminism.
 """
 
 from collections.abc import Sequence

@@ -34,11 +34,7 @@ from evoros.simulator.protocol import RuleSimulation, RuleSimulator, SimulationR
 
 
 def check_start(experiment: Experiment) -> Iterator[str]:
-    """Start the first mission of a design, and compile its rules into the cache that workers load.
-
-    Yield the reasons why rules can only be interpreted. A part that cannot start raises an
-    InputError.
-    """
+    """Start a first mission and compile its rules; yield why some can only be interpreted."""
     compiled: set[tuple[SimulationRules, tuple[int, ...]]] = set()
     reasons: dict[str, None] = {}
     for key, scenario in list_scenarios(experiment).items():

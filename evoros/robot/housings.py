@@ -50,11 +50,7 @@ def find_overlaps(housings: Sequence[Housing]) -> Iterator[Overlap]:
 
 
 def _measure_overlap(first: Housing, second: Housing) -> float:
-    """Return the distance [m] by which one box must move to clear the other; at most 0 if clear.
-
-    By the separating axis theorem, disjoint boxes are separated along a face normal or a cross
-    product of edges.
-    """
+    """Return the distance [m] by which one box must move to clear the other; at most 0 if clear."""
     gap = np.subtract(second.position_m, first.position_m)
     reach = 0.5 * (arrays.length(np.array(first.size_m)) + arrays.length(np.array(second.size_m)))
     if arrays.length(gap) > reach:

@@ -1,7 +1,6 @@
-"""Reads a robot from URDF or xacro, and rewrites it into the form that engines and drives need.
+"""Reads a robot, and rewrites it into the form that engines and drives need, if it is not in it.
 
-Stated values are kept, and each assumption is logged. A description already in this form is left
-unchanged.
+Stated values are kept, and each assumption is logged.
 """
 
 import logging

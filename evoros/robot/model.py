@@ -127,11 +127,7 @@ class Robot:
             yield f"{prefix}{mount.sensor}_{index}", mount
 
     def with_sensors(self, mounts: Sequence[Mount], sensors: Mapping[str, Sensor]) -> "Robot":
-        """Return a copy with only these sensors, sorted by type in the order of ``sensors``.
-
-        Raises:
-            InputError: a sensor type or link is unknown, or a number is not finite.
-        """
+        """Return a copy with only these sensors, sorted by type in the order of ``sensors``."""
         order = {name: position for position, name in enumerate(sensors)}
         for mount in mounts:
             self._check_mount(mount, order)
@@ -279,11 +275,7 @@ def _place(sizes: Sequence[int]) -> tuple[slice, ...]:
 
 
 DIRECTION, ORIGIN, HOUSING, LIMIT = 0, 3, 6, 7
-"""Columns of a ray.
-
-Unit vector (3,), origin (3,) [m], distance to the exit from the sensor's housing [m], and maximum
-range [m].
-"""
+"""Columns of a ray: unit vector, origin [m], exit from the housing [m] and maximum range [m]."""
 RAY_SIZE = 8
 
 

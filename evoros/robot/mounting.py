@@ -22,9 +22,8 @@ Places = Mapping[str, tuple[float, float, float, float]]
 class MountDefaults:
     """Default values for the mount parameters that a design region does not set.
 
-    None means that a value is derived from the robot: the link with the largest area in top view,
-    the middle height of that link's collision shapes, and the pitch that levels the sensors' lowest
-    ray.
+    None stands for the link with the largest area in top view, the middle height of that link's
+    collision shapes, and the pitch that levels the sensors' lowest ray.
     """
 
     link: Annotated[str | None, TEXT] = None
@@ -55,8 +54,7 @@ def fit_mount(mount: MountDefaults, places: Places, solids: Sequence[SolidShape]
 def level_pitch(sensors: Iterable[Sensor]) -> float:
     """Return the minimum pitch [deg], nose up, at which no ray of any sensor points down.
 
-    Sensors that also see backwards get a pitch of 0, because tilting them up would point their rear
-    rays at the ground.
+    Sensors that also see backwards get a pitch of 0, because their rear rays would point down.
     """
     return max((_level_pitch(sensor) for sensor in sensors if sees(sensor)), default=0.0)
 

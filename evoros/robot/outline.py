@@ -87,10 +87,7 @@ def find_exposed(urdf: Urdf, rolling: Collection[str], outline: Array) -> frozen
 SWEEP = 17  # number of steering angles, from lock to lock, at which checks place steered wheels
 
 BURIED_M = 0.1
-"""Maximum length [m] of a ray inside the shape in which the ray starts.
-
-Checks report a longer ray as hidden. Sensor housings in descriptions, such as lidars, are smaller.
-"""
+"""Maximum length [m] of a ray inside the shape in which it starts; longer rays count as hidden."""
 
 
 class Steering(NamedTuple):
@@ -126,11 +123,7 @@ class Occluders:
 
     @cached_property
     def fixed(self) -> OccluderRows:
-        """The unsteered shapes, as used in missions.
-
-        A ray that starts inside the chassis, or any other shape, does not see that shape. A ray
-        that starts inside a wheel is blocked.
-        """
+        """The unsteered shapes in missions; a ray that starts in the body does not see it."""
         return self._select(False, np.inf)
 
     @cached_property
@@ -208,8 +201,8 @@ def find_occluders(
 ) -> Occluders:
     """Find the shapes that can block the view of a robot's own sensors.
 
-    These are the collision shapes or, if given, the ``visuals`` by link. The ``rolling`` links
-    (wheels and casters) are always represented by their collision shapes.
+    These are the collision shapes or, if given, the ``visuals`` by link, but always the collision
+    shapes of ``rolling`` links (wheels and casters).
     """
     occluders = []
     for link, shapes in urdf.shapes.items():

@@ -1,11 +1,9 @@
 """Compares a robot description with yourdfpy, which shares no code with this package.
 
-yourdfpy does not replace this package's reader, because it
-- takes up to two seconds of processor time to import, so its result is kept in the user's cache;
-- uses the platform's sine and cosine: 80 of 359 origins of 27 public robots differ in the last bits
-  (up to 6e-16), so missions would differ between processors;
-- drops line numbers, ``<gazebo>``, ``<transmission>`` and ``<ros2_control>``, and assumes an
-  inertia of 1 kg m2 if there is none.
+yourdfpy does not replace this package's reader: it takes up to two seconds to import, so its result
+is kept in the user's cache; its sine and cosine are the platform's, so missions would differ
+between processors; and it drops line numbers, ``<gazebo>``, ``<transmission>`` and
+``<ros2_control>``.
 """
 
 import hashlib

@@ -24,10 +24,9 @@ def find_seen(robot: Robot, distance_m: float) -> Mask:
     """Return a mask (sensors, 360): True at the ``BEARINGS_DEG`` that each range sensor sees.
 
     Each bearing stands for a point at ``distance_m`` [m] from the middle of the robot's outline. In
-    top view, a sensor sees the points within its ranges and field of view; the robot's body hides
-    none of them. A beam narrower than ``RAY_DEG``, such as a single ray, also sees the point whose
-    one-degree sector contains the beam's centre line at that distance. Sensors without rays see
-    nothing.
+    top view, a sensor sees the points within its ranges and field of view; the robot hides none. A
+    beam narrower than ``RAY_DEG`` also sees the point whose one-degree sector contains its centre
+    line.
     """
     middle = (robot.outline.min(axis=0) + robot.outline.max(axis=0)) / 2
     points, borders = (distance_m * _list_directions(shift) + middle for shift in (0.0, -0.5))
@@ -50,11 +49,7 @@ def choose_sector(bearing_deg: float, width_deg: float, both_sides: bool) -> Mas
 
 
 def _find_inside(sensor: RangeSensor, points: Array, borders: Array, yaw: float) -> Mask:
-    """Return True for each point in a sensor's beam.
-
-    ``points`` (n, 2) are offsets [m] from the sensor, as are the ``borders`` (n, 2), the edges
-    before the points.
-    """
+    """Return True for each point in a beam; both arrays (n, 2) [m] are relative to the sensor."""
     low, high = find_field(sensor)
     ahead, left = _turn(points, yaw)
     angles = atan2_all(left, ahead)

@@ -38,10 +38,7 @@ class SelfSight(NamedTuple):
 
 
 def measure_clear_ranges(robot: Robot) -> Array:
-    """Return the range (n,) [m] that each beam reads without obstacles.
-
-    It is the sensor's maximum range or, if shorter, the distance to an unsteered part of the robot.
-    """
+    """Return the range (n,) [m] of each beam without obstacles: up to an unsteered part, if any."""
     rays, starts = robot.ray_table
     farthest: Array = rays[starts[:-1], LIMIT]
     occluders = robot.occluders.fixed

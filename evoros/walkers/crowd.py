@@ -49,8 +49,8 @@ RANDOM, EVEN = "random", "even"
 class SocialForce:
     """The forces on a walker per unit mass (Helbing and Molnar, Phys. Rev. E 51, 4282, 1995).
 
-    The defaults are the paper's values, for people as points. In evoros, they apply to walkers with
-    a radius of 0.25 m, and distances are measured between surfaces.
+    The defaults are the paper's, for people as points. Here, they apply to walkers with a radius of
+    0.25 m, and distances are measured between surfaces.
     """
 
     relaxation_s: Annotated[float, checks.POSITIVE] = 0.5  # time in which a walker reaches its pace
@@ -66,9 +66,8 @@ class SocialForce:
 class Walkers:
     """A group of walkers, which are upright cylinders.
 
-    Each walker walks along the corners of its route, and returns from the last corner to the first.
-    If there is no ``route``, each mission draws one for each walker, out and back through free
-    space.
+    Each walker walks along the corners of its route, and returns from the last to the first.
+    Without a ``route``, each mission draws one for each walker, out and back through free space.
     """
 
     number: Annotated[int | Sequence[int], NUMBER]  # [low, high]: drawn for each mission

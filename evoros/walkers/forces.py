@@ -1,9 +1,8 @@
 """The forces on a walker per unit mass, and the resulting velocity.
 
-The model is by Helbing and Molnar, Physical Review E 51, 4282 (1995), without the random part. In
-the paper's model, the forces on two walkers who meet head-on cancel, and both stop. Here, a walker
-therefore also steers to the right when something approaches from ahead. A walker that makes no
-progress, for example because two cannot pass each other, turns back.
+The model is by Helbing and Molnar, Physical Review E 51, 4282 (1995), without the random part.
+There, the forces on two walkers who meet head-on cancel, and both stop. Here, a walker also steers
+to the right when something approaches from ahead, and turns back if it makes no progress.
 """
 
 import math

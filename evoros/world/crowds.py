@@ -36,10 +36,7 @@ def lay_out_borders(world: World, height: float) -> tuple[Array, ...]:
 
 @lru_cache(maxsize=64)
 def find_free_space(world: World, radius: float, height: float) -> FreeSpace:
-    """Return the free positions for a walker's centre that are connected to home.
-
-    An InputError says that there is none.
-    """
+    """Return the free positions for a walker's centre that are connected to home."""
     areas = project_bodies(standing_obstacles(world), height)
     course = world.course
     points = np.array([course.home[:2], *course.waypoints])
@@ -132,9 +129,6 @@ def draw_crowd(
     """Draw the walkers of a mission: their number, routes, paces and start positions.
 
     Each group uses the random stream ``walkers.NAME``. The actors of the world come last.
-
-    Raises:
-        InputError: there is not enough space for all walkers.
     """
     drawn: list[Walker] = []
     for name, group in walkers.items():

@@ -138,8 +138,7 @@ def _level_top(shape: Shape, pose: Pose) -> tuple[float, footprint.Footprint] | 
 def settle(bodies: Sequence[Body], course: Course, source: str) -> tuple[Body, ...]:
     """Mark the floors among bodies, and shift all bodies so that the floor at home is at z = 0.
 
-    If there is no ground below home or a waypoint, level ground is added. ``source`` names the
-    world in messages.
+    Level ground is added if there is none below home or a waypoint.
     """
     points = [(course.home_x_m, course.home_y_m), *course.waypoints]
     tops = [

@@ -20,9 +20,8 @@ from evoros.world.floors import ground_shapes, interpolate_heights, plane_normal
 SLACK_M = 0.002
 """Maximum overlap [m] that is left to the engines, which treat it as a contact.
 
-At their shortest usual step, 2.5 ms, engines separate two bodies at up to 100 times the overlap per
-second. For 2 mm, this is about the final speed of a free fall from 2 mm. Robots also drive over
-obstacles of this height, and a body this close to the ground counts as standing.
+Engines separate two bodies at up to 100 times the overlap per second; for 2 mm, that is about the
+final speed of a free fall from 2 mm. Robots also drive over obstacles of this height.
 """
 
 
@@ -86,10 +85,7 @@ class _Field:
         self._into, self._base = pose.inverse(), pose.position[2]
 
     def depth(self, solid: Solid) -> float:
-        """Return the lift [m] that brings every point of a solid above the field.
-
-        The sampled points are the solid's corners and the field's points below or inside the solid.
-        """
+        """Return the lift [m] that brings a solid's corners and its underside above the field."""
         points = solid.points
         if solid.shape.kind not in ("box", "convex"):  # add samples of a round underside
             points = np.concatenate([points, *(solid.farthest(d)[None] for d in _directions())])
@@ -156,9 +152,8 @@ class _Near(NamedTuple):
 def find_lifts(bodies: Sequence[Body], solids: Solids, sunk: Mapping[int, float]) -> Lifts:
     """Find the lifts of movable bodies, from the lowest to the highest.
 
-    A body is lifted out of the ground and out of its supports, together with the bodies on top of
-    it. It is not lifted into a body above unless that body also moves up. ``sunk`` holds the depths
-    [m] of bodies in the ground.
+    A body is lifted out of the ground, in which it is ``sunk`` [m] deep, and out of its supports,
+    together with the bodies on top of it, but not into a body above that stays.
     """
     shapes = {
         i: np.flatnonzero(solids.body == i).tolist()
@@ -180,10 +175,9 @@ def find_lifts(bodies: Sequence[Body], solids: Solids, sunk: Mapping[int, float]
 def _list_near(
     shapes: Sequence[int], solids: Solids, waiting: Collection[int]
 ) -> Iterator[tuple[int, Clearance, float]]:
-    """Yield the bodies above, below or inside a body's shapes, except the ``waiting`` ones.
+    """Yield the bodies near a body's shapes, except the ``waiting`` ones.
 
-    Each body comes with the lifts at which the shapes would overlap, and the current depth [m] of
-    the overlap.
+    Each body comes with the lifts at which the shapes would overlap, and the current depth [m].
     """
     for shape in shapes:
         for other in solids.list_near(shape, axes=2):

@@ -1,8 +1,7 @@
 """Loads a world from an SDF file, and separates its bodies from the ground and each other.
 
-Engines push overlapping bodies apart within a few steps, at any speed: a half-buried 1 m post would
-leave the ground at more than 10 m/s. Therefore, bodies are set on the surface or joined before any
-engine starts, so that all simulators, pictures and files show the same world.
+Engines push overlapping bodies apart within a few steps, at any speed. Therefore, bodies are set on
+the surface or joined first, so that all simulators, pictures and files show the same world.
 """
 
 import logging
@@ -39,8 +38,7 @@ def free_bodies(bodies: Sequence[Body], source: str) -> tuple[Body, ...]:
     """Return the bodies, changed so that no movable body overlaps the ground or another body.
 
     A body is lifted out of the ground and out of its supports. Other overlapping movable bodies are
-    joined into one. Bodies that overlap a fixed body or are stuck in the ground become fixed in
-    place. ``source`` names the world in messages.
+    joined into one. Bodies that overlap a fixed body or are stuck in the ground become fixed.
     """
     if all(body.mass is None for body in bodies):
         return tuple(bodies)
@@ -144,10 +142,7 @@ def _count(members: Collection[int]) -> str:
 
 
 def _join_bodies(bodies: Sequence[Body]) -> Body:
-    """Join movable bodies into one, which gets the name of the first.
-
-    The joined body has the friction of its lowest body, like a model of several links.
-    """
+    """Join movable bodies into one, with the name of the first and the friction of the lowest."""
     inertias = []
     for body in bodies:
         mass = body.mass or 0.0

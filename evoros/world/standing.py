@@ -55,8 +55,7 @@ def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
     """Return the obstacles, with each movable body moved straight down onto its support.
 
     The support is the ground or the highest shape below the body's footprint. A body that overlaps
-    another one stays in place. If the ground is not level, each obstacle is lowered by the ground
-    height below it.
+    another one stays in place. On uneven ground, each obstacle is lowered by the ground's height.
     """
     bodies = [body for body in all_bodies if not body.is_ground]
     floor = [body for body in all_bodies if body.is_ground]

@@ -31,11 +31,7 @@ class _Frame:
 
 
 class Frames:
-    """World poses of models, links, frames and joints, by path.
-
-    Raises:
-        InputError: two frames share a name, a frame does not exist, or frames form a cycle.
-    """
+    """World poses of models, links, frames and joints, by path."""
 
     def __init__(self, container: Element) -> None:
         self._frames: dict[Path, _Frame] = {}

@@ -26,10 +26,7 @@ from evoros.geometry.shapes import Pose, Shape, Vector
 from evoros.terminal.activity import announce
 
 _MINUTE = 1.2e7
-"""Work on meshes (see ``divide_mesh``) that takes about a minute on one core.
-
-Work is counted instead of time, so that a world is the same on every machine.
-"""
+"""Work on meshes (see ``divide_mesh``) that takes about a minute; the same on every machine."""
 REACH_M = 30.0
 """Distance from the course beyond which meshes keep coarse parts; the bundled sensors' range.
 

@@ -267,10 +267,7 @@ def _anchor(child: Element, frame: str) -> None:
 
 
 def _rename_duplicates(container: Element, reading: Reading) -> None:
-    """Rename elements with a taken name: number them as Gazebo numbers models, or add ``_joint``.
-
-    Up to SDF 1.6, a joint may share its name with a link, and Gazebo adds ``_joint``.
-    """
+    """Rename elements with a taken name: number them as Gazebo does, or add ``_joint``."""
     taken: dict[str, str] = {}
     parts = container.iterchildren("model", "link", "frame", "joint", "collision")
     for element in sorted(parts, key=lambda part: part.tag == "joint"):

@@ -1,8 +1,7 @@
 """Converts SDF 1.0, the format of Gazebo 1.0 (2012), to the elements of later versions.
 
-SDF 1.0 has attributes where later versions have elements. The table follows sdformat's published
-conversion from 1.0 to 1.2, ``1_0.convert``. The many files that claim version 1.0 but use the later
-form stay unchanged.
+The table follows sdformat's conversion from attributes to elements, ``1_0.convert``. The many files
+that claim version 1.0 but use the later form stay unchanged.
 """
 
 from lxml import etree

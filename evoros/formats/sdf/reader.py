@@ -46,8 +46,8 @@ def build_fixed_bodies(links: Sequence[Link]) -> list[Body]:
 def build_movable_body(links: Sequence[Link], alone: bool, notes: Notes) -> list[Body]:
     """Build the body of links that move as one; none if nothing can touch it.
 
-    A body that is ``alone`` in its model may have the model's name. If the body's collisions differ
-    in friction, the friction of the lowest collision, which touches the ground, is used.
+    A body that is ``alone`` in its model may have the model's name. Of several coefficients of
+    friction, that of the lowest collision, which touches the ground, is used.
     """
     first = links[0]
     solids = [solid for link in links for solid in link.solids]

@@ -1,8 +1,7 @@
 """Writes bodies as an SDF file that this package's reader and Gazebo can read.
 
 Lengths and angles are rounded to nine decimals, so that a file that was read is written unchanged.
-SDF files cannot contain polyhedra or height fields, so polyhedra are written to one OBJ file, and
-each height field to an image.
+SDF cannot contain polyhedra and height fields: the former go to one OBJ file, the latter to images.
 """
 
 import math

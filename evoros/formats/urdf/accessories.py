@@ -22,9 +22,8 @@ _DECORATION = frozenset(("visual", "material", "gazebo", "transmission", "ros2_c
 def is_needed(text: str, absent: Sequence[str], calls: Sequence[str]) -> bool:
     """Return True if an expanded description needs packages that are missing.
 
-    No package is needed if only decorations name its files. If the description calls macros of the
-    missing packages, either these packages or the macros must all be named like sensors, which
-    designs replace.
+    Decorations need none. If the description calls macros of the missing packages, either these
+    packages or the macros must all be named like sensors, which designs replace.
     """
     if calls and not any(all(map(_SENSOR.search, names)) for names in (absent, calls)):
         return True

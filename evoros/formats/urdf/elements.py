@@ -34,10 +34,7 @@ def set_origin(element: Element, pose: Pose) -> None:
 
 
 def build_collision(shape: Shape) -> Element:
-    """Build the ``<collision>`` of a shape posed in its link's frame.
-
-    A convex polyhedron becomes a ``<convex>``, which only this package reads.
-    """
+    """Build the ``<collision>`` of a shape in its link's frame; ``<convex>`` extends URDF."""
     collision = etree.Element("collision")
     geometry = SubElement(collision, "geometry")
     numbers = [repr(float(length)) for length in shape.size]
@@ -166,10 +163,7 @@ def _merge(parent: Element, child: Element, pose: Pose) -> None:
 
 
 def _read_inertia(link: Element, pose: Pose) -> tuple[float, Array, Array]:
-    """Read the mass [kg], the centre of mass (3,) [m] and the tensor about it (3, 3) [kg m2].
-
-    ``pose`` is the link's frame in the frame of the result.
-    """
+    """Read the mass [kg], centre (3,) [m] and tensor (3, 3) [kg m2] of a link at ``pose``."""
     inertial = require_child(link, "inertial")
     frame = pose @ read_origin(inertial)
     rotation = frame.rotation

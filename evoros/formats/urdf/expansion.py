@@ -34,8 +34,8 @@ _PREFIX = re.compile(r"(robot_?)?(namespace|ns|prefix)|tf_prefix")
 def read(name: str, options: ReadOptions | None = None) -> tuple[Path, Element]:
     """Return the file and the root element of a URDF or an expanded xacro file.
 
-    In the result, existing files are named by address (``file:///...``). A missing file keeps
-    its name, because it may not be needed, or ``missing`` may allow it.
+    In the result, existing files are named by address (``file:///...``); a missing file keeps its
+    name.
     """
     options = options or ReadOptions()
     file = find_file(name, "robots")
@@ -115,8 +115,7 @@ _MESH_SCHEMES = ("package://", "model://", "file://")
 def resolve_files(root: Element, file: Path, packages: PackageIndex) -> None:
     """Replace the names of existing meshes and textures with addresses (``file:///...``).
 
-    Visual and collision elements that name a file of an ignored package are removed. A missing
-    mesh keeps its name, because some parts do not need their mesh.
+    Visual and collision elements that name a file of an ignored package are removed.
     """
     left_out: list[str] = []
     notes = Notes(_LOG)

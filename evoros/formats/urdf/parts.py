@@ -152,10 +152,7 @@ def read_shapes(link: Element) -> tuple[Shape, ...]:
 
 
 def read_visuals(link: Element) -> tuple[Shape, ...]:
-    """Read the visual shapes of a link, in the link's frame.
-
-    If a link has no visual shapes, or one of them is a mesh, its collision shapes are returned.
-    """
+    """Read a link's visual shapes, or its collision shapes if there are none or a mesh."""
     try:
         return tuple(map(read_shape, link.findall("visual"))) or read_shapes(link)
     except InputError:  # an invalid visual is no reason to reject a robot

@@ -47,10 +47,7 @@ def read_ray_noise(*elements: Element) -> Noise:
 
 
 def read_imu_noise(sensor: Element) -> Noise:
-    """Read the noise and the biases of an IMU.
-
-    Each quantity gets the values of the axis with the most noise. Missing values are 0.
-    """
+    """Read the noise and the biases of an IMU; the noisiest axis stands for all three."""
     imu = xml.find_child(sensor, "imu")
     settings: dict[str, float] = {}
     notes: tuple[str, ...] = ()
@@ -129,11 +126,7 @@ class DescribedSensor:
     link: str
     pose: Pose  # link frame
     settings: Mapping[str, float]
-    """Values stated in the description, keyed like the fields of a sensor and of its filters.
-
-    For example, ``period_s``, ``range_min_m``, ``range_max_m``, ``fov_deg``, the number of rays,
-    and ``noise.sigma_m``.
-    """
+    """Values stated in the description, by field, such as ``range_max_m`` or ``noise.sigma_m``."""
     notes: tuple[str, ...] = ()  # differences from the description
     place: str = ""  # file and line
 

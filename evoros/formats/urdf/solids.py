@@ -65,10 +65,7 @@ class SolidsReader:
         return any(self._names[kind] for kind in (_BOXES, _ROUND, _ABSENT))
 
     def rewrite_collisions(self, robot: Element) -> None:
-        """Replace collisions that engines do not support.
-
-        Meshes of links that turn endlessly become hulls, which suffice for wheels.
-        """
+        """Replace collisions that engines do not support; links that turn endlessly get hulls."""
         self._turning = find_turning(robot)
         for link in robot.findall("link"):
             for collision in link.findall("collision"):

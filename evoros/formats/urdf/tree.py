@@ -225,10 +225,7 @@ def _compute_poses(
 
 
 class UrdfDocument:
-    """The XML of a ``<robot>`` and its elements, both immutable.
-
-    A document pickles as XML, because elements do not pickle, and is parsed when first needed.
-    """
+    """The immutable XML of a ``<robot>``, which can be pickled, and its elements."""
 
     def __init__(self, text: str, root: Element | None = None) -> None:
         self.text = text

@@ -42,10 +42,7 @@ class ReadOptions:
 
 
 def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[str, Absences]:
-    """Return the XML of an expanded xacro file, and the packages and files that it lacks.
-
-    Packages and files that only accessories need are left out and reported.
-    """
+    """Return the XML of an expanded xacro file, and the packages and files that it lacks."""
     texts, variables = (
         {name: format_argument(file, name, value) for name, value in values.items()}
         for values in (options.arguments, options.environment)

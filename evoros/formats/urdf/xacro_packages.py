@@ -1,7 +1,4 @@
-"""The packages and files that a xacro file may name, in the process that expands it.
-
-Missing items are collected, so that one message can list all of them.
-"""
+"""The packages and files that a xacro file may name; missing ones are collected for one message."""
 
 import io
 import re
