@@ -113,15 +113,11 @@ def find_free_places(
     shares = [BlindShares(robot, sensor) for sensor in types]
     view = View(np.array(robot.sensor_links[link]), place, shares, mirrored)
     free = view.find_free({**middle, **at} for at in _list_corners(axes))
-    cells = _join_corners(free.reshape([CELLS[name] + 1 for name in axes]))
+    cells = free.reshape([CELLS[name] + 1 for name in axes])
+    for axis in range(cells.ndim):  # a cell is free if all its corners are
+        corners = cells.swapaxes(0, axis)
+        cells = (corners[1:] & corners[:-1]).swapaxes(0, axis)
     return None if cells.all() or not cells.any() else FreePlaces(axes, cells, view)
-
-
-def _join_corners(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    for axis in range(free.ndim):
-        corners = free.swapaxes(0, axis)
-        free = (corners[1:] & corners[:-1]).swapaxes(0, axis)
-    return free
 
 
 def _list_corners(axes: Mapping[str, Range]) -> Iterator[dict[str, float]]:

@@ -89,7 +89,7 @@ def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
     joints = [wheel.joint for wheel in wheels] if pairs else turning
     reason = next(filter(None, (_find_rollers(urdf, joint) for joint in joints)), "")
     plugin = _name_sideways_plugin(urdf.plugins)
-    if plugin and not reason:  # without a plugin, a name or slippery wheels prove nothing
+    if plugin and not reason:  # a name or slippery wheels prove nothing without a plugin
         reason = _read_kind([urdf.name, Path(urdf.source).name])
         if len(pairs) > 1 and all(_slides(urdf, joint) for joint in joints):
             reason = f"wheels slide in Gazebo, where plugin {plugin} moves the robot"

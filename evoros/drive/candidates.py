@@ -48,7 +48,9 @@ def read_wheel(urdf: Urdf, name: str) -> Candidate:
 def _list_round(urdf: Urdf) -> Iterator[tuple[Joint, float, Wheel]]:
     """Yield (joint, |cosine| of its axis to the lateral axis, wheel) for round non-casters."""
     for joint in urdf.joints.values():
-        if not _is_caster(urdf, joint, list(urdf.joints_above(joint.child))):
+        driven = joint.name in urdf.actuated
+        names = [name for j in urdf.joints_above(joint.child) for name in (j.name, j.child)]
+        if not any(CASTER.search(_OMNI.sub("", name) if driven else name) for name in names):
             wheel = measure_link(urdf, joint.child)
             if wheel is not None and wheel.roundness < MAX_LACK:
                 yield joint, abs(float(urdf.axis_of(joint)[LEFT])), wheel
@@ -95,12 +97,6 @@ def find_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> list[Joint]:
 def is_called_wheel(joint: Joint) -> bool:
     """Return True if a joint or its child link is named like a wheel."""
     return bool(_WHEEL.search(joint.name) or _WHEEL.search(joint.child))
-
-
-def _is_caster(urdf: Urdf, joint: Joint, above: Sequence[Joint]) -> bool:
-    driven = joint.name in urdf.actuated
-    names = [name for j in above for name in (j.name, j.child)]
-    return any(CASTER.search(_OMNI.sub("", name) if driven else name) for name in names)
 
 
 def _trails(urdf: Urdf, swivel: Joint, wheel: Wheel) -> bool:

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
 from dataclasses import Field, fields, replace
 from functools import lru_cache
 from typing import Any, ClassVar, Protocol
@@ -57,8 +56,10 @@ def draw_world(distribution: Distribution, draws: str) -> World:
 def note_draws(distribution: Noted, draws: str) -> str:
     """Return the SDF comment that identifies a drawn world; it omits fields with empty tuples."""
     values = {entry.name: getattr(distribution, entry.name) for entry in fields(distribution)}
-    kept = {name: value for name, value in values.items() if value != ()}
-    return _write_note(distribution.kind, {"draws": draws} | kept)
+    kept = {"draws": draws} | {name: value for name, value in values.items() if value != ()}
+    lines = (f"{key}: {json.dumps(value, default=_describe)}" for key, value in kept.items())
+    text = "\n".join(lines).replace("--", "-\\u002d")  # XML allows no -- in a comment
+    return f"A {distribution.kind} that evoros generated from\n{text}\n"
 
 
 def draw_example(sampler: WorldSampler, renew: bool, function: str) -> World:
@@ -70,12 +71,6 @@ def draw_example(sampler: WorldSampler, renew: bool, function: str) -> World:
         )
     world = sampler.draw_world(FIXED)
     return replace(world, sampler=sampler) if renew else world
-
-
-def _write_note(kind: str, values: Mapping[str, object]) -> str:
-    lines = (f"{key}: {json.dumps(value, default=_describe)}" for key, value in values.items())
-    text = "\n".join(lines).replace("--", "-\\u002d")  # XML allows no -- in a comment
-    return f"A {kind} that evoros generated from\n{text}\n"
 
 
 def _describe(part: object) -> dict[str, object]:

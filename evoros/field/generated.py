@@ -122,15 +122,11 @@ class Field:
         raise checks.invalid(self, "density", self.density, rule, fix)
 
     def _surround(self, walls: Sequence[Body]) -> PlacedObstacles:
-        inset, points = self.gap_m if walls else 0.0, np.concatenate(self._routes)
-        passage = self._open_passage(walls)
-        return PlacedObstacles(*self.corners, inset, points, self.clearing_m, self.gap_m, passage)
-
-    def _open_passage(self, obstacles: Sequence[Body]) -> Passage:
         passage = Passage(*self.corners, self._routes, self.passage_m)
-        for footprint in project_bodies(obstacles):
+        for footprint in project_bodies(walls):
             passage.add(footprint)
-        return passage
+        inset, points = self.gap_m if walls else 0.0, np.concatenate(self._routes)
+        return PlacedObstacles(*self.corners, inset, points, self.clearing_m, self.gap_m, passage)
 
 
 def generate_world(

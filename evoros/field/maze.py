@@ -1,6 +1,6 @@
 """Mazes: square cells in rows and columns, with walls between cells that no door connects."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
 from typing import Annotated, ClassVar
@@ -103,15 +103,20 @@ class Maze:
         """Draw the doors; a filled cell has none, and a corridor leads through all waypoints."""
         rng = generator(draws, f"maze {self.seed}")
         doors = self._connect(rng)
-        if self.dead_ends == OPEN:
-            self._open_dead_ends(doors, rng)
+        for cell in doors if self.dead_ends == OPEN else ():
+            closed = [near for near in self._neighbours(cell) if near not in doors[cell]]
+            if len(doors[cell]) == 1 and closed:
+                _add_door(doors, cell, closed[pick_index(float(rng.random()), len(closed))])
         if self.dead_ends != FILL:
             return doors
         for _ in range(MAX_ATTEMPTS):
             way = _find_way(doors, self.route[0], self.route[-1])
             places = [way.index(cell) if cell in way else -1 for cell in self.route]
             if min(places) >= 0 and places == sorted(set(places)):
-                return _leave_corridor(doors, way)
+                corridor: Doors = {cell: set() for cell in doors}
+                for first, second in pairwise(way):
+                    _add_door(corridor, first, second)
+                return corridor
             doors = self._connect(rng)
         rule = f"must lie in this order on a corridor in at least one of {MAX_ATTEMPTS} drawn mazes"
         fix = "give fewer waypoints, or set dead_ends to keep or open"
@@ -135,12 +140,6 @@ class Maze:
             seen.add(chosen)
             stack.append(chosen)
         return doors
-
-    def _open_dead_ends(self, doors: Doors, rng: Generator) -> None:
-        for cell in doors:
-            closed = [near for near in self._neighbours(cell) if near not in doors[cell]]
-            if len(doors[cell]) == 1 and closed:
-                _add_door(doors, cell, closed[pick_index(float(rng.random()), len(closed))])
 
     def _build_walls(self, doors: Doors) -> Iterator[Body]:
         pitch, corner = self.pitch_m, self._corner
@@ -206,10 +205,3 @@ def _find_way(doors: Doors, start: Cell, goal: Cell) -> list[Cell]:
     while way[-1] != start:
         way.append(previous[way[-1]])
     return way[::-1]
-
-
-def _leave_corridor(doors: Doors, way: Sequence[Cell]) -> Doors:
-    left: Doors = {cell: set() for cell in doors}
-    for first, second in pairwise(way):
-        _add_door(left, first, second)
-    return left

@@ -31,8 +31,7 @@ _MAX_REASON = 200  # maximum number of characters of another library's reason
 def parse(content: bytes, source: str) -> Element:
     """Parse a document and return its root, without comments and processing instructions.
 
-    A default namespace is dropped. Nothing outside the document is read, and no entity is expanded.
-    ``source`` is the name of the file in errors.
+    A default namespace is dropped. No other file is read. ``source`` names the file in errors.
     """
     parser = etree.XMLParser(
         resolve_entities=False,
@@ -54,17 +53,12 @@ def parse(content: bytes, source: str) -> Element:
         # A DOCTYPE can define entities, which read files and grow without bound.
         line = content[: content.find(b"<!DOCTYPE") + 1].count(b"\n") + 1
         raise InputError(f"{source}:{line}: a DOCTYPE is not accepted; delete it")
-    if _DEFAULT_NAMESPACE.search(content):
-        _drop_default_namespace(root)
+    if _DEFAULT_NAMESPACE.search(content):  # ROS and Gazebo ignore it
+        for element in root.iter(etree.Element):
+            if element.prefix is None:
+                element.tag = etree.QName(element).localname
+        etree.cleanup_namespaces(root, keep_ns_prefixes=[name for name in root.nsmap if name])
     return root
-
-
-def _drop_default_namespace(root: Element) -> None:
-    """Drop the default namespace, because ROS and Gazebo ignore it."""
-    for element in root.iter(etree.Element):
-        if element.prefix is None:
-            element.tag = etree.QName(element).localname
-    etree.cleanup_namespaces(root, keep_ns_prefixes=[name for name in root.nsmap if name])
 
 
 def element_error(element: Element, problem: str, fix: str) -> InputError:

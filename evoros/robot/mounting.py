@@ -11,7 +11,7 @@ from evoros.base.arrays import Array
 from evoros.base.checks import NUMBER, TEXT, checked
 from evoros.compilation.elementary_arrays import atan2_all, cos_all, sin_all
 from evoros.robot.outline import SolidShape, compute_outline
-from evoros.sensor.protocol import RangeSensor, Sensor, sees
+from evoros.sensor.protocol import Sensor, sees
 
 Places = Mapping[str, tuple[float, float, float, float]]
 """Poses of the links that can carry sensors, in the robot's frame: x, y, z [m], yaw [rad]."""
@@ -45,7 +45,10 @@ def fit_mount(mount: MountDefaults, places: Places, solids: Sequence[SolidShape]
     link = _find_carrier(places, solids) if mount.link is None else mount.link
     z = mount.z_m
     if z is None:
-        z = _middle_height(solids, link) - (places[link][2] if link in places else 0.0)
+        ranges = [solid.height_range for solid in solids if solid.link == link]
+        lows, highs = zip(*(ranges or [solid.height_range for solid in solids]), strict=True)
+        middle = 0.5 * (max(min(lows), 0.0) + max(highs))
+        z = middle - (places[link][2] if link in places else 0.0)
     pitch = None if mount.pitch_deg is None else float(mount.pitch_deg)
     chosen = tuple(name for name, value in vars(mount).items() if value is None)
     return FittedMount(link, float(z), pitch, chosen)
@@ -56,14 +59,9 @@ def level_pitch(sensors: Iterable[Sensor]) -> float:
 
     Sensors that also see backwards get a pitch of 0, because their rear rays would point down.
     """
-    return max((_level_pitch(sensor) for sensor in sensors if sees(sensor)), default=0.0)
-
-
-def _level_pitch(sensor: RangeSensor) -> float:
-    x, _, z = sensor.rays().T
-    if x.min() <= 0.0:
-        return 0.0
-    return max(0.0, round(math.degrees(float(atan2_all(-z, x).max())), 6))
+    rays = [sensor.rays().T for sensor in sensors if sees(sensor)]
+    drops = [float(atan2_all(-z, x).max()) for x, _, z in rays if x.min() > 0.0]
+    return max((round(math.degrees(drop), 6) for drop in drops if drop > 0.0), default=0.0)
 
 
 def _find_carrier(places: Places, solids: Sequence[SolidShape]) -> str:
@@ -75,13 +73,6 @@ def _find_carrier(places: Places, solids: Sequence[SolidShape]) -> str:
         return 0.5 * float(np.sum(x * next_y - next_x * y))
 
     return max(places, key=area)
-
-
-def _middle_height(solids: Sequence[SolidShape], link: str) -> float:
-    ranges = [solid.height_range for solid in solids if solid.link == link]
-    ranges = ranges or [solid.height_range for solid in solids]
-    low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
-    return 0.5 * (max(low, 0.0) + high)
 
 
 _RADIAN = math.pi / 180.0  # radians per degree

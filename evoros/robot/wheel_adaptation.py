@@ -100,16 +100,12 @@ def _reshape(elements: Element, urdf: Urdf, joint: Joint, wheel: Wheel, axis: Ar
     for name in urdf.rigid_group(joint.child):
         set_collisions(links[name], ())
     place = float(product(wheel.centre, axis)) * axis
-    pose = Pose.from_matrix(place.tolist(), _frame_along(axis))
+    x = np.cross(np.eye(3)[int(np.abs(axis).argmin())], axis)
+    x /= length(x)
+    frame = np.stack([x, np.cross(axis, x), axis], axis=1)
+    pose = Pose.from_matrix(place.tolist(), frame)
     cylinder = Shape("cylinder", (wheel.radius, max(wheel.width, 1e-3)), pose)
     set_collisions(links[joint.child], (cylinder,))
-
-
-def _frame_along(axis: Array) -> Array:
-    helper = np.eye(3)[int(np.abs(axis).argmin())]
-    x = np.cross(helper, axis)
-    x /= length(x)
-    return np.stack([x, np.cross(axis, x), axis], axis=1)
 
 
 def adapt_steering(
@@ -126,7 +122,8 @@ def adapt_steering(
     _tell_straightened(joint, along, notes)
     lower, upper = joint.lower, joint.upper
     stated = find_joint(elements, name).find("limit")
-    if stated is not None and joint.type == "revolute" and _is_exchanged(stated):
+    ends = [] if stated is None else [float(stated.get(name, "0")) for name in ("lower", "upper")]
+    if stated is not None and joint.type == "revolute" and ends[0] > ends[1]:
         text = "swapped lower and upper limits of steering joints are put in order"
         notes[text].append(f"{name} (to {lower:g} and {upper:g})")
         _set_bounds(stated, lower, upper)
@@ -146,10 +143,6 @@ def adapt_steering(
     axis = math.copysign(1.0, along) * joint.axis if keeps else up
     limit = require_child(_rewrite(elements, joint, "revolute", axis), "limit")
     _set_bounds(limit, lower, upper)
-
-
-def _is_exchanged(limit: Element) -> bool:
-    return float(limit.get("lower", "0")) > float(limit.get("upper", "0"))
 
 
 def _set_bounds(limit: Element, lower: float, upper: float) -> None:

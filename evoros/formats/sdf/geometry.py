@@ -225,7 +225,9 @@ def divide_meshes(
     left = effort * _MINUTE
     for index, use in enumerate(sorted(places, key=places.__getitem__), 1):
         is_far, _, distance, _ = places[use]
-        wanted, work = 10 * effort, _limit_work(effort * WORK, left)
+        # Work is halved until it is within the limit, because the parts are cached for each amount.
+        limits = (effort * WORK / 2**i for i in range(7))
+        wanted, work = 10 * effort, next((limit for limit in limits if limit <= left), 0.0)
         remark = "the mesh is divided coarsely to save time"
         if is_far:
             wanted, work = max(wanted, math.ceil(distance / REACH_M)), 0.0
@@ -242,12 +244,6 @@ def divide_meshes(
                 reading.notes.add_file(use.path, f"{remark}; {more}")
             if parts.is_cut_short and is_far:
                 reading.meshes[use] = tuple(replace(shape, mesh=None) for shape in parts.shapes)
-
-
-def _limit_work(most: float, left: float) -> float:
-    """Return the largest of ``most``, its half, quarter ... within ``left``; parts are cached."""
-    limits = (most / 2**i for i in range(7))
-    return next((limit for limit in limits if limit <= left), 0.0)
 
 
 def _measure_place(

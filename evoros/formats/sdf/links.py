@@ -16,6 +16,7 @@ from evoros.formats.notes import Notes
 from evoros.formats.sdf.frames import Frames, Path
 from evoros.formats.sdf.geometry import read_geometry
 from evoros.formats.sdf.reading import LOG, Reading
+from evoros.geometry.footprint import bottom_height
 from evoros.geometry.polyhedron import solid_centre, solid_volume, symmetric_tensor
 from evoros.geometry.shapes import Pose, Shape, Vector
 
@@ -107,6 +108,11 @@ class Solid:
     def place(self, shape: Shape) -> Pose:
         """Return the world pose of a shape."""
         return self.pose if shape.pose == Pose() else self.pose @ shape.pose
+
+    @property
+    def bottom(self) -> float:
+        """The height [m] of the lowest point."""
+        return min(bottom_height(shape, self.place(shape)) for shape in self.shapes)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,10 +25,9 @@ from evoros.formats.sdf.elements import check_elements
 from evoros.formats.sdf.frames import Frames, Path, read_pose
 from evoros.formats.sdf.geometry import divide_meshes, scale_model
 from evoros.formats.sdf.inclusion import drop_loose_joints, expand_includes, require_files
-from evoros.formats.sdf.links import Inertia, Link, Solid, read_link
+from evoros.formats.sdf.links import Inertia, Link, read_link
 from evoros.formats.sdf.old_versions import modernize
 from evoros.formats.sdf.reading import Reading, SdfOptions
-from evoros.geometry.footprint import bottom_height
 from evoros.geometry.polyhedron import point_tensor
 from evoros.geometry.shapes import Body, Pose, Vector
 
@@ -46,8 +45,8 @@ def build_fixed_bodies(links: Sequence[Link]) -> list[Body]:
 def build_movable_body(links: Sequence[Link], alone: bool, notes: Notes) -> list[Body]:
     """Build the body of links that move as one; none if nothing can touch it.
 
-    A body that is ``alone`` in its model may have the model's name. Of several coefficients of
-    friction, that of the lowest collision, which touches the ground, is used.
+    A body that is ``alone`` in its model may have the model's name. If the collisions differ in
+    friction, the lowest one's is used, because it touches the ground.
     """
     first = links[0]
     solids = [solid for link in links for solid in link.solids]
@@ -63,16 +62,12 @@ def build_movable_body(links: Sequence[Link], alone: bool, notes: Notes) -> list
     )
     friction = solids[0].friction
     if any(solid.friction != friction for solid in solids):
-        friction = min(solids, key=_bottom).friction
+        friction = min(solids, key=lambda solid: solid.bottom).friction
         values = ", ".join(f"{value:g}" for value in sorted({s.friction for s in solids}))
         problem = f"has collisions with friction {values}; the lowest collision's"
         notes.add(first.element, f"{problem} is used: {friction:g}", "frictions")
     name = first.path[0] if alone else "::".join(first.path)
     return [Body(name, pose, shapes, mass, friction, moments)]
-
-
-def _bottom(solid: Solid) -> float:
-    return min(bottom_height(shape, solid.place(shape)) for shape in solid.shapes)
 
 
 def combine_inertias(parts: Sequence[Inertia]) -> tuple[float, Pose, Vector | None]:

@@ -109,7 +109,13 @@ def merge_fixed_links(root: Element, kept: Collection[str] = ()) -> str:
     """
     etree.strip_elements(root, "visual", "gazebo", "material", "transmission")
     links = {str(link.get("name")): link for link in root.findall("link")}
-    while (joint := _find_outermost(root, kept)) is not None:
+
+    def find_outermost() -> Element | None:
+        unmerged = {_end(joint, "parent") for joint in root.findall("joint")} | set(kept)
+        fixed = root.iterfind("joint[@type='fixed']")
+        return next((joint for joint in fixed if _end(joint, "child") not in unmerged), None)
+
+    while (joint := find_outermost()) is not None:
         parent, child = (links[_end(joint, tag)] for tag in ("parent", "child"))
         _merge(parent, child, read_origin(joint))
         root.remove(joint)
@@ -135,12 +141,6 @@ def _merge_inner(root: Element, links: dict[str, Element], kept: Collection[str]
 
 def _end(joint: Element, tag: str) -> str:
     return str(require_child(joint, tag).get("link"))
-
-
-def _find_outermost(root: Element, kept: Collection[str]) -> Element | None:
-    unmerged = {_end(joint, "parent") for joint in root.findall("joint")} | set(kept)
-    fixed = root.iterfind("joint[@type='fixed']")
-    return next((joint for joint in fixed if _end(joint, "child") not in unmerged), None)
 
 
 def _merge(parent: Element, child: Element, pose: Pose) -> None:
@@ -220,7 +220,7 @@ def _read_mass(inertial: Element) -> float:
     mass = find_child(inertial, "mass")
     value = 0.0 if mass is None else read_value(mass, "value", "0")
     if mass is not None and value < 0.0:
-        problem = f"must be greater than 0 kg, not {mass.get('value')}"
+        problem = f"must be greater than 0 kg, not {value:g}"
         raise element_error(mass, problem, "write a positive value")
     return value
 

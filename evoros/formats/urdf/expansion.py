@@ -125,7 +125,10 @@ def resolve_files(root: Element, file: Path, packages: PackageIndex) -> None:
             raise element_error(element, "must have a filename", "add it")
         if _package_of(name) in packages.ignored:
             left_out.append(name)
-            _remove_part(element)
+            tags = ("visual", "collision", "material")
+            part = next((e for e in element.iterancestors() if e.tag in tags), element)
+            if (parent := part.getparent()) is not None:
+                parent.remove(part)
         else:
             element.set("filename", _resolve(name, element, file, packages, notes))
     for name in left_out:
@@ -179,14 +182,6 @@ def _place(mesh: Element) -> str:
         return place_of(mesh)
     link = next(mesh.iterancestors("link"))
     return f"link {link.get('name')}"
-
-
-def _remove_part(element: Element) -> None:
-    parts = ("visual", "collision", "material")
-    part = next((e for e in element.iterancestors() if e.tag in parts), element)
-    parent = part.getparent()
-    if parent is not None:
-        parent.remove(part)
 
 
 def _package_of(name: str) -> str:

@@ -67,7 +67,9 @@ def index_packages(
     places = (*around, *given, *_environment_folders(), *climbed, *installed)
     search = _Search(given)
     for place in places:
-        search.look_below(place)
+        level = [place]
+        for _ in range(_LEVELS_DOWN + 1):
+            level = [deeper for here in level for deeper in search.look_into(here, place)]
     roots = (file.parent, *around, *given, bundled_folder("robots"))
     return PackageIndex(roots, {**search.bearing, **search.stated}, frozenset(ignored))
 
@@ -104,12 +106,7 @@ class _Search:
         self._given = given  # folders whose subfolders need no package.xml
         self._seen: set[Path] = set()
 
-    def look_below(self, place: Path) -> None:
-        level = [place]
-        for _ in range(_LEVELS_DOWN + 1):
-            level = [deeper for here in level for deeper in self._look_into(here, place)]
-
-    def _look_into(self, here: Path, place: Path) -> list[Path]:
+    def look_into(self, here: Path, place: Path) -> list[Path]:
         """Collect ``here`` if it is a package, and return the folders to search next."""
         if here in self._seen or len(self._seen) >= _MAX_FOLDERS:
             return []

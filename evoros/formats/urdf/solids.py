@@ -2,7 +2,6 @@
 
 import logging
 import math
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -163,7 +162,11 @@ class SolidsReader:
             return (simplify(read_hull(path, scale)),)
         with announce(f"dividing {path.name} into convex parts"):
             mesh = read_mesh(path, scale)
-        self._tell_size(path, mesh.shapes)
+        size = np.ptp([corner for shape in mesh.shapes for corner in shape.corners], axis=0)
+        if size.max() > _LARGEST_M:
+            words = " x ".join(f"{length:.4g}" for length in size.tolist())
+            remark = f"the mesh measures {words} m and may be in millimetres; set its scale"
+            self.mesh_notes.add_file(path, remark)
         if len(mesh.shapes) <= _MAX_PARTS:
             self._divided += 1
             remarks, shapes = mesh.notes, mesh.shapes
@@ -177,13 +180,6 @@ class SolidsReader:
         for remark in remarks:
             self.mesh_notes.add_file(path, remark)
         return tuple(map(simplify, shapes))
-
-    def _tell_size(self, path: Path, shapes: Sequence[Shape]) -> None:
-        size = np.ptp([corner for shape in shapes for corner in shape.corners], axis=0)
-        if size.max() > _LARGEST_M:
-            words = " x ".join(f"{length:.4g}" for length in size.tolist())
-            remark = f"the mesh measures {words} m and may be in millimetres; set its scale"
-            self.mesh_notes.add_file(path, remark)
 
 
 def simplify(shape: Shape) -> Shape:
