@@ -70,9 +70,8 @@ def check_gene_names(design: object, names: Iterable[str]) -> None:
     """Raise an InputError if a gene's name cannot be a table column among the sensor columns."""
     for name in names:
         if not checks.NAME.holds(name):
-            raise checks.invalid(
-                design, "genes", name, f"each name must be {checks.NAME.text}", "rename it"
-            )
+            rule = f"each name must be {checks.NAME.text}"
+            raise checks.invalid(design, "genes", name, rule, "rename it")
         if re.match(r"number$|sensor\d+_", name):
             rule = "must not be the name of a sensor column"
             raise checks.invalid(design, "genes", name, rule, "choose another name")
@@ -102,20 +101,17 @@ def replace_values(part: Part, values: Mapping[str, float], at: str = "") -> Par
     for name, inner_values in by_child.items():
         full_path = f"{at}.{name}" if at else name
         if name not in children:
-            choices = ", ".join(children) or "no values"
-            raise InputError(
-                f"{full_path}: must lead to an existing value; {at or 'the root'} has {choices}"
-            )
+            choices = f"{at or 'the root'} has {', '.join(children) or 'no values'}"
+            raise InputError(f"{full_path}: must lead to an existing value; {choices}")
         child = children[name]
         if set(inner_values) != {""}:
             changes[name] = replace_values(child, inner_values, full_path)
         elif checks.is_number(child):
             changes[name] = inner_values[""]
         else:
-            kind, inside = type(child).__name__, ", ".join(_children(child)) or "nothing"
-            raise InputError(
-                f"{full_path}: must lead to a number, not a {kind}; it contains {inside}"
-            )
+            inside = f"it contains {', '.join(_children(child)) or 'nothing'}"
+            rule = f"must lead to a number, not a {type(child).__name__}"
+            raise InputError(f"{full_path}: {rule}; {inside}")
     return _replace_children(part, changes) if changes else part
 
 

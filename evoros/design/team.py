@@ -100,9 +100,8 @@ class TeamSpace:
 
     def decode(self, genome: Array) -> Design:
         """Decode ``genome`` (size,), whose values lie from 0 to 1, into designs."""
-        return Design.join(
-            {name: self.spaces[name].decode(part) for name, part in self._split(genome)}
-        )
+        parts = self._split(genome)
+        return Design.join({name: self.spaces[name].decode(part) for name, part in parts})
 
     def same(self, first: Array, second: Array) -> bool:
         """Return True if two genomes decode to equal designs."""

@@ -134,9 +134,8 @@ class SkidSteerDescription(DriveDescription):
         """Return the drive formed by several unsteered axles, or None if there is none."""
         if steered or len(others) < 2:
             return None
-        left, right = (
-            tuple(wheel.joint.name for wheel in side) for side in zip(*others, strict=True)
-        )
+        sides = zip(*others, strict=True)
+        left, right = (tuple(wheel.joint.name for wheel in side) for side in sides)
         found = {"left_wheel_joints": left, "right_wheel_joints": right, **default_bicycle(others)}
         return cls.build(found, given)
 

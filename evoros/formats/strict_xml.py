@@ -46,9 +46,8 @@ def parse(content: bytes, source: str) -> Element:
     except (etree.XMLSyntaxError, ValueError) as error:
         line = getattr(error, "lineno", None) or 1
         reason = _PLACE.sub("", " ".join(str(error).split()))  # the message starts with the place
-        raise InputError(
-            f"{source}:{line}: not well-formed XML: {shorten(reason)}; edit that line"
-        ) from None
+        problem = f"not well-formed XML: {shorten(reason)}"
+        raise InputError(f"{source}:{line}: {problem}; edit that line") from None
     if root.getroottree().docinfo.doctype:
         # A DOCTYPE can define entities, which read files and grow without bound.
         line = content[: content.find(b"<!DOCTYPE") + 1].count(b"\n") + 1

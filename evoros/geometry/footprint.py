@@ -51,9 +51,8 @@ def project_shape(
 def _extreme_points(shape: Shape, pose: Pose, low_m: float, high_m: float) -> Array:
     """Return points (n, 3) [m] that span a shape's hull; a polyhedron is cut at two heights."""
     if shape.kind == "heightfield":
-        return polyhedron.placed_corners(
-            height_points(shape).reshape(-1, 3), pose.rotation, pose.position
-        )
+        points = height_points(shape).reshape(-1, 3)
+        return polyhedron.placed_corners(points, pose.rotation, pose.position)
     solid = polyhedron.convex_polyhedron(shape.corners)
     corners = polyhedron.placed_corners(solid.corners, pose.rotation, pose.position)
     if low_m <= corners[:, 2].min() and corners[:, 2].max() <= high_m:

@@ -62,10 +62,8 @@ def join_near(surface: Surface, cell: float) -> tuple[Surface, Indices, float]:
     maximum displacement [m] of a point.
     """
     _, indices = unique_rows(np.floor(surface.points / cell))
-    counts = np.bincount(indices)
-    points = np.stack(
-        [np.bincount(indices, surface.points[:, i]) / counts for i in range(3)], axis=1
-    )
+    sums = np.stack([np.bincount(indices, column) for column in surface.points.T], axis=1)
+    points = sums / np.bincount(indices)[:, None]
     faces = indices[surface.faces]
     kept = np.flatnonzero(_have_area(points, faces))
     error = float(np.linalg.norm(points[indices] - surface.points, axis=1).max())

@@ -84,9 +84,8 @@ def adapt(description: Element, source: str, drive: DriveDescription, missing: s
     notes += _tell_dense(elements, read_tree(elements, source))
     casters, chosen = _adapt_casters(elements, source, chosen, wheels, rolling_groups)
     rolling = rolling_groups | {*chosen.caster_links}
-    lost = body_adaptation.replace_lost_body(
-        elements, read_tree(elements, source), rolling, reader, wheels
-    )
+    urdf = read_tree(elements, source)
+    lost = body_adaptation.replace_lost_body(elements, urdf, rolling, reader, wheels)
     urdf = read_tree(elements, source)
     notes += lost + (_complete_masses(elements, urdf, chosen, wheels) if lost else [])
     notes += [*casters.notes, *_complete_motors(elements, urdf, chosen, wheels)]
@@ -231,9 +230,8 @@ def load_robot(
         choices = ", ".join(MISSING)
         raise InputError(f"robot.missing: must be one of {choices}, not {missing!r}")
     if self_occlusion not in (COLLISIONS, VISUALS):
-        raise InputError(
-            f"robot.self_occlusion: must be {COLLISIONS} or {VISUALS}, not {self_occlusion!r}"
-        )
+        rule = f"must be {COLLISIONS} or {VISUALS}"
+        raise InputError(f"robot.self_occlusion: {rule}, not {self_occlusion!r}")
     file, root = expansion.read(description, options)
     adapted = adapt(root, str(file), drive, missing)
     visuals = read_visual_solids(root, missing) if self_occlusion == VISUALS else None
@@ -251,12 +249,13 @@ def _build_robot(
     urdf, drive = adapted.urdf, adapted.drive.fit(adapted.urdf)
     wheels = {urdf.joints[name].child for name in drive.wheel_joints}
     rolling = wheels | set(drive.caster_links)
-    solids = _find_body(urdf, rolling, adapted.exposed_casters)
+    split = adapted.exposed_casters
+    solids = _find_body(urdf, rolling, split)
     touching = [(solid.shape, solid.pose) for solid in solids]
-    exposed = frozenset(adapted.exposed_casters)
+    exposed = frozenset(split)
     if wheels_touch:
         exposed |= outline.find_exposed(urdf, rolling - exposed, outline.compute_outline(touching))
-    for link in sorted(exposed.difference(adapted.exposed_casters)):
+    for link in sorted(exposed.difference(split)):
         touching += outline.rolling_shapes(urdf, link)
     places = _find_sensor_links(urdf, root)
     default = fit_mount(mount, places, solids)
@@ -282,9 +281,7 @@ def _build_robot(
         ),
         reserved_names=frozenset(urdf.poses) | frozenset(urdf.joints),
         exposed_links=exposed,
-        occluders=outline.find_occluders(
-            urdf, drive, rolling - set(adapted.exposed_casters), visuals
-        ),
+        occluders=outline.find_occluders(urdf, drive, rolling - {*split}, visuals),
     )
     if default.link not in places:
         raise robot.link_error(default.link)

@@ -257,9 +257,8 @@ class Robot:
         for entry in fields(mount):
             value = getattr(mount, entry.name)
             if entry.name not in ("sensor", "link") and not is_number(value):
-                raise InputError(
-                    f"mount of {mount.sensor}: {entry.name} must be a number, not {value!r}"
-                )
+                rule = f"{entry.name} must be a number, not {value!r}"
+                raise InputError(f"mount of {mount.sensor}: {rule}")
 
     def link_error(self, link: str) -> InputError:
         """Create the error for a link that cannot carry sensors."""

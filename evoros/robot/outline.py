@@ -40,9 +40,8 @@ class SolidShape:
 def compute_outline(solids: Iterable[tuple[Shape, Pose]]) -> Array:
     """Return the convex hull (k, 2) [m] of shapes in top view; circles become polygons."""
     turn = np.arange(_CIRCLE_CORNERS) * (2.0 * math.pi / _CIRCLE_CORNERS)
-    disc = np.stack([cos_all(turn), sin_all(turn)], axis=1) / elementary.cos(
-        math.pi / _CIRCLE_CORNERS
-    )
+    inner = elementary.cos(math.pi / _CIRCLE_CORNERS)
+    disc = np.stack([cos_all(turn), sin_all(turn)], axis=1) / inner
     corners = []
     for shape, pose in solids:
         footprint = project_shape(shape, pose)
@@ -77,11 +76,9 @@ def rolling_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
 
 def find_exposed(urdf: Urdf, rolling: Collection[str], outline: Array) -> frozenset[str]:
     """Return the wheels and casters that stick out of an outline (k, 2) [m]."""
-    body = Footprint(outline)
     corners = {link: compute_outline(rolling_shapes(urdf, link)) for link in rolling}
-    return frozenset(
-        link for link, places in corners.items() if distances(body, places).max() > _OVERHANG_M
-    )
+    reach = {link: distances(Footprint(outline), places) for link, places in corners.items()}
+    return frozenset(link for link, gaps in reach.items() if gaps.max() > _OVERHANG_M)
 
 
 SWEEP = 17  # number of steering angles, from lock to lock, at which checks place steered wheels

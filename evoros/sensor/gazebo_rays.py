@@ -79,6 +79,5 @@ def gazebo_rays(
 
 def gazebo_sensor(name: str, kind: str, period_s: float, content: str = "") -> str:
     """Return the SDF ``<sensor>`` of a Gazebo type; ``name`` is its name and topic."""
-    return _SENSOR.format(
-        name=quoteattr(name), kind=kind, topic=escape(name), rate=1 / period_s, content=content
-    )
+    names = {"name": quoteattr(name), "topic": escape(name)}
+    return _SENSOR.format(**names, kind=kind, rate=1 / period_s, content=content)

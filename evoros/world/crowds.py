@@ -238,9 +238,8 @@ def _draw_route(world: World, name: str, group: Walkers, rng: Generator) -> Arra
     try:
         space = find_free_space(world, group.radius_m, group.height_m)
     except InputError as error:
-        raise InputError(
-            f"walkers.{name}: the world {world.name!r} {error}; lower walkers.{name}.radius_m"
-        ) from None
+        problem = f"the world {world.name!r} {error}; lower walkers.{name}.radius_m"
+        raise InputError(f"walkers.{name}: {problem}") from None
     centres = space.centres()
     count = int(rng.integers(CORNERS[0], CORNERS[1] + 1))
     corners = [centres[int(rng.integers(len(centres)))]]

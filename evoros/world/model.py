@@ -118,9 +118,8 @@ def _check_ground(world: World) -> None:
     height = ground_height(world.bodies, world.course.home[:2])
     if height is None or not -1e-6 <= height <= MAT_M + 1e-6:
         actual = "there is none" if height is None else f"it is at {height:g} m"
-        raise InputError(
-            f"{world.source}: must have ground at z = 0 m at home, but {actual}; put a floor there"
-        )
+        problem = f"must have ground at z = 0 m at home, but {actual}"
+        raise InputError(f"{world.source}: {problem}; put a floor there")
 
 
 def _check_course(world: World) -> None:

@@ -59,10 +59,9 @@ def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
     """
     bodies = [body for body in all_bodies if not body.is_ground]
     floor = [body for body in all_bodies if body.is_ground]
-    is_level = has_level_ground(all_bodies)
-    grounds = [
-        0.0 if is_level else ground_height(floor, body.pose.position[:2]) or 0.0 for body in bodies
-    ]
+    grounds = [0.0] * len(bodies)
+    if not has_level_ground(all_bodies):
+        grounds = [ground_height(floor, body.pose.position[:2]) or 0.0 for body in bodies]
     lowest = [lowest_point(body) for body in bodies]
     falls = [
         body.mass is not None and bottom - ground > GAP_M

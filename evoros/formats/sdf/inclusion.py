@@ -109,9 +109,8 @@ def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Elemen
         return _stand_in(include, uri, reading)
     if file in chain:
         circle = " -> ".join(str(f) for f in (*chain[chain.index(file) :], file))
-        raise xml.element_error(
-            include, f"includes itself: {circle}", "delete one of these includes"
-        )
+        problem = f"includes itself: {circle}"
+        raise xml.element_error(include, problem, "delete one of these includes")
     root = reading.parse(file)
     if root.tag == "robot":
         problem = f"is left out: {file} describes a robot (URDF), not a part of a world"
@@ -128,9 +127,7 @@ def _find_model(uri: str, beside: Path, reading: Reading) -> Path | None:
     """Return the SDF file at an address; ``x.model`` of SDF 1.0 may be ``x`` in later versions."""
     old = re.fullmatch(r"([^/]+)\.(model|light)", uri)
     for address in (uri, f"model://{old[1]}") if old else (uri,):
-        place = reading.addresses.find(
-            address, beside, lambda place: _find_sdf(place, reading) is not None
-        )
+        place = reading.addresses.find(address, beside, lambda p: _find_sdf(p, reading) is not None)
         if place is not None:
             return _find_sdf(place, reading)
     return None
@@ -158,9 +155,8 @@ def _choose_model(root: Element, include: Element, reading: Reading, file: Path)
     models = root.findall("model")
     if not models:
         if root.find("light") is None and root.find("actor") is None:
-            raise xml.element_error(
-                root, "must contain a <model>", "add one, or include another file"
-            )
+            fix = "add one, or include another file"
+            raise xml.element_error(root, "must contain a <model>", fix)
         _add_actor(root, include)
         return None
     if len(models) > 1:

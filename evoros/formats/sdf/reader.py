@@ -265,9 +265,8 @@ def _build_bodies(model: Element, frames: Frames, reading: Reading) -> list[Body
         groups.setdefault(_find_root(parents, link.path), []).append(link)
     bodies = build_fixed_bodies(groups.pop((), []))
     for group in groups.values():
-        bodies += build_movable_body(
-            group, alone=len(groups) == 1 and not bodies, notes=reading.notes
-        )
+        alone = len(groups) == 1 and not bodies
+        bodies += build_movable_body(group, alone, reading.notes)
     return bodies
 
 

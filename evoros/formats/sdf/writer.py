@@ -135,9 +135,8 @@ def _format_model(body: Body, files: dict[int, str]) -> str:
 
 
 def _format_solid(place: int, shape: Shape, friction: float, files: dict[int, str]) -> str:
-    geometry = files.get(id(shape)) or _GEOMETRY[shape.kind].format(
-        *map(_format_rounded, shape.size)
-    )
+    sizes = map(_format_rounded, shape.size)
+    geometry = files.get(id(shape)) or _GEOMETRY[shape.kind].format(*sizes)
     pose = "" if shape.pose == Pose() else f"          <pose>{_format_pose(shape.pose)}</pose>\n"
     return _SOLID.format(place=place, pose=pose, geometry=geometry, mu=_format_exact(friction))
 

@@ -138,9 +138,8 @@ class Urdf:
 def read_tree(robot: Element, source: str) -> Urdf:
     """Read the links and joints of a ``<robot>``; ``source`` is the file's name in errors."""
     links = _find_by_name(robot, "link")
-    joints = {
-        name: read_joint(element, links) for name, element in _find_by_name(robot, "joint").items()
-    }
+    elements = _find_by_name(robot, "joint")
+    joints = {name: read_joint(element, links) for name, element in elements.items()}
     root = _find_root(robot, links, joints)
     friction_axes, slippery = read_friction(robot)
     return Urdf(

@@ -9,6 +9,7 @@ and properties and macros could be used before their definitions; such files are
 """
 
 import contextlib
+import functools
 import json
 import os
 import re
@@ -131,9 +132,8 @@ def _patch_xacro(packages: Any, request: dict[str, Any]) -> Any:
 
     def read_variable(name: str) -> str:
         if name not in os.environ:
-            raise LookupError(
-                f"$(env {name}) must have a value; set {name} in the robot's environment"
-            )
+            fix = f"set {name} in the robot's environment"
+            raise LookupError(f"$(env {name}) must have a value; {fix}")
         return os.environ[name]
 
     xacro.parse = parse
@@ -159,9 +159,8 @@ def _skip_absent(xacro: Any, packages: Any) -> None:
     process_include, handle_macro_call = xacro.process_include, xacro.handle_macro_call
 
     def include(node: Any, macros: Any, symbols: Any, func: Any) -> None:
-        name = packages.include(
-            node, xacro.filestack[-1], lambda text: xacro.eval_text(text, symbols)
-        )
+        evaluate = functools.partial(xacro.eval_text, symbols=symbols)
+        name = packages.include(node, xacro.filestack[-1], evaluate)
         if name:
             node.setAttribute("filename", name)
             process_include(node, macros, symbols, func)

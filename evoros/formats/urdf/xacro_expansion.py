@@ -137,9 +137,7 @@ def _tell_skipped(file: Path, answer: Mapping[str, Any]) -> None:
     for text, names in {
         "left out, because their packages are ignored": skipped,
         "found only with different letter case": answer["unlike"],
-        "tags without the prefix xacro:, which old files omit, are read as xacro tags": answer[
-            "legacy"
-        ],
+        "tags without the prefix xacro:, as in old files, are read as xacro tags": answer["legacy"],
     }.items():
         if names:
             _LOG.warning("%s: %s: %s", file, text, ", ".join(dict.fromkeys(names)))
@@ -156,9 +154,8 @@ def _request_expansion(
         raise InputError(f"{file}: {rule}, but exceeded a limit; {fix}") from error
     messages = " ".join(messages.split())
     if status != 0:
-        raise InputError(
-            f"{file}: {rule}, but exited with status {status} {messages[-200:]}; {fix}"
-        )
+        end = f"exited with status {status} {messages[-200:]}"
+        raise InputError(f"{file}: {rule}, but {end}; {fix}")
     if messages:
         _LOG.warning("%s: xacro reports: %s", file, messages)
     answer: dict[str, Any] = json.loads(output)
@@ -196,6 +193,5 @@ def format_argument(file: Path, name: str, value: object) -> str:
         return str(value).lower()
     if isinstance(value, str | int | float):
         return str(value)
-    raise InputError(
-        f"{file}: argument {name}: must be a number, a string, true or false, not {value!r}"
-    )
+    rule = "must be a number, a string, true or false"
+    raise InputError(f"{file}: argument {name}: {rule}, not {value!r}")

@@ -60,10 +60,8 @@ class Packages:
             raise OutsideError(f"{name} does not exist; correct the name")
         real = Path(path).resolve()
         if not self.index.allows(real):
-            folders = ", ".join(map(str, self.index.roots))
-            raise OutsideError(
-                f"{name} must lie inside {folders} or the robot's packages; add its folder to them"
-            )
+            folders = f"{', '.join(map(str, self.index.roots))} or the robot's packages"
+            raise OutsideError(f"{name} must lie inside {folders}; add its folder to them")
         self.read.append(str(real))
         # XML allows no comments or blank lines before the declaration.
         content = re.sub(rb"\A(\s|<!--.*?-->)+(?=<\?xml )", b"", real.read_bytes(), flags=re.DOTALL)
