@@ -136,7 +136,7 @@ def _replace_children(part: Any, changes: dict[str, Any]) -> Any:
 def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
     """Check combinations of gene bounds, because bounds that are valid alone may conflict.
 
-    ``parts`` maps the first word of a key to the part: "controller", "robot" and "design".
+    ``parts`` maps the first word of a key to the part.
     """
     for corner in enumerate_corners(len(genes)):
         values = dict(zip(genes, corner, strict=True))
@@ -170,8 +170,7 @@ def _refuse(gene: Gene, end: float, parts: Mapping[str, object]) -> str:
 def enumerate_corners(count: int) -> Iterator[tuple[float, ...]]:
     """Yield combinations of the bounds low (0) and high (1) of ``count`` genes, each (count,).
 
-    Up to ``MAX_EXHAUSTIVE`` genes get all combinations. With more genes, all but at most one are
-    at the same bound.
+    More than ``MAX_EXHAUSTIVE`` genes only get those in which at most one is at another bound.
     """
     if count <= MAX_EXHAUSTIVE:
         yield from product((0.0, 1.0), repeat=count)

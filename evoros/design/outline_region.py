@@ -109,10 +109,7 @@ class OutlineRegion(RegionDescription):
     def bind(
         self, robot: Robot, mirrored: bool, key: str, sensors: Sequence[Sensor] = ()
     ) -> "BoundOutlineRegion":
-        """Return this region bound to ``robot``.
-
-        It is an error if mirrored sensors would protrude, because the robot is not symmetric.
-        """
+        """Return this region bound to ``robot``, which must be symmetric if ``mirrored``."""
         link = robot.mount_link if self.link is None else self.link
         self._check_link(link, robot, mirrored, key)
         height = self.height_m
@@ -177,10 +174,7 @@ class BoundOutlineRegion:
     free: FreePlaces | None = None  # None: all places are free
 
     def place(self, values: Mapping[str, float]) -> SensorPose:
-        """Return the pose at a fraction of the side's length, from right to left.
-
-        If some places are not free, the pose is at the same fraction of the free places.
-        """
+        """Return the pose at a fraction of the side's length, or of the length of free places."""
         if self.free is not None:
             values = self.free.adapt(values)
         height = values["z_m"] + self.frame[2]

@@ -13,7 +13,6 @@ from evoros.sensor.protocol import Sensor
 
 Point = tuple[float, float]
 Range = tuple[float, float]
-
 POSITION = ("x_m", "y_m", "z_m", "arc")
 """Genes of a sensor's position, in order; ``arc`` is the fraction of a curve's length."""
 ANGLES = ("yaw_deg", "pitch_deg")
@@ -71,12 +70,9 @@ class RegionDescription(ABC):
     def bind(
         self, robot: Robot, mirrored: bool, key: str, sensors: Sequence[Sensor]
     ) -> BoundRegion:
-        """Return this region bound to ``robot``, which carries sensors of these types.
+        """Return this region, configured at ``key``, bound to a robot that carries ``sensors``.
 
-        ``key`` is the region's key in the configuration, for messages.
-
-        Raises:
-            InputError: the region, or its mirror image if ``mirrored``, is off the robot.
+        An InputError says that the region, or its mirror image if ``mirrored``, is off the robot.
         """
 
 

@@ -29,10 +29,8 @@ from evoros.sensor.protocol import Sensor, sees
 
 CELLS = {"z_m": 2, "x_m": 12, "y_m": 12, "arc": 32, "yaw_deg": 8, "pitch_deg": 2}
 """The number of grid cells for each value's range, in the order of the grid axes."""
-
 _MAX_BLIND = 0.5
 """Maximum fraction of a sensor's channels that the robot may block; a sonar has one channel."""
-
 _MIRRORED = (1.0, -1.0, 1.0, -1.0, 1.0)  # factors that mirror a pose (x, y, z, yaw, pitch)
 
 

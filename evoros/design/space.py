@@ -60,8 +60,7 @@ class SensorDesign:
 
     The number of placed sensors also evolves if ``number`` is [low, high]. If ``mirrored``, each
     placed sensor has a twin across the robot's x axis. Types of ``fixed`` sensors are not placed.
-    If ``exclusive``, each region carries one sensor, and further sensors that choose the region are
-    dropped.
+    If ``exclusive``, each region carries one sensor, and others that choose it are dropped.
     """
 
     sensors: Annotated[Mapping[str, Sensor], checks.mapping_of(Sensor, "sensors")]
@@ -114,12 +113,7 @@ class SensorDesign:
         return int(checks.bounds(self.number)[1])
 
     def bind(self, robot: Robot, declared: Mapping[str, Gene] | None = None) -> "DesignSpace":
-        """Return the search space on ``robot``; ``declared`` has the genes of other parts.
-
-        Raises:
-            InputError: a region or a fixed sensor is off the robot, or a declared gene has the
-                name or key of one of the design's genes.
-        """
+        """Return the search space on ``robot``; ``declared`` has the genes of other parts."""
         declared = declared or {}
         self._check_declared(declared)
         sensors = tuple(self.sensors[name] for name in self.placed_types)
@@ -227,9 +221,8 @@ class DesignSpace:
         """Decode ``genome`` (size,), whose values lie from 0 to 1, into a design.
 
         If the number of sensors evolves, the first slots are mounted. Sensors in exclusive regions
-        are in the order of the regions. In a mirrored design, each sensor is followed by its twin.
-        Mounts are sorted by type in the order of ``design.sensors``, with fixed sensors before
-        placed ones.
+        are in the order of the regions, and others are followed by their mirrored twins. Mounts are
+        sorted by type in the order of ``design.sensors``, with fixed sensors before placed ones.
         """
         genes = self._genes(genome)
         placed = (self._with_twin(mount) for mount, _ in self._place(genes))

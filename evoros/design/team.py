@@ -121,12 +121,7 @@ class TeamSpace:
         return None if space.size else space.decode(np.empty(0))
 
     def complete(self, design: Design) -> Design:
-        """Add the configured designs that ``design`` lacks.
-
-        Raises:
-            InputError: a missing design has something to evolve, so the configuration does not
-                determine it.
-        """
+        """Add the configured designs that ``design`` lacks, which must leave nothing to evolve."""
         parts = dict(design.parts)
         for name in self.spaces:
             configured = parts.get(name) or self.find_configured(name)

@@ -14,12 +14,9 @@ from evoros.formats.urdf.tree import Urdf
 
 ALIGNED = elementary.cos(math.radians(5.0))
 """Minimum cosine between two axes that count as parallel."""
-
 NEARLY_ALIGNED = elementary.cos(math.radians(20.0))
 """Minimum cosine between a wheel's axis and the robot's lateral axis."""
-
 TURNING = ("continuous", "revolute")
-
 CASTER = re.compile(r"caster|castor|swivel|omni|ball", re.IGNORECASE)
 _OMNI = re.compile(r"omni", re.IGNORECASE)
 _DRIVE_PLUGIN = re.compile(r"diff|skid|acker|drive", re.IGNORECASE)

@@ -112,16 +112,11 @@ _LOG = logging.getLogger(__name__)
 
 TOLERANCE_M = 1e-3
 """Maximum deviation [m] of a wheel's position that is accepted without a warning."""
-
 TOLERATED_M, TOLERATED_SHARE = 5e-3, 0.05
 """Maximum deviation of a wheel's position: a distance [m], or a fraction of its radius."""
-
 TOLERATED_SKEW = 0.02  # maximum misalignment of an axle's wheels, as a fraction of its track
-
 CASTER_GAP_M = 12e-3  # maximum distance [m] between a caster's lowest point and the ground
-
 FORWARD, LEFT, UP = range(3)
-
 ANGLE = Rule(
     "an angle greater than 0 and less than pi/2", lambda v: POSITIVE.holds(v) and v < 0.5 * math.pi
 )

@@ -28,7 +28,6 @@ from evoros.world.model import World
 MAX_ATTEMPTS = 50
 """Maximum number of times that placement is restarted because an obstacle does not fit."""
 MIN_SHARE = 0.5  # fraction of placed obstacles below which no further attempt is made
-
 EXTENT = checks.Rule(
     "two numbers [x, y] greater than 0",
     lambda v: isinstance(v, list | tuple) and len(v) == 2 and all(map(checks.POSITIVE.holds, v)),

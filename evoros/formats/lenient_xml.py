@@ -30,7 +30,6 @@ _ATTRIBUTES = re.compile(  # start tag of an element with attributes, quoted or 
 )
 _PAIR = re.compile(rf"(\s+)([\w.:-]++)(?:\s*+=\s*+({_VALUE}))?")
 _ENCODING = re.compile(rb"<\?xml[^>]*encoding\s*=\s*[\"']([A-Za-z0-9._-]+)")
-
 _XACRO = "http://www.ros.org/wiki/xacro"
 _KNOWN = {"xacro": _XACRO}
 

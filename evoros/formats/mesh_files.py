@@ -20,7 +20,6 @@ _TEXTS = {".stl": ("facet", "endsolid"), ".dae": ("<collada", "collada>")}
 """Words, in lower case, near the start and near the end of a complete mesh file stored as text."""
 _SHORT = 10_000  # number of bytes searched at the start and at the end
 _NOWHERE = logging.NullHandler()  # suppresses tracebacks of failed attempts when logging is off
-
 _NO_MATERIAL = "material_0"  # name of trimesh's substitute for a missing material
 
 

@@ -8,7 +8,6 @@ from evoros.base.errors import InputError
 
 MISSING = ("error", "leave_out", "box")
 """Options for missing models and meshes; ``box`` puts a box in place of a mesh of known size."""
-
 MISSING_RULE = one_of(*MISSING)
 
 

@@ -18,7 +18,6 @@ from evoros.geometry.shapes import Pose, normalize
 
 SOURCE = "{evoros}source"
 """Attribute that holds the name of the file from which an element was taken."""
-
 _NUMBER = re.compile(r"[+-]?(([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[iI][nN][fF])")
 _DEFAULT_NAMESPACE = re.compile(rb"\sxmlns\s*=")
 _PLACE = re.compile(r", line \d+, column \d+( \(.*\))?$")

@@ -25,7 +25,6 @@ from evoros.geometry.polygon import polygon_distance, transform_polygon
 
 _CLEARANCES = types.void(A2, A2, A2, A2, A1)
 _SUMMARY = types.void(A2, A2, A2, A2, A2, I8, A1)
-
 LAST_X, LAST_Y, LAST_TOUCH, ALONG = range(4)
 WAY_SIZE = 4
 """Size of the memory of ``add_driven``.

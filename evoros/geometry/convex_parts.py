@@ -19,9 +19,7 @@ from evoros.geometry.triangles import Surface, find_normals, separate
 
 Plane = tuple[Array, float]
 """A plane's unit normal (3,), and its offset [m] from the origin along the normal."""
-
 TOLERANCE_M = 0.02  # distance from the surface up to which differences are ignored
-
 _SUSPECTS = 64  # maximum number of faces examined in hollows
 _FINE = 300  # number of faces above which fewer cuts are tried
 _CUT_WORK = 200  # number of faces whose handling takes as long as the fixed cost of a cut

@@ -21,15 +21,10 @@ from evoros.geometry.shapes import Pose, Shape
 
 _EXACT_M = 1e-4
 """Tolerance [m]: a depth is exact if no point of the shapes is farther beyond the face."""
-
 _EXACT = 0.02  # the same for deep overlaps, as a fraction of the depth
-
 _ROUNDS = 50  # maximum number of refinements; most pairs need fewer than ten
-
 _AT_ONCE = 8  # number of faces refined at a time
-
 _SIDES = 16  # number of corners of the polygon in a circle before refinement
-
 SIDEWAYS = 1e-9  # upward component of a unit normal below which a face counts as vertical
 
 

@@ -106,7 +106,6 @@ def placed_corners(
 
 
 Ring = list[tuple[float, float]]
-
 _FLAT = 1e-6  # [m] and [rad]: deviation up to which faces lie in one plane
 
 

@@ -189,7 +189,6 @@ def check_workers(experiment: Experiment) -> Iterator[str]:
 _LOG = logging.getLogger(__name__)
 
 MAX_TRAJECTORY_BYTES = 2**30  # maximum memory for the trajectory of one mission
-
 Check = Callable[[Experiment], Iterator[str]]
 """Yields warnings; raises an InputError with the key in its message."""
 RobotCheck = Callable[[scene.Subject], Iterator[str]]

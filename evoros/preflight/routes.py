@@ -22,7 +22,6 @@ from evoros.world.standing import GAP_M, standing_obstacles
 
 _STANDING_IN = 0.1
 """Fraction by which the outline shrinks for the test whether a robot stands in an obstacle."""
-
 _MOVE = "move the body, or home (course.home_x_m, course.home_y_m)"
 STEP_M = 0.25  # distance between sampled points of the route
 MAX_RATIO = 3.0

@@ -20,7 +20,6 @@ from evoros.geometry.shapes import Pose, Shape
 
 GROUND_LINK = "evoros_ground"
 """Root link added to a robot whose root is not on the ground between its wheels."""
-
 _MIN_CLEARANCE_M = 0.02  # minimum ground clearance of a hull that replaces collision shapes
 _MIN_SHARE = 0.4  # minimum fraction of the area between the wheels that the body covers
 

@@ -82,7 +82,6 @@ def find_exposed(urdf: Urdf, rolling: Collection[str], outline: Array) -> frozen
 
 
 SWEEP = 17  # number of steering angles, from lock to lock, at which checks place steered wheels
-
 BURIED_M = 0.1
 """Maximum length [m] of a ray inside the shape in which it starts; longer rays count as hidden."""
 

@@ -16,7 +16,6 @@ COUNT = 360
 BEARINGS_DEG: Array = np.arange(COUNT, dtype=np.float64) - (COUNT - 1) / 2
 """Centres of 360 one-degree sectors from -180 to 180; left positive, 0 ahead."""
 _EDGE = 1e-9  # [rad], tolerance at the edges of a beam
-
 Mask = NDArray[np.bool_]
 
 

@@ -23,7 +23,6 @@ SURFACE_M = 1e-3
 """Depth [m] below a shape's surface up to which a sensor counts as on, not inside, the shape."""
 MAX_DIRECTIONS = 36
 """Maximum number of directions sampled per scanning sensor when many poses are checked."""
-
 _OUTSIDE_M = 100.0  # distance [m] at which any ray has left the robot
 
 

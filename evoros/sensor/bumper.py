@@ -26,8 +26,8 @@ class Bumper(ContactSensor):
     """A sensor that reads 1 if something has touched its zone of the robot since the last reading.
 
     In top view, the zone is a strip of width ``width_m`` that begins ``depth_m`` behind the mount
-    and extends in the direction in which the bumper faces. It covers the part of the robot's
-    outline in the strip, at any height. Contact with the ground does not count.
+    and extends forward. It covers the robot's outline in the strip, at any height, but not the
+    ground.
     """
 
     width_m: Annotated[float, POSITIVE] = 0.4  # width of the zone
@@ -57,8 +57,5 @@ class Bumper(ContactSensor):
         memory.touches[0] = signal[TOUCHES]
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>``; ``name`` is its name and topic.
-
-        Gazebo needs a collision shape called ``NAME_collision``, which evoros does not add.
-        """
+        """Return the SDF ``<sensor>``, which needs a collision shape called ``NAME_collision``."""
         return gazebo_sensor(name, "contact", self.period_s, _CONTACT.format(name=name))

@@ -61,10 +61,7 @@ def gazebo_rays(
     vertical: Fan | None = None,
     noise: Iterable[Filter] = (),
 ) -> str:
-    """Return the SDF ``<sensor>``; ``name`` is its name and topic.
-
-    Gazebo simulates only the Gaussian noise among the filters in ``noise``.
-    """
+    """Return the SDF ``<sensor>`` with any Gaussian noise; ``name`` is its name and topic."""
     fans = [("horizontal", horizontal), *([("vertical", vertical)] if vertical else [])]
     sigmas = [part.sigma_m for part in noise if isinstance(part, GaussianNoise)]
     sigma = math.sqrt(sum(sigma * sigma for sigma in sigmas))  # the noises are independent

@@ -50,8 +50,5 @@ class Infrared(RangeSensor):
         return np.vstack(([1.0, 0.0, 0.0], rim / np.linalg.norm(rim, axis=1, keepdims=True)))
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>``; ``name`` is its name and topic.
-
-        Gazebo casts a horizontal fan of three rays, and has no noise that grows with the range.
-        """
+        """Return the SDF ``<sensor>``, a horizontal fan of three rays without noise."""
         return gazebo_rays(name, self, Fan(3, *find_field(self)))

@@ -54,10 +54,6 @@ class Multizone(RangeSensor):
         return np.column_stack((cos_all(angles), sin_all(angles), np.zeros(count)))
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>``; ``name`` is its name and topic.
-
-        Gazebo publishes all rays, spread over the field from edge to edge, so each ray stays in its
-        zone. Of the filters, it simulates only Gaussian noise.
-        """
+        """Return the SDF ``<sensor>``, with the rays of all zones and only Gaussian noise."""
         fan = Fan(self.zones * self.rays_per_zone, *find_field(self))
         return gazebo_rays(name, self, fan, noise=self.filters.values())

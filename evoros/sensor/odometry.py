@@ -19,9 +19,8 @@ from evoros.sensor.signals import DISTANCE, TURN
 class Odometry(SignalSensor):
     """Mean speed and yaw rate since the last reading, computed from wheel encoders.
 
-    The speed is measured at the midpoint of the wheels that are not steered. Encoders measure how
-    far wheels roll, so wheel slip causes errors. The first reading is 0. Use ``Scale`` filters to
-    model errors in wheel size or track width.
+    The speed is measured at the midpoint of the wheels that are not steered. Wheel slip causes
+    errors. The first reading is 0. ``Scale`` filters model errors in wheel size or track width.
     """
 
     measures = WHEELS

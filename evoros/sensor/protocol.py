@@ -1,7 +1,7 @@
 """Base classes of sensors and mounts, and the names of mounted sensors and their readings.
 
-In a robot description, a mounted sensor is named by type and number, such as ``sonar_0``. If the
-robot already uses such a name, all mounted sensors get a prefix.
+A mounted sensor is named by type and number, such as ``sonar_0``. If the robot's description
+already uses such a name, all mounted sensors get a prefix.
 """
 
 import math
@@ -26,10 +26,7 @@ _PREFIX = "evoros_"
 
 
 def choose_prefix(taken: Iterable[str], types: Collection[str]) -> str:
-    """Return the shortest prefix that makes the names of these sensor types differ from ``taken``.
-
-    The prefix depends only on the robot and the types, so all designs use the same names.
-    """
+    """Return the shortest prefix with which no name of these sensor types is in ``taken``."""
     return _PREFIX * (_highest_level(taken, types) + 1)
 
 
@@ -70,16 +67,10 @@ BOX = checks.Rule(
 BEAM = checks.Rule(
     "an angle greater than 0 and less than 180", lambda v: checks.is_number(v) and 0 < v < 180
 )
-
 RAY_DEG = 1.0
 """Width [deg] of coverage by a single ray or a narrower beam, which figures show as a line."""
-
 RANGE, MOTION, WHEELS, CONTACT = "range", "motion", "wheels", "contact"
-"""The quantities that sensors can measure.
-
-These are distances along rays, motion of the mount, rolling of the wheels, and contacts of the
-robot.
-"""
+"""Quantities: distances along rays, motion of the mount, rolling of the wheels, contacts."""
 SIGNAL_SIZES = {MOTION: 14, WHEELS: 2, CONTACT: 1}
 """The number of values of each signal; ``signals`` describes them."""
 SENSOR_ARGUMENTS = "parameters", "memory", "rng", "signal", "values", "time"
@@ -159,10 +150,7 @@ class SignalSensor(Sensor):
     """A type of sensor that computes its readings from a signal instead of ranges."""
 
     rule: Callable[..., None]
-    """Fills the values, one per channel; a static method so that numba can compile it.
-
-    Its arguments are a subset of ``SENSOR_ARGUMENTS``.
-    """
+    """Fills one value per channel, given a subset of ``SENSOR_ARGUMENTS``; a static method."""
 
     @abstractmethod
     def start(self) -> Started:
@@ -170,10 +158,10 @@ class SignalSensor(Sensor):
 
 
 class ContactSensor(SignalSensor):
-    """A type of sensor that detects contacts of the robot in a zone near its mount.
+    """A type of sensor that detects contacts of the robot in a zone near its mount, at any height.
 
     In top view, the zone begins ``depth_m`` behind the mount, extends forward without limit, and is
-    ``width_m`` wide. It includes all heights.
+    ``width_m`` wide.
     """
 
     measures = CONTACT

@@ -1,8 +1,4 @@
-"""The signals that simulators provide to sensors that cast no rays.
-
-Signals do not depend on when they are read, so each sensor can compute its readings at its own
-period. ``SIGNAL_SIZES`` gives the number of values in each signal.
-"""
+"""The signals that simulators provide to sensors that cast no rays (see ``SIGNAL_SIZES``)."""
 
 # MOTION: the motion of the mounted sensor's frame
 POSITION, ORIENTATION, VELOCITY, TURNING, GRAVITY = 0, 3, 7, 10, 13
@@ -17,8 +13,7 @@ gravity [m/s2], which points down.
 DISTANCE, TURN = 0, 1
 """Indices of the values in WHEELS, both computed as if the wheels did not slip.
 
-Distance [m] covered by the midpoint of the unsteered axle, and rotation [rad, left positive] of the
-robot.
+Distance [m] of the unsteered axle's midpoint, and rotation [rad, left positive] of the robot.
 """
 
 # CONTACT: contacts of the robot in the zone of a ``ContactSensor``

@@ -20,10 +20,8 @@ from evoros.sensor.protocol import BEAM, BOX, RangeSensor, find_field, spread_be
 class Sonar(RangeSensor):
     """A range sensor with a square beam, sampled by a square grid of rays.
 
-    Objects between the rays are missed; preflight warns about narrow obstacles. Whole cones would
-    be cheaper in the planar simulator, but engines can only cast rays.
-
-    The defaults, with ``conf/sensor/sonar.yaml``, match the sonar of the 2018 paper (Evo-ROS).
+    Objects between the rays are missed; preflight warns about narrow obstacles. Engines cannot cast
+    whole cones. The defaults, with ``conf/sensor/sonar.yaml``, match the 2018 paper (Evo-ROS).
     """
 
     range_min_m: Annotated[float, NOT_NEGATIVE] = 0.06
@@ -44,8 +42,7 @@ class Sonar(RangeSensor):
         """Return unit vectors (rays, 3) in the sensor's frame, x forward and z up.
 
         Each vector is ``(cos a cos b, sin a cos b, sin b)`` for azimuth a (left positive) and
-        elevation b, both evenly spaced over the beam, including its edges. A single ray points
-        forward.
+        elevation b, both evenly spaced over the beam, including its edges.
         """
         spaces = max(self.rays_per_axis - 1, 1)
         angles = spread_bearings(self.rays_per_axis, self.fov_deg, spaces)
@@ -53,10 +50,6 @@ class Sonar(RangeSensor):
         return np.column_stack((cos_all(a) * cos_all(b), sin_all(a) * cos_all(b), sin_all(b)))
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>``; ``name`` is its name and topic.
-
-        Gazebo publishes all rays, and evoros takes their minimum. Of the filters, Gazebo simulates
-        only Gaussian noise.
-        """
+        """Return the SDF ``<sensor>``, which publishes all rays, with only Gaussian noise."""
         fan = Fan(self.rays_per_axis, *find_field(self))
         return gazebo_rays(name, self, fan, fan, self.filters.values())

@@ -17,7 +17,6 @@ an actor, the time [s] before each round, and 1 if there are several rounds.
 WALKER_SIZE = 15
 ABSENT, WALKING, ACTING = range(3)
 """Kinds of walkers: absent from this mission, moved by forces, or following a script."""
-
 VELOCITY_X, VELOCITY_Y, NEXT_X, NEXT_Y, GOAL, BACKWARDS, BLOCKED, CLOCK, WAITED, TOUCHED = range(10)
 """Columns of a walker's motion.
 

@@ -21,11 +21,9 @@ from evoros.world.course import Course
 _LOG = logging.getLogger(__name__)
 
 GROUND = Body("ground", Pose(), (Shape("plane", (0.0, 0.0, 1.0)),))
-
 MAT_M = 0.015  # maximum height of a level top, such as a mat's, that belongs to the floor
 STAGE_M = 1.0  # maximum height of a level top that becomes the floor if it carries the course
 STEP_M = 0.1  # spacing [m] of sample points along a course, which tell a floor from posts
-
 _LEVEL = 1e-6
 _STEEP = 0.5  # vertical part of a plane's normal below which it is no ground
 

@@ -31,7 +31,6 @@ from evoros.world.floors import ground_height, has_level_ground, raise_body
 from evoros.world.model import KEPT_WORLDS, World
 
 GAP_M = 0.002  # maximum gap [m] below a movable body that counts as standing
-
 _INNER = 0.99  # fraction of a footprint that must be above another body for that body to carry it
 
 

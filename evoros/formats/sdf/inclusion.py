@@ -77,7 +77,6 @@ _BASICS = {
     "sun": "<light name='sun'/>",
 }
 """Gazebo's basic models, for machines without Gazebo."""
-
 _NEWEST = 12
 
 

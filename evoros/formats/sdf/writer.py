@@ -23,7 +23,6 @@ from evoros.geometry.shapes import Body, Pose, Shape
 _WHITE = 65535  # maximum level of 16 bits
 _PART = "part_{}"  # name of a polyhedron in the OBJ file, by its number from 1
 _GRAVITY_MPS2 = 9.81  # gravity of a file that states none
-
 _FRAME = """<?xml version="1.0"?>
 {comment}<sdf version="1.9">
   <world name={name}>

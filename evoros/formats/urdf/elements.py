@@ -174,7 +174,6 @@ def _read_inertia(link: Element, pose: Pose) -> tuple[float, Array, Array]:
 
 DENSITY_KG_M3 = 500.0
 """Density assumed for parts without a mass: between foam and plastic, typical of hollow parts."""
-
 _MIN_GYRATION_M = 1e-4
 _DEFAULT_GYRATION_M = 0.02  # default for a link without shapes
 _NAMED = 6  # maximum number of links named in a message

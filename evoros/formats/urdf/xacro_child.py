@@ -29,7 +29,6 @@ LEGACY_TAGS = {
     "unless": ("value",),
 }
 """Tags of xacro, with attributes that distinguish them from equally named tags of, say, SDF."""
-
 _DEFINITIONS = ("xacro:property", "xacro:macro", "xacro:include")
 _URDF = (
     *("robot", "link", "joint", "material", "origin", "parent", "child", "axis", "limit", "mimic"),

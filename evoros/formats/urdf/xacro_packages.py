@@ -9,7 +9,6 @@ from typing import Any, BinaryIO
 from evoros.formats.urdf.packages import PackageIndex, find_in_any_case, locate
 
 IGNORED = "/ignored-package"  # folder that $(find) returns for an ignored or missing package
-
 _FIND = re.compile(r"\$\(find(?:-pkg-share)? +([^)$\s]+)\)")
 _WILDCARD = re.compile(r"[*?[]")
 
