@@ -130,18 +130,13 @@ def refuse_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
     if joints:
         pairs = pair_up([wheel for wheel in wheels if wheel.steering is None])
         kind = _choose_kind(pairs)
-        rolled = _name_wheels([read_wheel(urdf, joint.name) for joint in joints] + [*wheels])
-        fixes = ["correct the <axis>", HOLD_STRAIGHT.format(kind) if kind else "", rolled]
-        raise misaligned_error(urdf, joints, ", or ".join(filter(None, fixes)))
-
-
-def _name_wheels(wheels: Sequence[Candidate]) -> str:
-    sides = zip(*pair_up(wheels), strict=True)
-    words = [
-        f"'robot.drive.{side}_wheel_joints=[{','.join(wheel.joint.name for wheel in named)}]'"
-        for side, named in zip(("left", "right"), sides, strict=False)
-    ]
-    return f"let them roll about the lateral axis (y) with {' '.join(words)}" if words else ""
+        fixes = ["correct the <axis>", *([HOLD_STRAIGHT.format(kind)] if kind else [])]
+        rolling = pair_up([*(read_wheel(urdf, joint.name) for joint in joints), *wheels])
+        if rolling:
+            left, right = (",".join(w.joint.name for w in s) for s in zip(*rolling, strict=True))
+            keys = f"'robot.drive.left_wheel_joints=[{left}]' 'robot.drive.right_wheel_joints="
+            fixes.append(f"let them roll about the lateral axis (y) with {keys}[{right}]'")
+        raise misaligned_error(urdf, joints, ", or ".join(fixes))
 
 
 def misaligned_error(urdf: Urdf, joints: Sequence[Joint], fix: str) -> InputError:

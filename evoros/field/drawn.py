@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from abc import ABC, abstractmethod
 from dataclasses import Field, fields, replace
 from functools import lru_cache
 from typing import Any, ClassVar, Protocol
@@ -25,25 +26,25 @@ class Noted(Protocol):
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
 
-class Distribution(Noted, Protocol):
-    """A distribution of worlds, each read back from its SDF."""
+class Distribution(ABC):
+    """A distribution of worlds, each read back from its SDF; see ``Noted``."""
 
+    kind: ClassVar[str]
     world_name: ClassVar[str]
+    course: Course
+    seed: int
 
-    @property
-    def course(self) -> Course:
-        """The course of all drawn worlds."""
-
-    @property
-    def seed(self) -> int:
-        """The seed of the draws."""
-
+    @abstractmethod
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
         """Draw the ground and all obstacles for a key of random draws."""
 
+    def draw_world(self, draws: str) -> World:
+        """Draw the world for a key of random draws; recent worlds are cached."""
+        return _draw_world(self, draws)
+
 
 @lru_cache(maxsize=KEPT_WORLDS)
-def draw_world(distribution: Distribution, draws: str) -> World:
+def _draw_world(distribution: Any, draws: str) -> World:
     """Draw a world and read it back from its SDF, so that world and file match exactly."""
     note = note_draws(distribution, draws)
     name, source = distribution.world_name, f"generated {distribution.kind} {distribution.seed}"

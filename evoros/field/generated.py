@@ -9,7 +9,7 @@ import numpy as np
 from evoros.base import checks
 from evoros.base.arrays import Array
 from evoros.base.rng import generator
-from evoros.field.drawn import draw_example, draw_world
+from evoros.field.drawn import Distribution, draw_example
 from evoros.field.obstacles import (
     KINDS,
     MARGIN_M,
@@ -38,7 +38,7 @@ MAX_COUNT = 100_000  # maximum number of obstacles in a field; more take hours t
 
 @dataclass(frozen=True)
 @checks.checked
-class Field:
+class Field(Distribution):
     """A distribution of fields: kinds and density of the obstacles, and the space between them.
 
     ``seed`` and the key of the random draws determine the bytes of the SDF. Obstacles are placed
@@ -97,10 +97,6 @@ class Field:
     def keep_free(self, courses: Sequence[Course]) -> "Field":
         """Return a field of the same extent that also keeps the routes of other robots free."""
         return replace(self, others=tuple(courses))
-
-    def draw_world(self, draws: str) -> World:
-        """Draw the field for a key of random draws; recent fields are cached."""
-        return draw_world(self, draws)
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
         """Draw the ground, any walls, and the obstacles, for which there must be room."""

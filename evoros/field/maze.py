@@ -11,7 +11,7 @@ from numpy.random import Generator
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, POSITIVE, SEED, checked, invalid, one_of, pick_index
 from evoros.base.rng import generator
-from evoros.field.drawn import draw_example, draw_world
+from evoros.field.drawn import Distribution, draw_example
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.course import A_COURSE, Course
 from evoros.world.floors import GROUND
@@ -31,7 +31,7 @@ Run = tuple[int, int, int]
 
 @dataclass(frozen=True)
 @checked
-class Maze:
+class Maze(Distribution):
     """A distribution of mazes, centred on the course; home and waypoints are centres of cells.
 
     ``seed`` and the key of the random draws determine the bytes of the SDF. A random depth-first
@@ -90,10 +90,6 @@ class Maze:
     def _find_cell(self, point: Array) -> Cell:
         column, row = np.floor((point - self._corner) / self.pitch_m).astype(int).tolist()
         return column, row
-
-    def draw_world(self, draws: str) -> World:
-        """Draw the maze for a key of random draws; recent mazes are cached."""
-        return draw_world(self, draws)
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
         """Draw the ground and the walls."""

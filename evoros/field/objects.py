@@ -12,7 +12,7 @@ from evoros.base import checks, elementary
 from evoros.base.arrays import Array
 from evoros.base.rng import generator
 from evoros.compilation.elementary_arrays import atan2_all
-from evoros.field.drawn import draw_example, draw_world
+from evoros.field.drawn import Distribution, draw_example
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.course import A_COURSE, Course
 from evoros.world.floors import GROUND
@@ -25,7 +25,7 @@ BEHIND_M = 0.1
 
 @dataclass(frozen=True)
 @checks.checked
-class Objects:
+class Objects(Distribution):
     """A distribution of upright cylinders: a narrow one behind each waypoint, and wide decoys.
 
     "Behind" is as seen from home. ``seed`` and the key of the random draws determine the bytes of
@@ -55,10 +55,6 @@ class Objects:
     def __hash__(self) -> int:
         """Hash the numbers only, because an interval may be a list."""
         return hash((self.seed, self.decoys, self.course))
-
-    def draw_world(self, draws: str) -> World:
-        """Draw the objects for a key of random draws; recent worlds are cached."""
-        return draw_world(self, draws)
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
         """Draw the ground and the objects, for which there must be room."""

@@ -105,11 +105,9 @@ def _repair(text: str) -> tuple[str, list[str]]:
 
 def _cut_after_root(text: str) -> str:
     """Return the XML up to the end of its first root element, the only one that Gazebo reads."""
-    root = _ROOT.search(text)
-    if root is None:
-        return text
-    depth = 0
-    for tag in re.finditer(rf"<(/?){re.escape(root[1])}(?=[\s/>])[^<>]*?(/?)>", text):
+    root, depth = _ROOT.search(text), 0
+    name = re.escape(root[1]) if root else "(?!)"
+    for tag in re.finditer(rf"<(/?){name}(?=[\s/>])[^<>]*?(/?)>", text):
         depth += 0 if tag[2] else -1 if tag[1] else 1
         if depth == 0:
             rest = text[tag.end() :]

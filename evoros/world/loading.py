@@ -57,9 +57,7 @@ def free_bodies(bodies: Sequence[Body], source: str) -> tuple[Body, ...]:
 def _find_pairs(bodies: Sequence[Body], solids: Solids) -> _Pairs:
     pairs: _Pairs = {}
     for shape, i in enumerate(solids.body.tolist()):
-        if bodies[i].mass is None:
-            continue
-        for other in solids.list_near(shape, axes=3):
+        for other in solids.list_near(shape, axes=3) if bodies[i].mass is not None else ():
             j = int(solids.body[other])
             if bodies[j].mass is not None and j < i:
                 continue

@@ -5,7 +5,7 @@ import re
 from lxml.etree import _Element as Element
 
 from evoros.formats.notes import Notes, note_degrees
-from evoros.formats.strict_xml import element_error, local_tag
+from evoros.formats.strict_xml import element_error, local_tag, parse_number
 
 # Only <gravity> of <physics> is used; the rest configures Gazebo's solver.
 _USED = {
@@ -134,13 +134,6 @@ def _has_effect(element: Element) -> bool:
     words = " ".join(str(text) for text in element.itertext()).split()
     if element.tag == "mu2":
         parent = element.getparent()
-        mu = (None if parent is None else parent.findtext("mu")) or "1"
-        return words != mu.split() and _to_numbers(words) != _to_numbers(mu.split())
+        mu = ((None if parent is None else parent.findtext("mu")) or "1").split()
+        return words != mu and [*map(parse_number, words)] != [*map(parse_number, mu)]
     return any(word != "false" and not re.fullmatch(r"[+-]?(0x)?0*\.?0*", word) for word in words)
-
-
-def _to_numbers(words: list[str]) -> list[float]:
-    try:
-        return [float(word) for word in words]
-    except ValueError:
-        return []

@@ -197,8 +197,7 @@ def simplify(shape: Shape) -> Shape:
 
 def _is_empty(solid: Element) -> bool:
     """Return True if a length of a solid is 0, which people use for parts without collisions."""
-    lengths = [solid.get(name) for name in ("radius", "length")]
-    words = " ".join([solid.get("size", ""), *(length or "" for length in lengths)]).split()
+    words = " ".join(solid.get(name, "") for name in ("size", "radius", "length")).split()
     return any(parse_number(word) == 0.0 for word in words)
 
 
@@ -217,8 +216,7 @@ def _ellipsoid(radii: list[float]) -> tuple[Vector, ...]:
 
 def find_turning(robot: Element) -> set[str]:
     """Return the links that turn endlessly about their joint, as wheels do."""
-    ends = robot.iterfind("joint[@type='continuous']/child")
-    return {str(child.get("link")) for child in ends}
+    return {str(child.get("link")) for child in robot.iterfind("joint[@type='continuous']/child")}
 
 
 def _match_inertia(link: Element, turns: bool) -> Shape | None:
