@@ -89,8 +89,8 @@ def group_genes(genes: Mapping[str, Gene]) -> dict[str, list[str]]:
 def replace_values(part: Part, values: Mapping[str, float], at: str = "") -> Part:
     """Return a copy of ``part`` with the number at each dotted path replaced.
 
-    A path leads through dataclass fields, mapping keys and list positions. Each dataclass on it is
-    rebuilt once, and so validated again. ``at`` is the path of ``part``, for messages.
+    A path leads through dataclass fields, mapping keys and list positions; each dataclass on it is
+    validated again. ``at`` is the path of ``part``, for messages.
     """
     by_child: dict[str, dict[str, float]] = {}
     for path, value in values.items():

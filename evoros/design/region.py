@@ -99,10 +99,7 @@ def find_free_places(
     sensors: Sequence[Sensor],
     mirrored: bool,
 ) -> FreePlaces | None:
-    """Find the cells where the robot blocks none of ``sensors`` and none of their mirror images.
-
-    The result is None if no cell is excluded, because all cells are free or none is.
-    """
+    """Find the cells where the robot blocks no sensor or mirror image; None if all or none."""
     types = [sensor for sensor in sensors if sees(sensor)]
     axes = {name: ranges[name] for name in CELLS if np.ptp(ranges.get(name, (0.0, 0.0))) > 0.0}
     if not types or not axes or not robot.occluders.shapes:

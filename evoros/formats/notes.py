@@ -74,13 +74,6 @@ def note_degrees(root: Element, notes: Notes) -> None:
             notes.add(element, f"{turn}; if these are degrees, convert them to radians", "degrees")
 
 
-def tell_degrees(root: Element, log: logging.Logger) -> None:
-    """Log the notes of ``note_degrees``."""
-    notes = Notes(log)
-    note_degrees(root, notes)
-    notes.report()
-
-
 def _list_angles(element: Element) -> list[str]:
     """Return an element's words for roll, pitch and yaw [rad]; empty if these are in degrees."""
     if element.tag == "origin":

@@ -29,8 +29,8 @@ LAST_X, LAST_Y, LAST_TOUCH, ALONG = range(4)
 WAY_SIZE = 4
 """Size of the memory of ``add_driven``.
 
-The memory holds the robot's last position [m], 1 if the robot touched an obstacle there (else 0),
-and the signed distance [m] along the heading that it has since driven in contact, not yet counted.
+It holds the last position [m], 1 if the robot touched an obstacle there (else 0), and the signed
+distance [m] along the heading that it has since driven in contact, not yet counted.
 """
 SHAKE_M = 0.01
 """Upper bound [m] on a robot's jitter at a wall; within 10 s, MuJoCo moves it by up to 5 mm."""

@@ -109,8 +109,7 @@ _LARGE_M = 5.0  # extent from which a mesh counts as a building or a landscape
 _MOST_FACES = 2000  # maximum number of faces of a solid that is cut; a finer one is coarsened
 _FULL = 0.9  # fraction of its hull that a solid must fill to be replaced by the hull
 _READ, _MERGE, _HULL, _PART = 4, 10, 400, 400
-"""Work, in faces examined by cuts (about 5 us each), on a face that is read, on a face that is
-merged with others in its plane, on the hull of a surface, and on a part that simulators use."""
+"""Work on a face that is read or merged, on a surface's hull, and on a part that simulators use."""
 
 
 @dataclass(frozen=True, eq=False)

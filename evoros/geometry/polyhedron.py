@@ -67,10 +67,7 @@ def box_corners(box: Shape) -> Array:
 
 
 def clip_polyhedron(corners: Array, edges: NDArray[np.intp], low: float, high: float) -> Array:
-    """Return points (n, 3) that span the part of a convex polyhedron between two heights [m].
-
-    ``corners`` (k, 3) [m] are in a frame with a vertical z axis.
-    """
+    """Return points (n, 3) that span the part of a convex polyhedron between two heights z [m]."""
     kept = [corners[(corners[:, 2] >= low) & (corners[:, 2] <= high)]]
     first, second = corners[edges[:, 0]], corners[edges[:, 1]]
     for height in (low, high):

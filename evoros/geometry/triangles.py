@@ -116,10 +116,7 @@ def list_edges(faces: Indices) -> Indices:
 
 
 def orient(surface: Surface) -> Surface:
-    """Flip the faces of a connected surface so that neighbours agree on which side is outside.
-
-    An edge shared by more than two faces connects none of them.
-    """
+    """Flip faces of a connected surface so that neighbours agree on which side is outside."""
     faces, count = surface.faces, len(surface.faces)
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     numbers = _number_edges(ends, len(surface.points))

@@ -20,7 +20,7 @@ from evoros.drive.candidates import CASTER, TURNING
 from evoros.drive.protocol import DriveDescription
 from evoros.drive.rolling import Wheel, shape_points
 from evoros.formats.missing import MISSING
-from evoros.formats.notes import tell_degrees
+from evoros.formats.notes import Notes, note_degrees
 from evoros.formats.urdf import expansion
 from evoros.formats.urdf.elements import correct_inertias, give_mass, require_limit
 from evoros.formats.urdf.solids import SolidsReader, read_visual_solids
@@ -34,7 +34,7 @@ from evoros.robot.model import Robot
 from evoros.robot.mounting import MountDefaults, fit_mount
 from evoros.robot.wheel_adaptation import (
     MOTOR_VELOCITY,
-    Notes,
+    Assumptions,
     adapt_steering,
     adapt_wheel,
     find_joint,
@@ -60,7 +60,9 @@ class AdaptedRobot:
 
 def adapt(description: Element, source: str, drive: DriveDescription, missing: str) -> AdaptedRobot:
     """Return a copy of a ``<robot>`` element, rewritten for a drive."""
-    tell_degrees(description, _LOG)
+    degrees = Notes(_LOG)
+    note_degrees(description, degrees)
+    degrees.report()
     elements, reader = deepcopy(description), SolidsReader(missing)
     reader.rewrite_collisions(elements)
     notes = body_adaptation.show_as_collisions(elements, read_tree(elements, source), reader)
@@ -99,7 +101,7 @@ def _adapt_drive(
     elements: Element, urdf: Urdf, drive: DriveDescription
 ) -> tuple[DriveDescription, list[Wheel], list[str]]:
     """Choose the drive and adapt its joints and wheels; return the wheels in the root's frame."""
-    automatic, notes = isinstance(drive, AutomaticDescription), Notes(list)
+    automatic, notes = isinstance(drive, AutomaticDescription), Assumptions(list)
     chosen = drive.choose(urdf) if isinstance(drive, AutomaticDescription) else drive
     named = isinstance(drive, AutomaticDescription) and bool(drive.left_wheel_joints)
     stop = max(float(getattr(chosen, "steering_limit_rad", 0.0)), STEERING_STOP_RAD)

@@ -199,10 +199,7 @@ class Robot:
         return poses
 
     def channel_yaws(self) -> list[float]:
-        """Return the yaw [rad] of each reading, left positive; NaN for sensors without rays.
-
-        If a sensor has several channels, each yaw is the mean direction of the channel's rays.
-        """
+        """Return each reading's yaw [rad], the mean of its rays; NaN for sensors without rays."""
         yaws: list[float] = []
         parts = zip(self.mounted_sensors(), self.sensor_poses, self.sensor_frames, strict=True)
         for sensor, pose, frame in parts:

@@ -45,10 +45,7 @@ def report_second_reading(robots: Iterable[Robot]) -> None:
 
 
 def read_again(robot: Robot) -> tuple[bool, str]:
-    """Compare all link positions with yourdfpy; return False if they differ, and a sentence.
-
-    A description that yourdfpy cannot read counts as equal.
-    """
+    """Compare link positions with yourdfpy, if it can read them; return if equal, and text."""
     try:
         read = _load(robot)
     except Exception as error:  # any error of another package's reader

@@ -1,7 +1,6 @@
 """Intersections of a robot's sensor rays with the robot itself.
 
-The body may surround part of a sensor's housing. A ray does not see the body inside the housing,
-but ends where it would pass from the housing into the body.
+The body may surround part of a sensor's housing, but blocks only rays that leave the housing.
 """
 
 import math

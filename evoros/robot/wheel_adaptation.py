@@ -22,13 +22,13 @@ _SAME = 1.0 - 1e-6  # minimum cosine of the angle between axes that count as equ
 MOTOR_VELOCITY = 100.0  # [rad/s], upper bound on a joint's velocity limit
 
 
-Notes = defaultdict[str, list[str]]
+Assumptions = defaultdict[str, list[str]]
 """The names of the joints and links to which each assumption applies, by what is assumed."""
 _REVERSED = "joint axes that point right or down are reversed"
 
 
 def adapt_wheel(
-    elements: Element, urdf: Urdf, name: str, fixed: bool, named: bool, notes: Notes
+    elements: Element, urdf: Urdf, name: str, fixed: bool, named: bool, notes: Assumptions
 ) -> Wheel:
     """Point a joint's axis left and make its wheel a single cylinder; return the wheel.
 
@@ -62,7 +62,7 @@ def adapt_wheel(
     return wheel._replace(centre=centre)
 
 
-def _point_left(urdf: Urdf, joint: Joint, named: bool, notes: Notes) -> Array:
+def _point_left(urdf: Urdf, joint: Joint, named: bool, notes: Assumptions) -> Array:
     """Return the axis (3,) in the link's frame that points to the robot's left."""
     rotation = urdf.poses[joint.child].rotation
     left: Array = rotation.T[:, LEFT]
@@ -79,7 +79,7 @@ def _point_left(urdf: Urdf, joint: Joint, named: bool, notes: Notes) -> Array:
     return left
 
 
-def _tell_straightened(joint: Joint, along: float, notes: Notes) -> None:
+def _tell_straightened(joint: Joint, along: float, notes: Assumptions) -> None:
     if abs(along) < 1.0 - 4e-5:  # half a degree
         angle = math.degrees(elementary.acos(abs(along)))
         text = "skewed axes of wheels and steering joints are straightened"
@@ -109,7 +109,7 @@ def _reshape(elements: Element, urdf: Urdf, joint: Joint, wheel: Wheel, axis: Ar
 
 
 def adapt_steering(
-    elements: Element, urdf: Urdf, name: str, fixed: bool, stop: float, notes: Notes
+    elements: Element, urdf: Urdf, name: str, fixed: bool, stop: float, notes: Assumptions
 ) -> None:
     """Make positive angles of a joint steer left, by at most ``stop`` [rad] if it has no limits."""
     joint = urdf.find_joint(name, *TURNING, *(("fixed",) if fixed else ()))

@@ -1,7 +1,4 @@
-"""The rule that moves walkers, identical in all simulators and whether or not compiled.
-
-A walker slides along an object that it overlaps, and never moves deeper into the object.
-"""
+"""The rule that moves walkers, which slide along objects, identical in all simulators."""
 
 import math
 

@@ -134,10 +134,7 @@ def _level_top(shape: Shape, pose: Pose) -> tuple[float, footprint.Footprint] | 
 
 
 def settle(bodies: Sequence[Body], course: Course, source: str) -> tuple[Body, ...]:
-    """Mark the floors among bodies, and shift all bodies so that the floor at home is at z = 0.
-
-    Level ground is added if there is none below home or a waypoint.
-    """
+    """Mark floors, shift bodies so that the one at home is at z = 0, and add missing ground."""
     points = [(course.home_x_m, course.home_y_m), *course.waypoints]
     tops = [
         _Top(i, j, *top)

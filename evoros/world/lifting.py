@@ -85,7 +85,7 @@ class _Field:
         self._into, self._base = pose.inverse(), pose.position[2]
 
     def depth(self, solid: Solid) -> float:
-        """Return the lift [m] that brings a solid's corners and its underside above the field."""
+        """Return the lift [m] that brings all points of a solid above the field."""
         points = solid.points
         if solid.shape.kind not in ("box", "convex"):  # add samples of a round underside
             points = np.concatenate([points, *(solid.farthest(d)[None] for d in _directions())])

@@ -28,10 +28,7 @@ from evoros.terminal.activity import announce
 _MINUTE = 1.2e7
 """Work on meshes (see ``divide_mesh``) that takes about a minute; the same on every machine."""
 REACH_M = 30.0
-"""Distance from the course beyond which meshes keep coarse parts; the bundled sensors' range.
-
-The limit does not apply if ``mesh_effort`` exceeds 1.
-"""
+"""Distance from the course beyond which meshes keep coarse parts, times ``mesh_effort`` above 1."""
 HIGH_M = 0.6  # height above which few robots reach or look
 
 
@@ -249,10 +246,7 @@ def divide_meshes(
 def _measure_place(
     corners: Array, pose: Pose, points: Array, reach: float
 ) -> tuple[bool, bool, float, float]:
-    """Return whether a mesh is out of reach [m], whether it is high, its distance, and its bottom.
-
-    The corners are at ``pose``; the distance [m] is measured from points (n, 2).
-    """
+    """Return a mesh's key for sorting: is it out of reach, is it high, distance and bottom [m]."""
     corners = placed_corners(corners, pose.rotation, pose.position)
     low, high = corners.min(axis=0), corners.max(axis=0)
     gaps = np.maximum(np.maximum(low[:2] - points, points - high[:2]), 0.0)

@@ -227,8 +227,7 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
 def _read_fan(fan: Element) -> tuple[int, float, float, tuple[str, ...]]:
     """Return the number of ranges, edges [rad] and notes of a ``<horizontal>`` or ``<vertical>``.
 
-    Gazebo interpolates rays to ``<samples>`` times ``<resolution>`` ranges, rounded down
-    (``RaySensor.cc``, ``Lidar.cc`` of gz-sensors).
+    Gazebo interpolates rays to ``<samples>`` times ``<resolution>`` ranges, rounded down.
     """
     samples = max(1, round(xml.read_positive(xml.require_child(fan, "samples"), 1)[0]))
     resolution = xml.find_child(fan, "resolution")
