@@ -23,7 +23,7 @@ from evoros.simulator.pybullet import IDLE
 # Processes that tests start keep the bytecode of evoros, which costs each of them half a second.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # A first example may build an experiment, and no property is a time.
-settings.register_profile("evoros", deadline=None)
+settings.register_profile("evoros", deadline=None, max_examples=50)
 settings.load_profile("evoros")
 
 

@@ -17,7 +17,6 @@ import pytest
 import yaml
 from helpers import reseal, scored, texts, tiny
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
@@ -119,19 +118,6 @@ def test_runs_by_different_versions_are_told(
     warned = [line for line in caplog.messages if "different versions" in line]
     assert len(warned) == bool(told)
     assert all("silent_seed-1" in line and told in line for line in warned)
-
-
-@pytest.mark.slow
-def test_moved_renamed_and_reordered_folders_give_the_same(study: Path, copied: Path) -> None:
-    (copied / "runs").rename(copied / "moved")
-    (copied / "silent").rename(copied / "again")
-    numbers = ["recorded", "validated", "in_run", "fresh", "fresh_sd"]
-    assert table(copied)[numbers].equals(table(study)[numbers])
-    names = [f"stuck_seed-{seed}" for seed in (2, 1)] + [f"silent_seed-{seed}" for seed in (2, 1)]
-    shutil.rmtree(copied / "again")
-    sources = ",".join(str(study / "runs" / name) for name in names)
-    scored(copied / "other", f"[{sources}]", "trials=3")
-    assert table(copied)[numbers].equals(table(study)[numbers])
 
 
 @pytest.mark.slow
@@ -308,17 +294,6 @@ def test_no_finished_run_is_one_clear_line(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.slow
-def test_the_command_writes_the_same_files_each_time(study: Path, tmp_path: Path) -> None:
-    for place in ("one", "two"):
-        output = ["--output", str(tmp_path / place)]
-        assert evoros_analyze(["compare", str(study), *output]) == DONE
-    names = {"compare.pdf", "compare.csv", "compare_runs.csv"}
-    assert {path.name for path in (tmp_path / "one").iterdir()} == names
-    for name in names:
-        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
-
-
 # What is compared ----------------------------------------------------------------------------
 
 FIVE = {"low": [1.0, 2.0, 3.0, 4.0, 5.0], "high": [6.0, 7.0, 8.0, 9.0, 10.0], "mid": [4.5] * 5}
@@ -454,23 +429,6 @@ LONG = {
     "random, population_size=100, mirrored=false": FIVE["high"],
     "spatial": FIVE["mid"],
 }
-
-
-@pytest.mark.parametrize("width", [3.5, 7.0])
-@pytest.mark.parametrize("values", [FIVE, LONG])
-def test_no_text_overlaps_another_or_leaves_the_page(
-    values: dict[str, list[float]], width: float
-) -> None:
-    figure = drawn(runs_of(values, 0.5), width)
-    FigureCanvasAgg(figure).draw()  # type: ignore[no-untyped-call]
-    page = figure.bbox
-    boxes = [text.get_window_extent() for text in texts(figure) if text.get_visible()]
-    for box in boxes:
-        assert page.x0 <= box.x0 <= box.x1 <= page.x1
-        assert page.y0 <= box.y0 <= box.y1 <= page.y1
-    for one, other in combinations(boxes, 2):
-        assert not one.padded(-1).overlaps(other.padded(-1))
-    assert min(float(text.get_fontsize()) for text in texts(figure)) >= 6.5
 
 
 def test_long_names_get_letters_and_too_few_a_mark() -> None:

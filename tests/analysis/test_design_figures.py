@@ -399,29 +399,6 @@ def test_round_parts_are_round_and_all_are_where_they_are() -> None:
 # All of them, as the command makes them.
 
 
-MADE = ("overlay", "panel", "regions")
-
-
-@pytest.mark.parametrize("name", MADE)
-def test_the_command_writes_the_same_bytes_twice(name: str, tmp_path: Path) -> None:
-    for seed in (0, 1):
-        folder(tmp_path / "none" / f"seed-{seed}", seed=seed, mounts=TWO)
-    files = []
-    for out in (tmp_path / "one", tmp_path / "two"):
-        assert evoros_analyze([name, str(tmp_path / "none"), "--output", str(out)]) == DONE
-        files.append({file.name: file.read_bytes() for file in out.iterdir()})
-    assert files[0] == files[1]
-    assert set(files[0]) >= {f"{name}.pdf", f"{name}.csv"}
-
-
-@pytest.mark.parametrize("name", MADE)
-@pytest.mark.parametrize("columns", [1, 2])
-def test_a_figure_is_as_wide_as_its_columns(name: str, columns: int, tmp_path: Path) -> None:
-    made = product(name, folder(tmp_path / "none" / "run", mounts=TWO), columns=columns)
-    assert made.figure is not None
-    assert made.figure.get_figwidth() == 3.5 * columns
-
-
 def test_a_robot_without_sensors_is_drawn(tmp_path: Path) -> None:
     bald = folder(tmp_path / "run")
     out = str(tmp_path / "out")

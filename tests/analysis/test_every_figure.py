@@ -1,4 +1,4 @@
-"""Rules for any figure of evoros analyze, in one column and two, and in a journal's style."""
+"""Rules for any figure of evoros analyze, in one column, also in a journal's style."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -33,12 +33,7 @@ NEEDS = {
 LARGE = {"power": [f"--difference={difference}" for difference in (2, 3, 4)]}
 """Differences that few replicates detect, whose power is soon computed."""
 JOURNAL = "font.size: 7\nfont.family: serif\nfigure.figsize: 3.4, 2.5\naxes.linewidth: 0.5\n"
-LOOKS = {
-    "page": (["--columns", "2"], ""),
-    "column": (["--columns", "1"], ""),
-    "journal": (["--columns", "1"], JOURNAL),
-}
-SLOW = [name if name == "column" else pytest.param(name, marks=pytest.mark.slow) for name in LOOKS]
+LOOKS = {"column": "", "journal": JOURNAL}
 
 
 @pytest.fixture(scope="module")
@@ -63,12 +58,12 @@ def studies(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Study]:
     return {name: load_study([top / name]) for name in ("study", "pair", "versions", "many")}
 
 
-@pytest.fixture(params=SLOW)
+@pytest.fixture(params=["column", pytest.param("journal", marks=pytest.mark.slow)])
 def look(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[list[str]]:
-    options, style = LOOKS[request.param]
+    style = LOOKS[request.param]
     (tmp_path / "journal.mplstyle").write_text(style)
     with choose_style(str(tmp_path / "journal.mplstyle") if style else None):
-        yield options
+        yield ["--columns", "1"]
 
 
 def draw(studies: dict[str, Study], name: str, options: list[str]) -> Figure:

@@ -78,11 +78,6 @@ def test_generations_are_whole_and_named_in_the_axes(table: pd.DataFrame, label:
     assert all(float(tick).is_integer() for tick in axes.get_xticks())
 
 
-@pytest.mark.parametrize("width", [3.5, 7.0])
-def test_the_figure_is_as_wide_as_asked(width: float) -> None:
-    assert draw_fitness(TABLE, width).get_figwidth() == width
-
-
 @pytest.mark.parametrize("kind", ["svg", "pdf", "png"])
 def test_the_same_table_gives_the_same_bytes(kind: str) -> None:
     first = saved(TABLE, kind)

@@ -170,13 +170,6 @@ def single(sweep: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
     return page_of(sweep / "spatial", into=tmp_path_factory.mktemp("single"))
 
 
-@pytest.mark.slow
-def test_the_same_folder_gives_the_same_bytes_wherever_it_is_written(
-    sweep: Path, single: str, tmp_path: Path
-) -> None:
-    assert page_of(sweep / "spatial", into=tmp_path) == single
-
-
 def test_what_does_not_apply_is_a_folded_line_of_why(report: Path) -> None:
     page = report.read_text()
     assert "<h3>Bag</h3>" not in page  # an export, which is no figure

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow  # test_report_pages.py has another page's archive
 SEARCH = (
     "optimizer=map_elites",
     "optimizer.population_size=6",
-    "optimizer.generations=2",
+    "optimizer.generations=1",
     "optimizer.validation_trials=0",
     "~optimizer.mutation_probability",
     "+measure@objectives.fitness=fitness",
@@ -96,13 +96,12 @@ def rendered(run: Path, max_bytes: float) -> str:
 
 
 def test_what_cannot_be_played_is_told(run: Path, tmp_path: Path) -> None:
-    whole, none = rendered(run, 1e9), rendered(run, 0.0)
-    assert "see --designs" not in whole
+    none = rendered(run, 0.0)
     assert "are left out to limit the page's size; see --designs" in none
     assert "data-player=" not in none
     shutil.copytree(run, bare := tmp_path / "bare")
     shutil.rmtree(bare / "trajectories")
     bare_page = rendered(bare, 1e9)
     assert "the runs kept no trajectories; see record=champions" in bare_page
-    numbers = {text.count('role="radio"') for text in (whole, none, bare_page)}
-    assert len(numbers) == 1
+    assert "see --designs" not in bare_page
+    assert none.count('role="radio"') == bare_page.count('role="radio"') > 0

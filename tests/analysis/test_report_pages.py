@@ -19,8 +19,7 @@ from evoros.terminal.console import DONE
 pytestmark = pytest.mark.slow
 
 LONG = "a_treatment_whose_name_is_longer_than_any_card_of_a_page_on_a_telephone_can_be_wide"
-WIDTHS = (400, 800, 1400)
-SCHEMES = ("light", "dark")
+SCREENS = [(400, "light"), (800, "dark"), (1400, "light")]
 SEARCH = ("optimizer=map_elites", "optimizer.generations=1", "~optimizer.mutation_probability")
 
 OUTSIDE = """
@@ -66,7 +65,7 @@ def browser(study: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[C
         yield browser
 
 
-@pytest.fixture(params=[(width, scheme) for width in WIDTHS for scheme in SCHEMES], ids=str)
+@pytest.fixture(params=SCREENS, ids=str)
 def page(browser: Chrome, request: pytest.FixtureRequest) -> Chrome:
     """The page on a screen of a width, light or dark, once it is laid out."""
     width, scheme = request.param

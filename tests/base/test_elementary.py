@@ -75,7 +75,7 @@ def bits(value: float) -> bytes:
 
 
 @pytest.mark.parametrize("name", ONE)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30)
 @given(x=near | finite)
 def test_a_function_of_one_number_has_the_stated_error(name: str, x: float) -> None:
     limit = LIMITS.get(name, math.inf)
@@ -95,7 +95,7 @@ def test_an_angle_near_a_quarter_turn_has_the_stated_error(name: str, x: float) 
         assert error_ulp(name, angle) < STATED_ULP[name]
 
 
-@settings(max_examples=70, deadline=None)
+@settings(max_examples=30)
 @given(quarters=st.integers(-(10**7), 10**7), offset=st.floats(-1e-6, 1e-6))
 def test_angles_beside_any_quarter_turn_have_the_stated_error(quarters: int, offset: float) -> None:
     angle = quarters * (math.pi / 2.0) + offset
@@ -109,7 +109,7 @@ magnitudes = st.floats(1e-200, 1e200).flatmap(lambda x: st.sampled_from([x, -x])
 )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40)
 @given(y=magnitudes, x=magnitudes)
 def test_functions_of_a_vector_have_the_stated_error(y: float, x: float) -> None:
     assert error_ulp("hypot", y, x) < STATED_ULP["hypot"]
@@ -117,7 +117,7 @@ def test_functions_of_a_vector_have_the_stated_error(y: float, x: float) -> None
         assert error_ulp("atan2", y, x) < STATED_ULP["atan2"]
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40)
 @given(x=st.floats(1e-300, 1e300) | st.floats(0.5, 2.0), y=near | st.floats(-1e4, 1e4))
 def test_a_power_has_the_stated_error(x: float, y: float) -> None:
     if abs(y * math.log(x)) < 700.0:
@@ -125,7 +125,7 @@ def test_a_power_has_the_stated_error(x: float, y: float) -> None:
 
 
 @pytest.mark.parametrize("name", ONE)
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40)
 @given(x=near | anything)
 @example(x=0.0)
 @example(x=-0.0)
@@ -137,7 +137,7 @@ def test_a_function_of_one_number_has_the_same_bits_compiled(name: str, x: float
 
 
 @pytest.mark.parametrize("name", TWO)
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40)
 @given(y=near | anything, x=near | anything)
 def test_a_function_of_two_numbers_has_the_same_bits_compiled(
     name: str, y: float, x: float

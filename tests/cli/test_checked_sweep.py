@@ -101,11 +101,10 @@ SEEDS = "seed=3,12"
 @pytest.mark.parametrize(
     "words",
     [
-        (SEEDS, "trials=1,2"),
         ("trials=1,2", SEEDS, "+treatment.name=mine"),
         (SEEDS, "trials=${seed}"),
         ("failure=none,random", "seed=3,0", "hydra.sweep.subdir=s_${seed}"),
-        ("optimizer.mutation_probability=0.1,0.30000000000000004,0.000001,1",),
+        ("optimizer.mutation_probability=0.30000000000000004,0.000001,1",),
         ("robot.mount.z_m=0.1,0.2", "trials=1,0", "failure=random", "failure.latest_s=60.0"),
     ],
 )

@@ -11,7 +11,7 @@ from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.sensor.multizone import Multizone
 
-unhurried = settings(deadline=None, max_examples=50)
+unhurried = settings(max_examples=25)
 
 
 @cache

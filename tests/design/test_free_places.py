@@ -28,7 +28,7 @@ SIDES = {side: OutlineRegion(side, [-45.0, 45.0]) for side in ("front", "left", 
 BOX = Region([-0.3, 0.3], [0.1, 0.4], [-90.0, 90.0], [0.1, 0.2], 0.0, overhang_m=0.2)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=20)
 @given(st.data())
 def test_no_genome_leads_to_a_place_that_the_robot_hides(data: st.DataObject) -> None:
     """The mule's wheels stand beside its body, where its outline carries sensors."""
@@ -72,7 +72,7 @@ def test_what_is_left_out_is_what_is_hidden() -> None:
     assert sum(sights) > 0.3 * 3 * len(genomes)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=20)
 @given(st.data())
 def test_free_places_keep_their_order_and_fill_the_ends(data: st.DataObject) -> None:
     """Along an axis with all else fixed, the place moves on with its gene, from end to end."""

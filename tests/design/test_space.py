@@ -76,7 +76,7 @@ def assert_valid(space: DesignSpace, genome: Array) -> None:
 def test_every_genome_decodes_to_a_valid_design(name: str) -> None:
     space = SPACES[name]
 
-    @settings(max_examples=50, deadline=None)
+    @settings(max_examples=25)
     @given(genomes(space))
     def holds(genome: Array) -> None:
         assert_valid(space, genome)
@@ -129,7 +129,7 @@ def test_every_gene_can_change_the_design_and_no_other_block(name: str) -> None:
             assert differs or varies_elsewhere(space, gene, base)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40)
 @given(st.deferred(lambda: genomes(SPACES["places"])), st.permutations(range(4)))
 def test_exclusive_regions_carry_one_sensor_each_in_their_order(
     genome: Array, order: list[int]

@@ -1,6 +1,5 @@
 """Several robots in one experiment: their missions, their fitness, their files."""
 
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,7 +7,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from mission_cases import run_interpreted
 
 import evoros
 from evoros.base.errors import EvorosError, InputError
@@ -51,15 +49,6 @@ def test_a_robot_out_of_sight_changes_nothing_for_the_first() -> None:
     assert track[:, : own_track.shape[1]].tobytes() == own_track.tobytes()
     assert track.shape[1] == 2 * own_track.shape[1] - 1
     assert len(outcomes) == 2
-
-
-@pytest.mark.slow
-def test_the_compiled_mission_of_two_is_the_interpreted_one() -> None:
-    experiment = build("failure=combined")
-    whole = run_mission(experiment.scenario, middle_mission(experiment))
-    stepped = run_mission(experiment.scenario, middle_mission(experiment), run_interpreted)
-    assert repr(whole[0]) == repr(stepped[0])
-    assert whole[1].tobytes() == stepped[1].tobytes()
 
 
 @pytest.mark.parametrize("awaited", [True, False])
@@ -253,29 +242,6 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("team") / "run"
     evoros.run(compose([*SHORT, *OWN_DESIGN, *RUN]), folder)
     return folder
-
-
-def read_files(folder: Path) -> dict[str, bytes]:
-    """Return the files that must not depend on how a run was run."""
-    names = ["missions.csv", *(f"{part}/**/*" for part in ("generations", "champion"))]
-    files = [path for name in names for path in sorted(folder.glob(name)) if path.is_file()]
-    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
-
-
-@pytest.mark.slow
-def test_an_interrupted_run_of_a_team_ends_as_an_undisturbed_one(
-    finished: Path, tmp_path: Path
-) -> None:
-    """Its last missions and its champion are gone, as after a kill."""
-    copy = tmp_path / "run"
-    evoros.run(compose([*SHORT, *OWN_DESIGN, *RUN]), copy)
-    whole = (copy / "missions.csv").read_bytes()
-    (copy / "missions.csv").write_bytes(whole[: len(whole) * 2 // 3])
-    for path in [*(copy / "champion").rglob("*"), *(copy / "generations").glob("*1.csv")]:
-        with suppress(IsADirectoryError):
-            path.unlink()
-    evoros.resume(copy)
-    assert read_files(copy) == read_files(finished)
 
 
 def test_a_champion_of_a_team_can_be_read_scored_and_replayed(

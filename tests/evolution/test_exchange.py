@@ -35,7 +35,7 @@ from evoros.robot.model import Robot
 from evoros.testing.allocation import hold_contest
 
 ALLOCATIONS = kinds("allocation")
-SEEDS, DRAWS = 20, 500
+SEEDS, DRAWS = 10, 300
 DEVIATIONS = 4.5  # standard errors that a mean may be off; seeds are fixed
 DESIGNS, GENERATIONS, WORLD = 4, 3, "plains"
 VARIED = {"battery": ["failure.sd_wh=0.5"]}

@@ -185,10 +185,9 @@ def polygon_walls(x: float, y: float, radius: float, sides: int, gap: int = -1) 
     return walls
 
 
-@pytest.mark.parametrize("radius", [0.2, 0.45])
 @pytest.mark.parametrize(
-    ("x", "y", "size", "sides", "gap"),
-    [(0, 0, 2.1, 4, -1), (0, 0, 2.7, 6, -1), (30, -20, 3.0, 6, -1), (0, 3, 3.5, 6, 2)],
+    ("x", "y", "size", "sides", "gap", "radius"),
+    [(0, 0, 2.1, 4, -1, 0.45), (30, -20, 3.0, 6, -1, 0.2), (0, 3, 3.5, 6, 2, 0.45)],
 )
 def test_a_course_lies_inside_the_walls(
     x: float, y: float, size: float, sides: int, gap: int, radius: float

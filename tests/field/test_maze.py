@@ -20,7 +20,7 @@ from evoros.geometry.footprint import distances
 from evoros.geometry.free_space import CELL_M, FreeSpace, find_connected
 from evoros.world.course import Course
 
-unhurried = settings(deadline=None, max_examples=25)
+unhurried = settings(max_examples=15)
 WALL_M = 0.2
 
 

@@ -25,7 +25,7 @@ from evoros.geometry.polyhedron import (
 )
 from evoros.geometry.shapes import Body, Pose, Shape, Vector
 
-unhurried = settings(deadline=None, max_examples=60)
+unhurried = settings(max_examples=30)
 lengths = st.floats(0.05, 3.0)
 coordinates = st.floats(-5.0, 5.0)
 angles = st.floats(-math.pi, math.pi)

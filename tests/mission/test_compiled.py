@@ -15,14 +15,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from helpers import ROOT, content
+from helpers import ROOT
 from mission_cases import COMBINATIONS, experiment_of, missions, run_interpreted, same, watch
 from numpy.random import Generator
 
 from evoros.base.arrays import NO_VALUES, Array
 from evoros.base.errors import InputError, PartFault
 from evoros.base.rng import generator
-from evoros.cli.main import evoros
 from evoros.compilation import machine_code
 from evoros.compilation.named_rules import NamedRule, Started
 from evoros.compilation.rules import FILTER, CompiledRule, NotCompilable, compile_rule
@@ -579,23 +578,3 @@ def test_code_that_others_could_have_written_is_not_run(
     assert folder(0o022) == ours
     (ours if lower else ours.parent).chmod(0o777)
     assert folder(0o022).parent == other / f"evoros-{os.getuid()}"
-
-
-@pytest.mark.slow
-def test_a_run_is_the_same_on_any_number_of_workers(tmp_path: Path) -> None:
-    """In this process and in two workers."""
-    overrides = [
-        "simulator=planar",
-        "failure=spatial",
-        "course.time_limit_s=6",
-        "optimizer.population_size=4",
-        "optimizer.generations=2",
-        "optimizer.validation_trials=1",
-        "figures=[]",
-    ]
-    runs: list[dict[str, str]] = []
-    for executor in (["executor=serial"], ["executor.workers=2"]):
-        folder = tmp_path / str(len(runs))
-        assert evoros([*overrides, *executor, f"hydra.run.dir={folder}"]) == 0
-        runs.append(content(folder))
-    assert runs[0] == runs[1]

@@ -112,9 +112,10 @@ def test_configurations_repeat_the_defaults() -> None:
 
 
 class TestBundledOptimizers(OptimizerSuite):
-    # Each design that the estimator proposes takes 10 ms.
+    # Each design that the estimator proposes takes 10 ms, and the covers grow with the positions.
     few = ("optimizer.population_size=6", "optimizer.random_first=6")
-    choose = every("optimizer", bad_values=BAD, overrides={"tpe": few})
+    small = ("optimizer.candidates=30", "optimizer.covers=2")
+    choose = every("optimizer", bad_values=BAD, overrides={"tpe": few, "set_cover": small})
 
 
 @dataclass
@@ -294,7 +295,7 @@ def test_goals_that_a_search_needs_are_asked_for(name: str) -> None:
 # The genetic algorithm
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80)
 @given(SETTINGS, st.integers(0, 2**32), st.lists(st.floats(-1e9, 1e9), min_size=1))
 def test_the_best_so_far_is_never_lost(
     optimizer: GeneticAlgorithm, seed: int, values: list[float]
@@ -308,7 +309,7 @@ def test_the_best_so_far_is_never_lost(
             assert any(c.survived for c in table if c.fitness == best)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80)
 @given(SETTINGS, st.integers(0, 2**32))
 def test_each_table_is_the_pool_and_the_next_population_comes_from_it(
     optimizer: GeneticAlgorithm, seed: int
@@ -332,7 +333,7 @@ def test_each_table_is_the_pool_and_the_next_population_comes_from_it(
         survivors = [c.individual.id for c in table for _ in range(c.survived)]
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80)
 @given(SETTINGS, st.integers(0, 2**32), st.sampled_from([SensorSpace(3), Steps(2), Steps(4)]))
 def test_what_is_evaluated_is_a_new_design_and_clones_are_not(
     optimizer: GeneticAlgorithm, seed: int, space: SensorSpace
@@ -355,7 +356,7 @@ def test_what_is_evaluated_is_a_new_design_and_clones_are_not(
                 assert c.individual in asked
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50)
 @given(SETTINGS, st.integers(0, 2**32), st.integers(1, 5))
 def test_children_are_made_of_one_parents_head_and_the_others_tail(
     optimizer: GeneticAlgorithm, seed: int, count: int

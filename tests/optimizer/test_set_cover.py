@@ -54,7 +54,7 @@ def programs(draws: st.DrawFn) -> tuple[Program, float, np.ndarray]:
     )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60)
 @given(programs())
 def test_no_set_is_cheaper(case: tuple[Program, float, np.ndarray]) -> None:
     program, width, prices = case

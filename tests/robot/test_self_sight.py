@@ -76,7 +76,7 @@ def sample(robot: Robot) -> float:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=60)
 @given(st.lists(occluders, min_size=1, max_size=4).map(tuple), places, places, places, angles)
 def test_a_ray_ends_where_a_walk_along_it_meets_the_robot(
     parts: tuple[Occluder, ...], x: float, y: float, z: float, yaw: float

@@ -60,21 +60,6 @@ def test_missions_are_in_the_order_of_their_keys(run: Path, twin: Path) -> None:
     assert len(keys) == len(set(keys))
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_rows_in_any_order_end_in_the_same(seed: int, run: Path, tmp_path: Path) -> None:
-    """Workers finish missions in any order, and a kill may come at any time."""
-    folder = copied(run, tmp_path / "run")
-    rng = random.Random(seed)
-    size = (run / "missions.csv").stat().st_size
-    cut(folder, rng.randrange(size // 2, size))
-    header, *rows = (folder / "missions.csv").read_bytes().splitlines(keepends=True)
-    rows = [row for row in rows if row.endswith(b"\n")]
-    rng.shuffle(rows)
-    (folder / "missions.csv").write_bytes(b"".join([header, *rows]))
-    assert resume(folder, "executor=serial") == DONE
-    assert content(folder) == content(run)
-
-
 def test_a_sorted_table_is_left_as_it_is(run: Path, tmp_path: Path) -> None:
     folder = copied(run, tmp_path / "run")
     before = (folder / "missions.csv").stat()

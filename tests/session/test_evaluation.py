@@ -1,5 +1,4 @@
 import json
-import random
 import re
 import shutil
 import signal
@@ -309,35 +308,6 @@ def test_a_sweep_is_one_evaluation_for_each_combination(file: Path, tmp_path: Pa
 
 
 # Interruption -------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_an_evaluation_cut_anywhere_ends_with_the_same_bytes(
-    seed: int, whole: Path, tmp_path: Path
-) -> None:
-    folder = tmp_path / "cut"
-    shutil.copytree(whole, folder)
-    (folder / "designs.csv").unlink()
-    rows = (folder / "missions.csv").read_bytes()
-    least = rows.index(b"\n") + 1
-    (folder / "missions.csv").write_bytes(rows[: random.Random(seed).randrange(least, len(rows))])
-    assert resume(folder) == DONE
-    assert content(folder) == content(whole)
-
-
-@pytest.mark.slow
-def test_rows_missing_repeated_and_out_of_order_run_in_processes(
-    whole: Path, tmp_path: Path
-) -> None:
-    folder = tmp_path / "gaps"
-    shutil.copytree(whole, folder)
-    lines = (folder / "missions.csv").read_bytes().splitlines(keepends=True)
-    assert len(lines) == 13
-    lines = [lines[0], *lines[12:5:-1], *lines[7:9], *lines[2:5]]
-    (folder / "missions.csv").write_bytes(b"".join(lines))
-    assert resume(folder, "executor=processes", "executor.workers=2") == DONE
-    for name in ("missions.csv", "designs.csv"):
-        assert (folder / name).read_bytes() == (whole / name).read_bytes()
 
 
 @pytest.mark.slow

@@ -107,17 +107,6 @@ def test_a_sweep_has_the_worst_status(file: Path, tmp_path: Path) -> None:
     assert evaluate(["-m", *arguments, "trials=30", easy, swept]) == NOT_MET  # all is kept
 
 
-def test_a_finished_evaluation_that_lost_its_last_missions_runs_them_again(
-    whole: Path, tmp_path: Path
-) -> None:
-    shutil.copytree(whole, tmp_path / whole.name)
-    table = tmp_path / whole.name / "missions.csv"
-    table.write_bytes(b"".join(table.read_bytes().splitlines(keepends=True)[:-3]))
-    assert resume(table.parent) == NOT_MET
-    for name in ("missions.csv", "designs.csv", "requirements.csv", "junit.xml"):
-        assert (table.parent / name).read_bytes() == (whole / name).read_bytes()
-
-
 @pytest.mark.slow
 def test_workers_and_interruptions_change_no_byte(whole: Path, tmp_path: Path) -> None:
     again = copied(whole, tmp_path / "tested")

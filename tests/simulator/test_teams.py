@@ -28,16 +28,14 @@ from evoros.base.arrays import CONTACT, X
 from evoros.base.errors import SimulationError
 from evoros.compilation.rules import SIMULATION_RULES, compile_rule
 from evoros.geometry.shapes import Body
-from evoros.plugins.gazebo import simulator as gazebo
 from evoros.sensor.bumper import Bumper
 from evoros.sensor.imu import Imu
 from evoros.sensor.odometry import Odometry
 from evoros.sensor.protocol import Sensor
 from evoros.simulator.engines.teams import MAX_ROBOTS
-from evoros.simulator.mujoco import forget_models
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import PlacedRobot, RuleSimulation, SimulationRules
-from evoros.simulator.pybullet import IDLE, PyBullet
+from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
 pytestmark = pytest.mark.usefixtures("closed_engines")
@@ -171,26 +169,6 @@ def test_skid_steer_lends_its_friction_to_the_others() -> None:
     for i, tolerance in enumerate((0.0, 2e-3)):
         alone, _ = drive(PyBullet(), robots[i : i + 1], ground(), commands[i : i + 1], 100)
         assert np.abs(states[:, i, :2] - alone[:, 0, :2]).max() <= tolerance
-
-
-def test_a_mission_of_robots_that_collide_repeats(simulator: Any, name: str) -> None:
-    """With the model that was kept, and with one that is built anew."""
-    rover, courier = equip("erle_rover", (0.3, 0.1, 0.1, 0)), equip("courier", (0.2, 0, 0.1, 0))
-    robots = facing(rover, courier, 1.0)
-    robots.append(PlacedRobot(load("erle_rover"), (0.5, 0.8, 0.0, -1.5)))
-
-    def fly() -> bytes:
-        commands = [(0.3, 0.1), (0.2, 0.0), (0.2, 0.0)]
-        states, ranges = drive(simulator, robots, ground(), commands, 50)
-        assert min(first_contacts(states)) > 0
-        return states.tobytes() + ranges.tobytes()
-
-    first = fly()
-    assert fly() == first
-    forget_models()
-    IDLE.close()
-    gazebo.IDLE.close()
-    assert fly() == first
 
 
 @pytest.mark.slow

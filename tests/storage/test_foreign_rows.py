@@ -65,8 +65,13 @@ def check(folder: Path, whole: Path, said: str, capsys: pytest.CaptureFixture[st
     load_run(folder)
 
 
-@pytest.mark.parametrize("kind", ["run", "scores"])
-@pytest.mark.parametrize("name", EDITS)
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        *((name, "run") for name in EDITS),
+        *((name, "scores") for name in ("pasted", "cut in the middle", "in another order")),
+    ],
+)
 def test_a_table_of_missions_is_mended_with_a_word(
     name: str,
     kind: str,

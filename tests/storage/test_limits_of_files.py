@@ -86,9 +86,10 @@ def test_only_regular_files_are_read(read: Callable[[Path], object], tmp_path: P
 JSON_FILES = ("manifest.json", "status.json", "setting.json", "champion/certificate.json")
 
 
-@pytest.mark.parametrize("name", JSON_FILES)
-@pytest.mark.parametrize(("opening", "closing"), [("[", "]"), ('{"a":', "}")])
-@pytest.mark.parametrize("depth", [500, DEEP])
+@pytest.mark.parametrize(
+    ("name", "opening", "closing", "depth"),
+    [*((name, "[", "]", DEEP) for name in JSON_FILES), ("setting.json", '{"a":', "}", 500)],
+)
 def test_json_that_is_nested_deep_costs_its_own_run_alone(
     name: str,
     opening: str,

@@ -126,11 +126,3 @@ def test_what_cannot_be_made_again_is_refused_untouched(
     assert line.startswith(f"evoros: {folder / name}")
     assert line.endswith("restore it from a copy; the rest of the folder is kept")
     assert everything(folder) == before
-
-
-def test_a_row_that_comes_twice_counts_once(folder: Path, run: Path) -> None:
-    with (folder / "missions.csv").open("r+b") as table:
-        second = table.readlines()[1]
-        table.write(second)
-    assert resume(folder) == DONE
-    assert content(folder) == content(run)

@@ -39,7 +39,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return finished_run(tmp_path_factory.mktemp("whole") / "run")
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_run_cut_anywhere_ends_with_the_same_bytes(
     seed: int, whole: Path, tmp_path: Path
 ) -> None:
@@ -52,22 +52,20 @@ def test_a_run_cut_anywhere_ends_with_the_same_bytes(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("missions", [0, 12])
 def test_a_killed_run_ends_with_the_same_bytes_and_leaves_no_process(
-    missions: int, whole: Path, tmp_path: Path
+    whole: Path, tmp_path: Path
 ) -> None:
     """And whatever the status counts was already in the table when the kill came."""
     arguments = [*TINY, "simulator.pause_s=0.05", "executor.workers=2", "hydra.run.dir=run"]
     process = start(arguments, tmp_path)
-    wait_for_missions(tmp_path / "run", missions)
+    wait_for_missions(tmp_path / "run", 12)
     workers = children(process.pid)
     process.kill()
     process.communicate()
-    if missions:
-        status = json.loads((tmp_path / "run" / "status.json").read_text())
-        rows = (tmp_path / "run" / "missions.csv").read_bytes().count(b"\n") - 1
-        assert status["state"] == "running"
-        assert rows >= status["missions"]
+    status = json.loads((tmp_path / "run" / "status.json").read_text())
+    rows = (tmp_path / "run" / "missions.csv").read_bytes().count(b"\n") - 1
+    assert status["state"] == "running"
+    assert rows >= status["missions"]
     assert resume(tmp_path / "run", "executor=serial") == DONE
     assert content(tmp_path / "run") == content(whole)
     assert wait_until(lambda: not any(map(alive, workers)), 60)
@@ -114,20 +112,9 @@ def test_an_extended_run_is_a_longer_run(whole: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "override",
     [
-        "optimizer.generations=2",
-        "optimizer.generations=many",
-        "optimizer.generations=4,5",
-        "seed=1",
-        "+seed=0",
-        "~failure",
-        "executor=nix",
-        "executor.nix=1",
-        "executor.workers=-1",
-        "executor=[",
-        "experiment=quickstart",
-        "hydra.run.dir=elsewhere",
-        "-m",
-        "--cfg=job",
+        *("optimizer.generations=2", "optimizer.generations=many", "optimizer.generations=4,5"),
+        *("seed=1", "~failure", "executor=nix", "executor.nix=1", "executor=["),
+        *("hydra.run.dir=elsewhere", "-m"),
     ],
 )
 def test_resuming_refuses_other_overrides_untouched(

@@ -43,7 +43,9 @@ class Case(NamedTuple):
 def case(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Case]:
     """A run in a folder with a space in the home folder, with a reference to a secret."""
     home = tmp_path_factory.mktemp("home") / "somebody"
+    cache = os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))
     with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", cache)  # has the compiled rules
         patch.setenv("HOME", str(home))
         patch.setenv("EVOROS_TOKEN", TOKEN)
         patch.setattr(socket, "gethostname", lambda: HOST)
