@@ -173,6 +173,7 @@ def pack(pairs: Iterable[tuple[str, str]]) -> Iterator[list[str]]:
     return ([word for words in line.values() for word in words] for line in lines)
 
 
+@pytest.mark.slow
 def test_every_override_is_one_that_evoros_takes() -> None:
     overrides = {(key, value): place for key, value, place in typed_overrides()}
     of_commands: dict[str, list[tuple[str, str]]] = {"evaluate": [], "config": []}
@@ -200,6 +201,7 @@ def mentioned_keys() -> Iterator[tuple[str, str]]:
                 yield key, message.place
 
 
+@pytest.mark.slow
 def test_every_key_that_is_mentioned_exists() -> None:
     keys = dict.fromkeys(key for key, _ in mentioned_keys())
     for line in pack((key, "1") for key in keys):

@@ -69,7 +69,7 @@ def test_rows_of_the_table_are_those_of_the_benchmark() -> None:
     rows = re.findall(r"^\| (0\.\d+) \| (\d\.\d+) \| (.*) \| (\d+) \| (\d*) ?\|$", PAGE, re.M)
     assert len(rows) == sum(map(len, script["LIMITS"].values()))
     for limit, share, chances, trials, fixed in rows:
-        if int(trials) < 50:
+        if int(trials) < 30:
             met, violated, mean = script["decide"](float(share), float(limit))
             expected = (met, violated, 1 - met - violated)
             assert chances.split(" | ") == [f"{abs(chance):.3f}" for chance in expected]

@@ -13,11 +13,11 @@ from evoros.session.rebuilding import rebuild
 from evoros.session.replay import replay_designs
 from evoros.terminal.console import DONE
 
-ALLOCATIONS = ("lifelong", "racing", "halving", "successive_rejects")
+SLOW = (pytest.param(name, marks=pytest.mark.slow) for name in ("halving", "successive_rejects"))
 PLACE = ["generation", "design", "world", "trial"]
 
 
-@pytest.fixture(scope="module", params=ALLOCATIONS)
+@pytest.fixture(scope="module", params=["lifelong", "racing", *SLOW])
 def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp(request.param) / "run"
     assert tiny(folder, f"allocation={request.param}", "optimizer.generations=4") == DONE

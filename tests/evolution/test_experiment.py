@@ -25,6 +25,7 @@ from evoros.terminal.console import DONE
 from evoros.testing.subjects import example_outcome
 
 
+@pytest.mark.slow
 def test_the_same_bytes_for_any_number_of_workers(tmp_path: Path) -> None:
     more = ["draws=individual", "trials=2"]
     assert tiny(tmp_path / "serial", *more) == DONE

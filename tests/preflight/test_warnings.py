@@ -130,6 +130,7 @@ def test_a_controller_without_avoidance_sees_no_ground() -> None:
     assert list(check_sight(alone(cart("robot.mount.pitch_deg=-30", blind)))) == []
 
 
+@pytest.mark.slow
 def test_a_pole_between_the_rays_is_told_with_the_number_that_sees_it() -> None:
     """The bundled sonar's rays are 7.5 deg apart: 13 cm at 1 m, the range of the avoidance 2 m."""
 

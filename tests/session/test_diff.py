@@ -52,7 +52,7 @@ def test_two_runs_of_one_configuration_are_equal_as_folders(run: Path, tmp_path:
     assert manifests[0] == manifests[1]
 
 
-def test_missions_are_in_the_order_of_their_keys(run: Path, twin: Path) -> None:
+def test_missions_are_in_the_order_of_their_keys(run: Path) -> None:
     lines = (run / "missions.csv").read_text().splitlines()[1:]
     cells = [line.split(",") for line in lines]
     keys = [(int(row[0]), int(row[1]), row[2], int(row[3])) for row in cells]

@@ -230,6 +230,7 @@ def test_an_evaluation_that_goes_on_elsewhere_is_not_extended(
     assert everything(few) == before
 
 
+@pytest.mark.slow
 def test_the_executor_of_the_extension_is_not_recorded(few: Path) -> None:
     assert resume(few, "trials=5", "executor=processes", "executor.workers=1") == NOT_DECIDED
     values = read_recorded(few / "config.yaml").values
