@@ -174,7 +174,7 @@ class BoundOutlineRegion:
     free: FreePlaces | None = None  # None: all places are free
 
     def place(self, values: Mapping[str, float]) -> SensorPose:
-        """Return the pose at a fraction of the side's length, or of the length of free places."""
+        """Return the pose at a fraction of the side's free length, from right to left."""
         if self.free is not None:
             values = self.free.adapt(values)
         height = values["z_m"] + self.frame[2]

@@ -99,7 +99,7 @@ def find_free_places(
     sensors: Sequence[Sensor],
     mirrored: bool,
 ) -> FreePlaces | None:
-    """Find the cells where the robot blocks no sensor or mirror image; None if all or none."""
+    """Find the cells where the robot blocks no sensor; None if all cells are free or none."""
     types = [sensor for sensor in sensors if sees(sensor)]
     axes = {name: ranges[name] for name in CELLS if np.ptp(ranges.get(name, (0.0, 0.0))) > 0.0}
     if not types or not axes or not robot.occluders.shapes:

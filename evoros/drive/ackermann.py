@@ -116,7 +116,7 @@ class AckermannDescription(DriveDescription):
     max_speed_mps: Annotated[float, POSITIVE]  # speed limit of the middle of the fixed axle
     caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction
     turning_x_m: Annotated[float | None, NUMBER] = None
-    """x of the turning point, ahead of the fixed axle if that slides outwards; None: on it."""
+    """x of the turning point, ahead of a fixed axle that slides outwards; None: on the axle."""
 
     @property
     def wheel_joints(self) -> tuple[str, ...]:  # type: ignore[override]

@@ -99,7 +99,7 @@ class Field(Distribution):
         return replace(self, others=tuple(courses))
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
-        """Draw the ground, any walls, and the obstacles, for which there must be room."""
+        """Draw the ground, any walls, and the obstacles; it is an error if these do not fit."""
         rng = generator(draws, f"field {self.seed}")
         low, high = self.corners
         walls = build_walls(low, high) if self.enclosed else ()

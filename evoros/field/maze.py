@@ -96,7 +96,7 @@ class Maze(Distribution):
         return (GROUND, *self._build_walls(self.draw_doors(draws)))
 
     def draw_doors(self, draws: str) -> Doors:
-        """Draw the doors; a filled cell has none, and a corridor leads through all waypoints."""
+        """Draw the doors; filled cells have none, and the corridor leads through all waypoints."""
         rng = generator(draws, f"maze {self.seed}")
         doors = self._connect(rng)
         for cell in doors if self.dead_ends == OPEN else ():

@@ -1,4 +1,4 @@
-"""Reads mesh files as convex shapes, which are cached in the user's cache folder, if possible."""
+"""Reads mesh files as convex shapes, which are cached in the user's cache folder."""
 
 import hashlib
 import itertools

@@ -61,9 +61,9 @@ def read_faces(
     up_axis: bool = False,
     painted: bool = False,
 ) -> Submesh:
-    """Read the faces [m], with colours if ``painted``, which face outwards even in a mirrored mesh.
+    """Read the faces [m] of a mesh file, which point outwards even if the scale mirrors them.
 
-    See ``read_mesh`` for the other arguments.
+    The faces have colours if ``painted``. See ``read_mesh`` for the other arguments.
     """
     is_dae = path.suffix.lower() == ".dae"
     parts = read_dae(path, up_axis) if is_dae else _read_with_trimesh(path, submesh, painted)

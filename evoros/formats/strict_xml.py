@@ -60,7 +60,7 @@ def parse(content: bytes, source: str) -> Element:
 
 
 def element_error(element: Element, problem: str, fix: str) -> InputError:
-    """Return an error about an element, whose name is the subject of ``problem``."""
+    """Return an error about an element, which is the subject of the sentence ``problem``."""
     return InputError(f"{locate(element)} {problem}; {fix}")
 
 

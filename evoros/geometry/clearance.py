@@ -33,7 +33,7 @@ It holds the last position [m], 1 if the robot touched an obstacle there (else 0
 distance [m] along the heading that it has since driven in contact, not yet counted.
 """
 SHAKE_M = 0.01
-"""Upper bound [m] on a robot's jitter at a wall; within 10 s, MuJoCo moves it by up to 5 mm."""
+"""Upper bound [m] on the jitter of a robot that drives against a wall; MuJoCo reaches 5 mm."""
 
 
 class TrackSummary(NamedTuple):

@@ -41,9 +41,10 @@ class Grid:
         return cls(low, cell, (math.ceil(width / cell), math.ceil(height / cell)))
 
     def list_near(self, footprints: Sequence[Footprint], reach: float) -> tuple[Array, Array]:
-        """List the footprints within ``reach`` [m] of each cell, by their indices, cell by cell.
+        """List the footprints within ``reach`` [m] of each cell.
 
-        The first array (cells + 1,) holds the index of each cell's first entry in the second.
+        The result is the index of each cell's first entry (cells + 1,), and the concatenated
+        entries of all cells, which are indices into ``footprints``.
         """
         count = self.shape[0] * self.shape[1]
         near = [self._cells_near(footprint, reach) for footprint in footprints]

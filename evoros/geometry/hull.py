@@ -132,7 +132,7 @@ _MANY = 5000  # number of faces above which only every second, third, ... one is
 
 
 def find_gap(surface: Surface, hull: Hull | None = None) -> float:
-    """Return the maximum width [m] of hollows, such as rooms, that a surface's hull bridges."""
+    """Return the maximum width [m] of a hollow, such as a room, that a surface's hull bridges."""
     hull = hull or make_hull(surface.points)
     if hull is None:
         return 0.0

@@ -109,7 +109,7 @@ _LARGE_M = 5.0  # extent from which a mesh counts as a building or a landscape
 _MOST_FACES = 2000  # maximum number of faces of a solid that is cut; a finer one is coarsened
 _FULL = 0.9  # fraction of its hull that a solid must fill to be replaced by the hull
 _READ, _MERGE, _HULL, _PART = 4, 10, 400, 400
-"""Work on a face that is read or merged, on a surface's hull, and on a part that simulators use."""
+"""Work, in faces examined by cuts (5 us each), per face read, face merged, hull and part."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -99,7 +99,7 @@ def _squared_distance(polygon: Array, points: Array) -> float:
 
 @compilable
 def find_border(polygon: Array, x: float, y: float) -> tuple[float, float, float]:
-    """Return the distance [m] from a convex border, negative inside, and the outward normal."""
+    """Return the distance [m] to a convex polygon, negative inside, and the outward unit normal."""
     best = math.inf
     nearest_x = 0.0
     nearest_y = 0.0

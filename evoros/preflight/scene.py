@@ -157,7 +157,7 @@ def check_meshes(subject: Subject) -> Iterator[str]:
 
 
 def check_view(subject: Subject) -> Iterator[str]:
-    """Yield a warning for each sensor type that looks over all obstacles of level, fixed worlds."""
+    """Yield a warning for each sensor type that looks over every obstacle of level worlds."""
     worlds = list(subject.scenario.world.values())
     if any(world.sampler is not None or not world.is_level for world in worlds):
         return

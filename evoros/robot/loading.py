@@ -1,4 +1,4 @@
-"""Reads a robot, and rewrites it into the form that engines and drives need, if it is not in it.
+"""Reads a robot from URDF or xacro, and rewrites it into the form that engines and drives need.
 
 Stated values are kept, and each assumption is logged.
 """

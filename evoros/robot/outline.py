@@ -119,7 +119,7 @@ class Occluders:
 
     @cached_property
     def fixed(self) -> OccluderRows:
-        """The unsteered shapes in missions; a ray that starts in the body does not see it."""
+        """The unsteered shapes; in missions, a ray does not see a body shape in which it starts."""
         return self._select(False, np.inf)
 
     @cached_property

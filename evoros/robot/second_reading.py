@@ -45,7 +45,7 @@ def report_second_reading(robots: Iterable[Robot]) -> None:
 
 
 def read_again(robot: Robot) -> tuple[bool, str]:
-    """Compare link positions with yourdfpy, if it can read them; return if equal, and text."""
+    """Return True if yourdfpy agrees on all link positions or cannot read them, and a sentence."""
     try:
         read = _load(robot)
     except Exception as error:  # any error of another package's reader

@@ -36,7 +36,7 @@ class SelfSight(NamedTuple):
 
 
 def measure_clear_ranges(robot: Robot) -> Array:
-    """Return the range (n,) [m] of each beam without obstacles: up to an unsteered part, if any."""
+    """Return the range (n,) [m] that each beam reads without obstacles; the robot may limit it."""
     rays, starts = robot.ray_table
     farthest: Array = rays[starts[:-1], LIMIT]
     occluders = robot.occluders.fixed

@@ -23,7 +23,7 @@ MOTOR_VELOCITY = 100.0  # [rad/s], upper bound on a joint's velocity limit
 
 
 Assumptions = defaultdict[str, list[str]]
-"""The names of the joints and links to which each assumption applies, by what is assumed."""
+"""Names of the joints and links to which each assumption applies, by assumption."""
 _REVERSED = "joint axes that point right or down are reversed"
 
 

@@ -26,7 +26,7 @@ _PREFIX = "evoros_"
 
 
 def choose_prefix(taken: Iterable[str], types: Collection[str]) -> str:
-    """Return the shortest prefix with which no name of these sensor types is in ``taken``."""
+    """Return the shortest prefix that keeps names of these sensor types out of ``taken``."""
     return _PREFIX * (_highest_level(taken, types) + 1)
 
 
@@ -70,7 +70,7 @@ BEAM = checks.Rule(
 RAY_DEG = 1.0
 """Width [deg] of coverage by a single ray or a narrower beam, which figures show as a line."""
 RANGE, MOTION, WHEELS, CONTACT = "range", "motion", "wheels", "contact"
-"""Quantities: distances along rays, motion of the mount, rolling of the wheels, contacts."""
+"""Quantities that sensors measure: ranges, motion of the mount, rolling of the wheels, contacts."""
 SIGNAL_SIZES = {MOTION: 14, WHEELS: 2, CONTACT: 1}
 """The number of values of each signal; ``signals`` describes them."""
 SENSOR_ARGUMENTS = "parameters", "memory", "rng", "signal", "values", "time"
@@ -108,7 +108,7 @@ class Sensor(ABC):
         """The channels of a reading; there is at least one."""
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>`` for the champion's URDF; empty if Gazebo has no such one."""
+        """Return the SDF ``<sensor>`` for the champion's URDF; empty if Gazebo has no model."""
         return ""
 
 
@@ -150,7 +150,7 @@ class SignalSensor(Sensor):
     """A type of sensor that computes its readings from a signal instead of ranges."""
 
     rule: Callable[..., None]
-    """Fills one value per channel, given a subset of ``SENSOR_ARGUMENTS``; a static method."""
+    """Static method that fills one value per channel; takes some of ``SENSOR_ARGUMENTS``."""
 
     @abstractmethod
     def start(self) -> Started:
@@ -292,7 +292,7 @@ def name_readings(index: int, channels: Sequence[tuple[str, str]]) -> Iterator[s
 
 
 def spread_bearings(count: int, width_deg: float, spaces: int) -> Array:
-    """Return bearings (count,) [rad], left positive; the width is ``spaces`` times their distance.
+    """Return ``count`` evenly spaced bearings [rad], left positive, ``width_deg / spaces`` apart.
 
     Unlike the values of ``linspace``, mirrored bearings are bitwise opposite.
     """

@@ -1,4 +1,4 @@
-"""The rule that moves walkers, which slide along objects, identical in all simulators."""
+"""The rule that moves walkers, which slide along obstacles, the same in all simulators."""
 
 import math
 

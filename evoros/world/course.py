@@ -63,7 +63,7 @@ class Course:
         return np.array([self.home[:2], *self.waypoints, *end], dtype=np.float64)
 
     def goes_forward(self, round_index: int, rng: Generator) -> bool:
-        """Return True if a round visits the corners in the given order first; random by ``rng``."""
+        """Return True if a round starts in the given order of corners; ``rng`` may decide this."""
         if self.direction == "random":
             return bool(rng.random() < 0.5)
         if self.direction == "parity":
@@ -71,7 +71,7 @@ class Course:
         return self.direction in ("forward", ONE_WAY)
 
     def route(self, forward: bool) -> Array:
-        """Return the goals (n, 2) [m] of all legs in order; one-way ends at the last corner."""
+        """Return the goals (n, 2) [m] of all legs; a one-way route has only the corners."""
         if self.is_one_way:
             return np.array(self.waypoints, dtype=np.float64)
         corners = self.waypoints if forward else self.waypoints[::-1]

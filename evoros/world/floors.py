@@ -134,7 +134,7 @@ def _level_top(shape: Shape, pose: Pose) -> tuple[float, footprint.Footprint] | 
 
 
 def settle(bodies: Sequence[Body], course: Course, source: str) -> tuple[Body, ...]:
-    """Mark floors, shift bodies so that the one at home is at z = 0, and add missing ground."""
+    """Mark floors, shift all bodies so that home is at z = 0, and add any missing ground."""
     points = [(course.home_x_m, course.home_y_m), *course.waypoints]
     tops = [
         _Top(i, j, *top)

@@ -26,9 +26,9 @@ from evoros.geometry.shapes import Pose, Shape, Vector
 from evoros.terminal.activity import announce
 
 _MINUTE = 1.2e7
-"""Work on meshes (see ``divide_mesh``) that takes about a minute; the same on every machine."""
+"""Work on meshes (see ``divide_mesh``) that takes about a minute on one core."""
 REACH_M = 30.0
-"""Distance from the course beyond which meshes keep coarse parts, times ``mesh_effort`` above 1."""
+"""Distance [m] from the course beyond which meshes stay coarse; ``mesh_effort`` extends it."""
 HIGH_M = 0.6  # height above which few robots reach or look
 
 
@@ -246,7 +246,7 @@ def divide_meshes(
 def _measure_place(
     corners: Array, pose: Pose, points: Array, reach: float
 ) -> tuple[bool, bool, float, float]:
-    """Return a mesh's key for sorting: is it out of reach, is it high, distance and bottom [m]."""
+    """Return whether a mesh is out of reach, whether it is high, its distance and bottom [m]."""
     corners = placed_corners(corners, pose.rotation, pose.position)
     low, high = corners.min(axis=0), corners.max(axis=0)
     gaps = np.maximum(np.maximum(low[:2] - points, points - high[:2]), 0.0)

@@ -18,7 +18,7 @@ _MAP_TAGS = {33550, 33922, 34264, 34735}  # map scale, tie points, transformatio
 
 
 def read_heightmap(heightmap: Element, reading: Reading) -> Shape:
-    """Read a height field: ``<size>`` has the height of white, and the first row is at +y."""
+    """Read a height field; ``<size>`` gives the height of white, and the first row is at +y."""
     element = find_uri(heightmap)
     if element is None:
         raise element_error(heightmap, "must have a <uri>", "name a grey-scale image")

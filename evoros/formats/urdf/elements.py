@@ -34,7 +34,7 @@ def set_origin(element: Element, pose: Pose) -> None:
 
 
 def build_collision(shape: Shape) -> Element:
-    """Build the ``<collision>`` of a shape in its link's frame; ``<convex>`` extends URDF."""
+    """Build the ``<collision>`` of a shape; only this package reads a ``<convex>`` in it."""
     collision = etree.Element("collision")
     geometry = SubElement(collision, "geometry")
     numbers = [repr(float(length)) for length in shape.size]
@@ -163,7 +163,7 @@ def _merge(parent: Element, child: Element, pose: Pose) -> None:
 
 
 def _read_inertia(link: Element, pose: Pose) -> tuple[float, Array, Array]:
-    """Read the mass [kg], centre (3,) [m] and tensor (3, 3) [kg m2] of a link at ``pose``."""
+    """Return the mass [kg], centre of mass (3,) [m] and tensor (3, 3) [kg m2] of a placed link."""
     inertial = require_child(link, "inertial")
     frame = pose @ read_origin(inertial)
     rotation = frame.rotation

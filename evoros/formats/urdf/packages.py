@@ -57,8 +57,8 @@ def index_packages(
 
     Packages are found in the declared folders, in ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``,
     and in the folders above the package that contains the file, up to ``_LEVELS_UP`` levels or the
-    root of the workspace. Installed packages come last. A file in no package has only its folder
-    and a workspace.
+    root of the workspace. Installed packages come last. For a file in no package, only its folder
+    and a workspace are searched.
     """
     around = [f for f in file.parents if any((f / name).is_file() for name in _MANIFESTS)][:1]
     given = list(map(_require_folder, declared))

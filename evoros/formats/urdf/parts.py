@@ -152,7 +152,7 @@ def read_shapes(link: Element) -> tuple[Shape, ...]:
 
 
 def read_visuals(link: Element) -> tuple[Shape, ...]:
-    """Read a link's visual shapes, or its collision shapes if there are none or a mesh."""
+    """Read a link's visual shapes; if there are none, or a mesh, read its collision shapes."""
     try:
         return tuple(map(read_shape, link.findall("visual"))) or read_shapes(link)
     except InputError:  # an invalid visual is no reason to reject a robot

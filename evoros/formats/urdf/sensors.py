@@ -174,7 +174,7 @@ def _read_sensor(element: Element, link: str) -> DescribedSensor:
 
 
 def _read_period(element: Element) -> dict[str, float]:
-    """Return the setting ``period_s``, if the sensor does not measure at each step of Gazebo."""
+    """Return ``period_s`` in a dictionary, which is empty if Gazebo measures at each step."""
     rate = xml.find_child(element, "update_rate")
     hertz = math.inf if rate is None else xml.read_meaning(rate, "sensor/update_rate")
     return {"period_s": 1.0 / hertz} if math.isfinite(hertz) else {}

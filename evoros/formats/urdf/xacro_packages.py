@@ -1,4 +1,4 @@
-"""The packages and files that a xacro file may name; missing ones are collected for one message."""
+"""The packages and files that a xacro file may name, and a record of the missing ones."""
 
 import io
 import re
