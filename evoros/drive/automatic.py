@@ -337,22 +337,18 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
     drive = f"{kind}; wheels {', '.join(chosen.wheel_joints)}{steering}; {', '.join(limits)}"
     _LOG.warning("%s: drive found: %s (set robot.drive to change it)", urdf.source, drive)
     diagonal = find_diagonal(urdf, wheels)
-    if diagonal:
-        _LOG.warning(
-            f"{urdf.source}: friction of these wheels is rotated by 45 deg in Gazebo (<fdir1>), as "
-            "for mecanum wheels; they are treated as plain wheels; set robot.drive if they have "
-            f"rollers: {', '.join(diagonal)}"
-        )
-    slippery = [wheel.joint.name for wheel in wheels if _slides(urdf, wheel.joint)]
-    if slippery:
-        names = ", ".join(slippery)
-        note = "%s: in evoros, these wheels grip, although they slide in Gazebo (<mu> is 0): %s"
-        _LOG.warning(note, urdf.source, names)
     driven = urdf.actuated - {*chosen.wheel_joints, *chosen.steering_joints}
     called = (joint for joint in urdf.joints.values() if is_called_wheel(joint))
-    left_out = ", ".join(joint.name for joint in called if joint.name in driven)
-    if left_out:  # such as wheels that do not touch the ground
-        _LOG.warning("%s: driven wheels are not part of the drive: %s", urdf.source, left_out)
+    left_out = [joint.name for joint in called if joint.name in driven]  # such as off the ground
+    slippery = [wheel.joint.name for wheel in wheels if _slides(urdf, wheel.joint)]
     fixed = [wheel.joint.name for wheel in wheels if not wheel.turns]
-    if fixed:
-        _LOG.warning("%s: wheels on fixed joints can turn: %s", urdf.source, ", ".join(fixed))
+    notes = {
+        "friction of these wheels is rotated by 45 deg in Gazebo (<fdir1>), as for mecanum wheels; "
+        "they are treated as plain wheels; set robot.drive if they have rollers": diagonal,
+        "in evoros, these wheels grip, although they slide in Gazebo (<mu> is 0)": slippery,
+        "driven wheels are not part of the drive": left_out,
+        "wheels on fixed joints can turn": fixed,
+    }
+    for text, names in notes.items():
+        if names:
+            _LOG.warning("%s: %s: %s", urdf.source, text, ", ".join(names))

@@ -12,7 +12,7 @@ from evoros.base.arrays import Array, length, product
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
-from evoros.geometry.polyhedron import box_corners
+from evoros.geometry.polyhedron import box_corners, placed_corners
 from evoros.geometry.shapes import Pose, Shape
 
 _RIM = 64  # number of points on a cylinder's rim
@@ -103,7 +103,7 @@ def shape_points(shape: Shape, pose: Pose) -> Array:
         turns = map(elementary.sin_cos, np.linspace(0.0, math.pi, 17))
         rings = [_circle() * sin + np.array([0.0, 0.0, cos]) for sin, cos in turns]
         local = shape.size[0] * np.concatenate(rings)
-    return np.asarray(product(local, pose.rotation.T) + pose.position)
+    return placed_corners(local, pose.rotation, pose.position)
 
 
 def _circle() -> Array:

@@ -3,9 +3,9 @@
 import hashlib
 import json
 from abc import ABC, abstractmethod
-from dataclasses import Field, fields, replace
+from dataclasses import fields, replace
 from functools import lru_cache
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 from evoros.base.checks import FLAG
 from evoros.base.errors import InputError
@@ -18,18 +18,11 @@ from evoros.world.model import KEPT_WORLDS, World, WorldSampler
 FIXED = "fixed"  # key of the random draws of a world that is the same in all missions
 
 
-class Noted(Protocol):
+class Distribution(ABC):
     """A distribution of worlds: a hashable frozen dataclass, identified by all its fields."""
 
     kind: ClassVar[str]
     """The kind of drawn world, such as field."""
-    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
-
-
-class Distribution(ABC):
-    """A distribution of worlds, each read back from its SDF; see ``Noted``."""
-
-    kind: ClassVar[str]
     world_name: ClassVar[str]
     course: Course
     seed: int
@@ -54,7 +47,7 @@ def _draw_world(distribution: Any, draws: str) -> World:
     return World(name, bodies, distribution.course, source, digest, note=note)
 
 
-def note_draws(distribution: Noted, draws: str) -> str:
+def note_draws(distribution: Any, draws: str) -> str:
     """Return the SDF comment that identifies a drawn world; it omits fields with empty tuples."""
     values = {entry.name: getattr(distribution, entry.name) for entry in fields(distribution)}
     kept = {"draws": draws} | {name: value for name, value in values.items() if value != ()}

@@ -15,10 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from evoros.base.arrays import Array, product
+from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.files.private import private_folder
 from evoros.formats.mesh_files import read_content, read_faces
+from evoros.geometry.polyhedron import placed_corners
 from evoros.geometry.shapes import MeshFile, Shape, Vector, is_flat
 
 TOLD_M = 0.01  # minimum deviation that is reported
@@ -113,10 +114,7 @@ def hull_of(shapes: Iterable[Shape]) -> Shape:
     """Return the convex hull of convex shapes as one shape."""
     from evoros.geometry.hull import make_hull, simplify  # imports scipy, which is slow
 
-    corners = [
-        product(np.array(shape.corners), shape.pose.rotation.T) + shape.pose.position
-        for shape in shapes
-    ]
+    corners = [placed_corners(s.corners, s.pose.rotation, s.pose.position) for s in shapes]
     hull = make_hull(np.concatenate(corners))
     if hull is None:
         raise ValueError("the shapes are too small for a hull")

@@ -179,20 +179,15 @@ def _find_sdf(place: Path, reading: Reading) -> Path | None:
     config = place / "model.config"
     if config.is_file():
         root = reading.parse(config)
-        listed = [
-            (_minor_version(element.get("version", "")), (element.text or "").strip())
-            for element in root.findall("sdf")
-        ]
+        listed = []
+        for element in root.findall("sdf"):
+            match = re.fullmatch(r"1\.([0-9]{1,2})", element.get("version", "").strip())
+            listed.append((int(match[1]) if match else 0, (element.text or "").strip()))
         for version, name in sorted(listed, reverse=True):
             if version <= _NEWEST and name and (place / name).is_file():
                 return (place / name).resolve()
     candidates = [place / "model.sdf", *sorted(place.glob("*.sdf"))]
     return next((file.resolve() for file in candidates if file.is_file()), None)
-
-
-def _minor_version(text: str) -> int:
-    match = re.fullmatch(r"1\.([0-9]{1,2})", text.strip())
-    return int(match[1]) if match else 0
 
 
 def _adapt(include: Element, model: Element) -> None:
@@ -210,11 +205,9 @@ def _adapt(include: Element, model: Element) -> None:
     static = xml.find_child(include, "static")
     if static is not None:
         xml.read_flag(static)
-        static.set(xml.SOURCE, source)
-        model.append(static)  # Gazebo uses the last one
-    for plugin in include.findall("plugin"):
-        plugin.set(xml.SOURCE, source)
-        model.append(plugin)
+    for part in [*include.findall("static"), *include.findall("plugin")]:
+        part.set(xml.SOURCE, source)
+        model.append(part)  # Gazebo uses the last <static>
 
 
 def _merge(include: Element, model: Element, container: Element) -> None:

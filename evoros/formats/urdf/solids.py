@@ -52,7 +52,6 @@ class SolidsReader:
         self.empty: dict[str, InputError] = {}
         """The errors of shapes of size 0, by link, in case the link needs them."""
         self.mesh_notes = Notes(_LOG)
-        self.notes: list[str] = []
         self._turning: set[str] = set()
         self._divided = 0
         self._hulls = 0
@@ -113,16 +112,10 @@ class SolidsReader:
 
     def finish(self) -> list[str]:
         """Return one line per kind of assumption."""
-        if self._divided:
-            self.notes.append(f"{self._divided} collision meshes are replaced by convex parts")
-        if self._hulls:
-            self.notes.append(f"{self._hulls} collision meshes are replaced by their convex hulls")
-        self.notes += [
-            f"{kind} {', '.join(dict.fromkeys(names))}"
-            for kind, names in self._names.items()
-            if names
-        ]
-        return self.notes
+        counts = {"convex parts": self._divided, "their convex hulls": self._hulls}
+        shapes = [f"{n} collision meshes are replaced by {what}" for what, n in counts.items() if n]
+        named = {kind: ", ".join(dict.fromkeys(names)) for kind, names in self._names.items()}
+        return [*shapes, *(f"{kind} {names}" for kind, names in named.items() if names)]
 
     def _read_mesh(
         self, link: Element, solid: Element, pose: Pose, hull: bool
