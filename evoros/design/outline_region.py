@@ -90,7 +90,7 @@ def trace_side(outline: Array, side: str) -> SideLine:
 @dataclass(frozen=True)
 @checked
 class OutlineRegion(RegionDescription):
-    """A side of the outline of a robot, or of one of its links, at a height.
+    """A side of the outline, at a height, of a robot or one of its links.
 
     The sensor lies on the outline of the collision shapes at that height, or of all shapes if
     there are none at that height, and faces outwards.

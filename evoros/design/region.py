@@ -1,4 +1,4 @@
-"""A box in which a sensor may be placed, and the grid cells with a free view past the robot."""
+"""A box in which a sensor may be placed, and its cells from which the robot hides nothing."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

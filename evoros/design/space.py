@@ -75,7 +75,7 @@ class SensorDesign:
 
     def __post_init__(self) -> None:
         self._check_names()
-        known = " or ".join(self.sensors) or "a key of sensors, which is empty"
+        known = " or ".join(self.sensors) or "a key of sensors (there is none)"
         for name, fixed in self.fixed.items():
             if fixed.sensor not in self.sensors:
                 raise checks.invalid(self, f"fixed.{name}.sensor", fixed.sensor, f"must be {known}")

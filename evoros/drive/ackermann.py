@@ -41,7 +41,7 @@ class Ackermann:
     from the centre.
     """
 
-    speed_limit_offset_m: ClassVar[float] = 0.0  # the limit applies to the middle of the fixed axle
+    speed_limit_offset_m: ClassVar[float] = 0.0  # the limit applies to the fixed axle's middle
     turn_ratio: ClassVar[float] = 1.0  # the wheels roll without slipping
     steering_joints: tuple[str, ...]  # left, right
     wheel_joints: tuple[str, ...]  # steered left, steered right, fixed left, fixed right
@@ -54,7 +54,7 @@ class Ackermann:
     rear_axle_x_m: Annotated[float, NUMBER]  # x of the turning point: the fixed axle, plus slide_m
     steering_stop_rad: Annotated[float, POSITIVE]  # mechanical limit of the steering joints
     steering_limit_rad: Annotated[float, ANGLE]  # permitted angle of each steering joint
-    max_speed_mps: Annotated[float, POSITIVE]  # speed limit of the middle of the fixed axle
+    max_speed_mps: Annotated[float, POSITIVE]  # speed limit of the fixed axle's middle
     caster_links: tuple[str, ...] = ()
     slide_m: Annotated[float, NUMBER] = 0.0
     """Distance [m] from the fixed axle forward to the turning point, for the planar simulator."""
@@ -113,7 +113,7 @@ class AckermannDescription(DriveDescription):
     front_wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis points left
     rear_wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis points left
     steering_limit_rad: Annotated[float, ANGLE]  # limit of each steered wheel
-    max_speed_mps: Annotated[float, POSITIVE]  # speed limit of the middle of the fixed axle
+    max_speed_mps: Annotated[float, POSITIVE]  # speed limit of the fixed axle's middle
     caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction
     turning_x_m: Annotated[float | None, NUMBER] = None
     """x of the turning point, ahead of a fixed axle that slides outwards; None: on the axle."""

@@ -153,7 +153,7 @@ def misaligned_error(urdf: Urdf, joints: Sequence[Joint], fix: str) -> InputErro
 
 
 def _find_rollers(urdf: Urdf, joint: Joint) -> str:
-    """Return why a wheel is known to have rollers; empty if it is a plain wheel."""
+    """Return the evidence that a wheel has rollers; "" if there is none."""
     group = urdf.rigid_group(joint.child)
     names = [joint.name, *group, *(mesh for link in group for mesh in urdf.meshes.get(link, ()))]
     if kind := _read_kind(names):
@@ -165,7 +165,7 @@ def _find_rollers(urdf: Urdf, joint: Joint) -> str:
 
 
 def _read_kind(names: Sequence[str]) -> str:
-    """Return the kind of wheels that a name states; empty if none does."""
+    """Return the kind of wheels that a name states; "" if no name states one."""
     for kind, pattern in _KINDS.items():
         named = next(filter(pattern.search, names), "")
         if named:
@@ -225,7 +225,7 @@ DRIVES = _find_drives()  # drives that can be detected, keyed by ``kind``
 
 
 def _choose_kind(pairs: Sequence[Pair]) -> str:
-    """Return the kind of drive that pairs of wheels form with locked steering; empty if none."""
+    """Return the kind of drive that pairs of wheels form with locked steering, or ""."""
     given: Mapping[str, Sequence[str]] = {"caster_links": ()}
     return next((name for name, kind in DRIVES.items() if kind.recognise([], pairs, given)), "")
 

@@ -198,7 +198,7 @@ def default_bicycle(pairs: Sequence[Pair]) -> dict[str, float]:
 
 
 def find_flaw(urdf: Urdf, joint: Joint) -> str:
-    """Return in brackets why a turning joint carries no wheel; empty if it may carry one."""
+    """Return why a turning joint carries no wheel, in brackets; "" if it may carry one."""
     if abs(float(urdf.axis_of(joint)[UP])) > NEARLY_ALIGNED:
         return " (vertical axis)"
     part = measure_link(urdf, joint.child, 0.0)

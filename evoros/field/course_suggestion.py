@@ -28,8 +28,8 @@ class Attempt(NamedTuple):
 
     around_m: float  # margin outside the area of all obstacles
     margin_m: float  # free space on each side of the robot
-    reach_m: float = 20.0  # half the side of the area searched, which is near the origin
-    inside: bool = False  # True: only the largest enclosed region
+    reach_m: float = 20.0  # half the side of the searched square, near the origin
+    inside: bool = False  # whether to search only the largest enclosed region
 
 
 class Suggestion(NamedTuple):
@@ -37,7 +37,7 @@ class Suggestion(NamedTuple):
 
     course: Course
     place: str  # completes "The course lies ..."
-    is_enclosed: bool  # True: in the largest enclosed region
+    is_enclosed: bool  # whether it lies in the largest enclosed region
 
 
 ATTEMPTS = (
@@ -58,7 +58,7 @@ LARGE_ENOUGH_M = 24.0  # size of a loop below which other homes are tried
 ROOM_M = 12.0  # size of a loop below which other attempts are made
 SHARES = np.linspace(0.0, 1.0, 9)  # fractions of a leg at which the clearance is checked
 THIN = 0.02  # area over squared length below which a loop is nearly a line; a square has 0.06
-STRAIGHT = 0.7  # maximum absolute cosine of the angle of a turn
+STRAIGHT = 0.7  # maximum absolute cosine of the angle between two legs
 MEETING_M, MISSING = 2.0, 0.2
 """Distance within which a loop should meet an obstacle; weight of a loop that meets none."""
 DETOUR = 3.0  # required growth of a loop per metre between home and the origin

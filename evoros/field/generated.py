@@ -56,7 +56,7 @@ class Field(Distribution):
     clearing_m: Annotated[float, checks.POSITIVE]  # free radius around home and each waypoint
     gap_m: Annotated[float, checks.NOT_NEGATIVE]  # minimum distance between obstacles
     passage_m: Annotated[float, checks.POSITIVE]  # width of the free path along each leg
-    enclosed: Annotated[bool, checks.FLAG]  # True: a wall surrounds the extent
+    enclosed: Annotated[bool, checks.FLAG]  # whether a wall surrounds the extent
     seed: Annotated[int, checks.SEED] = 0
     others: Annotated[Sequence[Course], checks.sequence_of(Course, "courses")] = ()  # other robots'
 
@@ -99,7 +99,7 @@ class Field(Distribution):
         return replace(self, others=tuple(courses))
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
-        """Draw the ground, any walls, and the obstacles; it is an error if these do not fit."""
+        """Return the ground, any walls, and random obstacles, for which there must be room."""
         rng = generator(draws, f"field {self.seed}")
         low, high = self.corners
         walls = build_walls(low, high) if self.enclosed else ()

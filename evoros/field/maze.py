@@ -92,7 +92,7 @@ class Maze(Distribution):
         return column, row
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
-        """Draw the ground and the walls."""
+        """Return the ground and the walls of a random maze."""
         return (GROUND, *self._build_walls(self.draw_doors(draws)))
 
     def draw_doors(self, draws: str) -> Doors:

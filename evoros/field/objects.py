@@ -57,7 +57,7 @@ class Objects(Distribution):
         return hash((self.seed, self.decoys, self.course))
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
-        """Draw the ground and the objects; it is an error if the decoys do not fit."""
+        """Return the ground and the objects; it is an error if the random decoys do not fit."""
         rng = generator(draws, f"objects {self.seed}")
         return (GROUND, *self._place_targets(), *self._draw_decoys(rng))
 

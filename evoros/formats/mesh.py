@@ -36,7 +36,7 @@ class Mesh:
     deviation_m: float  # maximum distance of the mesh's surface from the shapes
     remarks: tuple[str, ...]  # omitted parts and ignored settings
     work: float  # work spent on the shapes (see divide_mesh)
-    is_cut_short: bool  # True: more work would give better shapes
+    is_cut_short: bool  # whether more work would give better shapes
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -86,7 +86,7 @@ def _make_key(path: Path, scale: Vector, *choices: object) -> str:
 
 @lru_cache(maxsize=256)
 def read_hull(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> Shape:
-    """Read the convex hull of a whole STL, OBJ or DAE file, which is fast."""
+    """Read an entire STL, OBJ or DAE file as its convex hull, which is fast."""
     from evoros.geometry.hull import make_hull, simplify  # imports scipy, which is slow
 
     read_content(path)

@@ -36,7 +36,7 @@ def read_content(path: Path) -> bytes:
 
 
 def _find_cut(suffix: str, content: bytes) -> str:
-    """Describe how a file is truncated; empty if it is complete or its format has no end mark."""
+    """Describe how a file is truncated; "" if it is complete or its format has no end mark."""
     begin, end = _TEXTS.get(suffix, ("", ""))
     is_text = begin.encode() in content[:_SHORT].lower()
     if suffix == ".stl" and not is_text:  # a binary file states its number of faces

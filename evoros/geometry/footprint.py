@@ -30,7 +30,7 @@ def project_shape(
 ) -> Footprint:
     """Project a shape other than a plane, at ``pose`` in the world, onto the ground.
 
-    A convex polyhedron is projected only between the two heights [m], any other shape as a whole.
+    A convex polyhedron is projected only between the two heights [m], and any other shape entirely.
     The projection is exact, except for a cylinder that neither stands nor lies. The end discs of
     such a cylinder project to ellipses, which are replaced by polygons that exceed them by at most
     0.13 % of the radius.

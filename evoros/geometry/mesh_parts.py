@@ -120,7 +120,7 @@ class Parts:
     dropped: int  # number of parts that are too small to count
     deviation: float  # maximum distance [m] from the surface to the surfaces of the parts
     work: float  # number of faces examined in cuts, or the equivalent; includes reading the mesh
-    is_cut_short: bool  # True: more work would give better parts
+    is_cut_short: bool  # whether more work would give better parts
 
 
 def divide_mesh(triangles: Array, work: float = math.inf) -> Parts:

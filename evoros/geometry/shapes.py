@@ -214,7 +214,7 @@ class Body:
     friction: Annotated[float, FRICTION] = 1.0  # coefficient mu of this body's surface
     inertia: Annotated[Vector | None, _numbers(3)] = None
     """Principal moments [kg m2] about the axes of ``pose``; None for homogeneous shapes."""
-    floor: bool = False  # True: a fixed body that robots drive on, such as a floor made of a box
+    floor: bool = False  # whether robots drive on a fixed body, such as a box
 
     def __post_init__(self) -> None:
         if not self.shapes:

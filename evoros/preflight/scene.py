@@ -245,7 +245,7 @@ def _list_triggers(subject: Subject) -> list[Trigger]:
 
 
 def find_problem(trigger: Trigger, world: World) -> str:
-    """Return the rule that an onset violates in a world, with the value; empty if it can occur."""
+    """Return the rule that an onset violates in a world, with the value; "" if there is none."""
     course = world.course
     lengths = measure_legs(course.home, course.route(True))
     if trigger.kind == WAYPOINT and trigger.values[0] > len(lengths):

@@ -76,7 +76,7 @@ class Walkers:
     height_m: Annotated[float, checks.number_between(0.05, 10.0)] = 1.7
     route: Annotated[Sequence[Sequence[float]] | None, ROUTE] = None  # corners [m]
     phase: Annotated[str, checks.one_of(RANDOM, EVEN)] = RANDOM  # start position along the route
-    avoids_robots: Annotated[bool, checks.FLAG] = True  # True if robots repel the walkers
+    avoids_robots: Annotated[bool, checks.FLAG] = True  # whether robots repel the walkers
     stops_for_robots: Annotated[bool, checks.FLAG] = False
     # gap at which a walker stops for a robot
     stop_distance_m: Annotated[float, checks.POSITIVE] = 1.0

@@ -20,7 +20,7 @@ ABSENT, WALKING, ACTING = range(3)
 VELOCITY_X, VELOCITY_Y, NEXT_X, NEXT_Y, GOAL, BACKWARDS, BLOCKED, CLOCK, WAITED, TOUCHED = range(10)
 """Columns of a walker's motion.
 
-Current and next velocity [m/s]; the corner it walks to; 1 if it follows its route backwards; time
+Current and next velocity [m/s]; the next corner; 1 if it follows its route backwards; time
 without progress [s]; time in its script [s]; time it has waited for a robot [s]; and the sum of
 2**i over the robots i that it has touched.
 """

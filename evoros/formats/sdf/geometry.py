@@ -199,8 +199,8 @@ def divide_meshes(
     """Divide meshes at their world poses, those nearest to the ``course`` (n, 2) [m] first.
 
     Meshes above ``HIGH_M``, such as items on desks, come last. A mesh keeps its coarse convex parts
-    if they fit well enough, if it is out of reach of the course, or once the work for the world is
-    used up. Without a course, every mesh is in reach, and the origin takes its place.
+    if they fit well enough, if it is out of reach of the course, or once the effort for the world
+    is used up. Without a course, every mesh is in reach, and the origin takes its place.
     """
     effort = reading.options.mesh_effort
     reach = math.inf if course is None else REACH_M * max(effort, 1.0)

@@ -123,7 +123,7 @@ class Link:
     element: Element
     solids: tuple[Solid, ...]
     inertia: Inertia | None  # None: static
-    held: bool = False  # True: the link does not move, although its model is not static
+    held: bool = False  # whether a link of a movable model cannot move
 
 
 def read_link(element: Element, path: Path, frames: Frames, static: bool, reading: Reading) -> Link:

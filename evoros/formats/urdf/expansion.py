@@ -132,7 +132,8 @@ def resolve_files(root: Element, file: Path, packages: PackageIndex) -> None:
         else:
             element.set("filename", _resolve(name, element, file, packages, notes))
     for name in left_out:
-        notes.add_line(f"{file}: left out, because its package is ignored: {name}", "ignored", name)
+        text = f"{file}: {name} is left out, because its package is ignored"
+        notes.add_line(text, "ignored", name)
     notes.report()
 
 

@@ -40,7 +40,7 @@ class Packages:
         return f"{IGNORED}/{name}"
 
     def include(self, node: Any, file: str, evaluate: Any) -> str:
-        """Return the file that an ``<include>`` in ``file`` names; empty if it is left out."""
+        """Return the file that an ``<include>`` in ``file`` names; "" if the file is left out."""
         written = node.getAttribute("filename")
         name = str(evaluate(written)).removeprefix("file://")
         if name.startswith(IGNORED):
