@@ -13,7 +13,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS
 from evoros.analysis.tables.factors import name_part, read_choices
 from evoros.analysis.tables.loading import find_folders, load_study, shorten_names
 from evoros.analysis.tables.records import read_values
@@ -21,8 +20,6 @@ from evoros.analysis.tables.treatments import SINGLE, label_treatments
 from evoros.base.errors import InputError
 from evoros.cli.command import evaluate
 from evoros.terminal.console import DONE, INPUT
-
-NO_STATISTICS = ("report", "regression", "requirements", "video", *EXPORTS)
 
 
 @pytest.fixture(scope="module")
@@ -307,7 +304,7 @@ def test_references_are_followed_and_the_environment_is_not(tmp_path: Path) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in SUBCOMMANDS if name not in NO_STATISTICS])
+@pytest.mark.parametrize("name", ["fitness", "compare", "strategies", "overlay"])
 def test_copies_of_runs_change_no_table(
     name: str,
     sweep: Path,

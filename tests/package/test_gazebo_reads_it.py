@@ -65,7 +65,6 @@ def count_models(sdf: str) -> int:
     with TemporaryDirectory() as folder:
         file = Path(folder) / "world.sdf"
         file.write_text(sdf)
-        assert ign("-k", file).strip() == "Valid."
         return len(etree.fromstring(ign("-p", file).encode()).findall("world/model"))
 
 
