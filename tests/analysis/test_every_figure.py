@@ -75,7 +75,12 @@ def draw(studies: dict[str, Study], name: str, options: list[str]) -> Figure:
     return product.figure
 
 
-@pytest.mark.parametrize("name", DRAWN)
+QUICK = ("overlay", "fitness", "mission", "compare", "strategies")
+
+
+@pytest.mark.parametrize(
+    "name", [*QUICK, *(pytest.param(n, marks=pytest.mark.slow) for n in DRAWN if n not in QUICK)]
+)
 def test_it_can_be_read(name: str, studies: dict[str, Study], look: list[str]) -> None:
     figure = draw(studies, name, look)
     finish(figure)

@@ -72,6 +72,7 @@ COMMANDS = sorted(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", COMMANDS)
 def test_the_commands_compose_and_build(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -82,6 +82,7 @@ def test_the_examples_build(
         config.build()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("page", "line"), IN_MISSION)
 def test_the_examples_run_and_matter(
     page: str, line: str, folders: dict[str, Path], baseline: Array, monkeypatch: pytest.MonkeyPatch

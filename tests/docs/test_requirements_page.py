@@ -63,6 +63,7 @@ def test_the_test_of_a_project_runs(monkeypatch: pytest.MonkeyPatch) -> None:
         test()  # the limit itself: of the two worlds, the robot completes the near one always
 
 
+@pytest.mark.slow
 def test_rows_of_the_table_are_those_of_the_benchmark() -> None:
     """The cheap ones; the others take thousands of trials."""
     script = run_path(str(Path(__file__).parents[2] / "benchmarks/requirements/sequential.py"))

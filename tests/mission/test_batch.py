@@ -149,6 +149,7 @@ class Odd(Filter):
         return None
 
 
+@pytest.mark.slow
 def test_missions_with_odd_rules_have_no_kernel() -> None:
     experiment = experiment_of(*COMBINATIONS[1])
     sonar: Any = experiment.design.sensors["sonar"]

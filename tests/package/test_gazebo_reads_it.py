@@ -68,6 +68,7 @@ def count_models(sdf: str) -> int:
         return len(etree.fromstring(ign("-p", file).encode()).findall("world/model"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WORLDS)
 def test_it_accepts_the_worlds(name: str) -> None:
     world = next(iter(build(f"world={name}").world.values()))

@@ -180,6 +180,7 @@ def test_meshes_at_robot_height_come_before_meshes_above_it(tmp_path: Path) -> N
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [1, -1])
 def test_houses_next_to_the_course_come_first_whatever_the_order_in_the_file(
     tmp_path: Path, step: int, caplog: pytest.LogCaptureFixture
