@@ -11,7 +11,6 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -49,51 +48,38 @@ class Mesh:
         return (f"the mesh is replaced by {parts}, {deviation}", *self.remarks)
 
 
-def read_mesh(
-    path: Path,
-    scale: Vector = (1.0, 1.0, 1.0),
-    submesh: str = "",
-    center: bool = False,
-    up_axis: bool = False,
-    work: float = WORK,
-) -> Mesh:
-    """Read an STL, OBJ or DAE file as convex shapes in the mesh's frame.
-
-    ``submesh`` selects a part of the file by name, and ``center`` moves the middle of its bounding
-    box to the origin. ``up_axis`` rotates a DAE according to its ``<up_axis>``. ``work`` limits the
-    time (see ``divide_mesh``).
-    """
-    key = _make_key(path, scale, submesh, center, up_axis, float(work))
-    return _read(path, key, scale, submesh, center, up_axis, work)
+def read_mesh(file: MeshFile, work: float = WORK) -> Mesh:
+    """Read a file as convex shapes in the mesh's frame, within a limit (see ``divide_mesh``)."""
+    return _read(file, _make_key(file, float(work)), work)
 
 
-def find_box(path: Path, scale: Vector, submesh: str, center: bool, up_axis: bool) -> Array:
-    """Return the lowest and the highest corner (2, 3) [m] of a mesh; see ``read_mesh``."""
-    key = _make_key(path, scale, submesh, center, up_axis)
-    return _find_box(path, key, scale, submesh, center, up_axis)
+def find_box(file: MeshFile) -> Array:
+    """Return the lowest and the highest corner (2, 3) [m] of a mesh."""
+    return _find_box(file, _make_key(file))
 
 
 @lru_cache(maxsize=1024)
-def _find_box(path: Path, _: str, *choices: Any) -> Array:
-    triangles = read_faces(path, *choices).triangles
+def _find_box(file: MeshFile, _: str) -> Array:
+    triangles = read_faces(file).triangles
     return np.array([triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))])
 
 
-def _make_key(path: Path, scale: Vector, *choices: object) -> str:
-    parameters = repr((path.suffix.lower(), (*map(float, scale),), *choices))
-    return hashlib.sha256(parameters.encode() + read_content(path)).hexdigest()
+def _make_key(file: MeshFile, *work: float) -> str:
+    scale, choices = (*map(float, file.scale),), (file.submesh, file.center, file.up_axis)
+    parameters = repr((file.path.suffix.lower(), scale, *choices, *work))
+    return hashlib.sha256(parameters.encode() + read_content(file.path)).hexdigest()
 
 
 @lru_cache(maxsize=256)
-def read_hull(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> Shape:
-    """Read an entire STL, OBJ or DAE file as its convex hull, which is fast."""
+def read_hull(file: MeshFile) -> Shape:
+    """Read a file as its convex hull, which is fast."""
     from evoros.geometry.hull import make_hull, simplify  # imports scipy, which is slow
 
-    read_content(path)
-    points = read_faces(path, scale).triangles.reshape(-1, 3)
+    read_content(file.path)
+    points = read_faces(file).triangles.reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     if float((high - low).max()) < 1e-3:
-        raise _too_small(path)
+        raise _too_small(file.path)
     hull = make_hull(points)
     if hull is not None:
         return _shape(_corners(simplify(hull)[0].corners))
@@ -102,12 +88,12 @@ def read_hull(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> Shape:
 
 
 @lru_cache(maxsize=256)
-def find_hull_gap(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> float:
+def find_hull_gap(file: MeshFile) -> float:
     """Return the maximum distance [m] between the convex hull and the surface of a mesh file."""
     from evoros.geometry.hull import find_gap  # imports scipy, which is slow
     from evoros.geometry.triangles import weld
 
-    return find_gap(weld(read_faces(path, scale).triangles))
+    return find_gap(weld(read_faces(file).triangles))
 
 
 def hull_of(shapes: Iterable[Shape]) -> Shape:
@@ -122,28 +108,24 @@ def hull_of(shapes: Iterable[Shape]) -> Shape:
 
 
 @lru_cache(maxsize=1024)
-def _read(
-    path: Path, key: str, scale: Vector, submesh: str, center: bool, up_axis: bool, work: float
-) -> Mesh:
+def _read(file: MeshFile, key: str, work: float) -> Mesh:
     division = _load(key)
     if division is None:
         from evoros.geometry.mesh_parts import divide_mesh  # imports scipy, which is slow
 
-        parts = divide_mesh(read_faces(path, scale, submesh, center, up_axis).triangles, work)
+        parts = divide_mesh(read_faces(file).triangles, work)
         corners = tuple(_corners(hull.corners) for hull in parts.hulls)
         size = parts.dropped, parts.deviation
         division = _Division(corners, *size, parts.work, parts.is_cut_short)
         if not division.parts:
-            raise _too_small(path)
+            raise _too_small(file.path)
         _store(key, division)
-    remarks = tuple(_list_remarks(path, division.dropped, up_axis))
-    file = None
-    if division.deviation_m > TOLD_M:
-        file = MeshFile(str(path), scale, submesh, center, up_axis)
+    remarks = tuple(_list_remarks(file, division.dropped))
+    origin = file if division.deviation_m > TOLD_M else None
     solid = (corners for corners in division.parts if not is_flat(np.array(corners)))
-    shapes = tuple(replace(_shape(corners), mesh=file) for corners in solid)
+    shapes = tuple(replace(_shape(corners), mesh=origin) for corners in solid)
     if not shapes:
-        raise _too_small(path)
+        raise _too_small(file.path)
     return Mesh(shapes, division.deviation_m, remarks, division.work, division.is_cut_short)
 
 
@@ -152,12 +134,12 @@ def _too_small(path: Path) -> InputError:
     return InputError(f"{path}: {problem}; increase its scale, or export the mesh again")
 
 
-def _list_remarks(path: Path, dropped: int, up_axis: bool) -> Iterator[str]:
+def _list_remarks(file: MeshFile, dropped: int) -> Iterator[str]:
     if dropped:
         yield f"parts below 1 mm are left out: {dropped}"
-    with path.open("rb") as file:
-        axis = re.search(rb"<up_axis>\s*([XY]_UP)", file.read(100_000))
-    if axis and path.suffix.lower() == ".dae" and not up_axis:
+    with file.path.open("rb") as content:
+        axis = re.search(rb"<up_axis>\s*([XY]_UP)", content.read(100_000))
+    if axis and file.path.suffix.lower() == ".dae" and not file.up_axis:
         name = axis[1].decode()
         yield f"the up axis {name} is ignored, as in Gazebo Classic and RViz; z points up"
 

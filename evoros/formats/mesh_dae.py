@@ -10,7 +10,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from math import radians
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 from lxml import etree
@@ -31,12 +30,6 @@ class Submesh:
     names: tuple[str, ...]  # names that select this submesh
     triangles: Array  # (n, 3, 3): corner, x y z [m]
     colours: Array  # (n, 3): red, green, blue, from 0 to 1; NaN: the file has none
-
-    @classmethod
-    def painted(cls, names: tuple[str, ...], triangles: Array, colours: Array | None) -> Self:
-        """Create a part with these colours, or without colours."""
-        blank = np.full((len(triangles), 3), np.nan)
-        return cls(names, triangles, blank if colours is None else colours)
 
 
 _UPRIGHT = {

@@ -13,7 +13,7 @@ from evoros.base.errors import InputError
 from evoros.files.resources import read_file
 from evoros.formats.mesh_dae import Submesh, read_dae
 from evoros.formats.strict_xml import list_names, shorten
-from evoros.geometry.shapes import Vector
+from evoros.geometry.shapes import MeshFile
 
 FORMATS = (".stl", ".obj", ".dae")
 _TEXTS = {".stl": ("facet", "endsolid"), ".dae": ("<collada", "collada>")}
@@ -53,20 +53,11 @@ def _to_utf8(content: bytes) -> bytes:
         return content.decode("latin-1").encode()
 
 
-def read_faces(
-    path: Path,
-    scale: Vector = (1.0, 1.0, 1.0),
-    submesh: str = "",
-    center: bool = False,
-    up_axis: bool = False,
-    painted: bool = False,
-) -> Submesh:
-    """Read the faces [m] of a mesh file, which point outwards even if the scale mirrors them.
-
-    The faces have colours if ``painted``. See ``read_mesh`` for the other arguments.
-    """
+def read_faces(file: MeshFile, painted: bool = False) -> Submesh:
+    """Read faces [m], with colours if ``painted``, which face outwards at any scale."""
+    path, submesh = file.path, file.submesh
     is_dae = path.suffix.lower() == ".dae"
-    parts = read_dae(path, up_axis) if is_dae else _read_with_trimesh(path, submesh, painted)
+    parts = read_dae(path, file.up_axis) if is_dae else _read_with_trimesh(path, submesh, painted)
     chosen = _select(path, parts, submesh)
     if any(part.triangles.shape[1:] != (3, 3) for part in chosen):
         raise InputError(f"{path}: must have three coordinates per corner; export the mesh again")
@@ -75,11 +66,11 @@ def read_faces(
         raise InputError(f"{path}: must have at least one face; export the mesh again")
     if not np.isfinite(triangles).all():
         raise InputError(f"{path}: must have finite coordinates only; export the mesh again")
-    if center:
+    if file.center:
         points = triangles.reshape(-1, 3)
         triangles = triangles - (points.min(axis=0) + points.max(axis=0)) / 2
-    triangles = triangles * np.array(scale, dtype=np.float64)
-    outwards = triangles[:, ::-1] if np.prod(scale) < 0 else triangles
+    triangles = triangles * np.array(file.scale, dtype=np.float64)
+    outwards = triangles[:, ::-1] if np.prod(file.scale) < 0 else triangles
     return Submesh((), outwards, np.concatenate([part.colours for part in chosen]))
 
 
@@ -111,26 +102,30 @@ def _read_with_trimesh(path: Path, submesh: str, painted: bool) -> list[Submesh]
         for name, mesh in scene.geometry.items():
             if isinstance(mesh, trimesh.Trimesh):
                 triangles = np.array(mesh.triangles, dtype=np.float64)
-                colours = _find_colours(mesh) if painted else None
-                parts.setdefault(name, Submesh.painted((name,), triangles, colours))
+                colours = _find_colours(mesh) if painted else _blank(mesh)
+                parts.setdefault(name, Submesh((name,), triangles, colours))
     return list(parts.values())
 
 
-def _find_colours(mesh: Any) -> Array | None:
-    """Return the face colours (n, 3), from 0 to 1, of a trimesh mesh; None if it has none."""
+def _blank(mesh: Any) -> Array:
+    return np.full((len(mesh.faces), 3), np.nan)
+
+
+def _find_colours(mesh: Any) -> Array:
+    """Return the face colours (n, 3), from 0 to 1, of a trimesh mesh; NaN if it has none."""
     with suppress(Exception):  # trimesh raises errors of many types, and colours are optional
         shown = mesh.visual
         if shown.kind == "texture":
             material = shown.material
             if material.name == _NO_MATERIAL and not material.kwargs:
-                return None
+                return _blank(mesh)
             if shown.uv is None or material.image is None:
                 return np.tile(material.main_color[:3] / 255.0, (len(mesh.faces), 1))
             corners = shown.to_color().vertex_colors[mesh.faces]
             return np.asarray(corners[:, :, :3].mean(axis=1) / 255.0)
         if shown.defined:
             return np.asarray(shown.face_colors[:, :3] / 255.0)
-    return None
+    return _blank(mesh)
 
 
 def _select(path: Path, parts: list[Submesh], submesh: str) -> list[Submesh]:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -130,13 +131,13 @@ _SIZES = {"box": 3, "cylinder": 2, "sphere": 1, "plane": 3, "convex": 0, "height
 
 @dataclass(frozen=True)
 class MeshFile:
-    """The mesh file of a shape, and the options for reading it; see ``evoros.formats.mesh``."""
+    """An STL, OBJ or DAE file, and the options for reading it."""
 
-    path: str
-    scale: Vector
-    submesh: str
-    center: bool
-    up_axis: bool
+    path: Path
+    scale: Vector = (1.0, 1.0, 1.0)
+    submesh: str = ""  # name of the part to read; empty: the whole file
+    center: bool = False  # whether to move the middle of the bounding box to the origin
+    up_axis: bool = False  # whether to rotate a DAE file as its <up_axis> requires
 
 
 @dataclass(frozen=True)

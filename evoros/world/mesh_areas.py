@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -41,7 +40,7 @@ class MeshArea(NamedTuple):
         return max(self.false_m2, self.missed_m2) >= TOLD_M2 and share >= TOLD_SHARE
 
     def __str__(self) -> str:
-        name = Path(self.file.path).name + (f" ({self.uses} times)" if self.uses > 1 else "")
+        name = self.file.path.name + (f" ({self.uses} times)" if self.uses > 1 else "")
         share = 100.0 * self.false_m2 / self.footprint_m2
         text = f"{name}: its convex parts cover {self.false_m2:.2g} m2 ({share:.2g} %) of free area"
         missed = f" and miss {self.missed_m2:.2g} m2" if self.missed_m2 >= TOLD_M2 else ""
@@ -80,8 +79,7 @@ def _list_sections(world: World, height_m: float) -> Iterator[tuple[MeshFile, "S
                 z = np.concatenate(corners)[:, 2]
                 if z.min() > height_m or z.max() < heights[0]:
                     continue
-                choices = file.scale, file.submesh, file.center, file.up_axis
-                surface = weld(read_faces(Path(file.path), *choices).triangles)
+                surface = weld(read_faces(file).triangles)
                 points = placed_corners(surface.points, place.rotation, place.position)
                 known[key] = compare_sections(replace(surface, points=points), corners, heights)
             yield file, known[key]

@@ -20,7 +20,7 @@ from evoros.formats import mesh
 from evoros.formats.mesh import hull_of, read_mesh
 from evoros.formats.mesh_files import read_faces
 from evoros.geometry import mesh_parts
-from evoros.geometry.shapes import Shape
+from evoros.geometry.shapes import MeshFile, Shape
 
 
 @pytest.fixture(autouse=True)
@@ -36,7 +36,7 @@ def write(path: Path, text: str) -> Path:
 
 
 def read(path: Path, *arguments: Any, **keys: Any) -> tuple[Shape, ...]:
-    return read_mesh(path, *arguments, **keys).shapes
+    return read_mesh(MeshFile(path, *arguments, **keys)).shapes
 
 
 def bounds(*shapes: Shape) -> list[list[float]]:
@@ -92,7 +92,7 @@ def test_a_dae_has_a_unit_and_poses(tmp_path: Path) -> None:
 @pytest.mark.parametrize("up", ["X_UP", "Y_UP", "Z_UP"])
 def test_the_coordinates_of_a_dae_have_z_up_whatever_it_says(tmp_path: Path, up: str) -> None:
     path = write(tmp_path / "wedges.dae", DAE.format(up=up))
-    mesh = read_mesh(path, submesh="left")
+    mesh = read_mesh(MeshFile(path, submesh="left"))
     assert bounds(*mesh.shapes) == [[5, 0, 0], [6, 2, 3]]
     assert [f"up axis {up} is ignored" in note for note in mesh.notes] == [True] * (up != "Z_UP")
 
@@ -232,7 +232,7 @@ def test_what_is_left_out_is_noted_whenever_the_mesh_is_read(tmp_path: Path) -> 
         tmp_path / "boxes.obj", TWO_BOXES + "v 9 9 9\nv 9 9.0001 9\nv 9 9 9.0001\nf 13 14 15\n"
     )
     for _ in range(2):
-        mesh = read_mesh(path)
+        mesh = read_mesh(MeshFile(path))
         assert len(mesh.shapes) == 2
         assert mesh.notes == ("parts below 1 mm are left out: 1",)
 
@@ -240,7 +240,7 @@ def test_what_is_left_out_is_noted_whenever_the_mesh_is_read(tmp_path: Path) -> 
 def test_how_far_the_parts_are_off_is_noted(tmp_path: Path) -> None:
     path = tmp_path / "ball.stl"
     trimesh.creation.icosphere(4, 1.0).export(path)
-    [note] = read_mesh(path).notes
+    [note] = read_mesh(MeshFile(path)).notes
     assert note.startswith("the mesh is replaced by its convex hull, up to ")
 
 
@@ -261,8 +261,8 @@ def test_a_library_s_attempts_at_a_file_are_not_told(
     text = "solid s\n facet normal 0 0 x\n  outer loop\n   vertex 0 0 0\n   vertex 1 0 0\n"
     text += "   vertex 0 1 0\n  endloop\n endfacet\nendsolid s\n"
     path = write(tmp_path / "normals.stl", text)
-    code = "from pathlib import Path\nfrom evoros.formats.mesh_files import read_faces\n"
-    code += f"read_faces(Path({str(path)!r}))"
+    code = "from pathlib import Path\nfrom evoros.formats.mesh_files import MeshFile, read_faces\n"
+    code += f"read_faces(MeshFile(Path({str(path)!r})))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert "failed to extract" not in done.stderr
 
@@ -282,7 +282,7 @@ def test_a_node_of_a_dae_has_the_diffuse_colour_that_it_binds(tmp_path: Path) ->
     dae = DAE.format(up="Z_UP").replace("<library_geometries>", EFFECTS.format(colour="1 0.5 0 1"))
     bound = re.sub(r"<instance_geometry [^>]*/>\s*</node>\s*<node", BOUND, dae, count=1)
     assert bound != dae
-    colours = read_faces(write(tmp_path / "wedges.dae", bound), painted=True).colours
+    colours = read_faces(MeshFile(write(tmp_path / "wedges.dae", bound)), painted=True).colours
     assert colours[:4].tolist() == [[1.0, 0.5, 0.0]] * 4  # the left one
     assert np.isnan(colours[4:]).all()
 
@@ -291,17 +291,19 @@ def test_a_node_of_a_dae_has_the_diffuse_colour_that_it_binds(tmp_path: Path) ->
 def test_a_colour_of_a_dae_that_cannot_be_read_is_none(colour: str, tmp_path: Path) -> None:
     dae = DAE.format(up="Z_UP").replace("<library_geometries>", EFFECTS.format(colour=colour))
     bound = re.sub(r"<instance_geometry [^>]*/>\s*</node>\s*<node", BOUND, dae, count=1)
-    assert np.isnan(read_faces(write(tmp_path / "wedges.dae", bound), painted=True).colours).all()
+    assert np.isnan(
+        read_faces(MeshFile(write(tmp_path / "wedges.dae", bound)), painted=True).colours
+    ).all()
 
 
 def test_an_obj_has_the_colours_of_its_materials_or_of_its_corners(tmp_path: Path) -> None:
     (tmp_path / "absent.mtl").write_text("newmtl paint\nKd 0 0 1\n")
-    boxes = read_faces(write(tmp_path / "boxes.obj", TWO_BOXES), painted=True)
+    boxes = read_faces(MeshFile(write(tmp_path / "boxes.obj", TWO_BOXES)), painted=True)
     is_right = boxes.triangles[:, :, 0].min(axis=1) > 2.0
     assert np.isnan(boxes.colours[~is_right]).all()
     assert boxes.colours[is_right].tolist() == [[0.0, 0.0, 1.0]] * 4
     corners = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\nf 1 2 3\n"
-    colours = read_faces(write(tmp_path / "corners.obj", corners), painted=True).colours
+    colours = read_faces(MeshFile(write(tmp_path / "corners.obj", corners)), painted=True).colours
     assert colours.tolist() == [[1.0, 0.0, 0.0]]
 
 
@@ -316,7 +318,7 @@ def test_a_texture_gives_each_face_its_mean_and_one_outside_of_the_folder_is_not
     path = write(tmp_path / "mesh" / "a.obj", obj)
     for picture, expected in (("in.png", [0.0, 1.0, 0.0]), ("../out.png", [1.0, 1.0, 1.0])):
         write(tmp_path / "mesh" / "a.mtl", f"newmtl a\nKd 1 1 1\nmap_Kd {picture}\n")
-        (colour,) = read_faces(path, painted=True).colours.tolist()
+        (colour,) = read_faces(MeshFile(path), painted=True).colours.tolist()
         assert colour == expected
     (tmp_path / "mesh" / "a.mtl").unlink()
-    assert np.isnan(read_faces(path, painted=True).colours).all()
+    assert np.isnan(read_faces(MeshFile(path), painted=True).colours).all()

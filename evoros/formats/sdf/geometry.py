@@ -5,8 +5,6 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from lxml import etree
@@ -22,7 +20,7 @@ from evoros.formats.sdf.heightmaps import read_heightmap
 from evoros.formats.sdf.inclusion import CHOICES, find_uri, require_file
 from evoros.formats.sdf.reading import Reading
 from evoros.geometry.polyhedron import decompose, placed_corners
-from evoros.geometry.shapes import Pose, Shape, Vector
+from evoros.geometry.shapes import MeshFile, Pose, Shape, Vector
 from evoros.terminal.activity import announce
 
 _MINUTE = 1.2e7
@@ -154,24 +152,17 @@ def _read_polylines(polylines: list[Element]) -> tuple[Shape, ...]:
     )
 
 
-class _MeshUse(NamedTuple):
-    path: Path
-    scale: Vector
-    submesh: str
-    center: bool
-
-
 def _read_mesh(mesh: Element, reading: Reading) -> tuple[Shape, ...]:
     use = _identify_mesh(mesh, reading)
     if 0.0 in use.scale:
         reading.notes.add(mesh, "is left out: a scale of 0 makes it flat, so nothing can touch it")
         return ()
     if use not in reading.meshes:
-        reading.meshes[use] = _read_parts(mesh, use, 0.0, reading).shapes
+        reading.meshes[use] = _read_parts(mesh, use, 0.0).shapes
     return reading.meshes[use]
 
 
-def _identify_mesh(mesh: Element, reading: Reading) -> _MeshUse:
+def _identify_mesh(mesh: Element, reading: Reading) -> MeshFile:
     element = find_uri(mesh)
     if element is None:
         raise xml.element_error(mesh, "must have a <uri>", "name a mesh file")
@@ -180,12 +171,13 @@ def _identify_mesh(mesh: Element, reading: Reading) -> _MeshUse:
     name, center = _read_submesh(xml.find_child(mesh, "submesh"))
     place = require_file(element, reading)
     reading.read(place)
-    return _MeshUse(place.resolve(), (x, y, z), name, center)
+    turn = reading.options.mesh_up_axis == "apply"
+    return MeshFile(place.resolve(), (x, y, z), name, center, turn)
 
 
-def _read_parts(mesh: Element, use: _MeshUse, work: float, reading: Reading) -> Mesh:
+def _read_parts(mesh: Element, file: MeshFile, work: float) -> Mesh:
     try:
-        return read_mesh(*use, reading.options.mesh_up_axis == "apply", work)
+        return read_mesh(file, work)
     except InputError as error:
         problem = f"names a mesh that cannot be read: {error}"
         element = find_uri(mesh)
@@ -205,9 +197,9 @@ def divide_meshes(
     effort = reading.options.mesh_effort
     reach = math.inf if course is None else REACH_M * max(effort, 1.0)
     points = np.zeros((1, 2)) if course is None else course
-    boxes: dict[_MeshUse, Array] = {}
-    places: dict[_MeshUse, tuple[bool, bool, float, float]] = {}
-    elements: dict[_MeshUse, Element] = {}
+    boxes: dict[MeshFile, Array] = {}
+    places: dict[MeshFile, tuple[bool, bool, float, float]] = {}
+    elements: dict[MeshFile, Element] = {}
     for mesh, pose in placed:
         with suppress(InputError):  # the body's reader raises the error or leaves the mesh out
             use = _identify_mesh(mesh, reading)
@@ -215,8 +207,7 @@ def divide_meshes(
                 continue
             if use not in boxes:
                 with announce(f"reading {use.path.name}, mesh {len(boxes) + 1}"):
-                    ends = find_box(*use, reading.options.mesh_up_axis == "apply")
-                boxes[use] = np.array([*product(*ends.T)])
+                    boxes[use] = np.array([*product(*find_box(use).T)])
             place = _measure_place(boxes[use], pose, points, reach)
             elements[use], places[use] = mesh, min(place, places.get(use, place))
     left = effort * _MINUTE
@@ -231,7 +222,7 @@ def divide_meshes(
             remark = f"the mesh is divided coarsely, because it is over {reach:g} m from the course"
         text = f"dividing {use.path.name} into convex parts, mesh {index} of {len(places)}"
         with suppress(InputError), announce(text):
-            parts = _read_parts(elements[use], use, work, reading)
+            parts = _read_parts(elements[use], use, work)
             left -= parts.work
             reading.meshes[use] = parts.shapes
             for note in parts.remarks:

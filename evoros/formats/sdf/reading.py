@@ -26,7 +26,7 @@ from evoros.formats.notes import Notes
 from evoros.formats.sdf.old_versions import modernize
 from evoros.formats.strict_xml import SOURCE, walk_up
 from evoros.formats.urdf import packages
-from evoros.geometry.shapes import Shape
+from evoros.geometry.shapes import MeshFile, Shape
 
 _VARIABLES = (
     "GZ_SIM_RESOURCE_PATH",
@@ -296,7 +296,7 @@ class Reading:
     contents: dict[Path, bytes] = field(default_factory=dict)  # all files except the world's
     # keyed by address and folder
     models: dict[tuple[str, Path], Path | None] = field(default_factory=dict)
-    meshes: dict[tuple[object, ...], tuple[Shape, ...]] = field(default_factory=dict)
+    meshes: dict[MeshFile, tuple[Shape, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._roots: dict[Path, Element] = {}

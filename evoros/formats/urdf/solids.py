@@ -23,7 +23,7 @@ from evoros.formats.urdf.parts import (
     read_value,
     read_values,
 )
-from evoros.geometry.shapes import Pose, Shape, Vector
+from evoros.geometry.shapes import MeshFile, Pose, Shape, Vector
 from evoros.terminal.activity import announce
 
 _LOG = logging.getLogger(__name__)
@@ -151,10 +151,11 @@ class SolidsReader:
             read_mesh,
         )
 
+        file = MeshFile(path, scale)
         if hull:
-            return (simplify(read_hull(path, scale)),)
+            return (simplify(read_hull(file)),)
         with announce(f"dividing {path.name} into convex parts"):
-            mesh = read_mesh(path, scale)
+            mesh = read_mesh(file)
         size = np.ptp([corner for shape in mesh.shapes for corner in shape.corners], axis=0)
         if size.max() > _LARGEST_M:
             words = " x ".join(f"{length:.4g}" for length in size.tolist())
@@ -165,7 +166,7 @@ class SolidsReader:
             remarks, shapes = mesh.notes, mesh.shapes
         else:
             self._hulls += 1
-            count, gap = len(mesh.shapes), find_hull_gap(path, scale)
+            count, gap = len(mesh.shapes), find_hull_gap(file)
             off = f", up to {1e3 * gap:.0f} mm off its surface" if gap > TOLD_M else ""
             why = f"because it has {count} convex parts, more than {_MAX_PARTS}"
             remarks = (f"the mesh is replaced by its convex hull{off}, {why}", *mesh.remarks)

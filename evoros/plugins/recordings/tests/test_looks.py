@@ -8,7 +8,7 @@ import pytest
 from meshed_robot import BLACK, GLASS, PAINT, RED, TYRE_M, WHEEL_M, write_meshed_robot
 
 from evoros.formats.mesh_files import read_faces
-from evoros.geometry.shapes import Pose, Shape
+from evoros.geometry.shapes import MeshFile, Pose, Shape
 from evoros.plugins.recordings.video.camera import Camera, to_matrix
 from evoros.plugins.recordings.video.scene import UNPAINTED, Scene, ShownRobot
 from evoros.plugins.recordings.video.surfaces import Surface
@@ -112,7 +112,7 @@ def test_a_box_is_drawn_as_before() -> None:
 def test_the_colours_of_a_mesh_do_not_change_its_faces(tmp_path: Path) -> None:
     write_meshed_robot(tmp_path)
     for name in ("body.obj", "wheel.stl", "mast.dae"):
-        plain, painted = (read_faces(tmp_path / name, painted=p) for p in (False, True))
+        plain, painted = (read_faces(MeshFile(tmp_path / name), painted=p) for p in (False, True))
         expected, result = (
             np.sort(faces.triangles.reshape(-1, 9), axis=0) for faces in (plain, painted)
         )

@@ -20,7 +20,7 @@ from evoros.formats.strict_xml import parse
 from evoros.formats.urdf.parts import read_origin, read_shape, read_values
 from evoros.formats.urdf.tree import Urdf, read_tree
 from evoros.geometry import triangles as geometry
-from evoros.geometry.shapes import Body, Shape, Vector
+from evoros.geometry.shapes import Body, MeshFile, Shape, Vector
 from evoros.plugins.recordings.video.camera import NEAR_M, Camera, Floats, Pixels, to_matrix
 from evoros.plugins.recordings.video.surfaces import Colour, Surface
 from evoros.terminal.log import LOGGER
@@ -226,7 +226,7 @@ def _show(visual: Element, colour: Colour, most: int) -> Surface:
 @lru_cache(maxsize=64)  # wheels share mesh files, and missions share robots
 def _read_coarse(path: Path, scale: Vector, most: int, changed_ns: int) -> tuple[Array, Array]:
     """Read a mesh as at most ``most`` triangles with colours; ``changed_ns`` is for the cache."""
-    faces = read_faces(path, scale, painted=True)
+    faces = read_faces(MeshFile(path, scale), painted=True)
     points = faces.triangles.reshape(-1, 3)
     whole = geometry.Surface(points, np.arange(len(points)).reshape(-1, 3))
     cell = _FINEST * float(np.ptp(whole.points, axis=0).max())
