@@ -40,6 +40,7 @@ from evoros.drive.protocol import (
 )
 from evoros.drive.rolling import Candidate, Pair
 from evoros.drive.skid_steer import AT_LEAST_ONE
+from evoros.formats.notes import list_notes
 from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Plugin, Urdf
 
@@ -349,6 +350,5 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
         "driven wheels are not part of the drive": left_out,
         "wheels on fixed joints can turn": fixed,
     }
-    for text, names in notes.items():
-        if names:
-            _LOG.warning("%s: %s: %s", urdf.source, text, ", ".join(names))
+    for note in list_notes(notes):
+        _LOG.warning("%s: %s", urdf.source, note)

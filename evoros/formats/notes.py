@@ -3,6 +3,7 @@
 import logging
 import math
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lxml.etree import _Element as Element
@@ -56,6 +57,11 @@ def _list(names: list[str]) -> str:
         return ""
     more = f" and {len(others) - _NAMED} others" if len(others) > _NAMED else ""
     return f": {', '.join(others[:_NAMED])}{more}"
+
+
+def list_notes(names: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return a line for each text with the names to which it applies, if there are any."""
+    return [f"{text}: {', '.join(items)}" for text, items in names.items() if items]
 
 
 LARGEST_RAD = 2.0 * math.pi + 0.01

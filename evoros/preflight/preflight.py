@@ -189,22 +189,18 @@ def check_workers(experiment: Experiment) -> Iterator[str]:
 _LOG = logging.getLogger(__name__)
 
 MAX_TRAJECTORY_BYTES = 2**30  # maximum memory for the trajectory of one mission
-Check = Callable[[Experiment], Iterator[str]]
+Check = Callable[[Experiment], Iterator[str] | None]
 """Yields warnings; raises an InputError with the key in its message."""
-RobotCheck = Callable[[scene.Subject], Iterator[str]]
+RobotCheck = Callable[[scene.Subject], Iterator[str] | None]
 
 
 def preflight(experiment: Experiment) -> None:
     """Try every part of an experiment once, so that invalid input cannot stop the run later."""
-    for check in CHECKS:
-        for warning in check(experiment):
-            _LOG.warning("%s", warning)
-
-
-def check_search(experiment: Experiment) -> Iterator[str]:
-    """Check that the search starts."""
     experiment.start_search()
-    yield from ()
+    experiment.fitness.check_worlds(experiment.world)
+    for check in CHECKS:
+        for warning in check(experiment) or ():
+            _LOG.warning("%s", warning)
 
 
 def check_robots(experiment: Experiment) -> Iterator[str]:
@@ -212,7 +208,7 @@ def check_robots(experiment: Experiment) -> Iterator[str]:
     known = set()
     for subject in scene.list_subjects(experiment):
         try:
-            for warning in chain.from_iterable(check(subject) for check in ROBOT_CHECKS):
+            for warning in chain.from_iterable(check(subject) or () for check in ROBOT_CHECKS):
                 if warning not in known:  # robots of one kind and design share most warnings
                     yield f"{subject.member.key}{warning}"
                 known.add(warning)
@@ -220,13 +216,7 @@ def check_robots(experiment: Experiment) -> Iterator[str]:
             raise InputError(f"{subject.member.key}{error}") from None
 
 
-def check_fitness(experiment: Experiment) -> Iterator[str]:
-    """Require that the worlds provide what the fitness needs."""
-    experiment.fitness.check_worlds(experiment.world)
-    yield from ()
-
-
-def check_length(experiment: Experiment) -> Iterator[str]:
+def check_length(experiment: Experiment) -> None:
     """Require that a mission's trajectory fits into memory."""
     design = scene.choose_middle(experiment.space)
     period = max(experiment.controller.period_s, MIN_RECORD_S)
@@ -239,10 +229,9 @@ def check_length(experiment: Experiment) -> Iterator[str]:
                 f"{world.course.time_limit_s:g} s, so that a mission's trajectory fits into "
                 f"{MAX_TRAJECTORY_BYTES // 2**20} MiB"
             )
-    yield from ()
 
 
-def check_bounds(subject: scene.Subject) -> Iterator[str]:
+def check_bounds(subject: scene.Subject) -> None:
     """Require that the parts accept the bounds of every evolved range."""
     for key, scenario in list_scenarios(subject).items():
         (member,) = scenario.members
@@ -251,7 +240,6 @@ def check_bounds(subject: scene.Subject) -> Iterator[str]:
             check_genes(subject.space.genes, parts)
         except InputError as error:
             raise InputError(f"{key}{error}") from None
-    yield from ()
 
 
 def check_cases(subject: scene.Subject) -> Iterator[str]:
@@ -299,9 +287,7 @@ def check_told(subject: scene.Subject) -> Iterator[str]:
 
 
 CHECKS: Sequence[Check] = (
-    check_search,
     check_measures,
-    check_fitness,
     check_length,
     check_units,
     scene.check_waypoints,

@@ -193,20 +193,17 @@ def _list_upward(robot: Robot) -> dict[str, float]:
     return heights
 
 
-def check_room(experiment: Experiment) -> Iterator[str]:
+def check_room(experiment: Experiment) -> None:
     """Require enough space in each world for the maximum number of walkers."""
     scenario = experiment.scenario
     if scenario.any_walkers:
-        most = {
-            name: replace(group, number=group.numbers[1])
-            for name, group in scenario.walkers.items()
-        }
+        groups = scenario.walkers.items()
+        most = {name: replace(group, number=group.numbers[1]) for name, group in groups}
         full = replace(scenario, walkers=most)
         members = scenario.equip(choose_middle(experiment.space))
         for name, robots in place_robots(scenario, members).items():
             for trial in range(TRIALS):
                 full.draw_world(name, f"preflight/{trial}", robots)
-    yield from ()
 
 
 def place_robots(scenario: Scenario, members: Sequence[Member]) -> dict[str, list[PlacedRobot]]:

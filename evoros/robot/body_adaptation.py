@@ -12,6 +12,7 @@ from evoros.base.errors import InputError
 from evoros.drive.candidates import ALIGNED, CASTER, MAX_LACK, measure_link
 from evoros.drive.protocol import LEFT, TOLERANCE_M, TOLERATED_M
 from evoros.drive.rolling import Wheel, shape_points
+from evoros.formats.notes import list_notes
 from evoros.formats.urdf.elements import add_fixed_joint, build_collision
 from evoros.formats.urdf.parts import Joint, read_value
 from evoros.formats.urdf.solids import SolidsReader, simplify
@@ -35,10 +36,8 @@ def hold_joints(elements: Element, urdf: Urdf, driven: Collection[str]) -> list[
             for part in [*joint]:
                 if part.tag not in ("origin", "parent", "child"):
                     joint.remove(part)
-    notes = [f"{len(held)} joints outside the drive are held at zero: {', '.join(held)}"]
-    if excluded:
-        notes.append(f"the limits of some held joints exclude zero: {', '.join(excluded)}")
-    return notes if held else []
+    count = f"{len(held)} joints outside the drive are held at zero"
+    return list_notes({count: held, "the limits of some held joints exclude zero": excluded})
 
 
 def _excludes_zero(element: Element, joint: Joint) -> list[str]:
@@ -183,8 +182,7 @@ def show_as_collisions(elements: Element, urdf: Urdf, reader: SolidsReader) -> l
             raise faults[0]
         link.extend([build_collision(shape) for shape in shapes])
         changed += [name] if shapes else []
-    note = f"links without collision shapes use their visuals instead: {', '.join(changed)}"
-    return [note] if changed else []
+    return list_notes({"links without collision shapes use their visuals instead": changed})
 
 
 def _looks_round(urdf: Urdf, name: str) -> bool:

@@ -10,6 +10,7 @@ from lxml.etree import _Element as Element
 from evoros.base.arrays import Array, product
 from evoros.drive.protocol import CASTER_GAP_M, TOLERANCE_M
 from evoros.drive.rolling import shape_points
+from evoros.formats.notes import list_notes
 from evoros.formats.urdf.elements import (
     add_fixed_link,
     box_tensor,
@@ -57,25 +58,21 @@ def find_casters(
             casters.append(name)
         else:
             split[_split_off(elements, name, low)] = name
-    notes = []
-    if len(casters) > len(given):
-        names = ", ".join(_with_gap(name, gaps[name]) for name in casters[len(given) :])
-        notes.append(f"casters found, which slide without friction: {names}")
-    if split:
-        names = ", ".join(_with_gap(name, gaps[name]) for name in split.values())
-        notes.append(f"low parts of the body slide without friction: {names}")
-    if raised:
-        notes.append(f"parts below the ground are raised onto it: {', '.join(raised)}")
-    if cut:
-        notes.append(f"parts far below the ground are cut off just above it: {', '.join(cut)}")
     for name in casters:
         if name in links:
             _complete(links[name])
-    return Casters((*casters, *split), split, tuple(notes))
-
-
-def _with_gap(name: str, gap: float) -> str:
-    return f"{name} ({1e3 * gap:.1f} mm above the ground)" if gap > TOLERANCE_M else name
+    heights = {
+        name: f"{name} ({1e3 * gap:.1f} mm above the ground)" if gap > TOLERANCE_M else name
+        for name, gap in gaps.items()
+    }
+    found, low_parts = casters[len(given) :], split.values()
+    notes = {
+        "casters found, which slide without friction": [heights[name] for name in found],
+        "low parts of the body slide without friction": [heights[name] for name in low_parts],
+        "parts below the ground are raised onto it": raised,
+        "parts far below the ground are cut off just above it": cut,
+    }
+    return Casters((*casters, *split), split, tuple(list_notes(notes)))
 
 
 def _gap(collision: Element, link: Pose) -> float:

@@ -20,7 +20,7 @@ from evoros.drive.candidates import CASTER, TURNING
 from evoros.drive.protocol import DriveDescription
 from evoros.drive.rolling import Wheel, shape_points
 from evoros.formats.missing import MISSING
-from evoros.formats.notes import Notes, note_degrees
+from evoros.formats.notes import Notes, list_notes, note_degrees
 from evoros.formats.urdf import expansion
 from evoros.formats.urdf.elements import correct_inertias, give_mass, require_limit
 from evoros.formats.urdf.solids import SolidsReader, read_visual_solids
@@ -110,7 +110,7 @@ def _adapt_drive(
     wheels = [
         adapt_wheel(elements, urdf, name, automatic, named, notes) for name in chosen.wheel_joints
     ]
-    return chosen, wheels, [f"{text}: {', '.join(names)}" for text, names in notes.items()]
+    return chosen, wheels, list_notes(notes)
 
 
 def _extent(urdf: Urdf, wheels: Sequence[Wheel]) -> float:
@@ -157,8 +157,7 @@ def _tell_dense(elements: Element, urdf: Urdf) -> list[str]:
         volume = float(np.prod(np.ptp(points, axis=0)))
         if float(mass.get("value", "0")) > DENSEST_KG_M3 * volume:
             dense.append(f"{name} ({float(mass.get('value', '0')):g} kg in {1e3 * volume:.3g} l)")
-    note = f"links are denser than any metal, but their masses are kept: {', '.join(dense)}"
-    return [note] if dense else []
+    return list_notes({"links are denser than any metal, but their masses are kept": dense})
 
 
 def _adapt_casters(
@@ -196,11 +195,9 @@ def _complete_motors(
             limit = require_limit(find_joint(elements, name))
             limit.set("effort", repr(torque))
             limit.set("velocity", repr(min(joint.velocity, MOTOR_VELOCITY)))
-            given.setdefault(f"{torque:.3g} N m (weight times radius)", []).append(name)
-    return [
-        f"joints without an effort limit get {torque}: {', '.join(names)}"
-        for torque, names in given.items()
-    ]
+            text = f"joints without an effort limit get {torque:.3g} N m (weight times radius)"
+            given.setdefault(text, []).append(name)
+    return list_notes(given)
 
 
 COLLISIONS, VISUALS = "collisions", "visuals"

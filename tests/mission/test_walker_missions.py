@@ -144,7 +144,7 @@ WRONG: Sequence[tuple[list[str], str]] = [
 @pytest.mark.parametrize(("overrides", "says"), WRONG)
 def test_bad_input_is_one_line_before_the_run(overrides: list[str], says: str) -> None:
     with pytest.raises(InputError) as error:
-        list(check_room(build(*overrides)))
+        check_room(build(*overrides))
     assert says in str(error.value)
     assert "\n" not in str(error.value)
     assert "; " in str(error.value)
