@@ -6,8 +6,9 @@ SDF cannot contain polyhedra and height fields: the former go to one OBJ file, t
 
 import math
 import re
+import struct
+import zlib
 from collections.abc import Iterable, Iterator, Sequence
-from io import BytesIO
 from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
@@ -21,6 +22,7 @@ from evoros.geometry.polyhedron import convex_polyhedron
 from evoros.geometry.shapes import Body, Pose, Shape
 
 _WHITE = 65535  # maximum level of 16 bits
+_GREY_16 = (16, 0, 0, 0, 0)  # depth, colour type, compression, filter, interlacing of a PNG
 _PART = "part_{}"  # name of a polyhedron in the OBJ file, by its number from 1
 _GRAVITY_MPS2 = 9.81  # gravity of a file that states none
 _FRAME = """<?xml version="1.0"?>
@@ -181,14 +183,23 @@ def _height_range(shape: Shape) -> tuple[float, float]:
 
 
 def _encode_heights(shape: Shape) -> bytes:
-    """Return the heights of a field as a 16-bit grey PNG image, black to white, north up."""
-    from PIL import Image
-
+    """Return the heights as a 16-bit grey PNG, black to white, north up, the same everywhere."""
     low, high = _height_range(shape)
     levels = (np.array(shape.heights) - low) * (_WHITE / (high - low) if high > low else 0.0)
-    image = BytesIO()
-    Image.fromarray(np.rint(levels[::-1]).astype(np.uint16)).save(image, "PNG")
-    return image.getvalue()
+    rows = np.rint(levels[::-1]).astype(">u2")
+    lines = b"".join(b"\0" + row.tobytes() for row in rows)  # 0: this row has no filter
+    height, width = rows.shape
+    chunks = (
+        (b"IHDR", struct.pack(">IIBBBBB", width, height, *_GREY_16)),
+        (b"IDAT", zlib.compress(lines)),
+        (b"IEND", b""),
+    )
+    return b"\x89PNG\r\n\x1a\n" + b"".join(map(_encode_chunk, *zip(*chunks, strict=True)))
+
+
+def _encode_chunk(kind: bytes, content: bytes) -> bytes:
+    check = struct.pack(">I", zlib.crc32(kind + content))
+    return struct.pack(">I", len(content)) + kind + content + check
 
 
 _NAME = re.compile(r"[\w-][\w.-]*")
