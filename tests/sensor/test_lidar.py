@@ -21,8 +21,8 @@ from evoros.robot.model import Robot
 from evoros.sensor.infrared import Infrared
 from evoros.sensor.lidar import Lidar
 from evoros.sensor.protocol import Mount, sensor_bearings
-from evoros.simulator.engines.planar_layout import sight_of
-from evoros.simulator.engines.planar_sensing import SPACING
+from evoros.simulator.engines.planar_layout import SPACING, sight_of
+from evoros.simulator.engines.planar_sensing import UNSURE_RAD, estimate_bearing
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import open_alone
 from evoros.storage.figure_context import describe_experiment
@@ -66,6 +66,12 @@ def test_a_scan_is_that_of_beams_computed_one_by_one(yaw: float, fov: float, tur
             spacings.append(float(sight_of(simulation.parameters, 0).groups[0, SPACING]))
     assert spacings[0] > 0.0 == spacings[1]
     assert np.array_equal(scans[0], scans[1])
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(1e-6, 1e6))
+def test_an_estimated_bearing_is_well_within_the_margin(bearing: float, distance: float) -> None:
+    x, y = distance * math.cos(bearing), distance * math.sin(bearing)
+    assert abs(estimate_bearing(x, y) - math.atan2(y, x)) < 2e-5 < UNSURE_RAD
 
 
 class Twofold(Lidar):

@@ -1,17 +1,21 @@
 """Array layouts for the planar simulator: its parameters, and the memory of a mission."""
 
+import math
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evoros.base import elementary
 from evoros.base.arrays import STATE_SIZE, YAW, Array, Matrix, X, Y
 from evoros.base.compilable import inlined
 from evoros.base.packing import unpack
+from evoros.compilation.elementary_arrays import atan2_all, cos_all, sin_all
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import CONTACT, MOTION, WHEELS
 from evoros.simulator.engines.planar_bodies import PlanarPose
-from evoros.simulator.engines.rays import ZONE_SIZE, find_zones
+from evoros.simulator.engines.rays import ZONE_SIZE, Beam, find_zones
 
 PLACE = 0
 """First column of every probe: the index of its signal."""
@@ -59,6 +63,26 @@ def _face(yaw: float, pitch: float) -> tuple[float, float, float, float]:
     sp, cp = elementary.sin_cos(pitch / 2)
     return cy * cp, sy * sp, -cy * sp, sy * cp
 
+
+# A beam, that is, a channel of a sensor, is a row of BEAMS with these columns.
+ORIGIN, MIN_RANGE, FREE_RANGE, FIRST_RAY, END_RAY, LEFT_EDGE, RIGHT_EDGE = 0, 3, 4, 5, 6, 7, 9
+"""Columns of BEAMS.
+
+Origin (3,) [m]; minimum range [m]; reading without obstacles [m]; first ray; end of its rays;
+outward unit normals (2,) of the beam's left and right edge, or 0 without edges.
+"""
+BEAM_SIZE = 11
+
+# A group of beams is a row of GROUPS with these columns.
+FIRST_BEAM, END_BEAM, BEARING, SPACING, REACH = range(5)
+"""Columns of GROUPS.
+
+First beam; end of its beams; bearing of the first beam and spacing [rad], positive to the left, or
+zeros unless the beams are single, evenly spaced rays from one origin; maximum range without
+obstacles [m].
+"""
+GROUP_SIZE = 5
+_UNEVEN_RAD = 1e-9
 
 STEERING_ANGLE, CURVATURE, ROLLED, TURNED, COS, SIN = range(STATE_SIZE, STATE_SIZE + 6)
 """Columns of a robot's motion after its state.
@@ -177,3 +201,75 @@ def place_robot(memory: Memory, index: int, x: float, y: float, yaw: float) -> N
     """Set the position [m] and yaw [rad] of a robot."""
     sin, cos = elementary.sin_cos(yaw)
     memory.motions[index, [X, Y, YAW, COS, SIN]] = x, y, yaw, cos, sin
+
+
+def beam_rows(robot: Robot, frames: Array, beams: Sequence[Beam], rays: Array) -> Array:
+    """Return BEAMS from one frame per mount and the rays of all beams."""
+    rows = np.zeros((len(beams), BEAM_SIZE))
+    if not len(beams):
+        return rows
+    ends = np.cumsum([len(beam.directions) for beam in beams])
+    rows[:, ORIGIN : ORIGIN + 3] = [beam.origin for beam in beams]
+    rows[:, MIN_RANGE] = [beam.range_min for beam in beams]
+    rows[:, FIRST_RAY], rows[:, END_RAY] = np.concatenate(([0], ends[:-1])), ends
+    first = rows[:, FIRST_RAY].astype(np.int64)
+    farthest = np.array([beam.clear_range for beam in beams])
+    rows[:, FREE_RANGE] = _free_ranges(rows[:, ORIGIN + 2], rays[:, 2], first, farthest)
+    yaws = np.array(list(_facing(robot, frames, np.add.reduceat(rays, first))))
+    rows[:, LEFT_EDGE : LEFT_EDGE + 4] = _edges(rays, first, yaws)
+    return rows
+
+
+def _facing(robot: Robot, frames: Array, sums: Array) -> Iterator[float]:
+    """Yield each beam's yaw [rad]: the sensor's or, with several channels, the mean ray's."""
+    for part, frame in zip(robot.beam_layout, frames, strict=True):
+        if part.stop - part.start == 1:
+            yield elementary.atan2(frame[1, 0], frame[0, 0])
+        else:
+            yield from (elementary.atan2(y, x) for x, y, _ in sums[part].tolist())
+
+
+def _free_ranges(height: Array, slopes: Array, first: NDArray[np.int64], farthest: Array) -> Array:
+    """Return the readings [m] without obstacles: the distance to the ground, or ``farthest``."""
+    drop = -np.minimum.reduceat(slopes, first)
+    seen = drop * farthest > height
+    return np.where(seen, height / np.where(seen, drop, 1.0), farthest)
+
+
+def _edges(rays: Array, first: NDArray[np.int64], yaws: Array) -> Array:
+    """Return the outward unit normals (n, 4) of each beam's edges; zeros if it is no wedge."""
+    x, y = rays[:, 0], rays[:, 1]
+    angles = atan2_all(y, x) - np.repeat(yaws, np.diff([*first, len(rays)]))
+    angles = atan2_all(sin_all(angles), cos_all(angles))
+    high, low = np.maximum.reduceat(angles, first), np.minimum.reduceat(angles, first)
+    wedges = np.minimum.reduceat(np.sqrt(x * x + y * y), first) >= 1e-6
+    wedges &= np.maximum(np.abs(high), np.abs(low)) < math.pi / 2
+    left, right = yaws + high, yaws + low
+    edges = np.column_stack([-sin_all(left), cos_all(left), sin_all(right), -cos_all(right)])
+    return edges * wedges[:, None]
+
+
+def group_rows(robot: Robot, rows: Array, rays: Array) -> Array:
+    """Return GROUPS, one for each evenly spaced sensor and one for each run of other sensors."""
+    groups: list[tuple[float, float, float, float, float]] = []
+    for part in robot.beam_layout:
+        bearing, spacing = _measure_spacing(rows[part], rays)
+        if spacing == 0.0 and groups and groups[-1][SPACING] == 0.0:
+            groups[-1] = (groups[-1][FIRST_BEAM], part.stop, 0.0, 0.0, 0.0)
+        elif part.start < part.stop:
+            reach = float(rows[part, FREE_RANGE].max())
+            groups.append((part.start, part.stop, bearing, spacing, reach))
+    return np.array(groups).reshape(-1, GROUP_SIZE)
+
+
+def _measure_spacing(rows: Array, rays: Array) -> tuple[float, float]:
+    """Return the first beam's bearing and the spacing [rad]; zeros if unevenly spaced."""
+    single = rows[:, END_RAY] - rows[:, FIRST_RAY] == 1.0
+    if len(rows) < 2 or not single.all():
+        return 0.0, 0.0
+    x, y, _ = rays[rows[:, FIRST_RAY].astype(np.int64)].T
+    bearings = np.unwrap(atan2_all(y, x))
+    spaces = np.diff(bearings)
+    spacing = float(spaces.mean())
+    even = spacing > 0.0 and np.abs(spaces - spacing).max() < _UNEVEN_RAD
+    return (float(bearings[0]), spacing) if even else (0.0, 0.0)

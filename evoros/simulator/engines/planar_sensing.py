@@ -5,21 +5,15 @@ exact, because wheels do not slip in the planar simulator.
 """
 
 import math
-from collections.abc import Iterator, Sequence
 from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from evoros.base import elementary
 from evoros.base.arrays import SPEED, YAW, YAW_RATE, Array, Matrix
-from evoros.base.compilable import compilable
+from evoros.base.compilable import compilable, inlined
 from evoros.base.packing import unpack
-from evoros.compilation.elementary_arrays import atan2_all, cos_all, sin_all
 from evoros.geometry import ray
 from evoros.geometry.grid import cell_at
 from evoros.geometry.ray import Point, cast_rays, is_beside, is_beyond, place_obstacle, turn_frame
-from evoros.robot.model import Robot
 from evoros.sensor import signals as signal
 from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_bodies import Movables, Placed, PlanarPose
@@ -34,120 +28,12 @@ from evoros.simulator.engines.planar_layout import (
     probes_of,
     sight_of,
 )
-from evoros.simulator.engines.rays import Beam, see_parts_at
+from evoros.simulator.engines.rays import see_parts_at
 
 FULL_TURN = 2.0 * math.pi
 
-# A beam, that is, a channel of a sensor, is a row of BEAMS with these columns.
-ORIGIN, MIN_RANGE, FREE_RANGE, FIRST_RAY, END_RAY, LEFT_EDGE, RIGHT_EDGE = 0, 3, 4, 5, 6, 7, 9
-"""Columns of BEAMS.
-
-Origin (3,) [m]; minimum range [m]; reading without obstacles [m]; first ray; end of its rays;
-outward unit normals (2,) of the beam's left and right edge, or 0 without edges.
-"""
-BEAM_SIZE = 11
-
-# A group of beams is a row of GROUPS with these columns.
-FIRST_BEAM, END_BEAM, BEARING, SPACING, REACH = range(5)
-"""Columns of GROUPS.
-
-First beam; end of its beams; bearing of the first beam and spacing [rad], positive to the left, or
-zeros unless the beams are single, evenly spaced rays from one origin; maximum range without
-obstacles [m].
-"""
-GROUP_SIZE = 5
-_UNEVEN_RAD = 1e-9
-Indices = NDArray[np.int64]
-
-
-def beam_rows(robot: Robot, frames: Array, beams: Sequence[Beam], rays: Array) -> Array:
-    """Return BEAMS from one frame per mount and the rays of all beams."""
-    rows = np.zeros((len(beams), BEAM_SIZE))
-    if not len(beams):
-        return rows
-    ends = np.cumsum([len(beam.directions) for beam in beams])
-    rows[:, ORIGIN : ORIGIN + 3] = [beam.origin for beam in beams]
-    rows[:, MIN_RANGE] = [beam.range_min for beam in beams]
-    rows[:, FIRST_RAY], rows[:, END_RAY] = np.concatenate(([0], ends[:-1])), ends
-    first = rows[:, FIRST_RAY].astype(np.int64)
-    farthest = np.array([beam.clear_range for beam in beams])
-    rows[:, FREE_RANGE] = _free_ranges(rows[:, ORIGIN + 2], rays[:, 2], first, farthest)
-    yaws = np.array(list(_facing(robot, frames, np.add.reduceat(rays, first))))
-    rows[:, LEFT_EDGE : LEFT_EDGE + 4] = _edges(rays, first, yaws)
-    return rows
-
-
-def _facing(robot: Robot, frames: Array, sums: Array) -> Iterator[float]:
-    """Yield each beam's yaw [rad]: the sensor's or, with several channels, the mean ray's."""
-    for part, frame in zip(robot.beam_layout, frames, strict=True):
-        if part.stop - part.start == 1:
-            yield elementary.atan2(frame[1, 0], frame[0, 0])
-        else:
-            yield from (elementary.atan2(y, x) for x, y, _ in sums[part].tolist())
-
-
-def _free_ranges(height: Array, slopes: Array, first: Indices, farthest: Array) -> Array:
-    """Return the readings [m] without obstacles: the distance to the ground, or ``farthest``."""
-    drop = -np.minimum.reduceat(slopes, first)
-    seen = drop * farthest > height
-    return np.where(seen, height / np.where(seen, drop, 1.0), farthest)
-
-
-def _edges(rays: Array, first: Indices, yaws: Array) -> Array:
-    """Return the outward unit normals (n, 4) of each beam's edges; zeros if it is no wedge."""
-    x, y = rays[:, 0], rays[:, 1]
-    angles = atan2_all(y, x) - np.repeat(yaws, np.diff([*first, len(rays)]))
-    angles = atan2_all(sin_all(angles), cos_all(angles))
-    high, low = np.maximum.reduceat(angles, first), np.minimum.reduceat(angles, first)
-    wedges = np.minimum.reduceat(np.sqrt(x * x + y * y), first) >= 1e-6
-    wedges &= np.maximum(np.abs(high), np.abs(low)) < math.pi / 2
-    left, right = yaws + high, yaws + low
-    edges = np.column_stack([-sin_all(left), cos_all(left), sin_all(right), -cos_all(right)])
-    return edges * wedges[:, None]
-
-
-def group_rows(robot: Robot, rows: Array, rays: Array) -> Array:
-    """Return GROUPS, one for each evenly spaced sensor and one for each run of other sensors."""
-    groups: list[tuple[float, float, float, float, float]] = []
-    for part in robot.beam_layout:
-        bearing, spacing = _measure_spacing(rows[part], rays)
-        if spacing == 0.0 and groups and groups[-1][SPACING] == 0.0:
-            groups[-1] = (groups[-1][FIRST_BEAM], part.stop, 0.0, 0.0, 0.0)
-        elif part.start < part.stop:
-            reach = float(rows[part, FREE_RANGE].max())
-            groups.append((part.start, part.stop, bearing, spacing, reach))
-    return np.array(groups).reshape(-1, GROUP_SIZE)
-
-
-def _measure_spacing(rows: Array, rays: Array) -> tuple[float, float]:
-    """Return the first beam's bearing and the spacing [rad]; zeros if unevenly spaced."""
-    single = rows[:, END_RAY] - rows[:, FIRST_RAY] == 1.0
-    if len(rows) < 2 or not single.all():
-        return 0.0, 0.0
-    x, y, _ = rays[rows[:, FIRST_RAY].astype(np.int64)].T
-    bearings = np.unwrap(atan2_all(y, x))
-    spaces = np.diff(bearings)
-    spacing = float(spaces.mean())
-    even = spacing > 0.0 and np.abs(spaces - spacing).max() < _UNEVEN_RAD
-    return (float(bearings[0]), spacing) if even else (0.0, 0.0)
-
-
-@compilable
-def find_span(group: Array, x: float, y: float, radius: float) -> tuple[float, float]:
-    """Return the index range of an even group's beams that may hit a circle.
-
-    (x, y) [m] is the circle's centre relative to the beams' origin. The range may be shifted by a
-    full turn.
-    """
-    squared = x * x + y * y
-    if squared <= radius * radius:
-        return 0.0, group[END_BEAM] - group[FIRST_BEAM]
-    half = elementary.asin(radius / math.sqrt(squared))
-    middle = elementary.atan2(y, x) - group[BEARING]
-    if middle < 0.0:
-        middle += FULL_TURN
-    # Extend the range by one beam on each side, to allow for rounding.
-    return (middle - half) / group[SPACING] - 1.0, (middle + half) / group[SPACING] + 1.0
+UNSURE_RAD = 1e-4
+"""Angle by which ``find_span`` widens a circle; more than its errors and uneven spacing."""
 
 
 @compilable
@@ -250,98 +136,169 @@ def see(parameters: Array, memory: Array, index: int, ranges: Array) -> None:
     sight = sight_of(parameters, index)
     beams = sight.beams
     for i in range(len(beams)):
-        ranges[i] = beams[i, FREE_RANGE]
+        ranges[i] = beams[i, layout.FREE_RANGE]
     if len(sight.steered) > 0:
         see_parts_at(sight.steered, now.motions[index, layout.STEERING_ANGLE], ranges)
     pose = pose_of(memory, index)
     sensors = Sensors(beams, sight.groups, sight.rays, pose, ranges)
     cell = cell_at(sight.grid, pose[0], pose[1])
-    if cell >= 0:
-        for entry in range(int(sight.starts[cell]), int(sight.starts[cell + 1])):
-            detect(sight.obstacles[int(sight.entries[entry])], sight.faces, sensors)
-    faces = unpack(Movables, plane.movables).faces
-    detect_all(unpack(Placed, now.movables).sights, faces, sensors)
-    for other in range(len(now.motions)):
-        if other != index:
-            start = int(plane.places[other, layout.SHAPES])
-            end = int(plane.places[other + 1, layout.SHAPES])
-            detect_all(now.shapes[start:end], plane.faces, sensors)
+    placed, faces = unpack(Placed, now.movables).sights, unpack(Movables, plane.movables).faces
+    for g in range(len(sight.groups)):
+        if cell >= 0:
+            entries = sight.entries[int(sight.starts[cell]) : int(sight.starts[cell + 1])]
+            detect(sight.obstacles, entries, sight.faces, sensors, g)
+        detect(placed, ranges[:0], faces, sensors, g)
+        for other in range(len(now.motions)):
+            if other != index:
+                start = int(plane.places[other, layout.SHAPES])
+                end = int(plane.places[other + 1, layout.SHAPES])
+                detect(now.shapes[start:end], ranges[:0], plane.faces, sensors, g)
     for i in range(len(beams)):
-        if ranges[i] < beams[i, MIN_RANGE]:
-            ranges[i] = beams[i, MIN_RANGE]
+        if ranges[i] < beams[i, layout.MIN_RANGE]:
+            ranges[i] = beams[i, layout.MIN_RANGE]
 
 
 @compilable
-def detect_all(obstacles: Array, faces: Array, sensors: Sensors) -> None:
-    """Shorten the range of each beam that sees one of the obstacles."""
-    for i in range(len(obstacles)):
-        detect(obstacles[i], faces, sensors)
+def detect(obstacles: Matrix, entries: Array, faces: Array, sensors: Sensors, group: int) -> None:
+    """Shorten the range of each beam of a group that sees one of the obstacles.
 
-
-@compilable
-def detect(obstacle: Array, faces: Array, sensors: Sensors) -> None:
-    """Shorten the range of each beam that sees this obstacle."""
+    ``entries`` lists the rows of the obstacles; if it is empty, all rows count.
+    """
+    fan = fan_of(sensors, group)
     x, y, cos, sin = sensors.pose
-    dx = obstacle[ray.AT_X] - x
-    dy = obstacle[ray.AT_Y] - y
-    centre = cos * dx + sin * dy, cos * dy - sin * dx, obstacle[ray.AT_Z]
-    for i in range(len(sensors.groups)):
-        group = sensors.groups[i]
-        if group[SPACING] == 0.0:
-            cast_beams(obstacle, faces, sensors, group, centre)
+    for entry in range(len(entries) if len(entries) > 0 else len(obstacles)):
+        row = int(entries[entry]) if len(entries) > 0 else entry
+        # Views of rows would cost more than most obstacles, which are out of reach.
+        dx = obstacles[row, ray.AT_X] - x
+        dy = obstacles[row, ray.AT_Y] - y
+        centre = cos * dx + sin * dy, cos * dy - sin * dx, obstacles[row, ray.AT_Z]
+        if fan.spacing != 0.0:
+            cast_fan(obstacles, row, faces, sensors, fan, centre)
         else:
-            cast_group(obstacle, faces, sensors, group, centre)
+            cast_beams(obstacles, row, faces, sensors, fan, centre)
 
 
-@compilable
-def cast_group(
-    obstacle: Array, faces: Array, sensors: Sensors, group: Array, centre: Point
+class Fan(NamedTuple):
+    """The values of a group that all obstacles share."""
+
+    first_beam: int
+    end_beam: int
+    bearing: float  # [rad], of the first beam
+    spacing: float  # [rad]; 0 if uneven
+    reach: float  # [m]
+    first_ray: int
+    origin: Point  # [m], of the first beam
+
+
+@inlined
+def fan_of(sensors: Sensors, group: int) -> Fan:
+    """Return the values of a group."""
+    groups, beams = sensors.groups, sensors.beams
+    first = int(groups[group, layout.FIRST_BEAM])
+    return Fan(
+        first,
+        int(groups[group, layout.END_BEAM]),
+        groups[group, layout.BEARING],
+        groups[group, layout.SPACING],
+        groups[group, layout.REACH],
+        int(beams[first, layout.FIRST_RAY]),
+        (
+            beams[first, layout.ORIGIN],
+            beams[first, layout.ORIGIN + 1],
+            beams[first, layout.ORIGIN + 2],
+        ),
+    )
+
+
+@inlined
+def cast_fan(
+    obstacles: Matrix, row: int, faces: Array, sensors: Sensors, fan: Fan, centre: Point
 ) -> None:
     """Shorten the ranges of an even group's beams; ``centre`` is relative to the robot."""
-    first_beam, end_beam = int(group[FIRST_BEAM]), int(group[END_BEAM])
-    px, py, pz = find_centre(centre, sensors.beams[first_beam])
-    reach = group[REACH] + obstacle[ray.BOUND]
+    px = centre[0] - fan.origin[0]
+    py = centre[1] - fan.origin[1]
+    pz = centre[2] - fan.origin[2]
+    bound = obstacles[row, ray.BOUND]
+    reach = fan.reach + bound
     if px * px + py * py >= reach * reach:
         return
-    _, _, cos, sin = sensors.pose
-    first_ray = int(sensors.beams[first_beam, FIRST_RAY])
-    low, high = find_span(group, px, py, obstacle[ray.BOUND])
-    turn = FULL_TURN / group[SPACING]
+    low, high = find_span(fan, px, py, bound)
+    turn = FULL_TURN / fan.spacing
     for k in range(-1, 2):
-        start = max(int(low + k * turn), 0)
-        end = min(int(high + k * turn) + 1, end_beam - first_beam)
+        start = max(math.ceil(low + k * turn), 0)
+        end = min(math.floor(high + k * turn) + 1, fan.end_beam - fan.first_beam)
         if start < end:
-            rays = sensors.rays[first_ray + start : first_ray + end]
-            ranges = sensors.ranges[first_beam + start : first_beam + end]
-            frame = turn_frame(obstacle, cos, sin)
-            cast_rays(obstacle, faces, frame, (-px, -py, -pz), rays, math.inf, ranges)
+            rays = sensors.rays[fan.first_ray + start : fan.first_ray + end]
+            ranges = sensors.ranges[fan.first_beam + start : fan.first_beam + end]
+            frame = turn_frame(obstacles[row], sensors.pose[2], sensors.pose[3])
+            cast_rays(obstacles[row], faces, frame, (-px, -py, -pz), rays, math.inf, ranges)
 
 
 @compilable
-def find_centre(centre: Point, row: Array) -> Point:
-    """Return the centre of an obstacle relative to a beam's origin."""
-    x, y, z = centre
-    return x - row[ORIGIN], y - row[ORIGIN + 1], z - row[ORIGIN + 2]
+def find_span(fan: Fan, x: float, y: float, radius: float) -> tuple[float, float]:
+    """Return the index range of an even group's beams that may hit a circle.
+
+    (x, y) [m] is the circle's centre relative to the beams' origin. The range may be shifted by a
+    full turn. It is wider than the circle by ``UNSURE_RAD`` or more, because it needs no exact
+    angles: a beam beside the circle only costs the time of a ray.
+    """
+    squared = x * x + y * y
+    if squared <= radius * radius:
+        return 0.0, float(fan.end_beam - fan.first_beam)
+    sine = radius / math.sqrt(squared)
+    square = sine * sine
+    # Two terms of the arcsine's series, and a third so large that all further ones are less.
+    half = sine * (1.0 + square * (1.0 / 6.0 + square * (math.pi / 2.0 - 7.0 / 6.0)))
+    middle = estimate_bearing(x, y) - fan.bearing
+    if middle < 0.0:
+        middle += FULL_TURN
+    half += UNSURE_RAD
+    return (middle - half) / fan.spacing, (middle + half) / fan.spacing
+
+
+@compilable
+def estimate_bearing(x: float, y: float) -> float:
+    """Return atan2(y, x) [rad] with an error below 2e-5, in a quarter of its time.
+
+    The polynomial is 4.4.47 of Abramowitz and Stegun, Handbook of Mathematical Functions (1964).
+    """
+    across, along = abs(y), abs(x)
+    steep = across > along
+    ratio = along / across if steep else across / along
+    z = ratio * ratio
+    angle = 0.0208351
+    angle = angle * z - 0.0851330
+    angle = angle * z + 0.1801410
+    angle = angle * z - 0.3302995
+    angle = (angle * z + 0.9998660) * ratio
+    if steep:
+        angle = 0.5 * math.pi - angle
+    if x < 0.0:
+        angle = math.pi - angle
+    return -angle if y < 0.0 else angle
 
 
 @compilable
 def cast_beams(
-    obstacle: Array, faces: Array, sensors: Sensors, group: Array, centre: Point
+    obstacles: Matrix, row: int, faces: Array, sensors: Sensors, fan: Fan, centre: Point
 ) -> None:
-    """Shorten the ranges of an unevenly spaced group's beams; see ``cast_group``."""
+    """Shorten the ranges of an unevenly spaced group's beams; see ``cast_fan``."""
     _, _, cos, sin = sensors.pose
-    ranges, bound = sensors.ranges, obstacle[ray.BOUND]
-    for i in range(int(group[FIRST_BEAM]), int(group[END_BEAM])):
-        row = sensors.beams[i]
-        px, py, pz = find_centre(centre, row)
-        left_x, left_y = row[LEFT_EDGE], row[LEFT_EDGE + 1]
-        right_x, right_y = row[RIGHT_EDGE], row[RIGHT_EDGE + 1]
+    ranges, beams, bound = sensors.ranges, sensors.beams, obstacles[row, ray.BOUND]
+    x, y, z = centre
+    for i in range(fan.first_beam, fan.end_beam):
+        px = x - beams[i, layout.ORIGIN]
+        py = y - beams[i, layout.ORIGIN + 1]
         # Skip the rays if the circle around the obstacle is out of range or outside the beam.
         far = ranges[i] + bound
         if px * px + py * py >= far * far:
             continue
+        left_x, left_y = beams[i, layout.LEFT_EDGE], beams[i, layout.LEFT_EDGE + 1]
+        right_x, right_y = beams[i, layout.RIGHT_EDGE], beams[i, layout.RIGHT_EDGE + 1]
         if px * left_x + py * left_y > bound or px * right_x + py * right_y > bound:
             continue
+        pz = z - beams[i, layout.ORIGIN + 2]
+        obstacle = obstacles[row]
         frame = turn_frame(obstacle, cos, sin)
         if obstacle[ray.KIND] == ray.BOX and (
             is_beside(obstacle, frame, px, py, left_x, left_y)
@@ -349,6 +306,6 @@ def cast_beams(
             or is_beyond(obstacle, frame, (px, py, pz), ranges[i])
         ):
             continue
-        rays = sensors.rays[int(row[FIRST_RAY]) : int(row[END_RAY])]
+        rays = sensors.rays[int(beams[i, layout.FIRST_RAY]) : int(beams[i, layout.END_RAY])]
         origin = (-px, -py, -pz)
         ranges[i] = cast_rays(obstacle, faces, frame, origin, rays, ranges[i], ranges[:0])

@@ -15,11 +15,9 @@ from evoros.formats.urdf.elements import merge_fixed_links
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.model import DIRECTION, Robot
-from evoros.simulator.engines import planar_layout
 from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_bodies import find_movables, place_bodies
 from evoros.simulator.engines.planar_rules import place_crowd
-from evoros.simulator.engines.planar_sensing import FREE_RANGE, beam_rows, group_rows
 from evoros.simulator.engines.rays import lay_out_steered_sight, sensor_beams
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
@@ -77,7 +75,7 @@ def lay_out(
     places, packed = [np.zeros(layout.PLACES)], []
     for (robot, _), count in zip(robots, counts, strict=True):
         hull, sight = _lay_out_surroundings(robot, world, tallest)
-        probes = planar_layout.list_probes(robot, world.gravity_mps2)
+        probes = layout.list_probes(robot, world.gravity_mps2)
         packed.append((pack(hull), pack(sight), pack(probes)))
         sizes = [*map(len, packed[-1]), robot.signal_count, len(hull.outline), len(probes.contact)]
         places.append(places[-1] + [*sizes, count])
@@ -89,7 +87,7 @@ def lay_out(
         movables = movables._replace(walk=world.crowd.parameters)
         placed = place_crowd(placed, world.crowd, len(robots))
     rows = hulls, sights, probe_rows, shapes, faces, pack(movables)
-    memory = planar_layout.Memory(
+    memory = layout.Memory(
         np.zeros((len(robots), layout.MOTION_SIZE)),
         np.zeros((int(places[-1][layout.CORNERS]), 2)),
         np.zeros(int(places[-1][layout.TOUCHES])),
@@ -97,16 +95,14 @@ def lay_out(
         pack(placed),
     )
     for index, (_, (x, y, _, yaw)) in enumerate(robots):
-        planar_layout.place_robot(memory, index, x, y, yaw)
-    return pack(planar_layout.Plane(time_step, drives, np.array(places), *rows)), pack(memory)
+        layout.place_robot(memory, index, x, y, yaw)
+    return pack(layout.Plane(time_step, drives, np.array(places), *rows)), pack(memory)
 
 
-def _describe_drive(
-    robot: Robot, time_step: float, lags: tuple[float, float]
-) -> planar_layout.Drive:
+def _describe_drive(robot: Robot, time_step: float, lags: tuple[float, float]) -> layout.Drive:
     drive = robot.drive
     steering_lag = lags[0] if drive.steering_joints else 0.0
-    return planar_layout.Drive(
+    return layout.Drive(
         lag_gain(time_step, steering_lag),
         lag_gain(time_step, lags[1]),
         lag_mean(time_step, steering_lag),
@@ -121,9 +117,9 @@ def _describe_drive(
 
 def _lay_out_surroundings(
     robot: Robot, world: World, tallest: float
-) -> tuple[planar_layout.Hull, planar_layout.Sight]:
+) -> tuple[layout.Hull, layout.Sight]:
     beams, rays = sensor_beams(robot), robot.ray_table.rows[:, DIRECTION : DIRECTION + 3]
-    rows = beam_rows(robot, robot.sensor_frames, beams, rays)
+    rows = layout.beam_rows(robot, robot.sensor_frames, beams, rays)
     radius = float(np.sqrt((robot.outline * robot.outline).sum(axis=1)).max())
     reaches, mass = (robot.height_m, radius, _measure_sight(rows)), 0.0
     fixed, movables = find_movables(world, tallest)
@@ -134,10 +130,10 @@ def _lay_out_surroundings(
     else:
         grid, *obstacles = world_arrays(world, *reaches)
     steered = lay_out_steered_sight(robot, np.array([beam.clear_range for beam in beams]))
-    sensors = rows, group_rows(robot, rows, rays), rays, steered
+    sensors = rows, layout.group_rows(robot, rows, rays), rays, steered
     return (
-        planar_layout.Hull(radius, robot.height_m, mass, robot.outline, grid, *obstacles[:4]),
-        planar_layout.Sight(*sensors, grid, *obstacles[4:]),
+        layout.Hull(radius, robot.height_m, mass, robot.outline, grid, *obstacles[:4]),
+        layout.Sight(*sensors, grid, *obstacles[4:]),
     )
 
 
@@ -145,5 +141,6 @@ def _measure_sight(beams: Array) -> float:
     """Return the sensors' maximum reach [m], rounded up to 0.5 m so that designs share arrays."""
     if not len(beams):
         return 0.5
-    farthest = (np.sqrt((beams[:, :2] * beams[:, :2]).sum(axis=1)) + beams[:, FREE_RANGE]).max()
+    offsets = np.sqrt((beams[:, :2] * beams[:, :2]).sum(axis=1))
+    farthest = (offsets + beams[:, layout.FREE_RANGE]).max()
     return math.ceil(2.0 * float(farthest)) / 2
