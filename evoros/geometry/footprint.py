@@ -50,14 +50,19 @@ def project_shape(
 
 def _extreme_points(shape: Shape, pose: Pose, low_m: float, high_m: float) -> Array:
     """Return points (n, 3) [m] that span a shape's hull; a polyhedron is cut at two heights."""
-    if shape.kind == "heightfield":
-        points = height_points(shape).reshape(-1, 3)
-        return polyhedron.placed_corners(points, pose.rotation, pose.position)
-    solid = polyhedron.convex_polyhedron(shape.corners)
-    corners = polyhedron.placed_corners(solid.corners, pose.rotation, pose.position)
-    if low_m <= corners[:, 2].min() and corners[:, 2].max() <= high_m:
+    corners = polyhedron.placed_corners(_span(shape), pose.rotation, pose.position)
+    heights = corners[:, 2]
+    if shape.kind == "heightfield" or (low_m <= heights.min() and heights.max() <= high_m):
         return corners
-    return polyhedron.clip_polyhedron(corners, solid.edges, low_m, high_m)
+    edges = polyhedron.convex_polyhedron(shape.corners).edges
+    return polyhedron.clip_polyhedron(corners, edges, low_m, high_m)
+
+
+def _span(shape: Shape) -> Array:
+    """Return points (n, 3) [m] that span the hull of a polyhedron or height field, in its frame."""
+    if shape.kind == "heightfield":
+        return height_points(shape).reshape(-1, 3)
+    return polyhedron.convex_polyhedron(shape.corners).corners
 
 
 def height_points(shape: Shape) -> Array:
@@ -109,10 +114,10 @@ def lowest_point(body: Body) -> float:
 
 def find_heights(shape: Shape, pose: Pose) -> tuple[float, float]:
     """Return the heights [m] of the lowest and highest point of a shape other than a plane."""
-    if shape.kind in ("convex", "heightfield"):
-        heights = _extreme_points(shape, pose, -math.inf, math.inf)[:, 2]
-        return float(heights.min()), float(heights.max())
     up = pose.rotation[2]  # the world's z axis in the frame of the shape
+    if shape.kind in ("convex", "heightfield"):
+        heights = product(_span(shape), up) + pose.position[2]
+        return float(heights.min()), float(heights.max())
     if shape.kind == "sphere":
         depth = shape.size[0]
     elif shape.kind == "box":

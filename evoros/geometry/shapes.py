@@ -230,7 +230,8 @@ class Body:
     @cached_property
     def placed(self) -> tuple[tuple[Shape, Pose], ...]:
         """The shapes with their poses in the world frame."""
-        return tuple((shape, self.pose @ shape.pose) for shape in self.shapes)
+        poses = {pose: self.pose @ pose for pose in {shape.pose for shape in self.shapes}}
+        return tuple((shape, poses[shape.pose]) for shape in self.shapes)
 
     @property
     def is_ground(self) -> bool:

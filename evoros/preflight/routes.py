@@ -10,7 +10,13 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.geometry.clearance import compute_clearances
-from evoros.geometry.footprint import Footprint, distances, lowest_point, project_bodies
+from evoros.geometry.footprint import (
+    Footprint,
+    distances,
+    find_bounds,
+    lowest_point,
+    project_bodies,
+)
 from evoros.geometry.free_space import FreeSpace, find_connected
 from evoros.geometry.shapes import Body
 from evoros.preflight.scene import Subject, find_avoidance_range
@@ -18,7 +24,7 @@ from evoros.robot.model import Robot
 from evoros.world.course import Course
 from evoros.world.floors import ground_height
 from evoros.world.model import World
-from evoros.world.standing import GAP_M, standing_obstacles
+from evoros.world.standing import GAP_M, join_areas, standing_obstacles
 
 _STANDING_IN = 0.1
 """Fraction by which the outline shrinks for the test whether a robot stands in an obstacle."""
@@ -57,7 +63,7 @@ def _check_world(subject: Subject, world: World) -> Iterator[str]:
 
 def check_route(world: World, robot: Robot) -> Iterator[str]:
     """Yield a warning for each fault of a world's course for a robot."""
-    course, obstacles = world.course, project_bodies(world.obstacles, robot.height_m)
+    course, obstacles = world.course, join_areas(world, robot.height_m)
     yield from _check_spacing(course)
     if not obstacles:
         return
@@ -85,7 +91,7 @@ def find_range_fault(
 ) -> RangeFault | None:
     """Return the fault if the avoidance range exceeds ``max_ratio`` times the median free space."""
     avoidance = find_avoidance_range(controller)
-    obstacles = project_bodies(world.obstacles, robot.height_m)
+    obstacles = join_areas(world, robot.height_m)
     if avoidance is None or not obstacles:
         return None
     course = world.course
@@ -123,7 +129,15 @@ def _check_waypoints(
 
 
 def _free_space(points: Array, obstacles: Sequence[Footprint]) -> Array:
-    return np.asarray(np.min([distances(footprint, points) for footprint in obstacles], axis=0))
+    """Return the distances (n,) [m] of points (n, 2) from the nearest obstacle."""
+    boxes = np.array([find_bounds(area) for area in obstacles])[:, :, None]
+    outside = np.maximum(np.maximum(boxes[:, 0] - points, points - boxes[:, 1]), 0.0)
+    gaps = np.sqrt((outside * outside).sum(axis=2))  # lower bounds of the distances
+    free = np.full(len(points), np.inf)
+    for i in np.argsort(gaps.min(axis=1)).tolist():
+        if (gaps[i] < free).any():
+            free = np.minimum(free, distances(obstacles[i], points))
+    return free
 
 
 def _check_passages(

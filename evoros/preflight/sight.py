@@ -13,7 +13,7 @@ from evoros.base import elementary
 from evoros.base.arrays import Array, product
 from evoros.compilation.elementary_arrays import atan2_all
 from evoros.filter.mask import Mask
-from evoros.geometry.footprint import Footprint, bounding_circle, project_bodies
+from evoros.geometry.footprint import Footprint, bounding_circle
 from evoros.mission.member import Member
 from evoros.preflight.scene import Subject, choose_middle, find_avoidance_range, try_designs
 from evoros.robot.housings import Overlap, find_overlaps, list_housings
@@ -26,7 +26,7 @@ from evoros.simulator.protocol import PlacedRobot
 from evoros.world.course import Course
 from evoros.world.floors import GROUND
 from evoros.world.model import World
-from evoros.world.standing import standing_obstacles
+from evoros.world.standing import list_areas
 
 T = TypeVar("T")
 _FAR_M = 1e4  # distance from the robot at which the course cannot affect the readings
@@ -114,9 +114,8 @@ def _list_widths(world: World, height: float) -> Iterator[tuple[float, str]]:
 
     A mesh counts as one obstacle.
     """
-    for body in standing_obstacles(world):
-        areas = project_bodies([body], height)
-        if areas and any(shape.kind == "convex" for shape in body.shapes):
+    for body, areas in list_areas(world, height):
+        if any(shape.kind == "convex" for shape in body.shapes):
             areas = (Footprint(np.concatenate([area.vertices for area in areas])),)
         yield from ((2.0 * bounding_circle(area)[2], body.name) for area in areas)
 

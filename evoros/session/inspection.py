@@ -16,12 +16,7 @@ from evoros.config.own_designs import plan_design
 from evoros.config.own_files import OwnFile
 from evoros.evolution.experiment import Experiment
 from evoros.formats.urdf.tree import read_tree
-from evoros.geometry.footprint import (
-    find_bounds,
-    find_heights,
-    project_bodies,
-    project_shape,
-)
+from evoros.geometry.footprint import find_bounds, find_heights, project_shape
 from evoros.preflight.routes import MAX_RATIO, check_routes, find_range_fault
 from evoros.preflight.scene import list_subjects
 from evoros.robot.model import Robot
@@ -31,7 +26,7 @@ from evoros.terminal.log import withhold_messages
 from evoros.world.crowds import find_blocking
 from evoros.world.mesh_areas import measure_meshes
 from evoros.world.model import World
-from evoros.world.standing import standing_obstacles
+from evoros.world.standing import list_areas
 
 SAMPLES = 60
 """Number of random designs drawn in the picture of a robot."""
@@ -104,9 +99,10 @@ def inspect_world(
     """Describe the world ``name``, and choose a controller that suits it."""
     words = [f"world={name}", *robot, simulator]
     experiment, messages = _build(words, folder)
-    choices = [simulator, *_choose_controller(experiment, words, folder)]
-    if len(choices) > 1:
-        experiment, messages = _build([*words, *choices[1:]], folder)
+    choices = _choose_controller(experiment, words, folder)
+    if choices:
+        config = compose([*words, *choices], config_dir=folder)
+        experiment = config.rebuild(experiment, ["controller"])
     messages += check_routes(list_subjects(experiment)[0])
     rows = [row for world in experiment.world.values() for row in _describe_world(world)]
     height = experiment.robot.height_m
@@ -117,13 +113,14 @@ def inspect_world(
         rows.append(("course", f"suggested {reason}; {ANOTHER}"))
     for world in experiment.world.values():
         messages += _check_meetings(world, experiment.robot)
-    return Inspection(f"world {name}", rows, messages, draw(experiment.world), choices)
+    return Inspection(
+        f"world {name}", rows, messages, draw(experiment.world), [simulator, *choices]
+    )
 
 
 def _check_meetings(world: World, robot: Robot) -> Iterator[str]:
     """Yield a warning if the robot cannot touch any obstacle, and one for each blocked leg."""
-    low = [body for body in standing_obstacles(world) if project_bodies([body], robot.height_m)]
-    if not low and not world.actors:
+    if not list_areas(world, robot.height_m) and not world.actors:
         yield (
             f"{world.source}: no obstacle that {robot.name}, {robot.height_m:.3g} m high, can "
             f"touch; give the folders of missing models with world.NAME.model_paths=[FOLDER], or "
@@ -144,7 +141,8 @@ def _choose_controller(experiment: Experiment, words: Sequence[str], folder: Pat
     """Choose a controller whose avoidance suits the worlds; empty if the default one does."""
     if not _find_ranges(experiment, NEAR_RATIO):
         return []
-    faults = _find_ranges(_build([*words, INDOOR], folder)[0], MAX_RATIO)
+    config = compose([*words, INDOOR], config_dir=folder)
+    faults = _find_ranges(config.rebuild(experiment, ["controller"]), MAX_RATIO)
     return [INDOOR, *(f"{key}={value:.2g}" for key, value in faults.items())]
 
 

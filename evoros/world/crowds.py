@@ -11,7 +11,7 @@ from numpy.random import Generator
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.geometry.footprint import Outlines, distances, find_bounds, project_bodies
+from evoros.geometry.footprint import Outlines, distances, find_bounds
 from evoros.geometry.free_space import FreeSpace, find_connected
 from evoros.geometry.grid import Grid
 from evoros.geometry.polygon import find_border, polygon_distance
@@ -20,7 +20,7 @@ from evoros.walkers.forces import FOREIGN_REACH_M
 from evoros.walkers.layout import CORNER_S, CORNER_SIZE
 from evoros.world.floors import project_ground
 from evoros.world.model import World
-from evoros.world.standing import standing_obstacles
+from evoros.world.standing import join_areas, list_areas
 
 MARGIN_M = 0.1  # minimum distance [m] of drawn routes from obstacles
 AROUND_M = 2.0  # maximum distance [m] of walkers from the area with the obstacles and the course
@@ -29,7 +29,7 @@ AROUND_M = 2.0  # maximum distance [m] of walkers from the area with the obstacl
 @lru_cache(maxsize=64)
 def lay_out_borders(world: World, height: float) -> tuple[Array, ...]:
     """Return the obstacles below a height [m] as arrays for the walkers' rule."""
-    areas = project_bodies(standing_obstacles(world), height)
+    areas = join_areas(world, height)
     grid, outlines = Grid.around(areas, FOREIGN_REACH_M), Outlines.of(areas)
     return grid.to_array(), *grid.list_near(areas, FOREIGN_REACH_M), outlines.rows, outlines.corners
 
@@ -37,7 +37,7 @@ def lay_out_borders(world: World, height: float) -> tuple[Array, ...]:
 @lru_cache(maxsize=64)
 def find_free_space(world: World, radius: float, height: float) -> FreeSpace:
     """Return the free positions for a walker's centre that are connected to home."""
-    areas = project_bodies(standing_obstacles(world), height)
+    areas = join_areas(world, height)
     course = world.course
     points = np.array([course.home[:2], *course.waypoints])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -58,13 +58,17 @@ def find_blocking(
     world: World, legs: Sequence[Sequence[Sequence[float]]], radius: float, height: float
 ) -> tuple[str, Sequence[Sequence[float]]] | None:
     """Return the first obstacle that blocks a straight leg, by name, and that leg; or None."""
-    for body in standing_obstacles(world):
-        for area in project_bodies([body], height):
+    ways = [(leg, np.array(leg, dtype=np.float64)) for leg in legs]
+    for body, areas in list_areas(world, height):
+        for area in areas:
+            low, high = find_bounds(area)
             reach = radius + area.radius
-            for leg in legs:
-                way = np.array(leg, dtype=np.float64)
-                inside = distances(area, way).min() < radius
-                if inside or polygon_distance(area.vertices, way, reach) < reach:
+            for leg, way in ways:
+                gaps = np.maximum(low - way.max(axis=0), way.min(axis=0) - high)
+                if gaps.max() < radius and (
+                    distances(area, way).min() < radius
+                    or polygon_distance(area.vertices, way, reach) < reach
+                ):
                     return body.name, leg
     return None
 

@@ -61,19 +61,14 @@ def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
     grounds = [0.0] * len(bodies)
     if not has_level_ground(all_bodies):
         grounds = [ground_height(floor, body.pose.position[:2]) or 0.0 for body in bodies]
-    lowest = [lowest_point(body) for body in bodies]
-    falls = [
-        body.mass is not None and bottom - ground > GAP_M
-        for body, bottom, ground in zip(bodies, lowest, grounds, strict=True)
-    ]
-    if any(falls):
-        settled = [p for body, fall in zip(bodies, falls, strict=True) if not fall
-                   for p in place_parts(body)]  # fmt: skip
-        for i in sorted(range(len(bodies)), key=lowest.__getitem__):
-            if falls[i]:
-                drop = _drop(place_parts(bodies[i]), settled, grounds[i])
-                bodies[i] = raise_body(bodies[i], -drop)
-                settled += place_parts(bodies[i])
+    lowest = {i: lowest_point(body) for i, body in enumerate(bodies) if body.mass is not None}
+    falling = {i for i, bottom in lowest.items() if bottom - grounds[i] > GAP_M}
+    if falling:
+        still = (body for i, body in enumerate(bodies) if i not in falling)
+        settled = [part for body in still for part in place_parts(body)]
+        for i in sorted(falling, key=lowest.__getitem__):
+            bodies[i] = raise_body(bodies[i], -_drop(place_parts(bodies[i]), settled, grounds[i]))
+            settled += place_parts(bodies[i])
     return tuple(raise_body(body, -ground) for body, ground in zip(bodies, grounds, strict=True))
 
 
@@ -113,10 +108,22 @@ def _overlapping(shape: Part, others: Sequence[Part]) -> Iterator[Part]:
             yield other
 
 
+@lru_cache(maxsize=8)
+def list_areas(world: World, below_m: float) -> tuple[tuple[Body, tuple[Footprint, ...]], ...]:
+    """List the obstacles that reach below a height [m], with the footprints of that portion."""
+    placed = ((body, project_bodies([body], below_m)) for body in standing_obstacles(world))
+    return tuple((body, areas) for body, areas in placed if areas)
+
+
+def join_areas(world: World, below_m: float) -> list[Footprint]:
+    """Return the footprints of all solid shapes that reach below a height [m]."""
+    return [area for _, areas in list_areas(world, below_m) for area in areas]
+
+
 @lru_cache(maxsize=KEPT_WORLDS)
 def outlines(world: World, below_m: float) -> Outlines:
-    """Return the footprints of all solid shapes that reach below a height [m]."""
-    return Outlines.of(project_bodies(standing_obstacles(world), below_m))
+    """Return the ``join_areas`` as arrays."""
+    return Outlines.of(join_areas(world, below_m))
 
 
 @lru_cache(maxsize=64)  # up to 7 MB per entry if a lidar sees a whole field

@@ -80,6 +80,17 @@ def test_trajectories_follow_one_another() -> None:
     assert actor.points == ((0.0, 0.0, 0.0), (1.0, 0.0, 1.0), (1.0, 2.0, 3.0))
 
 
+def test_waypoints_count_by_time_and_the_last_one_of_each_time() -> None:
+    path = waypoints((3.0, 3.0, 0.0), (0.0, 9.0, 9.0), (1.0, 1.0, 0.0), (0.0, 0.0, 0.0))
+    (actor,) = read(f"<script>{path}</script>")
+    assert actor.points == ((0.0, 0.0, 0.0), (1.0, 0.0, 1.0), (3.0, 0.0, 3.0))
+
+
+def test_an_actor_with_one_time_stands_there() -> None:
+    (actor,) = read(f"<script>{waypoints((100.0, 5.0, 6.0), (100.0, 5.0, 7.0))}</script>")
+    assert actor.points == ((5.0, 7.0, 0.0),)
+
+
 def test_actors_can_be_left_out(caplog: pytest.LogCaptureFixture) -> None:
     stated = [f"<script>{waypoints((0.0, 0.0, 0.0), (1.0, 1.0, 0.0))}</script>"] * 2
     with caplog.at_level(logging.WARNING, "evoros.sdf"):
@@ -96,7 +107,6 @@ def test_actors_can_be_left_out(caplog: pytest.LogCaptureFixture) -> None:
 @pytest.mark.parametrize(
     ("script", "says"),
     [
-        (waypoints((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)), "must be later than the previous waypoint"),
         (waypoints((-1.0, 0.0, 0.0)), "must be a time of at least 0 s"),
         ("<trajectory><waypoint><time>1</time></waypoint></trajectory>", "must have a <pose>"),
     ],

@@ -14,7 +14,7 @@ from evoros.base.errors import InputError
 from evoros.formats import strict_xml as xml
 from evoros.formats.sdf.frames import read_pose
 from evoros.formats.sdf.reading import Reading
-from evoros.geometry.shapes import Pose
+from evoros.geometry.shapes import Pose, Vector
 
 _DRIVES = re.compile(
     r"diff_?-?drive|skid|steer|mecanum|omni|ackermann|planar_?move|velocity[-_]?control|"
@@ -220,9 +220,9 @@ def _read_actor(element: Element, taken: set[str], reading: Reading) -> Actor:
     script = xml.find_child(element, "script")
     points = [] if script is None else list(_read_points(script))
     starts = script is None or _read_flag(script, "auto_start")
-    if not points or not starts:
+    if len(points) < 2 or not starts:
         x, y, _ = points[0] if points else read_pose(element).pose.position
-        problem = "stands still, because it has no <trajectory> or its <auto_start> is false"
+        problem = "stands still, because it has no two waypoints or its <auto_start> is false"
         reading.notes.add(element, problem, "actor that stands")
         return Actor(unique, ((x, y, 0.0),))
     assert script is not None
@@ -239,21 +239,17 @@ def _read_flag(script: Element, tag: str) -> bool:
 
 
 def _read_points(script: Element) -> Iterator[Point]:
+    """Yield the waypoints by time; of several at one time, the last one counts, as in Gazebo."""
     last = -1.0
     for trajectory in script.findall("trajectory"):
-        shift = None
+        places: dict[float, Vector] = {}
         for waypoint in trajectory.findall("waypoint"):
             element = xml.require_child(waypoint, "time")
             time = xml.read_number(element, "a time of at least 0 s", lambda value: value >= 0.0)
-            if shift is None:  # the times of a later trajectory may start again
-                shift = last if 0.0 <= time <= last else 0.0
-                skip = shift > 0.0 and time == 0.0
-            x, y, _ = xml.parse_pose(xml.require_child(waypoint, "pose")).position
-            if skip:
-                skip = False
-                continue
-            if time + shift <= last:
-                problem = f"must be later than the previous waypoint, at {last - shift:g} s"
-                raise xml.element_error(element, problem, "put the waypoints in order")
-            last = time + shift
-            yield x, y, last
+            places[time] = xml.parse_pose(xml.require_child(waypoint, "pose")).position
+        # The times of a later trajectory may start again.
+        shift = last if min(places, default=math.inf) <= last else 0.0
+        for time in sorted(places):
+            if time + shift > last:
+                last = time + shift
+                yield *places[time][:2], last

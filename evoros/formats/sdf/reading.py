@@ -7,7 +7,7 @@ are looked up in Fuel's local cache.
 import logging
 import os
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -67,12 +67,13 @@ class Addresses:
         if address is not None:
             return _find_in_cache(address, self._declared)
         path = _strip_scheme(uri)
-        candidates = [*self._candidates(path, uri, beside)]
-        place = next(filter(accepts, candidates), None)
-        return self._find_in_any_case(uri, candidates, accepts) if place is None else place
+        place = next(filter(accepts, self._candidates(path, uri, beside)), None)
+        if place is None:
+            return self._find_in_any_case(uri, self._candidates(path, uri, beside), accepts)
+        return place
 
     def _find_in_any_case(
-        self, uri: str, candidates: Sequence[Path], accepts: Callable[[Path], bool]
+        self, uri: str, candidates: Iterable[Path], accepts: Callable[[Path], bool]
     ) -> Path | None:
         places = (packages.find_in_any_case(path) for path in dict.fromkeys(candidates))
         place = next((place for place in places if place is not None and accepts(place)), None)
