@@ -179,12 +179,13 @@ def describe_designs(
     clusters = find_clusters(compute_directions(best[HEADINGS_DEG]))
     if clusters.real:
         best["strategy"] = best.groupby(clusters.labels).ahead.transform("mean").map(_classify)
-    drawn = _describe(initial, rings, near_m, near_deg).assign(random=True)
-    numbers = set(zip(best.treatment, best.sensors, strict=True))
-    comparable = [pair in numbers for pair in zip(drawn.treatment, drawn.sensors, strict=True)]
-    both = pd.concat([best, drawn[comparable]], ignore_index=True)
+    if len(initial):
+        drawn = _describe(initial, rings, near_m, near_deg).assign(random=True)
+        numbers = set(zip(best.treatment, best.sensors, strict=True))
+        comparable = [pair in numbers for pair in zip(drawn.treatment, drawn.sensors, strict=True)]
+        best = pd.concat([best, drawn[comparable]], ignore_index=True)
     first = [*DESIGN, "random"]
-    return both[[*first, *(name for name in both if name not in first)]]
+    return best[[*first, *(name for name in best if name not in first)]]
 
 
 def _describe(

@@ -19,7 +19,7 @@ from ..statistics.small_samples import NOTHING, Interval, mean_interval, share_i
 from ..tables.champion_missions import list_missions, list_random_missions
 from ..tables.champions import read_champion
 from ..tables.conditions import Conditions, read_entries, read_levels, select_rows
-from ..tables.designs import read_generations, read_initial_sensors, select_random, trace_fitness
+from ..tables.designs import read_generations, select_random, trace_fitness
 from ..tables.factors import name_part
 from ..tables.records import Record, bound_scores
 from ..tables.study import Study
@@ -283,8 +283,7 @@ def _measure_gain(measure: str, study: Study) -> pd.DataFrame:
 
 
 def _measure_feature(measure: str, study: Study, near: Near) -> pd.DataFrame:
-    champions, initial = study.gather(read_champion), study.gather(read_initial_sensors)
-    table = describe_designs(champions, initial, study.rings, *near)
+    table = describe_designs(study.gather(read_champion), study.initial, study.rings, *near)
     table = table.assign(value=table[measure].astype(float))
     best, drawn = (table[table.random == flag].groupby("run").value.mean() for flag in (0, 1))
     return _collect(study, lambda r: (best.get(r.name, np.nan), drawn.get(r.name, np.nan)))

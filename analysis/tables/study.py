@@ -4,7 +4,7 @@ A study is read from plain files, without importing the code that a configuratio
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TypeVar
@@ -16,7 +16,13 @@ from evoros.storage.figure_context import Ring
 from evoros.terminal.log import LOGGER
 
 from .champions import read_champion_sensors, read_champion_signals
-from .designs import SIGNAL_COLUMNS, read_generations, read_initial_sensors, to_number
+from .designs import (
+    COLUMNS,
+    SIGNAL_COLUMNS,
+    read_generations,
+    read_initial_sensors,
+    to_number,
+)
 from .records import EvaluationRecord, Record
 
 KEYS = ("run", "treatment", "seed")  # first columns of every table of a study
@@ -93,14 +99,12 @@ class Study:
     def signals(self) -> pd.DataFrame:
         """One row for each champion's sensor without rays; may be empty."""
         others = [record for record in self.records if record.context.signals]
-        frames = self._mark(others, read_champion_signals)
-        empty = pd.DataFrame(columns=[*KEYS, *SIGNAL_COLUMNS])
-        return pd.concat(frames, ignore_index=True) if frames else empty
+        return _concatenate(self._mark(others, read_champion_signals), SIGNAL_COLUMNS)
 
     @cached_property
     def initial(self) -> pd.DataFrame:
-        """One row per sensor of each run's random designs in generation 0."""
-        return self.gather(read_initial_sensors)
+        """One row per sensor of each run's random designs in generation 0; may be empty."""
+        return _concatenate(self._mark(self.records, read_initial_sensors), COLUMNS)
 
     @property
     def treatments(self) -> tuple[str, ...]:
@@ -180,6 +184,10 @@ class Study:
         for record, result in self.read_each(candidates, read):
             return record, result
         raise InputError("no run has a champion that can be shown; restore or resume a run")
+
+
+def _concatenate(frames: Sequence[pd.DataFrame], columns: Sequence[str]) -> pd.DataFrame:
+    return pd.concat(frames or [pd.DataFrame(columns=[*KEYS, *columns])], ignore_index=True)
 
 
 def read_complete(record: AnyRecord, read: Callable[[AnyRecord], Result]) -> Result:

@@ -12,8 +12,10 @@ from helpers import tiny, vary
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.figures import own_claims
 from evoros.analysis.figures.own_claims import read_claims
+from evoros.analysis.products import make_product
 from evoros.analysis.statistics.finding import NOT_SUPPORTED, SUPPORTED, UNKNOWN, Finding
 from evoros.analysis.statistics.small_samples import mean_interval
+from evoros.analysis.subcommands import import_subcommand, parse
 from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.study import Study
 from evoros.terminal.console import DONE, INPUT
@@ -138,6 +140,21 @@ def test_every_named_measure_can_be_read(study: Study) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("figure", ["claims", "strategies"])
+def test_random_designs_without_sensors_leave_claims_to_be_judged(sweep: Path, figure: str) -> None:
+    study = load_study([sweep / f"2_{seed}" for seed in range(1, 8)])
+    for record in study.records:
+        table = record.run.generations.copy()
+        mounts = [name for name in table if str(name).startswith("sensor")]
+        table.loc[table.generation == 0, mounts] = np.nan
+        vars(record.run)["generations"] = table
+    assert study.initial.empty
+    product = make_product(import_subcommand(figure), study, parse([figure, "."]))
+    assert product.table is not None
+    assert len(product.table) > 0
+    assert "nan" not in " ".join(product.messages)
+
+
 def test_the_command_judges_the_claims_of_a_file(sweep: Path, tmp_path: Path) -> None:
     file = write(
         tmp_path / "claims.yaml",

@@ -27,7 +27,7 @@ from evoros.analysis.tables.champion_missions import (
     list_random_missions,
 )
 from evoros.analysis.tables.champions import read_champion
-from evoros.analysis.tables.designs import read_initial_sensors, trace_fitness
+from evoros.analysis.tables.designs import trace_fitness
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.study import Study
 from evoros.base.arrays import Array
@@ -127,9 +127,8 @@ def _gather(study: Study, read: Callable[[Record], pd.DataFrame]) -> pd.DataFram
 def _describe(study: Study, options: argparse.Namespace) -> pd.DataFrame:
     if not study.records:
         return _NO_DESIGNS
-    champions, initial = study.gather(read_champion), study.gather(read_initial_sensors)
     near = options.near_m, options.near_deg
-    table = describe_designs(champions, initial, study.rings, *near)
+    table = describe_designs(study.gather(read_champion), study.initial, study.rings, *near)
     kinds = {record.name: classify_failure(record) for record in study.records}
     return table.assign(kind=table.run.map(kinds))
 

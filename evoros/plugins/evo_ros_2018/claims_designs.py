@@ -144,8 +144,8 @@ def _compare_shares(table: pd.DataFrame, kind: str, having: "pd.Series[bool]") -
     difference = small_samples.share_difference(*counts)
     without = having[(table.kind == NONE) & ~table.random]
     also = f"; {int(without.sum())} of {len(without)} without failure" if len(without) else ""
-    why = f"{counts[0]} of {counts[1]}, {rate:.0%} of random designs"
-    why += f", difference {difference.write()}{also}"
+    compared = f"{rate:.0%} of random designs, difference {difference.write()}"
+    why = f"{counts[0]} of {counts[1]}, {compared if len(drawn) else 'no random designs'}{also}"
     interval, p = small_samples.share_interval(*counts[:2]), small_samples.fisher(*counts)
     return Shares(interval, len(champions), rate, difference, p, why)
 
