@@ -21,8 +21,7 @@ from .subcommands import NAME, Product, import_subcommand, parse, to_csv
 from .tables.loading import load_study
 from .tables.study import Study
 
-RECORD = "evoros.json"
-"""Name of the file in a written folder that contains the hashes of the other files."""
+RECORD = "evoros.json"  # file in a written folder, with the hashes of the other files
 
 
 def main() -> None:
@@ -96,7 +95,12 @@ def _render(product: Product, options: argparse.Namespace) -> dict[str, bytes]:
 
 def write_folder(path: Path, command: str, files: Mapping[str, bytes]) -> None:
     """Replace a folder by ``files``, keyed by path, unless others changed it; all or nothing."""
-    _check_unchanged(path, command)
+    change = _find_change(path, command)
+    if change:
+        raise InputError(
+            f"{path}: only a folder left as {command} wrote it can be replaced, but {change}; "
+            f"move the folder away, or choose another --output"
+        )
     path.parent.mkdir(parents=True, exist_ok=True)
     draft, replaced = (
         path.with_name(f".{path.name}.{os.getpid()}.{kind}") for kind in ("new", "old")
@@ -117,19 +121,10 @@ def write_folder(path: Path, command: str, files: Mapping[str, bytes]) -> None:
             replaced.rename(path)
 
 
-def _check_unchanged(path: Path, command: str) -> None:
-    if not path.exists() and not path.is_symlink():
-        return
-    problem = _find_change(path, command)
-    if problem:
-        raise InputError(
-            f"{path}: only a folder left as {command} wrote it can be replaced, but {problem}; "
-            f"move the folder away, or choose another --output"
-        )
-
-
 def _find_change(path: Path, command: str) -> str:
     """Describe the first difference from the command's output; empty if there is none."""
+    if not path.exists() and not path.is_symlink():
+        return ""
     if not path.is_dir() or path.is_symlink():
         return "it is not a folder"
     present = {

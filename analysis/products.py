@@ -14,9 +14,7 @@ from .tables.study import Study
 from .tables.worst_missions import show_worst
 
 OF_COMMAND = {"subcommand", "folders", "where", "treatments", "output", "style", "panel_letters"}
-"""Options that choose runs, as the study already does, or that control the written files."""
-NAMING = ("treatment", "group", "run")
-"""Columns that identify a row's treatment; the first column present is used."""
+NAMING = ("treatment", "group", "run")  # columns of a treatment; the first one present counts
 SIDES = ("a", "b")  # columns of the two treatments in a comparison
 
 
@@ -46,42 +44,30 @@ def analyze(study: Study, figure: str, **options: Any) -> Product:
 
 def make_product(subcommand: Subcommand, study: Study, options: argparse.Namespace) -> Product:
     """Make a subcommand's product, with messages that name the mission and the robot shown."""
-    chosen, about_mission = getattr(subcommand, "ONE_ROBOT", False), list[str]()
+    about_mission, about_robot = list[str](), list[str]()
     if getattr(subcommand, "WORST_MISSION", False):
         study, about_mission = show_worst(study, options.run)
-    product = _make_for_robot(subcommand, study, options, chosen)
-    return replace(product, messages=[*about_mission, *product.messages])
-
-
-def _make_for_robot(
-    subcommand: Subcommand, study: Study, options: argparse.Namespace, chosen: bool
-) -> Product:
-    if not chosen and not getattr(subcommand, "FIRST_ROBOT", False):
-        return _add_all_factors(subcommand.make_product(study, options), study)
-    choice = choose_robot(study, options.agent if chosen else None)
-    product = _add_all_factors(subcommand.make_product(choice.study, options), choice.study)
-    if not choice.others:
-        return product
-    others = ", ".join(choice.others)
-    in_view = getattr(subcommand, "IN_VIEW", False)
-    rest = f", with {others} in view" if in_view else f" alone, without {others}"
-    about = choice.robot + rest
-    if chosen and options.agent is None:
-        about = f"{about}; --agent NAME shows another robot"
-    return replace(product, messages=[*product.messages, about])
-
-
-def _add_all_factors(product: Product, study: Study) -> Product:
-    table = None if product.table is None else _add_factors(product.table, study)
-    tables = {name: _add_factors(further, study) for name, further in product.tables.items()}
-    return replace(product, table=table, tables=tables)
+    chosen = getattr(subcommand, "ONE_ROBOT", False)
+    if chosen or getattr(subcommand, "FIRST_ROBOT", False):
+        study, robot, others = choose_robot(study, options.agent if chosen else None)
+        if others:
+            seen = getattr(subcommand, "IN_VIEW", False)
+            form = "{}, with {} in view" if seen else "{} alone, without {}"
+            hint = "; --agent NAME shows another robot" * (chosen and options.agent is None)
+            about_robot = [form.format(robot, ", ".join(others)) + hint]
+    product = subcommand.make_product(study, options)
+    return replace(
+        product,
+        table=None if product.table is None else _add_factors(product.table, study),
+        tables={name: _add_factors(table, study) for name, table in product.tables.items()},
+        messages=[*about_mission, *product.messages, *about_robot],
+    )
 
 
 def _add_factors(table: pd.DataFrame, study: Study) -> pd.DataFrame:
     """Insert the factor levels of each row's treatment, or of its treatments ``a`` and ``b``.
 
-    If a column name is taken, it gets the prefix ``factor_``; rows that cover several treatments
-    have empty cells.
+    If a column name is taken, it gets the prefix ``factor_``.
     """
     records = (*study.evaluations, *study.records)  # runs take precedence if labels are equal
     factors = list(dict.fromkeys(name for record in records for name in record.levels))

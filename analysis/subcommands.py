@@ -33,10 +33,8 @@ class Product:
     # further tables, by file name
     tables: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)
     files: Mapping[str, bytes] = field(default_factory=dict)  # content by file name
-    folder: str = ""
-    """If set, the folder that is written as a whole; keys of ``files`` are paths inside it."""
-    status: int = DONE
-    """The exit status of the command; ``regression`` can set others."""
+    folder: str = ""  # if set, a folder with ``files``, written as a whole
+    status: int = DONE  # exit status of the command; ``regression`` can set others
 
 
 def to_csv(table: "pd.DataFrame") -> bytes:
@@ -75,11 +73,10 @@ SUBCOMMANDS: Mapping[str, str] = {
 EXPORTS: frozenset[str] = frozenset().union(*(plugin.exports for plugin in find_plugins().values()))
 """The subcommands that export files for other software instead of drawing a new figure."""
 FIGURE_FORMATS: Mapping[str, str] = {
-    "pdf": "text stays text, with embedded fonts",
+    "pdf": "text stays text, with embedded fonts",  # the default
     "svg": "letters become outlines, so no font is needed",
     "png": "300 dots per inch",
 }
-"""Descriptions of figure formats; the first format is the default."""
 
 
 class Subcommand(Protocol):
@@ -93,8 +90,7 @@ class Subcommand(Protocol):
 
     HELP: str  # one line
     NEEDS: str  # completes "Needs ..."
-    FILES: Mapping[str, str]
-    """A description of each file except the picture, by file name."""
+    FILES: Mapping[str, str]  # a description of each file except the picture, by file name
 
     def make_product(self, study: "Study", options: argparse.Namespace) -> "Product":
         """Make the figure, tables and files for a study."""
@@ -137,16 +133,15 @@ def _check_order(arguments: Sequence[str]) -> None:
 
 def _explain_unknown(figure: str, word: str) -> str:
     option = word.partition("=")[0]
-    owners = [name for name in SUBCOMMANDS if option in _list_options(name)]
+    owners = []
+    for name in SUBCOMMANDS:
+        parser = argparse.ArgumentParser()
+        add_all_arguments(parser, import_subcommand(name))
+        if any(option in action.option_strings for action in parser._actions):
+            owners.append(name)
     if owners:
         return f"{option}: an option of {NAME} {', '.join(owners)}; leave it out for {figure}"
     return f"{word}: not an option of {figure}; see {NAME} {figure} --help"
-
-
-def _list_options(name: str) -> frozenset[str]:
-    parser = argparse.ArgumentParser()
-    add_all_arguments(parser, import_subcommand(name))
-    return frozenset(option for action in parser._actions for option in action.option_strings)
 
 
 def add_all_arguments(parser: argparse.ArgumentParser, module: Subcommand) -> None:

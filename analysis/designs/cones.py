@@ -10,8 +10,7 @@ from evoros.base.arrays import Array
 from evoros.geometry.footprint import convex_hull
 from evoros.storage.figure_context import FigureContext, Part
 
-Window = tuple[float, float, float, float]
-"""Minimum x, maximum x, minimum y and maximum y [m]."""
+Window = tuple[float, float, float, float]  # minimum x, maximum x, minimum y and maximum y [m]
 CONE = ["x_m", "y_m", "yaw_deg", "fov_deg", "range_m"]
 _CORNERS = 96  # corners of a full circle
 _ZONE_MARGIN_M = 0.02  # depth of a bumper's zone beyond the robot

@@ -25,21 +25,17 @@ from .clusters import Clusters, compare_with_samples, find_clusters
 STEP_DEG = 5
 HEADINGS_DEG = np.arange(-180.0, 180.0, STEP_DEG)
 """Headings in the robot's frame: 0 is straight ahead, left is positive, -180 equals 180."""
-AHEAD_DEG = 30.0
-"""Headings within this angle of straight ahead count as ahead."""
+AHEAD_DEG = 30.0  # headings within this angle of straight ahead count as ahead
 QUANTILES = 36
-DESIGN = ["run", "treatment", "seed", "design"]
-"""The columns of a sensor table that identify a design."""
-NEAR_M, NEAR_DEG = 0.05, 15.0
-"""Maximum distance and angle (half a beam) between redundant sensors."""
+DESIGN = ["run", "treatment", "seed", "design"]  # columns of a sensor table that identify a design
+NEAR_M, NEAR_DEG = 0.05, 15.0  # maximum distance and angle (half a beam) between redundant sensors
 _PLACE = ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "pair"]
 
 
 def compute_profiles(sensors: pd.DataFrame) -> pd.DataFrame:
     """Count the sensors that cover each heading: one row per design, one column per heading [deg].
 
-    Each count is the exact mean over ``STEP_DEG`` centred on the heading; counts at single headings
-    could not distinguish designs that differ by less. The table is sorted by its index, ``DESIGN``.
+    Each count is the exact mean over ``STEP_DEG`` centred on the heading.
     """
     frame = pd.DataFrame(_overlap(sensors, HEADINGS_DEG, STEP_DEG / 2) / STEP_DEG)
     frame.columns = pd.Index(HEADINGS_DEG)
@@ -116,10 +112,9 @@ def measure_nearness(
 ) -> pd.DataFrame:
     """Measure how close each design's sensors are: one row per design, sorted by ``DESIGN``.
 
-    ``redundant`` is true if two sensors that are not twins are at most ``near_m`` apart and differ
-    by at most ``near_deg`` in yaw and pitch. ``closest_m`` is the minimum distance between two
-    sensors, infinite for fewer than two. ``lost`` is the expected number of sensors that fail if
-    damage with ``rings`` (default: the paper's) hits one of them.
+    Two sensors that are not twins are ``redundant`` within ``near_m``, and ``near_deg`` in yaw and
+    pitch. ``closest_m`` is the minimum distance between two sensors. ``lost`` is the expected
+    number of sensors that fail if damage with ``rings`` (default: the paper's) hits one of them.
     """
     rings = tuple(rings) or paper_rings()
     rows = {key: _measure(places, rings, near_m, near_deg) for key, places in _designs(sensors)}
@@ -155,8 +150,7 @@ def _measure(
 
 
 FRONT, SIDE, NEITHER = "front array", "side mounts", "no sensors"
-ALL = "all"
-"""Value of ``treatment`` in rows on the champions of all treatments together."""
+ALL = "all"  # value of ``treatment`` in rows on the champions of all treatments together
 _ORDER = ("treatment", "measure", "at", "value", "low", "high", "n", "random", "n_random", "p")
 Row = dict[str, object]
 
@@ -168,18 +162,12 @@ def describe_designs(
     near_m: float = NEAR_M,
     near_deg: float = NEAR_DEG,
 ) -> pd.DataFrame:
-    """Compute the features of champions and random designs from their sensors: one row per design.
-
-    A design is a front array if at least half of its total field of view lies within 30 deg of
-    straight ahead.
-    If champions form clusters, each is classified by the mean of its cluster. Random designs are
-    dropped if no champion of the treatment has the same number of sensors.
-    """
+    """Compute the features of champions and comparable random designs: one row per design."""
     best = _describe(champions, rings, near_m, near_deg).assign(random=False)
     clusters = find_clusters(compute_directions(best[HEADINGS_DEG]))
-    if clusters.real:
+    if clusters.real:  # each champion is classified by the mean of its cluster
         best["strategy"] = best.groupby(clusters.labels).ahead.transform("mean").map(_classify)
-    if len(initial):
+    if len(initial):  # comparable designs have as many sensors as a champion of the treatment
         drawn = _describe(initial, rings, near_m, near_deg).assign(random=True)
         numbers = set(zip(best.treatment, best.sensors, strict=True))
         comparable = [pair in numbers for pair in zip(drawn.treatment, drawn.sensors, strict=True)]

@@ -13,10 +13,8 @@ from matplotlib.figure import Figure, SubFigure
 from .style import COLUMN_IN, scale_type
 
 SMALL = "small"
-LINE_IN, TABLE_IN, EDGE_IN = 0.13, 3.38, 0.06
-"""Line height, width of a table, and the table's minimum distance from the edge [in]."""
-Heads = Mapping[str, tuple[float, str]]
-"""Position (as a fraction of the table's width) and horizontal alignment of each column."""
+LINE_IN, TABLE_IN, EDGE_IN = 0.13, 3.38, 0.06  # line height, table width, distance from the edge
+Heads = Mapping[str, tuple[float, str]]  # position (fraction of the width) and alignment by head
 
 
 @dataclass(frozen=True)

@@ -38,8 +38,8 @@ STYLE: dict[Any, Any] = {
     "pdf.fonttype": 42,  # embed TrueType fonts, as most publishers require
     "svg.hashsalt": "evoros",  # otherwise, the ids in an SVG are random
 }
+# A style file cannot change formats, layout and text parsing.
 _OURS = ("savefig.", "backend", "figure.autolayout", "figure.constrained_layout", "text.")
-"""Prefixes of parameters that a style file cannot change: formats, layout, text parsing."""
 _chosen: ContextVar[Mapping[Any, Any] | None] = ContextVar("chosen", default=None)
 _DATES = {"svg": "Date", "pdf": "CreationDate"}
 
@@ -47,7 +47,6 @@ _DATES = {"svg": "Date", "pdf": "CreationDate"}
 BLACK, ORANGE, SKY, GREEN = "#000000", "#e69f00", "#56b4e9", "#009e73"
 YELLOW, BLUE, VERMILLION, PURPLE = "#f0e442", "#0072b2", "#d55e00", "#cc79a7"
 CATEGORIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
-"""Colours in the order of use; the first few also differ in greyscale."""
 
 
 @contextmanager

@@ -36,16 +36,11 @@ FILES = {
     "compare.csv": "the tests, a row for each measure and pair of treatments",
     "compare_runs.csv": "the scores of each run",
 }
-MAX_TESTS = 30
-"""Maximum number of tests below the figure; longer lists appear only in the table."""
-NAME_LENGTH = 10
-"""Maximum length of a treatment's name in the tests; longer names become letters."""
-LINE_LENGTH = 20
-"""Maximum number of characters in a line of a label."""
-TITLE_LENGTH = 28
-"""Maximum number of characters in a line below an axis."""
-BOX, DOTS = (-0.22, 0.24), (0.18, 0.3)
-"""Offsets of boxes and dots from the middle of a treatment's row, and their heights."""
+MAX_TESTS = 30  # maximum number of tests below the figure; longer lists appear only in the table
+NAME_LENGTH = 10  # maximum length of a treatment's name in the tests; longer names become letters
+LINE_LENGTH = 20  # maximum number of characters in a line of a label
+TITLE_LENGTH = 28  # maximum number of characters in a line below an axis
+BOX, DOTS = (-0.22, 0.24), (0.18, 0.3)  # offset from the middle of a row, and height
 ROW_IN = 0.36
 KEY = "box: quartiles, bar: median, dots: runs"
 HEADS = {"treatments": (0.0, "left"), "p (Holm)": (0.62, "right"), "A12 [95 %]": (1.0, "right")}

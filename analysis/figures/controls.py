@@ -36,8 +36,7 @@ NAME_LENGTH = 28
 TITLES = {NO_SENSORS: "no sensors", RANDOM: "random search"}
 DECIDES = {NO_SENSORS: "the sensors", RANDOM: "the search"}
 """Control -> what matters if the control is worse than the champion."""
-LITTLE = 0.9
-"""A control shown to complete this share of the champion's missions decides little."""
+LITTLE = 0.9  # a control shown to complete this share of the champion's missions decides little
 SHARES = ("control_completed", "champion_completed")
 FITNESS = ("control_fitness", "champion_fitness")
 CHANGE = ("difference", "low", "high")
@@ -107,8 +106,7 @@ def _draw_row(axes: Axes, values: Array, y: int) -> None:
 def compare_controls(study: Study) -> pd.DataFrame:
     """Compare each finished run's champion with its controls: one row per run and control.
 
-    ``difference`` is the champion's completion rate minus the control's, with an interval over the
-    trials, whose draws are the same; the fitness columns are means over the trials.
+    ``difference`` is the champion's completion rate minus the control's on the same draws.
     """
     recorded = [record for record in study.records if (record.path / CONTROLS).is_dir()]
     if not recorded:

@@ -49,8 +49,7 @@ PANEL_IN = 2.2
 LETTERS_PER_IN = 15  # axis label characters per inch
 LEGEND_LETTERS = 44  # maximum number of characters per legend line, without markers
 PROBABILITIES = ("p", "p_holm")
-CROSS, TIMES = " x ", " \N{MULTIPLICATION SIGN} "
-"""Separator between the factors of an interaction in tables and in figures."""
+CROSS, TIMES = " x ", " \N{MULTIPLICATION SIGN} "  # separators in tables and in figures
 SPREAD = 0.5  # total width of the second factor's levels
 
 

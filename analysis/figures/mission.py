@@ -54,9 +54,8 @@ UNITS = {
     "mps": "speed\n[m/s]",
     "radps": "rate\n[rad/s]",
     "mps2": "acceleration\n[m/s²]",
-    "": "closed",
+    "": "closed",  # bumpers have no unit
 }
-"""Axis labels by the channel's unit; bumpers have no unit."""
 PANEL_IN, LEGEND_IN = 0.85, 0.6  # heights of a readings panel and of the legend below
 _STYLES = ("-", "--", "-.", ":")
 
@@ -97,10 +96,9 @@ class Missions:
     tracks: pd.DataFrame  # tracks of all robots, with the columns ``tracks.COLUMNS``
     worlds: Mapping[str, World]
     modes: Sequence[str]  # one mode per controller layer
+    # contexts by name in the column ``agent``, which is empty for the first robot
     robots: Mapping[str, FigureContext] = field(default_factory=dict)
-    """Contexts by name in the column ``agent``, which is empty for the first robot."""
-    traces: Mapping[str, Sequence[Trace]] = field(default_factory=dict)
-    """Readings in each world, drawn below the maps."""
+    traces: Mapping[str, Sequence[Trace]] = field(default_factory=dict)  # readings by world
     rates: Mapping[str, str] = field(default_factory=dict)  # completion rates by world
     walkers: Mapping[str, Sequence[WalkerTrack]] = field(default_factory=dict)  # tracks by world
 

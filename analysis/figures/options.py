@@ -12,8 +12,7 @@ from ..statistics.comparison import MEASURES
 from ..tables.study import Study
 from ..tables.validated import score_under, validate_champions
 
-TREATMENT, RUN = "treatment", "run"
-"""Choices of ``--by``: the groups in which designs are pooled."""
+TREATMENT, RUN = "treatment", "run"  # choices of ``--by``: the groups in which designs are pooled
 
 
 def add_thresholds(parser: argparse.ArgumentParser) -> None:

@@ -47,16 +47,14 @@ FILES = {
 Shades = tuple[ListedColormap, BoundaryNorm]
 PER_ROW_IN = 1.5  # minimum width of a panel
 LETTERS_PER_IN = 16  # title characters per inch
-APART = 2.5
-"""Ratio of ranges above which the shorter cones would look like dots."""
+APART = 2.5  # ratio of ranges above which the shorter cones would look like dots
 BAR_IN = 0.75  # room for the colour bar
 HEADS_IN = (0.38, 0.6)  # room above the first and the other views
 LINE_IN = 0.13  # height of a title line
 BAR_LABEL = "whose cones cover the point"
 CELLS = 300  # cells along a cone, about 0.1 mm each in print
 SPAN = ["treatment", "cut_m", "cell_m", "x_m", "y_low_m", "y_high_m"]
-UNITS = {"champions": ["run"], "sensors": ["run", "sensor"]}
-"""Units of the counts, with the columns that identify a unit."""
+UNITS = {"champions": ["run"], "sensors": ["run", "sensor"]}  # columns of a unit
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -144,10 +142,7 @@ def _shades(maximum: int) -> Shades:
 def _lay_out(
     treatments: int, views: Sequence[Window], width: float, with_legend: bool, lines: int
 ) -> tuple[Sheet, bool]:
-    """Return the sheet, and True if the views are side by side rather than stacked.
-
-    ``lines`` is the number of additional title lines above the first view.
-    """
+    """Return the sheet, and True if the views are side by side rather than stacked."""
     first = HEADS_IN[0] + lines * LINE_IN
     bottom = 0.6 if with_legend else 0.4
     ratios = [robot.aspect_ratio(view) for view in views]
@@ -207,11 +202,7 @@ def _add_legends(
 def count_coverage(
     sensors: pd.DataFrame, contexts: Mapping[str, FigureContext], cuts_m: Sequence[float]
 ) -> pd.DataFrame:
-    """Count the units that cover each point: one row per span of points with equal counts.
-
-    The unit is champions, or sensors if no treatment has two champions. A point is covered if a
-    cone contains the centre of its square cell. ``docs/analysis.md`` describes the columns.
-    """
+    """Count the champions or, if all treatments have one, the sensors that cover each point."""
     several = sensors.groupby("treatment").run.nunique().max() > 1
     unit = "champions" if several else "sensors"
     placed = sensors.dropna(subset="x_m")

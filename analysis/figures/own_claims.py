@@ -28,8 +28,7 @@ from ..tables.validated import validate_champions
 ABOVE, BELOW, WITHIN = "above", "below", "within"
 KEYS = ("claim", "measure", "comparison", "threshold", "treatments", "against")
 REQUIRED = ("claim", "measure", "comparison")
-FEATURES = ("sensors", "ahead", "redundant", "closest_m", "lost")
-"""Features of designs from ``describe_designs``."""
+FEATURES = ("sensors", "ahead", "redundant", "closest_m", "lost")  # columns of ``describe_designs``
 FITNESS = ("recorded", "validated")
 GAINS = ("gain_recorded", "gain_validated")
 COMPLETED = "completed"
@@ -46,8 +45,7 @@ TITLES = {
 }
 SHARES = (COMPLETED, "ahead", "redundant")
 NAMED = (*FITNESS, COMPLETED, *GAINS, *FEATURES)
-Near = tuple[float, float]
-"""The redundancy thresholds: distance [m] and angle [deg]."""
+Near = tuple[float, float]  # redundancy thresholds: distance [m] and angle [deg]
 
 
 @dataclass(frozen=True)
@@ -154,8 +152,7 @@ def judge_own(claim: OwnClaim, study: Study, near: Near) -> finding.Finding:
 
     The value is the champions' mean over runs, or the difference between two such means. A claim is
     supported if the interval is beyond the threshold, and the champions differ from their runs'
-    random designs in the same direction. It is not supported if the interval is on the other side
-    of the threshold.
+    random designs in the same direction.
     """
     values = measure_runs(claim.measure, study, near, claim.place)
     groups = [claim.treatments, *([claim.against] if claim.against else [])]

@@ -150,8 +150,7 @@ def lay_out(
 ) -> Sheet:
     """Lay out the panels of each treatment, and shrink them if they then fit on one page.
 
-    ``numbers`` holds the number of panels per treatment; ``ratio`` is a panel's height divided by
-    its width. ``foot`` and ``above`` are the heights [in] of the legend and of a panel's title.
+    ``ratio`` is a panel's height divided by its width; ``foot`` and ``above`` are heights [in].
     """
     heading = HEADING_IN * (len(numbers) > 1)
     pages = []

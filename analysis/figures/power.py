@@ -33,12 +33,10 @@ FILES = {
     "power.csv": "the number of replicates for each difference",
     "power_curves.csv": "the power for each number of replicates",
 }
-USUAL = (0.5, 1.0, 1.5)
-"""Default differences, in standard deviations."""
+USUAL = (0.5, 1.0, 1.5)  # default differences, in standard deviations
 BAR_STEP = 0.03  # vertical distance between the bars of two differences, in units of power
 TITLE_LENGTH = 36  # maximum number of characters per line of the legend title
-POINTS = 14
-"""Number of points at which a curve is computed."""
+POINTS = 14  # number of points at which a curve is computed
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -52,8 +52,7 @@ FILES = {
     "regression_margins.csv": "the results of `--margin`",
 }
 SKEWED = ("change in completion time, bootstrap", "paired values change, sign flips")
-SHOWN = 5
-"""Maximum number of missions whose replay commands are printed."""
+SHOWN = 5  # maximum number of missions whose replay commands are printed
 LOOKS: Mapping[str, tuple[str, str, str, float]] = {
     SAME: ("unchanged, time within 1 %", "o", "0.75", 2.5),
     BETTER: ("better", "^", SKY, 3.0),
@@ -75,8 +74,7 @@ NAMES = {
     "collisions": "collisions",
     TIME: "time [s]",
 }
-BAND = 0.22
-"""Width of the band of incomplete missions, as a fraction of the time axis."""
+BAND = 0.22  # width of the band of incomplete missions, as a fraction of the time axis
 NOTE_LENGTH = 62
 
 

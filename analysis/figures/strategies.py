@@ -36,8 +36,7 @@ ONE_ROBOT = True
 HELP = "evolved features: coverage, front arrays, side mounts, redundancy, clusters"
 NEEDS = "finished runs"
 FILES = {"strategies.csv": "the measures of each treatment and of random designs"}
-RANDOM = "0.45"
-"""Grey of random designs."""
+RANDOM = "0.45"  # grey of random designs
 MARKERS = "os^Dvp"
 PANEL_IN = 1.6  # minimum width of a panel
 NAME_LENGTH = 9  # maximum length of a label below an axis

@@ -52,19 +52,16 @@ HEADS = {
     "rank correlation": (0.36, "left"),
     "mean change": (0.67, "left"),
 }
-MIN_DESIGNS = next(n for n in count(2) if 2 / factorial(n) < LEVEL)
-"""Minimum number of designs for a significant rank correlation, as 2 of n! orders are extreme."""
+MIN_DESIGNS = next(n for n in count(2) if 2 / factorial(n) < LEVEL)  # two of n! orders are extreme
 NOTE = f"*too few designs for a conclusion: {MIN_DESIGNS} or more are needed"
-NAME_LENGTH, RUNG_LENGTH = 16, 17
-"""Maximum lengths of a group's and a rung's name in the table."""
+NAME_LENGTH, RUNG_LENGTH = 16, 17  # maximum lengths of a group's and a rung's name in the table
 RUNG_HEADS = {
     "to the rung": (0.0, "left"),
     "n": (0.33, "right"),
     "rank correlation": (0.36, "left"),
     "mean change": (0.67, "left"),
 }
-NAMED = 8
-"""Maximum number of designs with colours and names; more are drawn in grey."""
+NAMED = 8  # maximum number of designs with colours and names; more are drawn in grey
 _APART = 0.03  # distance between the dots of two designs, in rungs
 
 
@@ -231,10 +228,7 @@ def draw_ladder(
 
 
 def measure_bars(scores: Array, bounds: tuple[float, float]) -> Array:
-    """Return the lengths of standard-error bars below and above each mean, (2, n), within bounds.
-
-    ``scores`` (n, 3) holds means, standard deviations (NaN if unknown), and numbers of trials.
-    """
+    """Return error bars (2, n) for means, deviations and trials (n, 3), within the bounds."""
     fitness, sd, trials = scores.T
     errors = np.nan_to_num(sd / np.sqrt(trials))
     room = np.maximum([fitness - bounds[0], bounds[1] - fitness], 0.0)

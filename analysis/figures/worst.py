@@ -103,8 +103,7 @@ class TestedDesign:
     cases: pd.DataFrame
     sets: pd.DataFrame
     risks: pd.DataFrame
-    searched: pd.DataFrame | None
-    """Rows from a search for worst cases, if any; they take the place of the smallest set."""
+    searched: pd.DataFrame | None  # rows from a search for worst cases, if any
 
     def describe(self) -> Iterator[str]:
         """Describe the smallest set that stops the design, how to repeat it, and the risks."""

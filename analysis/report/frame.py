@@ -24,8 +24,7 @@ _TEMPLATES = Environment(
     trim_blocks=True,
     lstrip_blocks=True,
 )
-HEADER, LINKS, MISSIONS = "header", "links", "missions"
-"""Ids of the parts of a page other than the sections."""
+HEADER, LINKS, MISSIONS = "header", "links", "missions"  # ids of parts that are not sections
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from markupsafe import Markup
 
 from ..drawing.gallery import choose_apart
 from ..subcommands import EXPORTS, SUBCOMMANDS, Product
-from ..tables.factors import IGNORED, TARGET, Choices, Values, name_part
-from ..tables.records import Record, format_value
+from ..tables.factors import IGNORED, TARGET, Choices, Values, format_value, name_part
+from ..tables.records import Record
 from ..tables.shown import keeps_shown, read_shown
 from ..tables.study import Study
 from . import summary
@@ -21,8 +21,7 @@ from .maps import TITLES, DesignMap, make_maps
 from .playback import PLAYER, Flown, Json, encode_shown, select_playbacks
 from .section import make_section
 
-MAX_RECORDS = 300
-"""Maximum number of samples per mission for designs on maps."""
+MAX_RECORDS = 300  # maximum number of samples per mission for designs on maps
 
 
 @dataclass
@@ -87,9 +86,7 @@ FORMATS = {"html": ""}
 CLAIMS = "claims"
 LEFT_OUT = {"report", "requirements", "video", "power", "regression", CLAIMS, *EXPORTS}
 FIGURES = tuple(name for name in SUBCOMMANDS if name not in LEFT_OUT)
-"""The subcommands whose results are on the page; claims are added on request."""
-OWN_SECTION = {"compare": "Statistics", CLAIMS: "Claims"}
-"""Titles of the subcommands with separate sections; all others are under "Figures"."""
+OWN_SECTION = {"compare": "Statistics", CLAIMS: "Claims"}  # all others are under "Figures"
 SCRIPTS = (*PLAYER, "maps", "tables")
 
 
@@ -173,17 +170,11 @@ def _render_sections(
     yield "Player", player
     if options.claims is not None:
         yield OWN_SECTION[CLAIMS], make_section(CLAIMS, study, options).render(True)
-    yield (
-        "Summary",
-        render(
-            "summary.html",
-            runs=format_table(summary.tabulate_runs(runs)) if runs else None,
-            evaluations=format_table(summary.tabulate_evaluations(evaluations))
-            if evaluations
-            else None,
-            left_out=study.left_out,
-        ),
-    )
+    tables = {
+        "runs": runs and format_table(summary.tabulate_runs(runs)),
+        "evaluations": evaluations and format_table(summary.tabulate_evaluations(evaluations)),
+    }
+    yield "Summary", render("summary.html", **tables, left_out=study.left_out)
     groups: dict[str, Sequence[Record]] = {"Runs": runs, "Evaluations": evaluations}
     configured = {name: _configure(records) for name, records in groups.items() if records}
     yield "Configuration", render("configuration.html", groups=configured)
@@ -197,16 +188,11 @@ def _configure(records: Sequence[Record]) -> dict[str, Any]:
     varied = {*differences["key"], *(["seed"] if len(records) > 1 else [])}
     common = {key: value for key, value in records[0].values.items() if key not in varied}
     treatments = dict.fromkeys(record.treatment for record in records)
-    files = {
-        first[name].name: (first[name].path / "config.yaml").read_text(
-            encoding="utf-8", errors="replace"
-        )
-        for name in treatments
-    }
+    files = {first[name].name: first[name].path / "config.yaml" for name in treatments}
     return {
         "differences": format_table(differences) if len(differences) else None,
         "common": outline(common, _common_choices(records)),
-        "files": files,
+        "files": {name: file.read_text("utf-8", "replace") for name, file in files.items()},
     }
 
 

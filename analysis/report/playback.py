@@ -17,6 +17,7 @@ from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 
 from evoros.base.arrays import Array
+from evoros.base.errors import write_count
 from evoros.filter.protocol import ENDS, GROWS
 from evoros.geometry.footprint import project_shape, top_height
 from evoros.sensor.protocol import CONTACT
@@ -36,8 +37,7 @@ from ..tables.walkers import WalkerTrack, list_walkers
 
 Json = dict[str, Any]
 MARGIN_M = 0.5  # margin around the drawing
-MAX_RECORDS = 6000
-"""Maximum number of samples of a mission; longer missions are thinned out evenly."""
+MAX_RECORDS = 6000  # maximum number of samples of a mission; longer missions are thinned out evenly
 
 
 def encode_parts(context: FigureContext) -> list[Json]:
@@ -52,7 +52,7 @@ def encode_sensors(table: pd.DataFrame) -> Iterator[Json]:
     """Encode the pose and the cone of each sensor."""
     for row in table.to_dict("records"):
         yield {
-            **encode_place(row),
+            **_encode_place(row),
             "level": round(math.cos(math.radians(row["pitch_deg"])), 4),
             "fov": round(math.radians(row["fov_deg"]), 4),
             "range": row["range_m"],
@@ -60,7 +60,7 @@ def encode_sensors(table: pd.DataFrame) -> Iterator[Json]:
         }
 
 
-def encode_obstacles(world: World) -> Iterator[Json]:
+def _encode_obstacles(world: World) -> Iterator[Json]:
     """Yield the shapes of the obstacles in drawing order, by increasing height of the top."""
     placed = [solid for body in standing_obstacles(world) for solid in body.placed]
     for shape, pose in sorted(placed, key=lambda pair: top_height(*pair)):
@@ -73,8 +73,7 @@ def _encode_shape(vertices: Iterable[Sequence[float]], radius_m: float) -> Json:
     return {"vertices": corners, "radius": round(float(radius_m), 4)}
 
 
-def encode_course(course: Course) -> Json:
-    """Encode a course's home and waypoints."""
+def _encode_course(course: Course) -> Json:
     return {
         "home": list(course.home[:2]),
         "waypoints": [list(point) for point in course.waypoints],
@@ -82,7 +81,7 @@ def encode_course(course: Course) -> Json:
     }
 
 
-def find_extent(places: Array, course: Course, obstacles: Sequence[Json]) -> list[float]:
+def _find_extent(places: Array, course: Course, obstacles: Sequence[Json]) -> list[float]:
     """Return x and y [m] of the drawing's lower left and upper right corners."""
     corners = np.array([course.home[:2], *course.waypoints])
     solid = [
@@ -102,7 +101,7 @@ def thin_out(records: int, most: int = MAX_RECORDS) -> list[int]:
     return [round(place) for place in places.tolist()]
 
 
-def encode_place(sensor: Mapping[Any, Any]) -> dict[str, Any]:
+def _encode_place(sensor: Mapping[Any, Any]) -> dict[str, Any]:
     """Encode a sensor's type, number and planar pose."""
     return {
         "type": str(sensor["type"]),
@@ -113,13 +112,17 @@ def encode_place(sensor: Mapping[Any, Any]) -> dict[str, Any]:
     }
 
 
-def encode_poses(trajectory: pd.DataFrame) -> dict[str, list[int | None]]:
+def _encode_poses(trajectory: pd.DataFrame) -> dict[str, list[int | None]]:
     """Encode a robot's columns ``x``, ``y`` and ``yaw``."""
     x, y, yaw = (trajectory[name].to_numpy(float) for name in ("x_m", "y_m", "yaw_rad"))
-    return {"x": encode_numbers(x), "y": encode_numbers(y), "yaw": encode_numbers(np.unwrap(yaw))}
+    return {
+        "x": _encode_numbers(x),
+        "y": _encode_numbers(y),
+        "yaw": _encode_numbers(np.unwrap(yaw)),
+    }
 
 
-def encode_numbers(values: Array) -> list[int | None]:
+def _encode_numbers(values: Array) -> list[int | None]:
     """Encode a column as integer thousandths of its unit; NaN becomes None."""
     return encode_differences(
         [None if math.isnan(value) else round(value * 1000) for value in values.tolist()]
@@ -141,12 +144,11 @@ def encode_changes(values: Sequence[int | None]) -> list[list[int | None]]:
     return [[index, values[index]] for index in (0, *changes)] if values else []
 
 
-def describe_signals(sensors: pd.DataFrame, context: FigureContext) -> Iterator[dict[str, Any]]:
-    """Describe the pose, zone and displayed channels of each sensor without rays."""
+def _describe_signals(sensors: pd.DataFrame, context: FigureContext) -> Iterator[dict[str, Any]]:
     for row in sensors.to_dict("records"):
         signal = context.signals[row["type"]]
         yield {
-            **encode_place(row),
+            **_encode_place(row),
             "touches": signal.measures == CONTACT,
             "width": row["width_m"],
             "depth": row["depth_m"],
@@ -154,23 +156,21 @@ def describe_signals(sensors: pd.DataFrame, context: FigureContext) -> Iterator[
         }
 
 
-def encode_signals(
+def _encode_signals(
     trajectory: pd.DataFrame, sensors: pd.DataFrame, context: FigureContext
 ) -> list[list[list[int | None]]]:
     """Encode the displayed readings by sensor and channel, in thousandths of the unit."""
     return [
         [
-            encode_numbers(trajectory[column].to_numpy(float))
+            _encode_numbers(trajectory[column].to_numpy(float))
             for _, _, column in list_channels(sensor, context.signals[kind])
         ]
         for sensor, kind in zip(sensors["sensor"].tolist(), sensors["type"], strict=True)
     ]
 
 
-MAX_SECTORS = 36
-"""Maximum number of sectors in which the player shows a sensor's ranges."""
-PLAYER = ("missions", "plan", "readings", "signals", "player")
-"""Scripts in ``web/`` that play the missions."""
+MAX_SECTORS = 36  # maximum number of sectors in which the player shows a sensor's ranges
+PLAYER = ("missions", "plan", "readings", "signals", "player")  # scripts in ``web/``
 
 
 @dataclass(frozen=True)
@@ -178,8 +178,7 @@ class Flown:
     """Rerun missions of the best designs so far, for runs that stored no missions."""
 
     playbacks: Mapping[str, Markup] = field(default_factory=dict)  # one per run, by name
-    notes: Sequence[str] = ()
-    """Sentences about the rerun missions, and about the reasons why others were not rerun."""
+    notes: Sequence[str] = ()  # sentences about the rerun missions, and why others were not rerun
 
 
 def select_playbacks(
@@ -228,7 +227,7 @@ def encode_shown(
             {"name": name, "parts": encode_parts(agent)} for name, agent in context.agents.items()
         ],
         "sensors": list(encode_sensors(shown.sensors)),
-        "signals": list(describe_signals(shown.signals, context)),
+        "signals": list(_describe_signals(shown.signals, context)),
         "modes": [NONE, *context.modes],
         "missions": [_encode_mission(shown, mission, most, grounds) for mission in shown.missions],
     }
@@ -245,8 +244,8 @@ def _encode_mission(
     paths += [walker.places for walker in walkers]
     rows = thin_out(len(trajectory), most)
     course = mission.world.course
-    obstacles = list(encode_obstacles(mission.world))
-    ground = {"course": encode_course(course), "obstacles": obstacles}
+    obstacles = list(_encode_obstacles(mission.world))
+    ground = {"course": _encode_course(course), "obstacles": obstacles}
     if grounds is not None:
         grounds[mission.ground] = ground
     bearings = [shown.context.beams[kind].bearings_deg for kind in shown.sensors["type"]]
@@ -255,21 +254,21 @@ def _encode_mission(
         "summary": _summarize(row),
         "goals": len(course.route(True)),
         **(ground if grounds is None else {"ground": mission.ground}),
-        "extent": find_extent(np.concatenate(paths), course, obstacles),
+        "extent": _find_extent(np.concatenate(paths), course, obstacles),
         "failed": list(_encode_faults(row, context.failure.effects)),
         "parts_failed": list(_encode_part_faults(row, trajectory, context.failure.effects)),
         "reached": list(_encode_waypoints(trajectory, course)),
         "collisions": list(_encode_collisions(trajectory)),
-        "agents": [encode_poses(other.iloc[rows]) for other in others],
+        "agents": [_encode_poses(other.iloc[rows]) for other in others],
         "walkers": [_encode_walker(walker, rows) for walker in walkers],
         **_encode_columns(trajectory.iloc[rows], bearings),
-        "signals": encode_signals(trajectory.iloc[rows], shown.signals, context),
+        "signals": _encode_signals(trajectory.iloc[rows], shown.signals, context),
     }
 
 
 def _encode_walker(walker: WalkerTrack, rows: Sequence[int]) -> Json:
     x, y = walker.places[rows].T
-    place = {"x": encode_numbers(x), "y": encode_numbers(y)}
+    place = {"x": _encode_numbers(x), "y": _encode_numbers(y)}
     return {"name": walker.name, "radius": round(walker.radius_m, 4), **place}
 
 
@@ -297,13 +296,13 @@ def _encode_columns(trajectory: pd.DataFrame, bearings_deg: Sequence[Sequence[fl
     sensors = [*group_ranges(trajectory).values()]
     time = trajectory["time_s"].to_numpy(float)
     return {
-        "time": encode_changes(encode_numbers(time)),
-        **encode_poses(trajectory),
+        "time": encode_changes(_encode_numbers(time)),
+        **_encode_poses(trajectory),
         "mode": encode_changes(trajectory["mode"].astype(int).tolist()),
         "contact": encode_changes(trajectory["contact"].astype(int).tolist()),
-        "readings": [encode_numbers(find_nearest(ranges)) for ranges in sensors],
+        "readings": [_encode_numbers(find_nearest(ranges)) for ranges in sensors],
         "sectors": [
-            [encode_numbers(nearest) for nearest in merge_sectors(ranges, bearings, MAX_SECTORS)]
+            [_encode_numbers(nearest) for nearest in merge_sectors(ranges, bearings, MAX_SECTORS)]
             if ranges.shape[1] > 1
             else None
             for ranges, bearings in zip(sensors, bearings_deg, strict=True)
@@ -334,5 +333,5 @@ def _find_increases(column: pd.Series) -> list[int]:
 def _summarize(row: "pd.Series[Any]") -> str:
     ended = str(row["ended"]).replace("_", " ")
     touched = int(row["collisions"]) if pd.notna(row["collisions"]) else 0
-    collisions = f"{touched} collision{'' if touched == 1 else 's'}"
+    collisions = write_count(touched, "collision")
     return f"{ended}, {row['time_s']:.1f} s, {100 * row['progress']:.0f} % of the way, {collisions}"

@@ -3,30 +3,25 @@
 import argparse
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-import pandas as pd
 from markupsafe import Markup
 
 from evoros.base.errors import InputError, single_line
 from evoros.requirement.verdict import MET
 from evoros.storage.layout import name_parts, replay_command
-from evoros.storage.trajectory_files import trajectory_file
 from evoros.storage.verdicts import Row, name_worst, read_verdicts
 
 from ..subcommands import Product
-from ..tables.designs import adapt_types, place_sensors, place_signals
 from ..tables.records import EvaluationRecord
-from ..tables.shown import ShownDesign, ShownMission
+from ..tables.shown import ShownDesign, read_champion_shown
 from ..tables.study import Study
-from ..tables.tracks import find_mission_world, load_mission_world, select_robot
+from ..tables.worst_missions import list_kept, show_missions
 from .frame import Page, format_table, render, render_page
 from .playback import PLAYER, Json, encode_shown
 from .summary import name_page, summarize, tabulate_versions
 
-GENERATION = 0
-"""The generation number of all missions of an evaluation."""
 HELP = "one HTML page with verdicts on requirements and a player of worst missions"
 NEEDS = "an evaluation with requirements"
 FILES = {"requirements.html": "the page"}
@@ -72,41 +67,17 @@ def list_required(study: Study) -> list[Required]:
     return sorted(verdicts, key=lambda required: order.index(required.verdict["result"]))
 
 
-def read_worst(required: Required) -> ShownDesign:
-    """Read the design and the worst mission of a verdict."""
-    record, columns = required.record, name_worst(required.verdict)
-    missions = record.run.missions
-    chosen = pd.concat(
-        [missions[name].astype(str) == text for name, text in columns.items()], axis=1
-    )
-    row = missions[chosen.all(axis=1)].iloc[0]
-    key = ["source", "design"]
-    mounts = record.mounts.astype(dict.fromkeys(key, str))
-    designs = list(mounts.groupby(key, sort=False).groups)
-    number = designs.index((columns["source"], columns["design"]))
-    mission = (GENERATION, number, columns["world"], int(columns["trial"]))
-    if not (record.path / trajectory_file(mission)).is_file():
+def _read_worst(required: Required) -> ShownDesign:
+    record, names = required.record, name_worst(required.verdict)
+    kept = list_kept(record)
+    rows = kept[(kept[[*names]].astype(str) == list(names.values())).all(axis=1)]
+    if rows.empty:
         raise InputError(
             f"{record.path}: no trajectory was kept of {required.place}; repeat the "
             f"evaluation without record=none"
         )
-    trajectory = record.run.mission_trajectory(*mission)
-    world = load_mission_world(record.run, record.context, row)
-    ground = f"{record.name}/{find_mission_world(record.run, row).stem}"
-    genes = record.genes.astype(dict.fromkeys(key, str))
-    own, values = (
-        select_robot(table[(table[key] == [columns[name] for name in key]).all(axis=1)])
-        for table in (mounts, genes)
-    )
-    context = adapt_types(record.context, dict(zip(values["key"], values["value"], strict=True)))
-    return ShownDesign(
-        record,
-        columns["design"],
-        context,
-        place_sensors(own, context),
-        place_signals(own, context),
-        [ShownMission(row, trajectory, world, ground)],
-    )
+    shown = read_champion_shown(show_missions(record, rows.iloc[:1]))
+    return replace(shown, design=names["design"])
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -140,15 +111,14 @@ def _encode_worst(
         if each.met:
             continue
         try:
-            content = encode_shown(read_worst(each))
+            content = encode_shown(_read_worst(each))
         except InputError as error:
             missing[single_line(error)] = None
             continue
         room -= len(content)
         if room < 0:
-            missing["Further missions are left out to limit the page's size; see --playbacks."] = (
-                None
-            )
+            reason = "Further missions are left out to limit the page's size; see --playbacks."
+            missing[reason] = None
             break
         names = [each.verdict[name] for name in ("requirement", "level") if each.verdict[name]]
         label = f"{' '.join(names)}, design {each.verdict['design']}: {each.place}"
@@ -160,16 +130,9 @@ def _encode_worst(
 def _render_sections(
     study: Study, verdicts: Sequence[Required], playbacks: Sequence[Json], missing: dict[str, None]
 ) -> Iterator[tuple[str, Markup]]:
-    yield (
-        "Requirements",
-        render(
-            "requirements.html",
-            verdicts=verdicts,
-            counts=_count(verdicts),
-            played={each["key"] for each in playbacks},
-            several=len({each.record.name for each in verdicts}) > 1,
-        ),
-    )
+    several = len({each.record.name for each in verdicts}) > 1
+    shown = {"counts": _count(verdicts), "played": {each["key"] for each in playbacks}}
+    yield "Requirements", render("requirements.html", verdicts=verdicts, several=several, **shown)
     worst = [each for each in verdicts if not each.met]
     if worst:
         commands = [

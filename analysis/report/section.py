@@ -24,22 +24,18 @@ from ..subcommands import import_subcommand, parse
 from ..tables.study import Study
 from .frame import Table, format_table, render
 
-MAX_SVG = 1_000_000
-"""Maximum size [bytes] of an embedded SVG; larger figures become PNGs."""
+MAX_SVG = 1_000_000  # maximum size [bytes] of an embedded SVG; larger figures become PNGs
 SCALE = 1.5  # magnification on screens, which are viewed from a greater distance than paper
 _CSS_PER_IN, _PT_PER_IN = 96, 72
 _OUTLINE = Markup(
     '<path d="{}" fill="{}" stroke="#000" stroke-width=".5" vector-effect="non-scaling-stroke"/>'
 )
 _NAMESPACE = re.compile(r"\{[^}]*\}")
-MAX_ROWS = 400
-"""Maximum number of rows of a table on the page; larger tables are left out."""
+MAX_ROWS = 400  # maximum number of rows of a table on the page; larger tables are left out
 
 
-FIGURE_OF_PAPER = re.compile(r" \([^()]*Figs?\. [^()]*\)")
-"""Matches references to figures of the 2018 paper, which captions in other studies omit."""
-PAPER = "paper"
-"""The value of ``--claims`` that selects the 2018 paper's claims."""
+FIGURE_OF_PAPER = re.compile(r" \([^()]*Figs?\. [^()]*\)")  # captions omit these
+PAPER = "paper"  # value of ``--claims`` that selects the 2018 paper's claims
 
 
 @dataclass(frozen=True)

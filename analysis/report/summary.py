@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from evoros.base.errors import InputError, escape, single_line
+from evoros.base.errors import InputError, escape, single_line, write_count
 from evoros.files.resources import expand_home
 from evoros.storage.layout import CONTROLS
 from evoros.terminal.log import LOGGER
@@ -35,10 +35,10 @@ def summarize(study: Study) -> str:
     parts = []
     if study.records:
         finished = sum(record.finished for record in study.records)
-        parts.append(f"{_count(len(study.records), 'run')}, {finished} finished")
-        parts.append(_count(len(study.treatments), "treatment"))
+        parts.append(f"{write_count(len(study.records), 'run')}, {finished} finished")
+        parts.append(write_count(len(study.treatments), "treatment"))
     if study.evaluations:
-        parts.append(_count(len(study.evaluations), "evaluation"))
+        parts.append(write_count(len(study.evaluations), "evaluation"))
     records: tuple[Record, ...] = (*study.records, *study.evaluations)
     days = sorted(str(record.run.manifest.get("created", ""))[:10] for record in records)
     parts.append(days[0] if days[0] == days[-1] else f"{days[0]} to {days[-1]}")
@@ -95,18 +95,11 @@ def _simulated_s(record: Record) -> float | None:
 
 def tabulate_evaluations(evaluations: Sequence[EvaluationRecord]) -> pd.DataFrame:
     """List one row per evaluation."""
-    return pd.DataFrame(
-        [
-            {
-                "evaluation": record.name,
-                "treatment": record.treatment,
-                "seed": record.seed,
-                "state": record.run.status.get("state", ""),
-                "missions": record.run.status.get("missions"),
-            }
-            for record in evaluations
-        ]
-    )
+    rows = [
+        (r.name, r.treatment, r.seed, r.run.status.get("state", ""), r.run.status.get("missions"))
+        for r in evaluations
+    ]
+    return pd.DataFrame(rows, columns=["evaluation", "treatment", "seed", "state", "missions"])
 
 
 def tabulate_versions(study: Study) -> pd.DataFrame:
@@ -130,10 +123,6 @@ def _versions(manifest: dict[str, Any]) -> Iterator[tuple[str, str]]:
             yield f"sha256 of {name}", str(digest)[:HASH_LENGTH]
 
 
-def _count(n: int, noun: str) -> str:
-    return f"{n} {noun}{'' if n == 1 else 's'}"
-
-
 def list_findings(study: Study) -> tuple[list[str], str]:
     """Return the findings of the runs, controls first; and the reason if there are none."""
     if not study.records:
@@ -150,13 +139,8 @@ def list_findings(study: Study) -> tuple[list[str], str]:
     except InputError as error:
         return controls, single_line(error)
     warnings = [f"WARNING: {r.name}: {r.not_run}" for r in study.records if r.not_run]
-    return [
-        *controls,
-        *warnings,
-        *lines,
-        *_describe_best(study, label),
-        *_describe_scale(measure),
-    ], ""
+    best, scale = _describe_best(study, label), _describe_scale(measure)
+    return [*controls, *warnings, *lines, *best, *scale], ""
 
 
 def list_controls(study: Study) -> list[str]:
@@ -174,10 +158,8 @@ def _describe_treatments(runs: pd.DataFrame, measure: str, label: str) -> Iterat
     by = runs.dropna(subset=measure).groupby("treatment", sort=False)[measure]
     for treatment in by.median().sort_values(ascending=False).index:
         values = by.get_group(treatment).to_numpy(float)
-        runs_of = f"{median_interval(values).write()} of {values.size} run"
-        yield f"{treatment}: median {title_measure(measure, label)} {runs_of}" + "s" * (
-            values.size > 1
-        )
+        median = f"{median_interval(values).write()} of {write_count(values.size, 'run')}"
+        yield f"{treatment}: median {title_measure(measure, label)} {median}"
 
 
 def _describe_best(study: Study, label: str) -> Iterator[str]:

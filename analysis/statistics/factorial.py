@@ -21,12 +21,9 @@ from .small_samples import LEVEL, NOTHING, RESAMPLES, SEED, Interval, Sample
 from .two_samples import Places
 
 TEST = "permuted Welch-James test"
-CELLS = 2_000_000
-"""Maximum number of values permuted at a time, which limits memory."""
-DIGITS = 9
-"""Digits to which the permuted statistic is rounded, so that ties agree on every processor."""
-Cell = tuple[str, ...]
-"""A level of each factor."""
+CELLS = 2_000_000  # maximum number of values permuted at a time, which limits memory
+DIGITS = 9  # digits of the permuted statistic, so that ties agree on every processor
+Cell = tuple[str, ...]  # a level of each factor
 
 
 @dataclass(frozen=True)
@@ -56,12 +53,11 @@ def permute_effects(
 ) -> list[EffectTest]:
     """Test the effect of each factor, and the interaction of two.
 
-    ``levels`` maps each of one or two factors to the levels of the values. A main effect compares
-    means over the levels of the other factor, with equal weights. Each cell needs at least two
-    values. One factor with two levels gets the two-sample test.
-
-    Each p-value comes from ``resamples`` permutations, including the observed order. It depends
-    neither on the order of the values nor on the names of the levels.
+    ``levels`` maps each of one or two factors to the levels of the values; each cell needs at least
+    two values. A main effect compares means over the levels of the other factor, with equal
+    weights. One factor with two levels gets the two-sample test. The p-values come from
+    ``resamples`` permutations, and depend neither on the order of the values nor on the names of
+    the levels.
     """
     names, rows = list(levels), list(zip(*levels.values(), strict=True))
     cells = {

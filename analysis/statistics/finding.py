@@ -8,14 +8,10 @@ import numpy as np
 from .small_samples import NOTHING, Interval
 
 SUPPORTED, NOT_SUPPORTED, UNKNOWN = "supported", "not supported", "inconclusive"
-BUILT_IN = "built in"
-"""The verdict on a claim that the configuration alone makes true, as random designs show."""
-SHARE, DEGREES, NUMBER = "share", "deg", ""
-"""Units of the measured values."""
-MIN_REPLICATES = 6
-"""Minimum sample size at which the full range covers the median in 95 % of samples."""
-SIZE = 0.2
-"""Difference below which shares, or spreads relative to random designs, count as equal."""
+BUILT_IN = "built in"  # true by the configuration alone, as random designs show
+SHARE, DEGREES, NUMBER = "share", "deg", ""  # units of the measured values
+MIN_REPLICATES = 6  # sample size at which the full range covers the median in 95 % of samples
+SIZE = 0.2  # difference below which shares, or spreads relative to random designs, count as equal
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,9 @@ from evoros.base.arrays import Array
 from .small_samples import LEVEL, SEED, Interval
 from .two_samples import compute_statistics, find_critical
 
-SAMPLES = 2000
-"""Number of simulated comparisons; the standard error of the power is then at most 1.1 %."""
+SAMPLES = 2000  # simulated comparisons, for a standard error of the power of at most 1.1 %
 MAX_REPLICATES = 200
-MIN_SCATTER = 3
-"""Minimum number of replicates of a single treatment; several treatments pool their residuals."""
+MIN_SCATTER = 3  # replicates of a single treatment; several treatments pool their residuals
 
 
 @dataclass(frozen=True)

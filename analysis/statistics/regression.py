@@ -15,17 +15,15 @@ from evoros.requirement.bets import bound, decide
 from ..tables.paired_missions import COMPLETED, QUANTITIES
 from .small_samples import CELLS, LEVEL, RESAMPLES, SEED, Interval, holm, mean_interval
 
-MIN_CHANGED = 20
-"""Minimum number of differing pairs for an interval of a mean without known bounds."""
+MIN_CHANGED = 20  # minimum number of differing pairs for an interval of a mean without known bounds
 _HALVINGS = 60
 
 
 def mcnemar(gained: int, lost: int) -> float:
     """Return the two-sided p-value of McNemar's exact test of two paired shares.
 
-    ``gained`` is the number of pairs that are true only in the second sample, and ``lost`` the
-    number of pairs that are true only in the first. Concordant pairs do not count (McNemar 1947,
-    Psychometrika 12, 153-157).
+    ``gained`` and ``lost`` are the numbers of pairs that are true only in the second and only in
+    the first sample (McNemar 1947, Psychometrika 12, 153-157).
     """
     changed = gained + lost
     return float(scipy.stats.binomtest(gained, changed, 0.5).pvalue) if changed else 1.0
@@ -34,9 +32,8 @@ def mcnemar(gained: int, lost: int) -> float:
 def sign_flips(differences: Array) -> float:
     """Return the two-sided p-value of the sign-flip test of paired differences (Fisher 1935).
 
-    Under the null hypothesis, both signs of each difference are equally likely. The p-value is
-    exact for few differences and for differences of equal size, for which it equals McNemar's.
-    Otherwise, the signs are sampled.
+    For few differences, and for differences of equal size (McNemar's test), the p-value is exact.
+    Otherwise, signs are sampled.
     """
     changed = np.sort(differences[differences != 0])
     if not changed.size:
@@ -57,11 +54,7 @@ def sign_flips(differences: Array) -> float:
 
 
 def share_change_interval(gained: int, lost: int, pairs: int) -> Interval:
-    """Return the change in a paired share and its score interval.
-
-    Unlike a bootstrap interval, it has a positive width even if no pair changes (Tango 1998, Stat.
-    Med. 17, 891).
-    """
+    """Return the change in a paired share and its score interval (Tango 1998)."""
     change = (gained - lost) / pairs
     upper = _find_upper(gained, lost, pairs)
     return Interval(change, -_find_upper(lost, gained, pairs), upper)
@@ -86,29 +79,24 @@ def _fit_lost(gained: int, lost: int, pairs: int, change: float) -> float:
 
 
 def bounded_change_interval(differences: Array) -> Interval:
-    """Return the mean of differences from -1 to 1 and its interval.
+    """Return the mean of differences from -1 to 1 and its interval, from betting.
 
     The differences must be independent, in an order that does not depend on their values. The
-    bounds come from betting (``evoros.requirement.bets``), and hold even if pairs rarely differ,
-    when a bootstrap underestimates the scatter.
+    bounds hold even if pairs rarely differ, when a bootstrap underestimates the scatter.
     """
     low, high = (2 * end - 1 for end in bound((1 + differences) / 2, 1 - LEVEL / 2))
     return Interval(float(differences.mean()), low, high)
 
 
 def change_interval(differences: Array) -> Interval:
-    """Return the mean of differences without known bounds, and its bootstrap interval.
-
-    The interval is NaN if fewer than ``MIN_CHANGED`` differences are nonzero, which is too few to
-    show the tail of the distribution.
-    """
+    """Return a mean difference and its bootstrap interval, if enough differences are not 0."""
     changed = int(np.count_nonzero(differences))
     interval = mean_interval(np.sort(differences))
+    # Fewer do not show the tail of the distribution.
     return interval if changed >= MIN_CHANGED else Interval(interval.value)
 
 
-BOUNDED = ("completed", "progress")
-"""Quantities from 0 to 1, whose changes can be shown to be small."""
+BOUNDED = ("completed", "progress")  # values from 0 to 1, whose changes have bounds
 ALL_WORLDS = ""
 MINUS = "\N{MINUS SIGN}"
 COUNTS = ("missions", "trials", "better", "worse", "both", "neither")
@@ -125,9 +113,9 @@ MARGIN_COLUMNS = (
 def compare_missions(pairs: pd.DataFrame, quantities: Sequence[str]) -> pd.DataFrame:
     """Test the changes of each design: one row per quantity and world, and one over all worlds.
 
-    ``pairs`` comes from ``pair_missions``. Holm's method adjusts all p-values together, except in
-    rows without a changed mission, which cannot be significant. ``result`` is ``worse`` or
-    ``better`` for a significant change, otherwise empty.
+    ``pairs`` comes from ``pair_missions``. Holm's method adjusts the p-values of all rows with
+    changed missions. ``result`` is ``worse`` or ``better`` for a significant change, otherwise
+    empty.
     """
     rows = [
         {"design": design, "world": world, "quantity": quantity, **numbers}
@@ -153,10 +141,7 @@ def _list_groups(pairs: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]
 
 
 def _compare(missions: pd.DataFrame, quantity: str) -> dict[str, Any]:
-    """Compare a quantity over the missions with values on both sides; empty if there are none.
-
-    The worlds of a trial share random draws, so the test and the interval use trial means.
-    """
+    """Compare a quantity by trial means, because the worlds of a trial share random draws."""
     known = missions.set_index("trial")[[f"{quantity}_a", f"{quantity}_b"]].dropna()
     if known.empty:
         return {}
@@ -195,10 +180,7 @@ def format_change(row: Mapping[Hashable, Any]) -> str:
 def judge_margins(
     pairs: pd.DataFrame, margins: Mapping[str, float], confidence: float
 ) -> pd.DataFrame:
-    """Test, by design and world, if the mean of a quantity falls by less than its margin.
-
-    Trials are tested one after another, as for requirements, so the result is valid for any number.
-    """
+    """Test in sequence, by design and world, if a mean falls by less than its margin."""
     rows = [
         [design, world, name, margin, *_judge(missions, name, margin, confidence)]
         for (design, world), missions in pairs.sort_values("trial").groupby(["design", "world"])

@@ -15,13 +15,10 @@ from numpy.typing import NDArray
 from evoros.base.arrays import Array
 from evoros.certificate.rates import bound_difference, bound_rate
 
-LEVEL = 0.05
-"""Significance level of p-values; intervals cover 1 - LEVEL."""
-MIN_PAIRS = 10
-"""Minimum number of pairs for a reliable interval of a rank correlation."""
+LEVEL = 0.05  # significance level of p-values; intervals cover 1 - LEVEL
+MIN_PAIRS = 10  # minimum number of pairs for a reliable interval of a rank correlation
 RESAMPLES, SEED = 9999, 20181
-CELLS = 1_000_000
-"""Maximum number of values resampled at a time, which limits memory."""
+CELLS = 1_000_000  # maximum number of values resampled at a time, which limits memory
 Numbers = NDArray[np.floating[Any]]
 Sample = Sequence[float] | Numbers
 
@@ -45,8 +42,7 @@ class Interval:
         return f"{self.value:{form}}{bounds}"
 
 
-NOTHING = Interval(np.nan)
-"""An unknown value."""
+NOTHING = Interval(np.nan)  # an unknown value
 
 
 def choose_form(values: Sample) -> str:
@@ -60,9 +56,7 @@ def choose_form(values: Sample) -> str:
 def holm(p: Sample) -> list[float]:
     """Adjust the p-values of a family of tests so that each can be compared with ``LEVEL``.
 
-    Holm (1979), Scand. J. Stat. 6, 65-70: the i-th smallest of n is multiplied by n + 1 - i, raised
-    to the adjusted value of the previous one if that is larger, and limited to 1. The order of
-    ``p`` is kept. SciPy only controls the false discovery rate.
+    Holm (1979), Scand. J. Stat. 6, 65-70. SciPy only controls the false discovery rate.
     """
     raw = np.asarray(p, float)
     order = np.argsort(raw)
@@ -147,9 +141,8 @@ def _bootstrap(
 ) -> Interval:
     """Return the percentile interval (Efron 1979) of a statistic of paired samples.
 
-    ``tail`` is the share of resamples beyond each bound. Resamples with a NaN statistic are
-    dropped. BCa intervals are not used, because their acceleration comes from the jackknife, which
-    is inconsistent for a median, and they are undefined if all resamples agree.
+    ``tail`` is the share of resamples beyond each bound. BCa intervals are not used, because they
+    are undefined if all resamples agree, and inconsistent for a median.
     """
     values = [np.asarray(sample, float) for sample in samples]
     n = len(values[0])
@@ -181,11 +174,7 @@ def _ratio(parts: Array, wholes: Array, axis: int = -1) -> Array:
 
 
 def _rank_correlation(x: Array, y: Array, axis: int = -1) -> Array:
-    """Correlate the ranks over the last axis; NaN if one side is constant.
-
-    ``scipy.stats.spearmanr`` accepts one pair of samples at a time, and ``pearsonr`` of ranks is
-    not exactly 1 for equal orders.
-    """
+    """Correlate the ranks over the last axis, exactly 1 for equal orders; NaN for a constant."""
     a, b = (
         ranks - ranks.mean(axis=axis, keepdims=True)
         for ranks in (scipy.stats.rankdata(side, axis=axis) for side in (x, y))

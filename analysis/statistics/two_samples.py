@@ -23,18 +23,12 @@ from evoros.base.arrays import Array
 from .small_samples import CELLS, LEVEL, RESAMPLES, SEED, Interval, Sample
 
 TEST = "permuted Brunner-Munzel test"
-MIN_VALUES = 5
-"""Minimum sample size; p is 1 for smaller samples.
-
-At an A12 of 0.5, four values are completely separated from any number of other values by chance in
-up to one of eight pairs of samples.
-"""
-MAX_SPLITS = 20_000
-"""Maximum number of splits into two samples to enumerate; if there are more, some are drawn."""
-MAX_PERMUTED = 400
-"""Maximum number of values that are permuted; for more, Student's distribution is used."""
-DIGITS = 9
-"""Digits to which the statistic is rounded, so that ties agree on every processor."""
+# Four values are completely separated from any number of other values by chance in up to one of
+# eight pairs of samples, at an A12 of 0.5.
+MIN_VALUES = 5  # sample size below which p is 1
+MAX_SPLITS = 20_000  # splits into two samples to enumerate; of more, some are drawn
+MAX_PERMUTED = 400  # values to permute; for more, Student's distribution is used
+DIGITS = 9  # digits to which the statistic is rounded, so that ties agree on every processor
 Places = NDArray[np.int64]
 
 

@@ -15,16 +15,14 @@ from ..tables.study import Study
 from ..tables.tracks import split_cell
 from .small_samples import share_interval
 
-KEYS = ("source", "design")
-"""The columns that identify a design in an evaluation."""
+KEYS = ("source", "design")  # columns that identify a design in an evaluation
 
 
 def collect_missions(study: Study) -> pd.DataFrame:
     """Concatenate the missions of all evaluations, and classify their failures.
 
-    ``evaluation`` is the end of the evaluation's path or, for a single evaluation, the name of the
-    failure model. ``drawn`` is true if the mission's failures were drawn at random, so that shares
-    estimate a risk; ``intact`` is true if no sensor was meant to fail.
+    ``drawn`` is true if failures were drawn at random, so that shares estimate a risk; ``intact``
+    is true if no sensor was meant to fail.
     """
     _require_one_simulator(study)
     several = len(study.evaluations) > 1
@@ -98,7 +96,6 @@ def list_cases(missions: pd.DataFrame) -> pd.DataFrame:
     """List the cases that occurred in the missions, with the columns ``CASES``.
 
     A case is a set of failed sensors and the time of the first failure [s], NaN without failures.
-    It stops a design in each world with a mission that was not completed.
     """
     rows = []
     missions = missions[missions["intact"] | (missions["failed_sensors"] != "")]
@@ -128,11 +125,7 @@ def count_sets(cases: pd.DataFrame, sensors: Mapping[tuple[str, str], int]) -> p
 
 
 def estimate_risks(missions: pd.DataFrame) -> pd.DataFrame:
-    """Estimate the probability that a mission with randomly drawn failures is not completed.
-
-    Rows with an empty ``world`` pool the worlds; a trial then fails if any of its missions fails.
-    The interval is exact.
-    """
+    """Estimate the risk of random failures by world, and for trials over all worlds together."""
     rows: list[tuple[Any, ...]] = []
     drawn = missions[missions["drawn"]]
     for (source, design, evaluation), tested in drawn.groupby([*KEYS, "evaluation"], sort=False):

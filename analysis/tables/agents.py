@@ -20,8 +20,7 @@ from .tracks import read_track, select_robot, select_trajectory
 from .treatments import SINGLE
 
 FIRST = "first robot"
-GROUPS = ("robot", "design", "controller")
-"""The configuration groups that an agent can choose separately."""
+GROUPS = ("robot", "design", "controller")  # configuration groups of each agent
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,8 @@ from .validated import Scores, identify_champion, list_differences, read_evaluat
 def list_missions(study: Study) -> pd.DataFrame:
     """List the missions of champions on fresh draws, with the failures under which they evolved.
 
-    Columns: ``run``; ``kind``, the class of the run's failure; ``source``, the origin of the
-    mission; ``failed``, true if a sensor or another part failed; ``completed``; ``draws``, the
-    key of the mission's random draws.
+    ``kind`` is the class of the run's failure, ``source`` the origin of a mission, and ``draws``
+    the key of its random draws.
     """
     evaluations = read_evaluations(study)
     frames = []
@@ -37,11 +36,7 @@ def list_missions(study: Study) -> pd.DataFrame:
 
 
 def list_random_missions(study: Study) -> pd.DataFrame:
-    """List the missions of each run's random designs in generation 0.
-
-    The designs were not selected by these missions, so there is no selection bias. Columns:
-    ``kind``, ``run``, ``failed`` and ``completed``, as in ``list_missions``, and ``design``.
-    """
+    """List the missions of each run's random designs in generation 0, free of selection bias."""
     columns = ["kind", "run", "design", "failed", "completed"]
     frames = [pd.DataFrame(columns=columns).astype({"failed": bool, "completed": bool})]
     for record in study.records:

@@ -11,8 +11,7 @@ from . import designs
 from .records import Record
 from .tracks import find_first_mission, load_champion_world, load_mission_world, select_robot
 
-BEST_SO_FAR = "best so far"
-"""The title of the design shown for an unfinished run."""
+BEST_SO_FAR = "best so far"  # title of the design shown for an unfinished run
 
 
 def read_champion_sensors(record: Record) -> pd.DataFrame:

@@ -28,8 +28,7 @@ TYPES = "design.sensors."  # key prefix of sensor types
 def place_sensors(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
     """Return the sensors with rays in the robot's frame, with ``COLUMNS``.
 
-    ``mounts`` has the columns of ``champion/design.csv``. Angles are in (-180, 180]. Designs
-    without sensors have no rows.
+    ``mounts`` has the columns of ``champion/design.csv``. Angles are in (-180, 180].
     """
     frame = _transform_mounts(mounts, context)
     frame = frame[frame.type.isin(context.beams)].copy()
@@ -109,8 +108,7 @@ def to_number(value: object) -> float:
     return float(value) if isinstance(value, int | float) else math.nan
 
 
-RANDOM = ("initial", "random", "sobol")
-"""Operators that sample the whole space; most optimizers start with ``initial``."""
+RANDOM = ("initial", "random", "sobol")  # operators that sample the whole space
 
 
 def read_generations(record: Record) -> pd.DataFrame:
@@ -243,9 +241,7 @@ def list_individuals(generations: pd.DataFrame) -> pd.DataFrame:
 def compute_quartiles(generations: pd.DataFrame) -> pd.DataFrame:
     """Compute the quartiles of the ``LINES`` over runs: one row per treatment and generation.
 
-    ``replicates`` is the number of runs that have the generation, and ``validated_replicates`` the
-    number of runs that validated the generation's best candidate. Quartiles are interpolated
-    linearly.
+    ``validated_replicates`` is the number of runs that validated the generation's best candidate.
     """
     runs = generations.groupby(["treatment", "run"])[list(generations.columns)]
     grouped = runs.apply(trace_fitness).groupby(["treatment", "generation"])

@@ -173,9 +173,9 @@ def find_elites(candidates: pd.DataFrame, grid: Grid) -> pd.DataFrame:
 
 
 def trace_growth(table: pd.DataFrame, missions: "pd.Series[int]", grid: Grid) -> pd.DataFrame:
-    """Return one row per generation: missions so far, coverage from 0 to 1, and QD score.
+    """Return the missions so far, coverage and QD score by generation.
 
-    The coverage is the share of occupied cells, and the QD score is the sum of the elites' fitness
+    Coverage is the share of occupied cells, and the QD score is the sum of the elites' fitness
     (Pugh et al., Frontiers in Robotics and AI 3, 2016).
     """
     rows = []

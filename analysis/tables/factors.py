@@ -35,8 +35,7 @@ class Factor:
 def read_choices(recorded: object) -> dict[str, str]:
     """Return the ``choices`` of ``manifest.json`` by the keys of parts instead of by groups.
 
-    The choice of ``filter@failure.effect`` has the key ``failure.effect``. Groups without a choice
-    are dropped.
+    The choice of ``filter@failure.effect`` has the key ``failure.effect``.
     """
     groups = recorded if isinstance(recorded, dict) else {}
     return {
@@ -65,8 +64,7 @@ def find_factors(
 
     Two configurations have the same levels if and only if they are equal apart from ``IGNORED``
     keys and have the same given levels. A key is not a separate factor if its value follows from
-    the given factors, the chosen experiment, or an enclosing part. ``choices`` and ``given`` are in
-    the order of the configurations.
+    the given factors, the chosen experiment, or an enclosing part.
     """
     compared = [_select(values) for values in configurations]
     keys = list(dict.fromkeys(key for values in compared for key in values))
@@ -91,10 +89,15 @@ def format_level(values: Values, key: str) -> str:
     if key not in values:
         return ""
     value = values[key]
-    if value is None or value in ({}, []):
-        return "null" if value is None else "none"
-    if key.endswith(TARGET):
-        return str(value).rpartition(".")[2]
+    if value in ({}, []):
+        return "none"
+    return str(value).rpartition(".")[2] if key.endswith(TARGET) else format_value(value)
+
+
+def format_value(value: object) -> str:
+    """Format a value as in YAML."""
+    if value is None:
+        return "null"
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 

@@ -83,10 +83,7 @@ def _read(folders: Sequence[Path]) -> tuple[list[Record], list[str]]:
 
 
 def _name_copies(runs: Sequence[Record]) -> set[str]:
-    """Report the runs that repeat another run's configuration and seed; return their names.
-
-    A repeated seed is not a replicate. Of such runs, the most advanced one counts.
-    """
+    """Report the runs that repeat a configuration and seed, except the most advanced; name them."""
     values = [run.values for run in runs]
     conditions = list_conditions(values, [*map(read_given, values)])
     alike: dict[object, list[Record]] = {}

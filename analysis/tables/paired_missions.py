@@ -10,23 +10,21 @@ from evoros.base.errors import InputError
 from evoros.mission.plan import MOST_REPEATS, VALIDATION
 from evoros.storage.layout import name_parts, replay_command
 
-from .records import EvaluationRecord, Record, format_value
+from .factors import format_value
+from .records import EvaluationRecord, Record
 from .study import Study, read_complete
 from .validated import find_differences, is_within
 
 COMPLETED, PROGRESS, TIME, COLLISIONS = "completed", "progress", "completion_time_s", "collisions"
+# Quantities to compare, most important first, with the sign of a better change.
 QUANTITIES: Mapping[str, int] = {COMPLETED: 1, PROGRESS: 1, COLLISIONS: -1, TIME: -1}
-"""Quantities to compare, most important first: 1 if higher is better, -1 if lower is better."""
+# Keys, or prefixes of keys, that determine random draws, and that do not affect missions.
 DRAWN_BY = ("seed", "evaluation_draws", "world", "failure")
-"""Keys, or key prefixes, that determine a mission's random draws together with its trial."""
 FREE = ("executor", "figures", "record", "trials", "optimizer", "requirements", "treatment")
-"""Keys, or key prefixes, that do not affect the outcome of a mission."""
 CHAMPION = "champion"
 LOST, GAINED, WORSE, BETTER, SAME = "lost", "gained", "worse", "better", "same"
-"""Changes from the first mission to the second, in completion or else in a lesser quantity."""
 
-SLIGHT = 0.01
-"""Maximum relative difference in completion times that counts as unchanged."""
+SLIGHT = 0.01  # maximum relative difference in completion times that counts as unchanged
 
 
 def find_pair(study: Study) -> tuple[Record, Record]:
@@ -149,11 +147,7 @@ Missions = tuple[Record, pd.DataFrame]
 def _name_designs(
     study: Study, first: Missions, second: Missions
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Give each compared design the same name in both tables; drop all other designs.
-
-    Designs match by name, or if both folders have a single design. A name that several designs
-    share is extended by each design's source.
-    """
+    """Match designs by name, or single designs; name them alike, and drop all others."""
     tables = [table.assign(design=list(_qualify(table))) for _, table in (first, second)]
     names = [list(dict.fromkeys(table["design"])) for table in tables]
     if list(map(len, names)) == [1, 1]:

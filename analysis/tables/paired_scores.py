@@ -24,8 +24,7 @@ from .validated import (
     select_conditions,
 )
 
-NAMES = ("source", "design")
-"""Columns that name a design; a ladder uses the names from its lowest rung."""
+NAMES = ("source", "design")  # names of a design on the lowest rung of a ladder
 COLUMNS = (
     *("between", "x", "y", "group", "source", "design"),
     *("x_fitness", "x_sd", "x_trials", "y_fitness", "y_sd", "y_trials", "change"),
@@ -37,9 +36,7 @@ def pair_scores(study: Study, between: str | None = None) -> pd.DataFrame:
     """Pair the scores of designs under two conditions: one row per design and pair.
 
     The conditions come from evaluations that differ in one part (``between``), from the only two
-    evaluations, or from the simulators of runs with a confirmation. Of several scores under the
-    same conditions, the one with the most trials counts. ``docs/analysis.md`` describes the
-    columns.
+    evaluations, or from runs with a confirmation. The scores with the most trials count.
     """
     rows = list(_pair_evaluations(study)) or list(_pair_confirmations(study))
     parts = list(dict.fromkeys(str(row["between"]) for row in rows))
@@ -148,8 +145,7 @@ def _only(values: Values, parts: Collection[str]) -> dict[str, Any]:
 def climb(study: Study) -> pd.DataFrame:
     """Pair the designs' scores on each rung with the scores on the next; see ``COLUMNS``.
 
-    Rungs are evaluations in the given order. Designs that are missing on a rung are left out and
-    reported.
+    Rungs are evaluations in the given order; designs that are missing on a rung are reported.
     """
     rungs = read_evaluations(study) if len(study.evaluations) > 1 else []
     if len(rungs) < 2:

@@ -18,8 +18,7 @@ from .champions import find_shown, read_champion_signals
 from .records import Record
 from .tracks import list_failures, read_mission
 
-_LEVEL = ("rate_z", "acceleration_x", "acceleration_y")
-"""The IMU channels that are plotted; mission figures show only planar motion."""
+_LEVEL = ("rate_z", "acceleration_x", "acceleration_y")  # plotted channels of an IMU
 _MOST = 6  # maximum number of channels that are plotted per sensor
 _RANGE = re.compile(r"range_(\d+)(?:_\d+)?_m")
 
@@ -62,7 +61,12 @@ def read_sensors(
         kind = context.beams.get(name) or context.signals[name]
         if isinstance(kind, Signal):
             columns = list(name_readings(i, kind.channels))
-            ranges[i] = _read_signal(trajectory, f"{name}_{i}", columns, source)
+            if not {*columns} <= {*trajectory}:
+                raise InputError(
+                    f"{source}: the trajectory lacks the columns of the sensor {name}_{i}: "
+                    f"{', '.join(columns)}; give the description of the robot that ran the mission"
+                )
+            ranges[i] = trajectory[columns].to_numpy(float)
         sensors.append(RecordedSensor(f"{prefix}{name}_{i}", name, kind, ranges[i]))
     return sensors
 
@@ -72,15 +76,6 @@ def _find_types(links: Collection[str], types: Sequence[str], prefix: str) -> li
     while name := next((t for t in types if f"{prefix}{t}_{len(mounted)}" in links), None):
         mounted.append(name)
     return mounted
-
-
-def _read_signal(trajectory: pd.DataFrame, name: str, columns: list[str], source: str) -> Array:
-    if not {*columns} <= {*trajectory}:
-        raise InputError(
-            f"{source}: the trajectory lacks the columns of the sensor {name}: "
-            f"{', '.join(columns)}; give the description of the robot that ran the mission"
-        )
-    return trajectory[columns].to_numpy(float)
 
 
 def find_nearest(ranges: Array) -> Array:

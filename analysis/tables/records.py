@@ -19,10 +19,8 @@ from evoros.storage.reading import Run, load_run, read_table
 
 from .factors import read_choices, read_given
 
-_REFERENCE = re.compile(r"\$\{([\w.]+)\}")
-"""Matches a reference to another key; only hashes are recorded of other interpolations."""
-_DEPTH = 20
-"""Maximum length of a chain of references, which may be circular."""
+_REFERENCE = re.compile(r"\$\{([\w.]+)\}")  # a reference to another key
+_DEPTH = 20  # maximum length of a chain of references, which may be circular
 FITNESS = "fitness"
 
 
@@ -143,13 +141,6 @@ def read_values(path: Path) -> dict[str, Any]:
     if not isinstance(tree, dict):
         raise InputError(f"{path}: must be a mapping of keys to values; restore the file")
     return dict(_flatten(tree, tree, ()))
-
-
-def format_value(value: object) -> str:
-    """Format a value as in YAML."""
-    if value is None:
-        return "null"
-    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _flatten(

@@ -21,18 +21,14 @@ from evoros.world.course import Course
 from evoros.world.loading import load_world
 from evoros.world.model import World
 
-NONE = "none"
-"""The mode if no layer of the controller decided."""
+NONE = "none"  # mode if no layer of the controller decided
 COLUMNS = (
     *("world", "time_s", "x_m", "y_m", "yaw_rad", "mode", "phase", "contact"),
     *("failed_sensors", "failed_by", "ended"),
 )
-PARTS = ("failed_parts", "parts_failed_by")
-"""Additional columns for missions in which parts other than sensors can fail."""
-TOUCHED = "touched_sensors"
-"""Additional column for missions with bumpers."""
-ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
-"""Additional columns for missions whose localization estimates the pose from readings."""
+PARTS = ("failed_parts", "parts_failed_by")  # columns if other parts than sensors can fail
+TOUCHED = "touched_sensors"  # column if the robot has bumpers: those that closed
+ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")  # columns of estimated poses
 
 
 def select_track(tracks: pd.DataFrame, world: str, agent: str = "") -> pd.DataFrame:
@@ -44,11 +40,10 @@ def select_track(tracks: pd.DataFrame, world: str, agent: str = "") -> pd.DataFr
 def read_track(
     run: Run, context: FigureContext, world: str, design: int | None = None
 ) -> pd.DataFrame:
-    """Read a robot's track in a world: one row per sample, with ``COLUMNS``.
+    """Read a robot's track in a world: one row per sample, with ``COLUMNS`` and recorded extras.
 
     The track ends with the robot's mission, even if other robots continue. It is empty if the
-    mission could not be run. ``PARTS``, ``ESTIMATE`` and ``TOUCHED`` follow if the mission has
-    recorded them; ``docs/analysis.md`` describes the columns. See ``read_mission`` for ``design``.
+    mission could not be run. See ``read_mission`` for ``design``.
     """
     mission, trajectory = read_mission(run, world, design)
     ended = float(mission["time_s"]) + 1e-6

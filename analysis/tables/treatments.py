@@ -29,12 +29,10 @@ from .factors import Choices, Factor, Given, Values, find_factors, follows, list
 from .records import Record
 
 _SELECTING = ("where", "folders")
-SINGLE = "all runs"
-"""The label of the only treatment."""
+SINGLE = "all runs"  # label of the only treatment
 LABEL_LENGTH = 60  # maximum length of labels; longer ones omit levels that follow from others
 LEVEL_LENGTH = 24  # maximum number of characters of a level in a label
 UNITS = {"m": "m", "s": "s", "deg": "deg", "rad": "rad", "mps": "m/s", "kg": "kg"}
-"""Units, by suffix of a key."""
 _TITLE = re.compile(r"# @title (.+)")  # first line of a choice's YAML file
 
 
@@ -50,8 +48,7 @@ def label_treatments(
 ) -> list[str]:
     """Label each configuration by its given name, or else by its levels of all factors.
 
-    If several treatments share a name, their differences follow the name. Two configurations have
-    the same label if and only if they belong to the same treatment; see ``find_factors``.
+    Two configurations have the same label if and only if they belong to the same treatment.
     """
     factors = find_factors(configurations, choices, given)
     conditions = list_conditions(configurations, given)

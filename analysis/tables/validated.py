@@ -17,20 +17,12 @@ from .records import EvaluationRecord, Record
 from .study import Study
 from .tracks import name_robots
 
+# Keys, or prefixes of keys, that determine a design's score. The world includes the course; other
+# keys of ``design`` only limit which designs can evolve.
 MISSION = (
-    "robot",
-    "world",
-    "agents",
-    "design.sensors",
-    "failure",
-    "controller",
-    "simulator",
-    "fitness",
+    *("robot", "world", "agents", "design.sensors"),
+    *("failure", "controller", "simulator", "fitness"),
 )
-"""Configuration keys, or prefixes of keys, that determine the score of a given design.
-
-``world`` includes the ``course``; all other keys of ``design`` only limit which designs can evolve.
-"""
 POSE = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
 CONFIRMING = "confirmation.simulator"
 Content = tuple[Hashable, ...]
@@ -114,8 +106,7 @@ def _genes(table: pd.DataFrame) -> dict[str, float]:
 
 
 BY_EVALUATION, BY_RUN, BY_NOTHING = "evaluation", "run", ""
-Scores = tuple[EvaluationRecord, pd.DataFrame]
-"""An evaluation and the table of its designs."""
+Scores = tuple[EvaluationRecord, pd.DataFrame]  # an evaluation and the table of its designs
 
 
 def validate_champions(study: Study) -> pd.DataFrame:
@@ -123,18 +114,13 @@ def validate_champions(study: Study) -> pd.DataFrame:
 
     The validated fitness comes from the matching evaluation with the most trials, or else from the
     run itself. With a confirmation, the confirming simulator's scores are used.
-    ``docs/analysis.md`` describes the columns.
     """
     evaluations = read_evaluations(study)
     return study.gather(lambda record: _validate(record, evaluations))
 
 
 def score_under(study: Study, name: str) -> pd.DataFrame:
-    """Collect the score of each finished run's champion under common conditions.
-
-    The column ``under NAME`` is the mean fitness in the evaluation with this name or treatment that
-    has the most trials; NaN if no such evaluation contains the champion.
-    """
+    """Collect each champion's score in the evaluation ``name`` with the most trials, or NaN."""
     evaluations = read_evaluations(study)
     column = f"under {name}"
     named = [table for record, table in evaluations if name in (record.name, record.treatment)]

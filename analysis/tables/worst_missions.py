@@ -1,6 +1,5 @@
 """The worst stored missions of an evaluation, in the form of a champion's missions."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,15 +18,12 @@ from .tracks import find_champion_mission, find_key, find_mission_world
 
 KEEPING = "evaluate with requirements, or with record=all"
 _KEY = ["source", "design"]
-_WORST_FIRST: Mapping[str, bool] = {
-    **{"completed": True, "progress": True},
-    **{"collisions": False, "time_s": False},
-}
-"""Columns that rank missions; true if lower values are worse."""
+# Columns that rank missions; true if lower values are worse.
+_WORST_FIRST = {"completed": True, "progress": True, "collisions": False, "time_s": False}
 
 
 @dataclass(frozen=True)
-class WorstRun(Run):
+class _WorstRun(Run):
     """An evaluation as a run whose champion is the design with the worst stored mission."""
 
     record: EvaluationRecord
@@ -37,12 +33,10 @@ class WorstRun(Run):
 
     @cached_property
     def champion(self) -> pd.DataFrame:
-        """The design's sensors."""
         return self._select(self.record.mounts)
 
     @cached_property
     def genes(self) -> pd.DataFrame:
-        """The evolved values of the design other than mounts."""
         return self._select(self.record.genes)
 
     def _select(self, table: pd.DataFrame) -> pd.DataFrame:
@@ -51,11 +45,11 @@ class WorstRun(Run):
         return table[rows].drop(columns="source").assign(design=number)
 
     def trajectory(self, world: str) -> pd.DataFrame:
-        """Read the trajectory of the mission in a world; see ``Run``."""
-        return self._read_trajectory(str(trajectory_file(find_key(self._find(world)))))
+        return self._read_trajectory(
+            str(trajectory_file(find_key(find_champion_mission(self, world))))
+        )
 
     def champion_file(self, name: str, agent: str = "") -> Path:
-        """Return the path of one of the design's files; see ``Run``."""
         row = self.missions.iloc[0]
         files = {
             "robot.urdf": robot_file(row["design"], agent),
@@ -63,11 +57,8 @@ class WorstRun(Run):
         }
         world = name.removeprefix("world_").removesuffix(".sdf")
         if world in set(self.missions["world"]):
-            return find_mission_world(self, self._find(world))
+            return find_mission_world(self, find_champion_mission(self, world))
         return self.path / files.get(name, name)
-
-    def _find(self, world: str) -> "pd.Series[str]":
-        return find_champion_mission(self, world)
 
 
 def show_worst(study: Study, name: str | None) -> tuple[Study, list[str]]:
@@ -84,7 +75,7 @@ def show_worst(study: Study, name: str | None) -> tuple[Study, list[str]]:
         raise InputError(f"no evaluation has kept the trajectory of a mission; {KEEPING}")
     firsts = [record.run.missions.iloc[:1] for record in found]
     chosen = found[int(_sort(pd.concat(firsts, ignore_index=True)).index[0])]
-    assert isinstance(chosen.run, WorstRun)
+    assert isinstance(chosen.run, _WorstRun)
     row = chosen.run.missions.iloc[0]
     about = f"design {chosen.run.design}, trial {row['trial']} in {row['world']}"
     return study.keep([chosen]), [f"{chosen.name}: the worst kept mission is {about}"]
@@ -92,6 +83,15 @@ def show_worst(study: Study, name: str | None) -> tuple[Study, list[str]]:
 
 def _find_worst(record: Record) -> Record:
     assert isinstance(record, EvaluationRecord)
+    ranked = _sort(list_kept(record))
+    if ranked.empty:
+        raise InputError(f"{record.path}: no trajectory of a mission was kept; {KEEPING}")
+    of_design = ranked[ranked["number"] == ranked["number"].iloc[0]]
+    return show_missions(record, of_design.drop_duplicates("world"))
+
+
+def list_kept(record: EvaluationRecord) -> pd.DataFrame:
+    """List the missions whose trajectories were kept, with the ``number`` of each design."""
     designs = record.mounts[_KEY].astype(str).drop_duplicates().to_numpy().tolist()
     numbers = {(source, design): number for number, (source, design) in enumerate(designs)}
     missions = record.run.missions.astype(dict.fromkeys(_KEY, str))
@@ -99,14 +99,14 @@ def _find_worst(record: Record) -> Record:
     missions = missions.assign(number=[numbers[key] for key in keys], generation=0)
     rows = zip(missions["number"], missions["world"], missions["trial"], strict=True)
     files = [trajectory_file((0, number, world, trial)) for number, world, trial in rows]
-    kept = [(record.path / file).is_file() for file in files]
-    ranked = _sort(missions[kept])
-    if ranked.empty:
-        raise InputError(f"{record.path}: no trajectory of a mission was kept; {KEEPING}")
-    source, design, number = ranked.iloc[0][[*_KEY, "number"]]
-    of_design = ranked[ranked["number"] == number].drop_duplicates("world")
-    shown = of_design.drop(columns="number").assign(design=number, purpose=EVALUATION)
-    run = WorstRun(record.path, record, source, design, shown)
+    return missions[[(record.path / file).is_file() for file in files]]
+
+
+def show_missions(record: EvaluationRecord, missions: pd.DataFrame) -> Record:
+    """Return an evaluation as a run whose champion flew these missions of ``list_kept``."""
+    source, design, number = missions.iloc[0][[*_KEY, "number"]]
+    shown = missions.drop(columns="number").assign(design=number, purpose=EVALUATION)
+    run = _WorstRun(record.path, record, source, design, shown)
     courses = {world: record.context.courses[world] for world in shown["world"]}
     context = replace(record.context, courses=courses)
     return Record(record.name, run, context, record.values, record.treatment, record.levels)

@@ -8,6 +8,8 @@ from evoros.base.checks import COUNT, SCORE, Rule, ask, checked, instance_of, is
 from evoros.controller.protocol import A_CONTROLLER, Controller, LiveController
 from evoros.simulator.protocol import A_SIMULATOR, Simulator
 
+Confirm = Callable[[list[int]], Mapping[int, float]]  # fitness by design
+
 
 @dataclass(frozen=True)
 @checked
@@ -23,9 +25,7 @@ class Confirmation:
     best: Annotated[int, COUNT] = 3  # new designs per generation
     controller: Annotated[Controller | LiveController | None, A_CONTROLLER] = None
 
-    def confirm_best(
-        self, screened: Mapping[int, float], confirm: Callable[[list[int]], Mapping[int, float]]
-    ) -> dict[int, float]:
+    def confirm_best(self, screened: Mapping[int, float], confirm: Confirm) -> dict[int, float]:
         """Confirm designs until the top ``best`` are confirmed; return their fitness by id.
 
         ``screened`` has the fitness of all new designs in the run's own simulator, and ``confirm``
@@ -42,10 +42,6 @@ class Confirmation:
             if not unconfirmed:
                 return confirmed
             confirmed.update(confirm(unconfirmed))
-
-
-Confirm = Callable[[list[int]], Mapping[int, float]]
-"""Returns the fitness of some designs in the confirming simulator."""
 
 
 def confirm_best(

@@ -22,20 +22,14 @@ import scipy
 from evoros.base.arrays import Array
 
 Bounds = tuple[float, float]
-DIGITS = 6
-"""Decimal places to which results are rounded, so that they are the same on all processors."""
+DIGITS = 6  # decimals of results, so that all processors agree
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(200)
 _CHANCES = (_NODES + 1) ** 2 * (2 - _NODES) / 4  # denser at both ends, where quantiles are steep
 _WEIGHTS = _WEIGHTS * 3 * (1 - _NODES**2) / 4  # chain rule of the change of variable
 
 
 def bound_rate(successes: int, trials: int, confidence: float) -> Bounds:
-    """Return the exact interval of a rate; NaN without trials.
-
-    The interval covers any rate with at least the confidence, for any number of trials. Source:
-    Clopper and Pearson, The use of confidence or fiducial limits illustrated in the case of the
-    binomial, Biometrika 26, 1934.
-    """
+    """Return the exact interval of a rate (Clopper and Pearson 1934); NaN without trials."""
     if not trials:
         return math.nan, math.nan
     failures, tail = trials - successes, (1 - confidence) / 2
@@ -58,10 +52,7 @@ def bound_difference(first: tuple[int, int], second: tuple[int, int], confidence
 
 
 def _bound_below(first: tuple[int, int], second: tuple[int, int], tail: float) -> float:
-    """Return the lower end, a quantile of the difference between the Beta variables of two rates.
-
-    The quantiles of the two variables at ``tail`` are the exact ends of the two rates.
-    """
+    """Return the lower end: a quantile of the difference between two Beta variables."""
     (successes, trials), (others, of) = first, second
     if not successes:
         return -bound_rate(others, of, 1 - 2 * tail)[1]
@@ -80,8 +71,7 @@ def share_level(confidence: float, tests: int) -> float:
     return 1 - (1 - confidence) / tests  # Bonferroni
 
 
-LOWER_SHARE = 0.8
-"""Fraction of the error rate assigned to the lower end; it is large because failures are costly."""
+LOWER_SHARE = 0.8  # share of the error rate for the lower end, as failures are costly
 _GRID = np.linspace(0.0, 7.0, 80)
 _STEPS, _AREAS = np.sinh(_GRID), np.cosh(_GRID) * (_GRID[1] - _GRID[0])
 _AREAS[0] /= 2
@@ -107,9 +97,7 @@ def bound_mean(
 def guess_highest(scores: Sequence[float], best: float) -> float:
     """Return an assumed maximum score for a fitness without a maximum.
 
-    The assumed maximum exceeds ``best``, the best score of any design, by as much as ``best``
-    exceeds the median score. The interval then ignores missions that go much better than any
-    observed.
+    It exceeds the best score of any design by as much as ``best`` exceeds the median score.
     """
     top = max(best, *scores)
     return 2 * top - float(np.median(scores))

@@ -41,10 +41,8 @@ class Validation:
 A_VALIDATION = instance_of(Validation, "a validation (evoros.certificate.validation.Validation)")
 
 
-GROWTH = 1.5
-"""Ratio of the numbers of trials at consecutive looks."""
-FEWEST = 5
-"""Minimum number of trials at the first look."""
+GROWTH = 1.5  # ratio of the numbers of trials at consecutive looks
+FEWEST = 5  # minimum number of trials at the first look
 MOST_REPEATS = 10_000
 
 
@@ -83,10 +81,7 @@ def _is_known(validation: Validation, bounds: Sequence[float]) -> bool:
 
 
 def check_precision(validation: Validation, missions: int, bounds: Sequence[float]) -> None:
-    """Check that a design of medium fitness can reach the precision within ``max_trials``.
-
-    ``bounds`` are the minimum and maximum of the fitness; each trial has ``missions`` scores.
-    """
+    """Check that a design of medium fitness can reach the precision within ``max_trials``."""
     if not _is_known(validation, bounds):
         return
     level = (bounds[1] - bounds[0]) / 2
@@ -124,11 +119,7 @@ def estimate_trials(
     confidence: float,
     precision: float,
 ) -> int | None:
-    """Estimate the trials needed for a precision, given the scores of ``trials`` trials.
-
-    ``limits`` are the minimum and maximum score. The result is None if the precision is out of
-    reach.
-    """
+    """Estimate the trials needed for a precision from the scores so far; None if out of reach."""
 
     def is_narrow(repeats: int) -> bool:
         low, high = bound_mean(scores, *limits, confidence, repeats)

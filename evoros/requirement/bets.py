@@ -18,20 +18,17 @@ from evoros.base.elementary import exp, log1p
 from evoros.certificate.rates import share_level
 from evoros.requirement.verdict import MET, UNDECIDED, VIOLATED
 
-DIGITS = 6
-"""Decimal places to which bounds are rounded, so that all processors give the same bounds."""
+DIGITS = 6  # decimals of bounds, so that all processors agree
 BETS = ((1.0, 0.3), (0.9, 0.15), (0.7, 0.15), (0.5, 0.15), (0.3, 0.1), (0.15, 0.1), (0.05, 0.05))
 """Bets as fractions of the largest affordable bet, and the fraction of the capital for each."""
-MOST_FURTHER = 1_000_000
-"""Maximum estimated number of further values; larger estimates become infinite."""
+MOST_FURTHER = 1_000_000  # larger estimates become infinite
 _HALVINGS = 30
 
 
 def count_to_proof(values: Array, limit: float, confidence: float) -> int:
     """Return the number of values after which the mean provably exceeds the limit; 0 if never.
 
-    The ``values`` (n,) are independent and lie between 0 and 1, and ``limit`` is between 0 and 1.
-    The error probability is at most 1 - confidence for any n.
+    The ``values`` (n,) are independent; the values and the ``limit`` lie between 0 and 1.
     """
     with np.errstate(all="ignore"):  # infinite capital also proves the claim
         capital = sum(
@@ -60,9 +57,8 @@ def decide(values: Array, limit: float, confidence: float, tests: int = 1) -> tu
 def estimate_further(values: Array, limit: float, confidence: float) -> float:
     """Estimate the number of further values needed to prove that the mean exceeds the limit.
 
-    Further values are assumed to be distributed like the given ones, so that each bet multiplies
-    its capital by the same factor on average. The result is infinite if no bet grows, for example
-    if the mean equals the limit.
+    Further values are assumed to be distributed like the given ones. The result is infinite if no
+    bet grows, for example if the mean equals the limit.
     """
     kinds, counts = np.unique(values, return_counts=True)
     gains = [
@@ -85,10 +81,7 @@ def estimate_further(values: Array, limit: float, confidence: float) -> float:
 
 
 def bound(values: Array, confidence: float, tests: int = 1) -> tuple[float, float]:
-    """Return a lower and an upper bound on the mean; each holds with the given confidence.
-
-    The upper bounds of all ``tests`` hold simultaneously.
-    """
+    """Return lower and upper bounds on the mean; all ``tests`` share the upper bound's error."""
     above = bound_from_below(1 - values, share_level(confidence, tests))
     return bound_from_below(values, confidence), 1 - above
 

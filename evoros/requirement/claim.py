@@ -28,16 +28,13 @@ from evoros.requirement.verdict import (
 )
 
 FAILED_SENSOR, WORLD = "failed_sensor", "world"
-PARTS = ("failure", "walkers", "simulator", "controller")
-"""Fields of an experiment that a condition may replace."""
-COMPLETION_TIME = "completion_time_s"
-"""The time of a completed mission; infinite for all other missions."""
+PARTS = ("failure", "walkers", "simulator", "controller")  # replaceable
+COMPLETION_TIME = "completion_time_s"  # infinite for missions that are not completed
 COLUMNS = (
     *(one.name for one in fields(Outcome) if one.type in (bool, int, float)),
     COMPLETION_TIME,
 )
-_NATURAL = dict.fromkeys(("completed", "progress", "avoiding"), (0.0, 1.0))
-"""Quantities with natural bounds."""
+_NATURAL = dict.fromkeys(("completed", "progress", "avoiding"), (0.0, 1.0))  # natural bounds
 
 
 @dataclass(frozen=True)
@@ -60,8 +57,7 @@ class Condition:
         return f"{self.factor}={self.name}" if self.factor else ""
 
 
-OWN = Condition()
-"""The conditions of the evaluation itself."""
+OWN = Condition()  # conditions of the evaluation itself
 
 
 def read_quantity(outcomes: Outcomes, column: str, agents: Sequence[str]) -> float:
@@ -112,10 +108,8 @@ def _states_levels(each: Mapping[str, Any]) -> bool:
     return known and all(map(NAME.holds, values))
 
 
-Trials = Mapping[int, Trial]
-"""Trials by number."""
-Measured = Callable[[Measure, Trial], float]
-"""Computes a measure of one trial."""
+Trials = Mapping[int, Trial]  # trials by number
+Measured = Callable[[Measure, Trial], float]  # computes a measure of one trial
 
 
 @dataclass(frozen=True)

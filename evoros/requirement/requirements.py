@@ -219,8 +219,7 @@ def _contradict(one: Claim, other: Claim) -> bool:
     return False
 
 
-ROUND = 10
-"""Number of trials between two judgements of undecided requirements."""
+ROUND = 10  # number of trials between two judgements of undecided requirements
 
 
 @dataclass(frozen=True)

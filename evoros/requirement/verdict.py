@@ -8,10 +8,8 @@ from evoros.base.errors import MAX_DIGITS, count_digits, write_count
 from evoros.mission.mission import Outcomes
 
 MET, VIOLATED, UNDECIDED = "met", "violated", "undecided"
-PERCENT = "%"
-"""The unit in which shares are printed; in tables, shares are numbers from 0 to 1."""
-Trial = Mapping[str, Outcomes]
-"""The outcomes of a trial's missions, by world."""
+PERCENT = "%"  # unit in which shares are printed; in tables, shares are numbers from 0 to 1
+Trial = Mapping[str, Outcomes]  # outcomes of a trial's missions, by world
 
 
 @dataclass(frozen=True)

@@ -98,11 +98,7 @@ class CaseTrials:
         return not all(outcome.completed for outcome in chain(*self.outcomes.values()))
 
     def list_stopped(self, nominal: "CaseTrials", below: float, confidence: float) -> list[str]:
-        """Return the worlds in which the case stops the design.
-
-        In these worlds, the completion rate is below ``below`` and below the rate without a
-        failure, both with the given confidence.
-        """
+        """Return the worlds with a rate below the limit and below the rate without failures."""
         stopped = []
         for world in self.outcomes:
             failed, whole = self.count(world), nominal.count(world)
@@ -116,8 +112,7 @@ class CaseTrials:
 Try = Callable[[Sequence[CaseTrials], range], list[Mapping[str, list[Outcome]]]]
 """Runs repeats of cases, and returns each case's outcomes by world."""
 
-FIRST_TRIALS = 2
-"""Number of initial trials in screening; a case that completes all of them gets no more."""
+FIRST_TRIALS = 2  # initial trials; a case that completes all of them gets no more
 
 
 @dataclass
@@ -132,8 +127,7 @@ class CaseSearch:
     tried: dict[Case, CaseTrials] = field(default_factory=dict)
     nominal: CaseTrials = field(init=False)
     confirmed: list[CaseTrials] = field(default_factory=list)
-    whole: set[int] = field(default_factory=set)
-    """The numbers of failed sensors for which all sets have been tried."""
+    whole: set[int] = field(default_factory=set)  # numbers of sensors whose sets were all tried
 
     def run(self) -> list[CaseTrials]:
         """Return the smallest cases that stop the design; empty if none does."""
@@ -216,8 +210,7 @@ class CaseSearch:
     def _confirm(self, ranked: Sequence[CaseTrials]) -> list[CaseTrials]:
         """Try the worst cases on fresh draws; return the cases that stop the design.
 
-        The trials that selected the cases do not count. The tests for all candidates and worlds
-        share one error rate, so false findings are no more frequent than ``confidence`` allows.
+        The tests for all candidates and worlds share one error rate.
         """
         settings = self.settings
         new = [trials for trials in ranked if trials.lost_any and trials not in self.confirmed]
