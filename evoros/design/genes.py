@@ -1,4 +1,4 @@
-"""Genes in 0..1, their values, and the replacement of configured values."""
+"""Genes from 0 to 1, and the configured values that they replace."""
 
 import dataclasses
 import re
@@ -43,7 +43,7 @@ class Gene:
     low: Annotated[float, checks.NUMBER]
     high: Annotated[float, checks.NUMBER]
     whole: Annotated[bool, checks.FLAG] = False  # only whole numbers, including both bounds
-    group: Annotated[str | None, checks.TEXT] = None  # None: inherited separately
+    group: Annotated[str | None, checks.TEXT] = None  # None: inherited independently of other genes
 
     def __post_init__(self) -> None:
         if not self.key.startswith(EVOLVABLE) or not all(self.key.split(".")):

@@ -165,7 +165,7 @@ class OutlineRegion(RegionDescription):
 
 @dataclass(frozen=True)
 class BoundOutlineRegion:
-    """A side of a given robot's outline."""
+    """A side of a robot's outline."""
 
     link: str
     ranges: Mapping[str, Range]

@@ -93,7 +93,7 @@ def check_link(link: str, robot: Robot, mirrored: bool, key: str) -> None:
 
 
 def require_height(link: str, robot: Robot, key: str) -> None:
-    """Raise an InputError if the default height does not apply to a link; ``key`` sets a height."""
+    """Raise an InputError for the missing height ``key`` if a link has no default height."""
     if link != robot.mount_link:
         raise InputError(
             f"{key}: must be set for the link {link}, because the robot's default height applies "

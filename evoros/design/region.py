@@ -1,4 +1,4 @@
-"""A box in which a sensor may be placed, and its cells from which the robot hides nothing."""
+"""A box in which a sensor may be placed, and its cells where the robot blocks no view."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -44,7 +44,7 @@ class View:
     mirrored: bool  # True if the mirror image of a place must also be free
 
     def find_free(self, places: Iterable[Mapping[str, float]]) -> NDArray[np.bool_]:
-        """Return, for each place, True if the robot blocks no sensor's view there."""
+        """Return a mask of the places at which the robot blocks no sensor's view."""
         placed = map(self.place, places)
         poses = np.array([(*position, yaw, pitch) for position, yaw, pitch in placed])
         sides = (poses, poses * _MIRRORED) if self.mirrored else (poses,)

@@ -142,7 +142,7 @@ class DesignSpace:
     robot: Robot
     regions: Mapping[str, BoundRegion]
     fixed: tuple[Mount, ...] = ()  # mounted in every design
-    # the design's genes and those that other parts declare
+    # genes of the design and of other parts
     genes: Mapping[str, Gene] = field(default_factory=dict)
 
     @property
@@ -274,7 +274,8 @@ class DesignSpace:
 
     def _genes(self, genome: Array) -> dict[str, float]:
         vector = np.asarray(genome, dtype=np.float64)
-        if vector.shape != (self.size,) or not ((vector >= 0) & (vector <= 1)).all():  # or NaN
+        # NaN also fails the comparisons
+        if vector.shape != (self.size,) or not ((vector >= 0) & (vector <= 1)).all():
             raise InputError(
                 f"genome: must be {self.size} numbers from 0 to 1, not {vector.tolist()}; "
                 "clip the genomes that the optimizer proposes"

@@ -58,7 +58,7 @@ class Ackermann:
     caster_links: tuple[str, ...] = ()
     slide_m: Annotated[float, NUMBER] = 0.0
     """Distance [m] from the fixed axle forward to the turning point, for the planar simulator."""
-    steers_rear: bool = False  # forklifts: the rear wheels turn right in a left turn
+    steers_rear: bool = False  # whether the rear wheels steer, as on forklifts
 
     def __post_init__(self) -> None:
         if self.steering_limit_rad > self.steering_stop_rad:

@@ -80,7 +80,7 @@ def refuse_articulated(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
 
 
 def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
-    """Reject a robot whose wheels, rollers or controller also move it sideways.
+    """Reject a robot whose wheels or controller also move the robot sideways.
 
     If a robot has plain wheels and only a Gazebo plugin pushes it sideways, this is only logged,
     unless the robot's name says otherwise or its wheels slide in Gazebo.
@@ -260,7 +260,7 @@ class AutomaticDescription(DriveDescription):
         return self.choose(urdf).fit(urdf)
 
     def choose(self, urdf: Urdf) -> DriveDescription:
-        """Detect the joints, and return the description of the drive that they form."""
+        """Return the description of the drive that a robot's joints form."""
         named = self.left_wheel_joints or self.right_wheel_joints
         pairs = self._read_pairs(urdf) if named else self._find_pairs(urdf)
         kinds = list(DRIVES.values()) if self.kind == "auto" else [DRIVES[self.kind]]
@@ -340,7 +340,8 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
     diagonal = find_diagonal(urdf, wheels)
     driven = urdf.actuated - {*chosen.wheel_joints, *chosen.steering_joints}
     called = (joint for joint in urdf.joints.values() if is_called_wheel(joint))
-    left_out = [joint.name for joint in called if joint.name in driven]  # such as off the ground
+    # wheels off the ground, for example
+    left_out = [joint.name for joint in called if joint.name in driven]
     slippery = [wheel.joint.name for wheel in wheels if _slides(urdf, wheel.joint)]
     fixed = [wheel.joint.name for wheel in wheels if not wheel.turns]
     notes = {

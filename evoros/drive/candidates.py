@@ -43,7 +43,7 @@ def read_wheel(urdf: Urdf, name: str) -> Candidate:
 
 
 def _list_round(urdf: Urdf) -> Iterator[tuple[Joint, float, Wheel]]:
-    """Yield (joint, |cosine| of its axis to the lateral axis, wheel) for round non-casters."""
+    """Yield each round part but casters: joint, |cosine| of its axis to the lateral axis, wheel."""
     for joint in urdf.joints.values():
         driven = joint.name in urdf.actuated
         names = [name for j in urdf.joints_above(joint.child) for name in (j.name, j.child)]

@@ -1,4 +1,4 @@
-"""The base class of drives, checks for wheels and casters, and the targets of their joints."""
+"""The base class of drives, checks of wheels and casters, and the commands of their joints."""
 
 import logging
 import math
@@ -20,7 +20,7 @@ from evoros.geometry.footprint import bottom_height
 
 
 class Drive(Protocol):
-    """A drive bound to its robot, as simulators and controllers need it."""
+    """A drive bound to its robot, for simulators and controllers."""
 
     @property
     def max_speed_mps(self) -> float:
@@ -76,7 +76,7 @@ class DriveDescription(ABC):
     steers: ClassVar[bool] = False
     """True if some of the wheels are steered."""
     locks_steering: ClassVar[bool] = False
-    """True if wheels on steering joints can form the drive, with these joints locked."""
+    """True if wheels on steering joints can form the drive once these joints are locked."""
     on_one_axle: ClassVar[bool] = False
     """True if casters must keep the robot level."""
     steering_joints: Sequence[str]
@@ -151,7 +151,7 @@ def tolerated(radius: float) -> float:
 
 
 def reach(radius: float) -> float:
-    """Return the maximum gap [m] below a wheel that counts as standing on the ground."""
+    """Return the maximum gap [m] between the ground and a wheel that stands on it."""
     return max(CASTER_GAP_M, 2.0 * tolerated(radius))
 
 

@@ -39,7 +39,7 @@ class Candidate:
 
     joint: Joint
     wheel: Wheel  # frame: root link
-    turns: bool  # False if the joint is fixed
+    turns: bool  # whether the joint can turn
     steering: Joint | None  # joint that turns the wheel about the vertical
 
     @property

@@ -117,7 +117,7 @@ class SkidSteerDescription(DriveDescription):
     steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
     max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
     wheel_separation_multiplier: Annotated[float | None, POSITIVE] = None
-    """Track assumed by commands, divided by the geometric track; None: the actual ratio."""
+    """Ratio of effective to geometric track that commands assume; None: the actual ratio."""
     turning_resistance: Annotated[float | None, AT_LEAST_ONE] = None
     """Actual ratio of effective to geometric track; None: see ``compute_turning_resistance``."""
     caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction

@@ -52,7 +52,7 @@ ATTEMPTS = (
 OPEN_SIDE_M = 3.0  # half the side of the square suggested for open ground
 LOOP = 4  # minimum number of corners, home included, of a loop
 SHORTEST_LEG_M, LONGEST_LEG_M = 1.5, 8.0
-SHORTER = 2.0  # leg length in acceptance radii, used if longer legs form no loop
+SHORTER = 2.0  # minimum leg length in acceptance radii if longer legs form no loop
 HOMES, CORNERS, TRIES = 12, 60, 4000
 LARGE_ENOUGH_M = 24.0  # size of a loop below which other homes are tried
 ROOM_M = 12.0  # size of a loop below which other attempts are made
@@ -168,7 +168,7 @@ def _find_free(
     middle, wanted = (low + high) / 2, np.array(home or (0.0, 0.0))
     if home is None and np.abs(middle).max() < attempt.reach_m / 2:
         middle = wanted  # worlds are usually built around their origin
-    else:  # the place in the area that is nearest to home or the origin
+    else:  # the point of the area that is nearest to home or the origin
         ends = np.minimum(low + attempt.reach_m, middle), np.maximum(high - attempt.reach_m, middle)
         middle = np.clip(wanted, *ends)
     low = np.maximum(low - attempt.around_m, middle - attempt.reach_m)

@@ -22,7 +22,7 @@ class Distribution(ABC):
     """A distribution of worlds: a hashable frozen dataclass, identified by all its fields."""
 
     kind: ClassVar[str]
-    """The kind of drawn world, such as field."""
+    """The noun for a world, such as "field"."""
     world_name: ClassVar[str]
     course: Course
     seed: int

@@ -58,7 +58,8 @@ class Field(Distribution):
     passage_m: Annotated[float, checks.POSITIVE]  # width of the free path along each leg
     enclosed: Annotated[bool, checks.FLAG]  # whether a wall surrounds the extent
     seed: Annotated[int, checks.SEED] = 0
-    others: Annotated[Sequence[Course], checks.sequence_of(Course, "courses")] = ()  # other robots'
+    # courses of other robots
+    others: Annotated[Sequence[Course], checks.sequence_of(Course, "courses")] = ()
 
     def __post_init__(self) -> None:
         if not self.kinds or not all(map(checks.NAME.holds, self.kinds)):

@@ -20,7 +20,7 @@ from evoros.world.model import World
 
 MAX_ATTEMPTS = 1000  # maximum number of positions drawn for one decoy
 BEHIND_M = 0.1
-"""Distance between a waypoint, which must be free, and the nearest point of the object behind."""
+"""Distance [m] between a waypoint and the surface of the object behind the waypoint."""
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ SIZE = checks.Rule(
 
 
 class ObstacleKind(ABC):
-    """A kind of obstacle, from which single obstacles are drawn.
+    """A random distribution of obstacles.
 
     The SDF of a generated field lists the kind's values under the lower-case class name.
     """

@@ -49,7 +49,7 @@ class Mesh:
 
 
 def read_mesh(file: MeshFile, work: float = WORK) -> Mesh:
-    """Read a file as convex shapes in the mesh's frame, within a limit (see ``divide_mesh``)."""
+    """Read a file as convex shapes in the mesh's frame; ``work`` is a limit for ``divide_mesh``."""
     return _read(file, _make_key(file, float(work)), work)
 
 

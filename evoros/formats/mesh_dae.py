@@ -196,7 +196,7 @@ _CORNERS: Mapping[str, Callable[[Array, Array | None], Array]] = {
 
 
 def _transform(node: Element) -> Array:
-    """Return the matrix (4, 4) from a node's frame to its parent's, the product of its elements."""
+    """Return the transform (4, 4) from a node's frame to its parent's frame."""
     pose = np.eye(4)
     for element in node.iterfind("{*}*"):
         tag = etree.QName(element).localname

@@ -54,7 +54,7 @@ def _to_utf8(content: bytes) -> bytes:
 
 
 def read_faces(file: MeshFile, painted: bool = False) -> Submesh:
-    """Read faces [m], with colours if ``painted``, which face outwards at any scale."""
+    """Read the faces [m] of a mesh, with colours if ``painted``; negative scales mirror them."""
     path, submesh = file.path, file.submesh
     is_dae = path.suffix.lower() == ".dae"
     parts = read_dae(path, file.up_axis) if is_dae else _read_with_trimesh(path, submesh, painted)

@@ -1,4 +1,4 @@
-"""Compiled measures of a driven track: its length, and its distances to points and obstacles."""
+"""The length of a driven track, and its distances from points and obstacles, compiled."""
 
 import math
 from collections.abc import Sequence

@@ -93,7 +93,7 @@ def divide(
 
 
 def _split(*solids: Any) -> list[Piece]:
-    """Return the connected parts of solids; a cavity is not a part and does not split its solid."""
+    """Return the connected parts of solids; a solid with a cavity stays in one part."""
     parts: list[Any] = []
     for solid in solids:
         pieces = solid.decompose()

@@ -130,7 +130,7 @@ def find_heights(shape: Shape, pose: Pose) -> tuple[float, float]:
 
 
 def project_bodies(bodies: Iterable[Body], below_m: float = math.inf) -> tuple[Footprint, ...]:
-    """Project all solid shapes from the ground up to ``below_m`` [m], cutting polyhedra at both."""
+    """Project all solid shapes between the ground and ``below_m`` [m]; polyhedra are cut there."""
     areas = []
     for shape, pose in chain.from_iterable(body.placed for body in bodies):
         if shape.kind != "plane":

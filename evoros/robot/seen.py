@@ -70,6 +70,6 @@ def _turn(offsets: Array, yaw: float) -> tuple[Array, Array]:
 
 @cache
 def _list_directions(shift_deg: float) -> Array:
-    """Return unit vectors along the shifted bearings, when first asked, because numba is slow."""
+    """Return unit vectors along the shifted bearings; cached, because numba starts slowly."""
     angles = np.radians(BEARINGS_DEG + shift_deg)
     return np.column_stack((cos_all(angles), sin_all(angles)))

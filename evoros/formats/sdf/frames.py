@@ -1,4 +1,4 @@
-"""Frames of an SDF file, which resolve relative poses to world poses.
+"""Resolves the relative poses of an SDF file to world poses.
 
 A frame's path consists of the names of the enclosing models and the frame's name, such as
 ``("shelf", "board")``; the path of the world is empty.

@@ -173,7 +173,7 @@ def _is_held(link: Element, solids: Sequence[Solid], reading: Reading) -> bool:
 def _read_shapes(
     collision: Element, link: Element, pose: Pose, path: Path, frames: Frames, reading: Reading
 ) -> tuple[Shape, ...]:
-    """Return the shapes of a collision in its frame, whose world pose is ``pose``."""
+    """Return the shapes of a collision in its frame, which has the world pose ``pose``."""
     if xml.touches_nothing(collision):
         problem = "is left out: its <contact> or <max_contacts> lets everything pass through it"
         reading.notes.add(collision, problem, "passable")
@@ -230,7 +230,7 @@ def _substitute_box(
     link: Element, path: Path, frames: Frames, reading: Reading
 ) -> tuple[Shape, Pose, str] | None:
     """Return a box that replaces a link's mesh, its world pose, and its origin."""
-    silent = copy(reading)  # only the box of the visual matters, so its notes are dropped
+    silent = copy(reading)  # notes on the visual do not matter
     silent.notes = Notes(LOG)
     for visual in link.findall("visual"):
         geometry, box = visual.find("geometry"), None

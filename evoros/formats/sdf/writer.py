@@ -183,7 +183,7 @@ def _height_range(shape: Shape) -> tuple[float, float]:
 
 
 def _encode_heights(shape: Shape) -> bytes:
-    """Return the heights as a 16-bit grey PNG, black to white, north up, the same everywhere."""
+    """Return the heights as a 16-bit grey PNG, from black to white, with the maximum y on top."""
     low, high = _height_range(shape)
     levels = (np.array(shape.heights) - low) * (_WHITE / (high - low) if high > low else 0.0)
     rows = np.rint(levels[::-1]).astype(">u2")

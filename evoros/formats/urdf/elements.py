@@ -173,7 +173,7 @@ def _read_inertia(link: Element, pose: Pose) -> tuple[float, Array, Array]:
 
 
 DENSITY_KG_M3 = 500.0
-"""Density assumed for parts without a mass: between foam and plastic, typical of hollow parts."""
+"""Density assumed for parts without a mass, between foam and plastic, as for hollow parts."""
 _MIN_GYRATION_M = 1e-4
 _DEFAULT_GYRATION_M = 0.02  # default for a link without shapes
 _NAMED = 6  # maximum number of links named in a message
@@ -245,7 +245,7 @@ def _assume_tensor(link: Element, mass: float) -> Array:
 
 
 def box_tensor(mass: float, size: Array) -> Array:
-    """Return the tensor (3, 3) [kg m2] of a homogeneous box with this size (3,) [m]."""
+    """Return the inertia tensor (3, 3) [kg m2] of a homogeneous box of this size (3,) [m]."""
     squares = np.maximum(size, 1e-3) ** 2
     return np.asarray(mass / 12.0 * np.diag(squares.sum() - squares))
 

@@ -108,7 +108,7 @@ def _fill_placeholders(
 
 
 EXPANDED = " (expanded)"
-"""Suffix of a description's name if its lines differ from the lines of its file."""
+"""Suffix of the name of a description whose line numbers differ from its file's."""
 _MESH_SCHEMES = ("package://", "model://", "file://")
 
 

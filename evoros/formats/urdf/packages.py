@@ -45,7 +45,7 @@ class PackageIndex:
         return self.folders.get(name) or next(bearing, None)
 
     def allows(self, real: Path) -> bool:
-        """Return True if a real path lies in a declared folder or a package."""
+        """Return True if a resolved path lies in a declared folder or a package."""
         allowed = (*self.roots, *self.folders.values())
         return any(real.is_relative_to(root.resolve()) for root in allowed)
 
@@ -98,7 +98,7 @@ def _environment_folders() -> Iterator[Path]:
 
 
 class _Search:
-    """Collects packages by name; the first one of a name is kept."""
+    """Collects packages by name; of several with one name, it keeps the first."""
 
     def __init__(self, given: Sequence[Path]) -> None:
         self.stated: dict[str, Path] = {}  # keyed by name in package.xml or in an index

@@ -119,7 +119,7 @@ _LEAST_FIELD = 1e-8  # width [rad] below which a scan is a single ray
 
 @dataclass(frozen=True)
 class DescribedSensor:
-    """A sensor in a robot's description, expressed in terms of evoros."""
+    """A sensor in a robot's description, with evoros's names for its type and values."""
 
     name: str
     kind: str  # LIDAR, RANGE_FINDER, SONAR, BUMPER or IMU

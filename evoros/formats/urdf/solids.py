@@ -190,7 +190,7 @@ def simplify(shape: Shape) -> Shape:
 
 
 def _is_empty(solid: Element) -> bool:
-    """Return True if a length of a solid is 0, which people use for parts without collisions."""
+    """Return True if a length of a solid is 0; some authors thus disable collisions."""
     words = " ".join(solid.get(name, "") for name in ("size", "radius", "length")).split()
     return any(parse_number(word) == 0.0 for word in words)
 

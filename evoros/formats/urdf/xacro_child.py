@@ -28,7 +28,7 @@ LEGACY_TAGS = {
     "property": ("name",),
     "unless": ("value",),
 }
-"""Tags of xacro, with attributes that distinguish them from equally named tags of, say, SDF."""
+"""Tags of xacro, with attributes by which they differ from tags of SDF with the same name."""
 _DEFINITIONS = ("xacro:property", "xacro:macro", "xacro:include")
 _URDF = (
     *("robot", "link", "joint", "material", "origin", "parent", "child", "axis", "limit", "mimic"),
@@ -112,7 +112,7 @@ def _limit_resources(seconds: int) -> None:
 
 
 def _patch_xacro(packages: Any, request: dict[str, Any]) -> Any:
-    """Import xacro, restricted to allowed files without a DOCTYPE, and extended to old tags."""
+    """Import xacro, limit it to allowed files without a DOCTYPE, and let it read old tags."""
     import xacro  # type: ignore[import-untyped, unused-ignore]
     from xacro import substitution_args
 

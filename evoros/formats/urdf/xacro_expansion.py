@@ -25,7 +25,7 @@ from evoros.formats.urdf.xacro_packages import IGNORED
 
 _LOG = logging.getLogger(__name__)
 _UNDEFINED = re.compile(r"is not defined|unknown macro name|Undefined block")
-"""Matches errors in files from before 2014, when xacro read definitions first."""
+"""Matches errors in files from before 2014, when xacro read all definitions first."""
 
 
 @dataclass(frozen=True)

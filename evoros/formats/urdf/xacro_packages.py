@@ -53,7 +53,7 @@ class Packages:
         return ""
 
     def open(self, name: str) -> BinaryIO:
-        """Open an included or loaded file, which must lie in a declared folder, as meshes must."""
+        """Open an included or loaded file, which must lie in a declared folder."""
         path = self._locate(Path(name).absolute())
         if path is None:
             raise OutsideError(f"{name} does not exist; correct the name")
