@@ -22,6 +22,7 @@ from .factors import read_choices, read_given
 _REFERENCE = re.compile(r"\$\{([\w.]+)\}")  # a reference to another key
 _DEPTH = 20  # maximum length of a chain of references, which may be circular
 FITNESS = "fitness"
+SECRET = "secret "  # precedes the hash of a secret value, which labels omit
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +103,8 @@ def read_record(folder: Path, name: str) -> Record:
     """Read the run or evaluation in a folder; large tables are read on first use."""
     run = load_run(folder)
     kind = EvaluationRecord if run.evaluates else Record
-    values = read_values(folder / "config.yaml") | run.manifest.get(SECRETS, {})
+    secrets = {key: SECRET + digest for key, digest in run.manifest.get(SECRETS, {}).items()}
+    values = read_values(folder / "config.yaml") | secrets
     if not isinstance(values.get("seed"), int):
         raise InputError(
             f"{folder / 'config.yaml'}: seed must be a whole number, not {values.get('seed')!r}; "

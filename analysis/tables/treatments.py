@@ -26,7 +26,7 @@ from .conditions import (
     require_levels,
 )
 from .factors import Choices, Factor, Given, Values, find_factors, follows, list_conditions
-from .records import Record
+from .records import SECRET, Record
 
 _SELECTING = ("where", "folders")
 SINGLE = "all runs"  # label of the only treatment
@@ -113,6 +113,8 @@ def _describe(factor: Factor, level: str, inside: bool) -> str:
 
 def describe_level(level: str) -> str:
     """Return the label of a level in the customary spelling, with long levels shortened."""
+    if level.startswith(SECRET):
+        return SECRET.strip()
     text = _read_titles().get(level, level.replace("_", " "))
     return text if len(text) <= LEVEL_LENGTH else text[: LEVEL_LENGTH - 3] + "..."
 

@@ -19,8 +19,7 @@ class SequentialHalving(Allocation):
     Jamieson and Talwalkar, Non-stochastic best arm identification, AISTATS 2016.
     """
 
-    # number of the last generation's best designs that take part
-    survivors: Annotated[int, WHOLE] = 5
+    survivors: Annotated[int, WHOLE] = 5  # number of earlier designs that take part, best first
     budget: Annotated[int, COUNT] = 3  # total trials divided by the number of participating designs
     max_trials: Annotated[int, COUNT] = 16  # maximum per design and generation
 

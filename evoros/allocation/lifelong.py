@@ -18,8 +18,7 @@ class Lifelong(Allocation):
     in Applied Mechanics and Engineering 186, 2000, on elitism under noise.
     """
 
-    # number of a generation's best designs that get further trials
-    survivors: Annotated[int, COUNT] = 10
+    survivors: Annotated[int, COUNT] = 10  # number of earlier designs with more trials, best first
     again: Annotated[int, COUNT] = 1  # further trials per survivor
 
     def most_trials(self, trials: int) -> int:

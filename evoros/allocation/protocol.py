@@ -13,8 +13,7 @@ class Standing:
 
     id: int
     scores: tuple[float, ...] = ()  # scores of trials in this contest, in order
-    # scores of trials in earlier generations; empty for a new design
-    earlier: tuple[float, ...] = ()
+    earlier: tuple[float, ...] = ()  # scores in earlier generations; empty for a new design
     combine: Combine = mean  # the experiment's rule to combine scores
 
     @property
@@ -25,7 +24,7 @@ class Standing:
     def fitness(self, trials: int, compared: int | None = None) -> float:
         """Combine the scores of earlier generations and the first ``trials`` in this contest.
 
-        If ``compared`` is given, return the fitness expected from that number of trials.
+        With ``compared``, return the fitness expected from that number of trials.
         """
         return self.combine((*self.earlier, *self.scores[:trials]), compared)
 
@@ -72,9 +71,8 @@ def ask_for(standings: Iterable[Standing], trials: int) -> dict[int, int]:
 def cap_fitness(fitness: Mapping[int, float], rounds: Sequence[Iterable[int]]) -> dict[int, float]:
     """Cap the fitness so that no design ranks above designs that stayed in the contest longer.
 
-    Means over few trials have a larger spread than means over many, so a lucky design that left
-    early could otherwise pass for the best. ``rounds`` lists the ids of the designs in each round,
-    in order.
+    Otherwise, a lucky design that left early could pass for the best. ``rounds`` lists the ids of
+    the designs in each round.
     """
     capped = dict(fitness)
     for last in range(len(rounds) - 1, 0, -1):

@@ -11,8 +11,7 @@ from evoros.base.checks import COUNT, WHOLE, Rule, checked, is_number
 from evoros.base.errors import InputError
 
 LEVEL = Rule("a number greater than 0 and less than 0.5", lambda v: is_number(v) and 0 < v < 0.5)
-DIGITS = 6
-"""Decimal places to which a quantile is rounded, so that all processors give the same race."""
+DIGITS = 6  # decimal places of a quantile, so that all processors give the same race
 
 
 @dataclass(frozen=True)
@@ -27,8 +26,7 @@ class Racing(Allocation):
     and Igel (ICML 2009) also apply races to evolution strategies.
     """
 
-    # number of the last generation's best designs that take part
-    survivors: Annotated[int, WHOLE] = 5
+    survivors: Annotated[int, WHOLE] = 5  # number of earlier designs that take part, best first
     first: Annotated[int, replace(COUNT, limit=1000)] = 2  # trials before a design can leave
     max_trials: Annotated[int, COUNT] = 8  # maximum per design and generation
     best: Annotated[int, COUNT] = 3  # number of designs left at which the race ends

@@ -20,8 +20,7 @@ class SuccessiveRejects(Allocation):
     Best arm identification in multi-armed bandits, COLT 2010.
     """
 
-    # number of the last generation's best designs that take part
-    survivors: Annotated[int, WHOLE] = 5
+    survivors: Annotated[int, WHOLE] = 5  # number of earlier designs that take part, best first
     budget: Annotated[int, COUNT] = 3  # total trials divided by the number of participating designs
     max_trials: Annotated[int, COUNT] = 100  # maximum per design and generation
 

@@ -52,8 +52,7 @@ STRENGTH_SIZE = 2
 def copy_values(source: Array, target: Array) -> None:
     """Fill ``target`` with the first values of ``source``.
 
-    numba compiles this loop in a tenth of the time of ``target[:] = source``, which formats an
-    error message for unequal lengths.
+    numba compiles this loop ten times as fast as ``target[:] = source``.
     """
     for i in range(len(target)):
         target[i] = source[i]

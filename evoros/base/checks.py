@@ -27,8 +27,9 @@ T = TypeVar("T")
 MAX_VALUE_LENGTH = 80  # maximum length of a value quoted in an error message
 LARGEST = 1e9  # maximum absolute value of a number, to catch typing errors
 MOST = 1_000_000  # maximum count
-LEAST_STEP_S = 1e-5
-"""Minimum time step of a simulation [s]; in shorter steps, motion would vanish in rounding."""
+LEAST_STEP_S = (
+    1e-5  # minimum time step of a simulation; in shorter ones, motion is lost in rounding
+)
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,7 @@ def checked(cls: type[T]) -> type[T]:
     """Decorate a dataclass, below ``@dataclass``, so that its constructor checks its fields.
 
     Each field ``Annotated[T, RULE]`` must satisfy its rule; a field ``Annotated[T | None, RULE]``
-    may also be None. The ``__post_init__`` of the class runs afterwards, and can check several
-    fields together. The constructor's InputError names class, field, rule and value.
+    may also be None. The ``__post_init__`` of the class runs afterwards.
     """
     check_together: Callable[[T], None] | None = getattr(cls, "__post_init__", None)
 
@@ -120,7 +120,7 @@ NAME = Rule(  # usable as a column or file name
     lambda v: isinstance(v, str) and re.fullmatch(r"[A-Za-z0-9_-]+", v) is not None,
 )
 NOT_NEGATIVES = Rule(
-    "a list of numbers of at least 0",
+    "a non-empty list of numbers of at least 0",
     lambda v: isinstance(v, list | tuple) and len(v) > 0 and all(map(NOT_NEGATIVE.holds, v)),
 )
 SCORE = Rule(  # small enough that squares and sums do not overflow
@@ -199,11 +199,7 @@ def require(part: object, rules: Mapping[str, Rule]) -> None:
 
 
 def check_order(part: object, low: str, high: str) -> None:
-    """Check that the field ``low`` is at most the field ``high``.
-
-    Raises:
-        InputError: ``low`` is greater.
-    """
+    """Require that the field ``low`` is at most the field ``high``."""
     minimum, maximum = getattr(part, low), getattr(part, high)
     if minimum > maximum:
         raise invalid(part, low, minimum, f"must be at most {high} ({maximum})")
@@ -212,15 +208,14 @@ def check_order(part: object, low: str, high: str) -> None:
 def invalid(part: object, field: str, value: object, rule: str, fix: str = "") -> InputError:
     """Return the error for one field of a description."""
     default = getattr(type(part), field, None)
-    if not fix:
-        known = isinstance(default, int | float | str) and default != value
-        example = f", for example {default}" if known else ""
-        fix = f"set it to a valid value{example}"
-    return InputError(f"{type(part).__name__}.{field}: {rule}, not {quote(value)}; {fix}")
+    if not fix and isinstance(default, int | float | str) and default != value:
+        fix = f"for example, set it to {default}"
+    message = f"{type(part).__name__}.{field}: {rule}, not {quote(value)}"
+    return InputError(f"{message}; {fix}" if fix else message)
 
 
 def _missing_target(value: object) -> str:
-    """Return how to fix parts that are configured without a class; "" if this is not the fault."""
+    """Return how to fix a part that is configured without a class; empty if it has one."""
     several = isinstance(value, dict) and any(isinstance(item, dict) for item in value.values())
     single = isinstance(value, dict) and not any(hasattr(i, "__dict__") for i in value.values())
     fix = "add _target_, the class of which these keys are arguments"

@@ -1,6 +1,6 @@
 """Marks functions that rules call, so that numba compiles them together with the rules.
 
-numba is slow to import, so the functions are registered only when a rule is compiled.
+Functions are registered when a rule is compiled, because numba is slow to import.
 """
 
 from collections.abc import Callable

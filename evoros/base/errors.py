@@ -22,10 +22,7 @@ class EvorosError(Exception):
 
 
 class InputError(EvorosError):
-    """An unusable configuration value or file. Exit status 2.
-
-    The message is one line: file or key, rule, value, fix.
-    """
+    """An unusable configuration value or file. Exit status 2; the message is one line."""
 
 
 class PartFault(InputError):
@@ -79,10 +76,7 @@ def unescape(path: str) -> str:
 
 @contextmanager
 def require_extra(extra: str, need: str, failure: type[InputError] = InputError) -> Iterator[None]:
-    """Raise a ``failure`` if the context imports a package that is not installed.
-
-    ``need`` names the choice or the command that needs the package.
-    """
+    """Raise a ``failure``, which names the ``need``, if the context imports a missing package."""
     try:
         yield
     except ModuleNotFoundError as error:

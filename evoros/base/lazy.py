@@ -31,8 +31,5 @@ def import_lazily(
 
 
 def collect_rarely() -> None:
-    """Make garbage collections rare, because nearly all objects made at start-up stay in use.
-
-    With Python's default threshold of 700, a run takes 5 % longer to start.
-    """
+    """Make garbage collections rare; with Python's default, a run takes 5 % longer to start."""
     gc.set_threshold(50_000, 20, 20)

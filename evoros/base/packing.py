@@ -62,8 +62,7 @@ def _fits(value: object, dimensions: int) -> bool:
 def unpack(kind: type[P], packed: Array) -> P:
     """Return the named tuple that was packed; the arrays in it are views of ``packed``.
 
-    Compiled code uses the version in ``evoros.compilation.rules``, whose views do not keep
-    ``packed`` alive.
+    Compiled code uses ``evoros.compilation.rules``, whose views do not keep ``packed`` alive.
     """
     values: list[Any] = []
     at = 0

@@ -84,9 +84,8 @@ def generator(key: str, part: str) -> Generator:
 def deal(key: str, cards: int) -> Iterator[int]:
     """Yield numbers below ``cards`` (at least 1) from one shuffled deck after another, forever.
 
-    Each deck has every number once in a uniformly drawn order, so its first numbers are a simple
-    random sample without replacement. The shuffle of Fisher and Yates (Knuth, The Art of Computer
-    Programming 2, algorithm 3.4.2 P) is lazy: n numbers take time and memory proportional to n.
+    The shuffle of Fisher and Yates (Knuth, The Art of Computer Programming 2, algorithm 3.4.2 P) is
+    lazy: n numbers take time and memory proportional to n.
     """
     for deck in count():
         rng = generator(f"{key}/{deck}", "deck")

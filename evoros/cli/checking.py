@@ -25,20 +25,16 @@ from evoros.terminal.log import LOGGER, withhold_messages
 
 Explain: TypeAlias = Callable[[Path, BaseException], JobResult]
 """Turns the exception that ended a job into its result."""
-MAX_FAULTS = 10
-"""Maximum number of faults reported; the rest are only counted."""
-MAX_BUILT = 16
-"""Maximum number of built experiments that are cached for similar jobs."""
-_BLOCK = re.compile(r"(?m)^(?=[^\s#-])")
-"""The start of a top-level key in YAML."""
+MAX_FAULTS = 10  # maximum number of faults reported; the rest are only counted
+MAX_BUILT = 16  # maximum number of built experiments that are cached for similar jobs
+_BLOCK = re.compile(r"(?m)^(?=[^\s#-])")  # start of a top-level key in YAML
 
 
 def check_jobs(command: str, jobs: Jobs, explain: Explain) -> list[Job]:
     """Check all jobs of a sweep and report faults; return the jobs, or none if any has a fault.
 
     Jobs that differ only in their seeds are built once; jobs that differ only in their search share
-    robots and worlds. If a job's folder exists, the job is compared with the configuration recorded
-    there. Messages are withheld, because each job logs them again when it starts.
+    robots and worlds. Messages are withheld, because each job logs them again when it starts.
     """
     ready, refused = _sort_jobs(jobs, explain)
     faults = list(describe_faults([job.overrides for job in ready], refused))
@@ -83,7 +79,6 @@ class _Checks:
     built: dict[str, Experiment] = field(default_factory=dict)  # keyed by all values outside SEARCH
 
     def find_misnamed(self, job: Job) -> str:
-        """Describe the first class that a new job cannot instantiate; empty if there is none."""
         try:
             if not (job.folder / MISSIONS).exists():
                 check_classes(job.config.values, job.config.choices)
@@ -146,10 +141,7 @@ def describe_faults(
 
 
 def warn_of_few_seeds(jobs: Iterable[Job]) -> None:
-    """Warn if no p-value of ``compare`` or ``factors`` can fall below the significance level.
-
-    Only searches are replicates; evaluations are not compared.
-    """
+    """Warn if no p-value of ``compare`` or ``factors`` can fall below the significance level."""
     seeds = defaultdict[str, set[int]](set)
     for job in jobs:
         if not job.config.evaluates:

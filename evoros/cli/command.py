@@ -3,7 +3,7 @@
 Exit statuses: 0 done; 1 stopped, resumable; 2 input that cannot be used; 130 interrupted.
 """
 
-from argparse import Action, ArgumentParser
+from argparse import Action, ArgumentParser, Namespace
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -23,24 +23,9 @@ if TYPE_CHECKING:
     from evoros.session.run import Session
 
 
-@dataclass(frozen=True)
-class Options:
-    """The arguments of a command."""
-
-    overrides: tuple[str, ...]
-    multirun: bool  # True for a sweep
-    config_dir: str | None  # folder of the user's own groups, experiments and classes
-    version: bool
-    shows: bool  # True if Hydra only prints help, the configuration or similar
-
-
-def parse_options(arguments: Sequence[str]) -> Options:
+def parse_options(arguments: Sequence[str]) -> Namespace:
     """Parse the arguments of a command; options and overrides may be mixed."""
-    typed = _parser().parse_intermixed_args(list(arguments))
-    shown = (typed.help, typed.hydra_help, typed.cfg, typed.info, typed.shell_completion)
-    return Options(
-        tuple(typed.overrides), typed.multirun, typed.config_dir, typed.version, any(shown)
-    )
+    return _parser().parse_intermixed_args(list(arguments))
 
 
 class _Refuse(Action):
@@ -73,7 +58,7 @@ def _parser() -> ArgumentParser:
 
 @dataclass(frozen=True)
 class Command:
-    """A console command; calling it returns its exit status."""
+    """A console command."""
 
     name: str
     primary: str  # primary configuration file in conf/
@@ -87,8 +72,6 @@ class Command:
 
 
 def _execute(command: Command, arguments: list[str], interrupts: Interrupts) -> int:
-    from evoros.cli.command import parse_options
-
     options = parse_options(arguments)
     if options.version:
         print_result(f"{command.name} {read_origin().version}")
@@ -100,7 +83,8 @@ def _execute(command: Command, arguments: list[str], interrupts: Interrupts) -> 
     for word in set(options.overrides) & set(SUBCOMMANDS):
         raise InputError(f"{word}: a subcommand must come first; type: evoros {word} ...")
     require_keys(options.overrides, f"{command.folder_key}=")
-    if options.shows:
+    shown = (options.help, options.hydra_help, options.cfg, options.info, options.shell_completion)
+    if any(shown):  # Hydra only prints
         from evoros.config.help import show
         from evoros.config.like import choose_primary
 
@@ -112,7 +96,7 @@ def _execute(command: Command, arguments: list[str], interrupts: Interrupts) -> 
     return _start(command, options, interrupts)
 
 
-def _start(command: Command, options: Options, interrupts: Interrupts) -> int:
+def _start(command: Command, options: Namespace, interrupts: Interrupts) -> int:
     from evoros.config.jobs import Job, Jobs
 
     overrides = options.overrides

@@ -114,7 +114,7 @@ def _parser() -> CommandParser:
 
 
 def _parse(words: Sequence[str], name: str | None) -> list[Request]:
-    """Parse ``robot FILE world FILE key=value ...``; the robot comes first in the result.
+    """Parse ``robot FILE world FILE key=value ...``; the robot comes first.
 
     Keys of a world may include the world's name, as in a run: ``world.NAME.key=value``.
     """
@@ -159,10 +159,9 @@ def _parse(words: Sequence[str], name: str | None) -> list[Request]:
 
 
 def _describe(request: Request, chosen: Sequence[str], folder: Path) -> "tuple[OwnFile, str, str]":
-    """Describe the YAML file of a part, and choose the simulator that it needs.
+    """Return a part's YAML file, the simulator that the part needs, and where its course is.
 
-    A world without a course gets one that suits the robot; the last string describes where the
-    course is.
+    A world without a course gets one that suits the robot.
     """
     from evoros.config.own_files import ROBOT, OwnFile, is_bundled
     from evoros.formats.sdf.reading import SdfOptions

@@ -11,12 +11,9 @@ from evoros.session.status import COLUMNS, UNKNOWN, Overview, list_cells, survey
 from evoros.storage.layout import natural_key
 from evoros.terminal.console import INPUT
 
-KEPT, REFUSED = "kept", "refused"
-"""Further states of jobs: complete before the sweep was repeated; refused because of a fault."""
-SCORES = COLUMNS.index("missions") + 1
-"""Number of leading ``COLUMNS`` shown for jobs."""
-CUT, GAP, SHORTEST = "...", 2, 16
-"""Ellipsis in a name, spaces between columns, minimum width of names."""
+KEPT, REFUSED = "kept", "refused"  # complete before the sweep was repeated; has a fault
+SCORES = COLUMNS.index("missions") + 1  # number of leading ``COLUMNS`` shown for jobs
+CUT, GAP, SHORTEST = "...", 2, 16  # ellipsis, spaces between columns, minimum width of names
 
 
 def format_jobs(results: Sequence[tuple[Path, JobResult]]) -> str:

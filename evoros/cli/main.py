@@ -13,8 +13,7 @@ from evoros.terminal.console import DONE, INPUT, print_result, report_error, rep
 from evoros.terminal.log import log_to_terminal
 
 COMPLETIONS = ("-sc", "--shell-completion")
-LINE = "COMP_LINE"
-"""Environment variable with the line typed so far."""
+LINE = "COMP_LINE"  # environment variable with the line typed so far
 
 
 def evoros(arguments: Sequence[str]) -> int:

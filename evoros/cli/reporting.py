@@ -20,8 +20,7 @@ PATIENCE_S = 10.0
 class Interrupts:
     """A context manager that turns the first SIGINT or SIGTERM into KeyboardInterrupt.
 
-    Later signals are ignored for ``PATIENCE_S``, so that the command can stop cleanly; after that,
-    the next signal ends the process immediately.
+    After ``PATIENCE_S``, in which the command can stop cleanly, the next signal ends the process.
     """
 
     def __init__(self) -> None:
@@ -121,9 +120,9 @@ def explain_end(
 
 
 def _start_again(folder: Path, resume: str, told: str) -> str:
-    """Return what to do after fixing the part that a message names; empty if no run was recorded.
+    """Return what to do after fixing the part that a message names; empty if nothing was recorded.
 
-    A resumed run accepts a fixed part if no result of that part has been recorded.
+    A resumed run accepts the fixed part if no result of the part was recorded.
     """
     from evoros.storage.layout import MISSIONS
     from evoros.storage.manifest import list_unrecorded

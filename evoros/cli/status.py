@@ -12,8 +12,7 @@ from evoros.terminal.log import warn_left_out
 NAME = "evoros status"
 ABOUT = """Show the state of all runs and evaluations below a folder; on a terminal, update it until
 all have ended."""
-UPDATE_S = 2.0
-"""Wall-clock interval [s] between updates."""
+UPDATE_S = 2.0  # interval between updates
 
 
 @reports_errors(NAME)

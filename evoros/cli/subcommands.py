@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
+from evoros.base.errors import shell_line
 from evoros.files.plugins import Subcommand, explain_missing, find_plugins
 
 FIGURES = "analyze"
@@ -20,7 +21,7 @@ COMPOSING = (
     "--shell-completion",
     "--version",
 )
-"""Options shared by the commands that compose a configuration."""
+"""Options of the commands that compose a configuration."""
 SUBCOMMANDS: Mapping[str, Subcommand] = {
     "evaluate": Subcommand(
         "evoros.cli.command:evaluate",
@@ -47,10 +48,7 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
         ("--once",),
     ),
     "diff": Subcommand(
-        "evoros.cli.diff:diff",
-        "A B",
-        "compare two runs or sweeps byte by byte",
-        ("--version",),
+        "evoros.cli.diff:diff", "A B", "compare two runs or sweeps byte by byte", ("--version",)
     ),
     "replay": Subcommand(
         "evoros.cli.replay:replay",
@@ -93,9 +91,9 @@ def list_help() -> list[str]:
 
 def find_misuse(arguments: Sequence[str]) -> str:
     """Explain how to correct a wrong subcommand or another subcommand's option; may be empty."""
+    word, *others = arguments or [""]
     for folder in (text[7:] for text in arguments if text.startswith("resume=")):
         return f"resume: a subcommand, not a key; type: {_write_resume(folder)}"
-    word, *others = arguments or [""]
     if word == FIGURES:
         from evoros.analysis import subcommands as analysis
 
@@ -105,7 +103,13 @@ def find_misuse(arguments: Sequence[str]) -> str:
         return explain_missing(f"{FIGURES} {named}")
     if word in SUBCOMMANDS:
         return _find_foreign_option(word, others)
-    return "" if not word or "=" in word or word.startswith(SIGNS) else _explain_word(word)
+    if word and "=" not in word and not word.startswith(SIGNS):
+        return _explain_word(word)
+    for key in (text.partition("=")[0] for text in arguments):
+        if key in ("designs", "like"):
+            evaluate = shell_line("evoros", "evaluate", *arguments)
+            return f"{key}: a key of evoros evaluate; type: {evaluate}"
+    return ""
 
 
 def _explain_word(word: str) -> str:

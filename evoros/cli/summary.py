@@ -19,11 +19,9 @@ from evoros.storage.layout import read_bytes, read_rows
 from evoros.storage.verdicts import describe, name_worst, read_verdicts
 
 IN_THE_PLANE = "evoros.simulator.planar.Planar"
-FEW_TRIALS = 20
-"""Number of validation trials below which the summary suggests more."""
+FEW_TRIALS = 20  # number of validation trials below which the summary suggests more
 _CONFIDENCE = 0.95
-MOST_ADVISED = 100_000
-"""Maximum number of trials that the summary suggests for an undecided requirement."""
+MOST_ADVISED = 100_000  # maximum number of trials suggested for an undecided requirement
 
 
 def summarize(folder: Path) -> str:
@@ -33,10 +31,8 @@ def summarize(folder: Path) -> str:
 
 
 def _summarize_search(folder: Path) -> list[str]:
-    status, certificate = (
-        _read(folder / layout.STATUS),
-        _read(folder / "champion" / "certificate.json"),
-    )
+    status = _read(folder / layout.STATUS)
+    certificate = _read(folder / "champion" / "certificate.json")
     figures = " and figures/" * (folder / FIGURES).is_dir()
     lines = [
         f"champion          {_describe_champion(certificate)}",
@@ -99,16 +95,14 @@ def _describe_designs(rows: Sequence[Mapping[str, str]]) -> list[str]:
         if name.endswith(ending) and all(row[name] for row in rows)
     }
     if len(rows) == 1:
-        rates = {world: _bound_share(share, trials) for world, share in shares.items()}
+        rates = {}
+        for world, share in shares.items():
+            done = round(share * trials)
+            rates[world] = Rate(done, trials, *bound_rate(done, trials, _CONFIDENCE))
         completed = _write_rates(rates, _CONFIDENCE)
     else:
         completed = ", ".join(f"{world} {100 * share:.0f} %" for world, share in shares.items())
     return [f"fitness           {fitness}", *[f"completed         {completed}"] * bool(shares)]
-
-
-def _bound_share(share: float, trials: int) -> Rate:
-    completed = round(share * trials)
-    return Rate(completed, trials, *bound_rate(completed, trials, _CONFIDENCE))
 
 
 def _describe_verdicts(folder: Path) -> list[str]:
@@ -165,7 +159,6 @@ def _describe_controls(folder: Path) -> Sequence[str]:
 
 
 def _describe_missions(status: Mapping[str, Any], unit: str = "") -> str:
-    """Describe the missions of all sessions, and the time of this session."""
     wall, simulated = status["session_wall_s"], status["session_simulated_s"]
     missions, now = status["missions"], status["session_missions"]
     text = f"{missions:,}"
@@ -237,7 +230,6 @@ def _describe_precision(certificate: Mapping[str, Any]) -> str:
 
 
 def _write_rates(rates: Mapping[str, Rate], confidence: float) -> str:
-    """Write the completed missions by world or failed part, with intervals for the rates."""
     done = sum(rate.completed for rate in rates.values())
     trials = sum(rate.trials for rate in rates.values())
     percent = f"{100 * confidence:g} % interval"

@@ -8,7 +8,6 @@ main thread, because ``${hydra:...}`` refers to global state; each then runs in 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, closing, contextmanager, suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from threading import Lock
@@ -38,8 +37,7 @@ from evoros.storage.layout import MISSIONS, folders_below
 from evoros.terminal import console
 from evoros.terminal.log import LOGGER, log_everything, log_for_job, log_to_terminal, warn_left_out
 
-MAX_THREADS = 1000
-"""Maximum number of simultaneous jobs, more than any number of workers needs."""
+MAX_THREADS = 1000  # maximum number of simultaneous jobs, more than any number of workers needs
 
 
 def jobs_at_once(workers: int) -> int:
@@ -63,11 +61,7 @@ class SharedPool:
 
     @contextmanager
     def open(self, executor: Executor) -> Iterator[Pool]:
-        """Replace the executor's ``open``, so that all jobs share one pool.
-
-        Raises:
-            KeyboardInterrupt: ``close`` was called, which interrupts all jobs using the pool.
-        """
+        """Replace the executor's ``open``; raise KeyboardInterrupt once ``close`` was called."""
         try:
             yield self.start(executor)
         except Exception:
@@ -122,8 +116,7 @@ class Sweep:
     def begin(self, job: Job) -> None:
         """Wait until fewer than the pool's ``jobs`` are running, then build and start a job.
 
-        Raises:
-            KeyboardInterrupt: the job was interrupted; other jobs continue until ``close``.
+        A KeyboardInterrupt ends only this job; other jobs continue until ``close``.
         """
         folder = job.folder
         self._wait(self._pool.jobs - 1)
@@ -155,11 +148,7 @@ class Sweep:
         self._display.skip()
 
     def finish(self) -> None:
-        """Wait for all jobs.
-
-        Raises:
-            KeyboardInterrupt: the wait was interrupted; the jobs continue until ``close``.
-        """
+        """Wait for all jobs; if interrupted, the jobs continue until ``close``."""
         self._wait(0)
 
     def close(self) -> None:
@@ -169,8 +158,7 @@ class Sweep:
         self._threads.shutdown()
 
     def _use_executor(self, executor: Executor) -> None:
-        """Replace the pool if the executor differs; two pools would compete for the cores."""
-        if executor != self._pool.executor:
+        if executor != self._pool.executor:  # two pools would compete for the cores
             self._wait(0)
             self._pool.close()
             self._pool = SharedPool(executor)
@@ -197,34 +185,30 @@ class Sweep:
             self._report(folder, result)
 
 
-@dataclass(frozen=True)
-class JobRunner:
-    """A picklable function that runs a job in the calling process; arguments as in ``Sweep``."""
+def run_job(
+    build: Callable[[Job], Session | None],
+    explain: Callable[[Path, BaseException], JobResult],
+    job: Job,
+) -> float:
+    """Run a job in this process, with ``build`` and ``explain`` as in ``Sweep``.
 
-    build: Callable[[Job], Session | None]
-    explain: Callable[[Path, BaseException], JobResult]
-
-    def __call__(self, job: Job) -> float:
-        """Run the job and return its validated fitness, or its best fitness without validation.
-
-        Raises:
-            InputError, RunStopped: the reason why the job ended early, in one line.
-        """
-        with log_to_terminal(again=True), log_everything(), log_for_job(str(job.folder)):
-            try:
-                session = self.build(job)
-                if session is not None:
-                    run_with_controls(session, NoDisplay(), draw_figure)
-            except Exception as error:
-                with suppress(OSError):  # removes only the empty folder that Hydra creates
-                    job.folder.rmdir()
-                result = self.explain(job.folder, error)
-                kind = InputError if isinstance(error, InputError) else RunStopped
-                raise kind(result.message) from None
-        overview = survey(job.folder)
-        fitness = overview.best if overview.validated is None else overview.validated
-        assert fitness is not None, "a finished run has a best individual"
-        return fitness
+    Return its validated fitness, or its best fitness without validation.
+    """
+    with log_to_terminal(again=True), log_everything(), log_for_job(str(job.folder)):
+        try:
+            session = build(job)
+            if session is not None:
+                run_with_controls(session, NoDisplay(), draw_figure)
+        except Exception as error:
+            with suppress(OSError):  # removes only the empty folder that Hydra creates
+                job.folder.rmdir()
+            result = explain(job.folder, error)
+            kind = InputError if isinstance(error, InputError) else RunStopped
+            raise kind(result.message) from None
+    overview = survey(job.folder)
+    fitness = overview.best if overview.validated is None else overview.validated
+    assert fitness is not None, "a finished run has a best individual"
+    return fitness
 
 
 def run_sweep(command: str, jobs: Jobs, config_dir: str | None, interrupts: Interrupts) -> int:
@@ -252,7 +236,7 @@ def run_by_plugins(command: str, jobs: Jobs, config_dir: str | None, interrupts:
     assert jobs.sweep is not None
     searches = SWEEPER in jobs.plugins  # a sweeper chooses jobs based on earlier results
     explain = partial(explain_end, config_dir, Interrupts())
-    run = JobRunner(partial(build_job, config_dir), explain)
+    run = partial(run_job, partial(build_job, config_dir), explain)
     ready = [] if searches else check_jobs(command, jobs, explain)
     if not searches and not ready:
         return console.INPUT
@@ -269,15 +253,12 @@ def run_by_plugins(command: str, jobs: Jobs, config_dir: str | None, interrupts:
     except (KeyboardInterrupt, RunStopped):
         _explain_repeating(command, jobs)
         raise
-    results = []
+    results = [(folder, JobResult(console.DONE)) for folder in errors if errors[folder] is None]
     for folder, error in errors.items():
-        result = JobResult(console.DONE)
         if error is not None:
-            status = console.report_error(
-                command, f"{folder.name}: {error}", console.status_of(error)
-            )
-            result = JobResult(status, str(error))
-        results.append((folder, result))
+            result = JobResult(console.status_of(error), str(error))
+            report_result(command, True, folder, result)
+            results.append((folder, result))
     return _conclude(command, jobs, results, [])
 
 
@@ -299,7 +280,7 @@ def _explain_repeating(command: str, jobs: Jobs) -> None:
 
 
 def build_job(config_dir: str | None, job: Job) -> Session | None:
-    """Build a job, or resume it if its folder exists; return None if it is complete."""
+    """Build or resume a job; return None if it is complete."""
     if not (job.folder / MISSIONS).exists():
         check_figures(job.config.values)
         return create_run(job.config, job.folder)

@@ -11,7 +11,6 @@ import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
 
 from hydra import compose as hydra_compose
 from hydra import initialize_config_dir
@@ -44,9 +43,7 @@ def job_name(overrides: Sequence[str]) -> str:
     """Return a readable folder name: ``failure=random seed=0`` -> failure-random_seed-0.
 
     Only the last part of a key or a path is kept; a hash of the value follows a path:
-    ``designs=outputs/study/a`` -> designs-a-2cffc1. The name has only letters, digits, ``-``, ``_``
-    and ``.``; it is ``baseline`` without overrides. A long name is cut, and ends in a hash of the
-    name.
+    ``designs=outputs/study/a`` -> designs-a-2cffc1. Without overrides, the name is ``baseline``.
     """
     parts = [_part(override) for override in overrides]
     name = "_".join(part for part in parts if part)
@@ -70,7 +67,7 @@ def _hash(text: str, digits: int) -> str:
 
 
 def _name_folder(overrides: ListConfig) -> str:
-    """Name a folder after overrides, with unresolved references, so that it reveals no secrets."""
+    # unresolved references reveal no secrets
     return job_name([str(override) for override in OmegaConf.to_container(overrides) or ()])
 
 
@@ -113,10 +110,9 @@ def compose_with_hydra(
     index: int = 0,
     primary: str = "config",
 ) -> DictConfig:
-    """Compose a configuration including Hydra's part.
+    """Compose a configuration including Hydra's part; ``index`` is the job's index in a sweep.
 
-    ``index`` is the index of the job in a sweep; ``primary`` is the primary file in conf/. The
-    interpolation ``${hydra:...}`` refers to the configuration composed last.
+    The interpolation ``${hydra:...}`` refers to the configuration composed last.
     """
     extra = [] if config_dir is None else [search_path(config_dir)]
     try:
@@ -225,18 +221,14 @@ def add_config_dir(path: str | Path) -> Path:
     return folder
 
 
-GROUP = "observers"
-
-
 def build_observer(name: str, overrides: Sequence[str], config_dir: str | Path | None) -> Observer:
     """Build the observer ``name``, with ``overrides`` of its keys."""
-    typed = [f"{GROUP}.{name}.{text}" for text in overrides]
-    config = compose([f"{GROUP}={name}", *typed], config_dir=config_dir)
-    built: dict[str, Any] = build(config.values[GROUP], config.choices)
-    if not isinstance(built.get(name), Observer):
+    typed = [f"observers.{name}.{text}" for text in overrides]
+    config = compose([f"observers={name}", *typed], config_dir=config_dir)
+    observer = build(config.values["observers"], config.choices).get(name)
+    if not isinstance(observer, Observer):
         raise InputError(
-            f"{GROUP}/{name}.yaml: must have the key {name} with an observer's class, not "
-            f"{', '.join(built) or 'nothing'}; choose another tracker, or change the file"
+            f"observers/{name}.yaml: must have the key {name} with an observer's class; choose "
+            f"another tracker, or change the file"
         )
-    observer: Observer = built[name]
     return observer

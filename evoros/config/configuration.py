@@ -20,8 +20,8 @@ from evoros.config.references import IS_LATER, settle
 from evoros.evolution.experiment import Experiment
 from evoros.files.plugins import conf_folders
 
+# Hydra 1.4 and later have only these defaults.
 VERSION_BASE: Mapping[str, Any] = {} if IS_LATER else {"version_base": "1.3"}
-"""Hydra version whose defaults evoros needs; Hydra 1.4 and later have only these defaults."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,7 @@ class Configuration:
         """Build the experiment; this imports and calls the classes named by the configuration.
 
         Raises:
-            InputError: a value or a file cannot be used, or a class is neither in evoros nor in a
-                folder given as ``config_dir``.
+            InputError: a value, a file or a class cannot be used.
         """
         experiment = build(self.values, self.choices)
         if not isinstance(experiment, Experiment):
@@ -60,8 +59,7 @@ class Configuration:
     def rebuild(self, experiment: Experiment, keys: Sequence[str]) -> Experiment:
         """Build the experiment from ``experiment``, which differs only in the values of ``keys``.
 
-        Raises:
-            InputError: a value cannot be used; ``build`` gives a more specific message.
+        Errors are less specific than in ``build``.
         """
         parts = {key: self.values[key] for key in keys if key in self.values}
         built = {
@@ -133,39 +131,25 @@ def freeze(config: DictConfig, evaluates: bool = False) -> Configuration:
     if OmegaConf.is_config(designs):
         designs = OmegaConf.to_container(designs, resolve=True)
     text, values = settle(shown)
+    # A recorded configuration lacks Hydra's part.
+    typed = OmegaConf.select(config, "hydra.overrides.task")
+    listed: Any = OmegaConf.to_container(typed, resolve=False) if typed else ()
+    choices = OmegaConf.select(config, "hydra.runtime.choices") or {}
+    places = OmegaConf.select(config, "hydra.searchpath") or ()
     return Configuration(
         text,
         values,
-        _choices(config),
-        _list_overrides(config),
+        {
+            str(k): str(v)
+            for k, v in choices.items()
+            if v is not None and not str(k).startswith("hydra/")
+        },
+        tuple(map(str, listed)),
         designs,
         config.get("like") if evaluates else None,
         evaluates,
-        _find_config_dir(config),
+        next((str(place).removeprefix("file://") for place in places), None),
     )
-
-
-def _list_overrides(config: DictConfig) -> tuple[str, ...]:
-    """Return the typed overrides; empty if ``config`` was not composed."""
-    typed = OmegaConf.select(config, "hydra.overrides.task")
-    listed = OmegaConf.to_container(typed, resolve=False) if OmegaConf.is_config(typed) else []
-    return tuple(map(str, listed)) if isinstance(listed, list) else ()
-
-
-def _find_config_dir(config: DictConfig) -> str | None:
-    """Return the user's folder; None if none was given, or ``config`` was not composed."""
-    places = [str(place) for place in OmegaConf.select(config, "hydra.searchpath") or ()]
-    return places[0].removeprefix("file://") if places else None
-
-
-def _choices(config: DictConfig) -> dict[str, str]:
-    """Return the chosen file of each group except Hydra's; empty if ``config`` was not composed."""
-    choices = OmegaConf.select(config, "hydra.runtime.choices") or {}
-    return {
-        str(group): str(choice)
-        for group, choice in choices.items()
-        if choice is not None and not str(group).startswith("hydra/")
-    }
 
 
 def allow(targets: Sequence[str]) -> Mapping[str, Any]:
@@ -204,10 +188,9 @@ ROOMS = (
 def check_targets(
     values: Mapping[str, Any], folders: Sequence[Path], where: Path | None = None
 ) -> tuple[str, ...]:
-    """Require that each class named by a configuration is in evoros or one of the folders.
+    """Require that each class named by a configuration is in evoros or in one of the folders.
 
-    Return the names of the classes. Only modules in the folders are imported. ``where`` is the file
-    of a recorded configuration.
+    Return the names of the classes. ``where`` is the file of a recorded configuration.
     """
     named = dict(_list_targets(values, ""))
     for key, target in named.items():
@@ -258,7 +241,6 @@ def _find_problem(target: Any, folders: Sequence[Path]) -> str:
 
 
 def _is_in(module: str, folders: Sequence[Path]) -> bool:
-    """Return True if Python would import a module from one of the folders."""
     spec = PathFinder.find_spec(module) if module else None
     origins = [spec.origin, *(spec.submodule_search_locations or ())] if spec else []
     paths = [Path(origin).resolve() for origin in origins if origin]

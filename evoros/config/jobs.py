@@ -26,12 +26,9 @@ from evoros.config.like import EVALUATE, LIKE, ReadRun, choose_primary
 from evoros.config.messages import describe_error
 from evoros.config.references import has_calls
 
-_MAX_JOBS = 100_000
-"""Maximum number of jobs of a sweep, to detect mistakes such as extra zeros in a range()."""
-PLUGINS = LAUNCHER, SWEEPER = "launcher", "sweeper"
-"""Groups of Hydra plugins that start and choose jobs."""
-DEFAULT_NAME = "${evoros.name:${hydra:overrides.task}}"
-"""Default ``hydra.sweep.subdir`` of conf/config.yaml."""
+_MAX_JOBS = 100_000  # maximum number of jobs, to detect mistakes such as extra zeros in a range()
+PLUGINS = LAUNCHER, SWEEPER = "launcher", "sweeper"  # Hydra plugins that start and choose jobs
+DEFAULT_NAME = "${evoros.name:${hydra:overrides.task}}"  # ``hydra.sweep.subdir`` in config.yaml
 
 
 @dataclass(frozen=True)
@@ -54,9 +51,8 @@ class RefusedJob:
 class Jobs:
     """The jobs of a command: a single job, or one for each combination of a sweep's values.
 
-    ``primary`` is the command's primary file in conf/; ``sweep`` is the folder of the sweep, None
-    for a single job. ``read_run`` reads the run named by ``like=``; if ``read_run`` is None, the
-    key ``like`` is unknown. ``plugins`` has the chosen launcher and sweeper of Hydra, if any.
+    ``sweep`` is the folder of the sweep, None for a single job. ``read_run`` reads the run named by
+    ``like=``, which is otherwise unknown. ``plugins`` has the chosen launcher and sweeper of Hydra.
     """
 
     def __init__(
@@ -74,9 +70,11 @@ class Jobs:
         common = [text_of(override) for override in parsed if not override.is_sweep_override()]
         likes = [override for override in parsed if override.key_or_group == LIKE]
         sweeps = [override for override in parsed if likes and override.is_sweep_override()]
-        firsts = [self._expand_values(override)[0] for override in sweeps]
+        firsts = [expand_values(override, config_dir)[0] for override in sweeps]
         self._base = self._compose_base([*common, *firsts])
-        self.plugins = _find_plugins(self._base)
+        chosen = self._base.hydra.runtime.choices
+        named = {kind: chosen.get(f"hydra/{kind}") for kind in PLUGINS}
+        self.plugins = {kind: str(n) for kind, n in named.items() if n not in (None, "basic")}
         if self.plugins and likes:
             raise InputError(
                 f"{text_of(likes[0])}: cannot be combined with a Hydra launcher or sweeper; "
@@ -87,9 +85,8 @@ class Jobs:
                 "hydra.callbacks: not supported, because none would be called; leave them out"
             )
         self._overrides: list[tuple[str, ...]] = []
-        self._composed: dict[
-            tuple[str, ...], Configuration
-        ] = {}  # the first of jobs that differ only in numbers
+        # the first of jobs that differ only in numbers
+        self._composed: dict[tuple[str, ...], Configuration] = {}
         self.sweep: Path | None = None
         if multirun or self._base.hydra.mode == RunMode.MULTIRUN:
             if SWEEPER not in self.plugins:
@@ -121,19 +118,16 @@ class Jobs:
 
     def _expand(self, parsed: Sequence[Override]) -> list[tuple[str, ...]]:
         """List the overrides of each job; a key's typed values replace the experiment's."""
-        lists = {typed.get_key_element(): self._expand_values(typed) for typed in parsed}
+        lists = {typed.get_key_element(): expand_values(typed, self.config_dir) for typed in parsed}
         params = (self._base.hydra.sweeper.get("params") or {}).items()
         for override in parse([f"{key}={value}" for key, value in params]):
-            lists.setdefault(override.get_key_element(), self._expand_values(override))
+            lists.setdefault(override.get_key_element(), expand_values(override, self.config_dir))
         count = math.prod(map(len, lists.values()))
         if count > _MAX_JOBS:
             raise InputError(
                 f"the sweep has {count} jobs, more than {_MAX_JOBS}; sweep over fewer values"
             )
         return list(product(*lists.values()))
-
-    def _expand_values(self, override: Override) -> list[str]:
-        return expand_values(override, self.config_dir)
 
     def __len__(self) -> int:
         return 1 if self.sweep is None else len(self._overrides)
@@ -190,11 +184,6 @@ def _read_path(config: DictConfig, key: str) -> Path:
         return Path(OmegaConf.select(config.hydra, key))
     except OmegaConfBaseException as error:
         raise InputError(describe_error(error)) from error
-
-
-def _find_plugins(config: DictConfig) -> dict[str, str]:
-    chosen = {kind: config.hydra.runtime.choices.get(f"hydra/{kind}") for kind in PLUGINS}
-    return {kind: str(name) for kind, name in chosen.items() if name not in (None, "basic")}
 
 
 def _shorten(path: Path) -> Path:
@@ -271,7 +260,6 @@ def _check_values(typed: str, swept: object) -> None:
             raise InputError(f"{typed}: must have at most {_MAX_JOBS} values; choose a larger step")
 
 
-Number = int | float
 _TYPED = re.compile(r"([A-Za-z_]\w*(?:\.\w+)*)=(0|-?[1-9]\d{0,17}|-?\d{1,9}\.\d{1,20})")
 _REFERENCE = re.compile(r"\$\{[^}]*")
 
@@ -301,7 +289,7 @@ def change_numbers(config: Configuration, typed: Mapping[str, str]) -> Configura
     return replace(config, text=text, values=values, overrides=tuple(overrides))
 
 
-def _replace_line(text: str, path: Sequence[str], number: Number) -> str | None:
+def _replace_line(text: str, path: Sequence[str], number: float) -> str | None:
     """Replace the number at a path in OmegaConf's YAML; None if the path has no number."""
     begin, end, line = 0, len(text), None
     for depth, part in enumerate(path):
@@ -317,9 +305,7 @@ def _replace_line(text: str, path: Sequence[str], number: Number) -> str | None:
     return f"{text[: line.start(1)]} {written}{text[line.end(1) :]}"
 
 
-def _replace_value(
-    values: Mapping[str, Any], path: Sequence[str], number: Number
-) -> dict[str, Any]:
+def _replace_value(values: Mapping[str, Any], path: Sequence[str], number: float) -> dict[str, Any]:
     first, *others = path
     inner = _replace_value(values[first], others, number) if others else number
     return {**values, first: inner}

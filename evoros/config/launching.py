@@ -52,9 +52,7 @@ class _Task:
 
 
 def launch(jobs: Jobs, ready: Sequence[Job], run: RunJob) -> dict[Path, EvorosError | None]:
-    """Run the ``ready`` jobs of a sweep with the chosen launcher, and wait for them.
-
-    Return the error of each job, keyed by folder; None for a job that finished.
+    """Run the ``ready`` jobs with the chosen launcher; return the error, or None, by folder.
 
     Raises:
         RunStopped: the launcher itself failed.
@@ -78,11 +76,7 @@ def launch(jobs: Jobs, ready: Sequence[Job], run: RunJob) -> dict[Path, EvorosEr
 
 
 def search(jobs: Jobs, run: RunJob) -> None:
-    """Run the chosen sweeper, which chooses the jobs and runs them with the chosen launcher.
-
-    Raises:
-        RunStopped: the sweeper failed, or gave up because too many jobs failed.
-    """
+    """Run the chosen sweeper, which chooses jobs; raise RunStopped if the sweeper gives up."""
     if jobs.minimizes:
         LOGGER.warning(
             "hydra.sweeper.direction=minimize: searches for the lowest fitness; for the highest, "
@@ -94,7 +88,6 @@ def search(jobs: Jobs, run: RunJob) -> None:
 
 @contextmanager
 def _start(jobs: Jobs, plugin: str) -> Iterator[Any]:
-    """Start Hydra for a plugin; reduce the plugin's errors to one line."""
     try:
         with initialize():
             hydra = GlobalHydra.instance().hydra
@@ -115,7 +108,6 @@ def _create_task(jobs: Jobs, run: RunJob) -> _Task:
 
 
 def _places(jobs: Jobs) -> list[str]:
-    """Return the overrides that tell a launcher the sweep's folder and the user's folder."""
     places = [override("hydra.sweep.dir", str(jobs.sweep))]
     if jobs.config_dir is not None:
         places.append(search_path(jobs.config_dir))

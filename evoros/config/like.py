@@ -18,8 +18,7 @@ from evoros.files.resources import bundled_folder, expand_home
 EVALUATE = "evaluate"
 """Primary file of evaluations, the only one with the keys ``designs`` and ``like``."""
 LIKE = "like"
-NAME = "recorded"
-"""Name of the recorded values in Hydra's store."""
+NAME = "recorded"  # name of the recorded values in Hydra's store
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,7 @@ from evoros.files.nested import read_yaml
 from evoros.files.plugins import conf_folders, explain_missing
 
 HELP = "see evoros --help for groups and keys"
-LONGEST = 1000
-"""Maximum length [characters] of a path or a library's message; longer ones lose their middle."""
+LONGEST = 1000  # maximum length of a path or a library's message; longer ones lose their middle
 
 
 def describe_error(error: BaseException) -> str:
@@ -68,8 +67,7 @@ def describe_error(error: BaseException) -> str:
 def describe_build_error(error: BaseException) -> str:
     """Describe the failed construction of an object, preceded by its configuration key.
 
-    Hydra 1.3 wraps the error in an error that names the key; later versions add a note to the
-    error.
+    Hydra 1.3 wraps the error in one that names the key; later versions add a note to the error.
     """
     texts = [str(error), *getattr(error, "__notes__", ())]
     match = re.search(r"full_key: (\S+)", "\n".join(texts))
@@ -130,7 +128,6 @@ def _keyed(key: str, message: str) -> str:
 
 
 def _describe_word(word: str) -> str:
-    """Describe a word that Hydra cannot parse; suggest quotes if they are sufficient."""
     key, equals, value = word.partition("=")
     parser = OverridesParser.create()
     for name in re.findall(r"(\w+)\(", re.sub(r"[\"'].*", "", value)):
@@ -179,7 +176,7 @@ def name_owners(group: str, name: str) -> str:
 
 
 def _no_such_key(key: str, parent: Any, above: str, rest: Sequence[str]) -> str:
-    """Describe a missing key: ``above`` exists and has the value ``parent``, but lacks ``rest``."""
+    """Describe the missing key ``rest`` of the value ``parent``, whose key is ``above``."""
     siblings, last = _list_keys(parent), rest[-1]
     corrected = _correct(parent, rest)
     below = [f"{name}.{last}" for name in siblings if last in _list_keys(_select(parent, name))]
@@ -195,7 +192,7 @@ def _no_such_key(key: str, parent: Any, above: str, rest: Sequence[str]) -> str:
     group = above.rstrip(".")
     owners = name_owners(group, rest[0])
     if owners:
-        fix = f"{owners}; leave it out, or change the choice"
+        fix = f"{owners}; leave the key out, or change the choice of {group}"
     elif below or corrected:
         fix = f"did you mean {above}{below[0] if below else '.'.join(corrected)}"
     return f"{key}: no such key; {fix}"
@@ -250,6 +247,6 @@ def _flat(error: BaseException | None) -> str:
 
 
 def _shorten(text: str) -> str:
-    """Leave out the middle of a long message, because its end often gives the reason."""
     half = LONGEST // 2
+    # the end often gives the reason
     return text if len(text) <= LONGEST else f"{text[:half]} ... {text[-half:]}"

@@ -16,8 +16,7 @@ from evoros.robot.own_sensors import OwnSensor
 
 SENSOR = "sensor"
 AROUND = "around"
-STEP_S = 0.1
-"""Common multiple [s] of the bundled simulators' time steps, and divisor of sensor periods."""
+STEP_S = 0.1  # common multiple of the bundled simulators' time steps; divides sensor periods
 _FIXED = "evoros.design.space.FixedSensor"
 _MASK = "evoros.filter.mask.Mask"
 
@@ -27,7 +26,7 @@ def plan_design(
 ) -> tuple[OwnFile | None, list[str]]:
     """Plan the file of a design with these sensors; return it with notes on changes.
 
-    The file is None if no sensor has a type supported by evoros. ``links`` are the robot's links.
+    The file is None if evoros supports no sensor. ``links`` are the robot's links.
     """
     # Links of mounted sensors are named by type and number.
     taken = {re.sub(r"_[0-9]+$", "", link) for link in links}
@@ -91,7 +90,7 @@ def _choose_settings(kind: str, described: Mapping[str, float]) -> tuple[dict[st
 
 
 def _mask(settings: dict[str, Any], lidar: OwnSensor) -> str:
-    """Mask the beams of a lidar that see its own robot; return a note about it."""
+    """Mask the beams of a lidar that see its own robot; return a note about them."""
     scan = settings.get("beams", _read_bundled(SENSOR, lidar.described.kind)["beams"])
     beams = [list(span) for span in lidar.masked]
     settings.setdefault("filters", {})["own_body"] = {
@@ -121,7 +120,7 @@ def _name_type(
     types: Mapping[str, object],
     taken: Collection[str],
 ) -> str:
-    """Return the name of an equal type, or a new name: the sensor's name without its number."""
+    """Return the name of an equal type, or a new one: the sensor's name without its number."""
     for name, known in types.items():
         if known == wanted:
             return name

@@ -148,7 +148,6 @@ def locate_fault(error: BaseException) -> str:
 
 
 def _name_class(file: Path, line: int) -> str:
-    """Return the names of the classes around a line of a module, each followed by a dot."""
     try:
         tree = ast.parse(file.read_bytes())
     except (OSError, SyntaxError, ValueError):
@@ -169,10 +168,7 @@ def list_hidden(folder: Path) -> list[tuple[Path, Path]]:
 
 
 def choose_name(file: Path, group: str) -> str:
-    """Return a name for the part in a file, derived from the file's name without suffixes.
-
-    Names of bundled parts get the prefix ``my_``.
-    """
+    """Return a name for the part in a file; the names of bundled parts get the prefix ``my_``."""
     stem = file.name.split(".")[0]
     if stem in ("model", "robot", "world"):  # the folder's name is more specific
         stem = file.resolve().parent.name

@@ -69,9 +69,7 @@ def _parse(text: str) -> Any:
 
 
 def _create(tree: dict[str, Any]) -> DictConfig:
-    config = OmegaConf.create(tree)
-    assert isinstance(config, DictConfig)
-    return config
+    return OmegaConf.create(tree)
 
 
 def find_difference(
@@ -90,7 +88,7 @@ def find_difference(
 def list_differences(
     one: Mapping[str, Any], other: Mapping[str, Any], free: Sequence[str]
 ) -> list[str]:
-    """List the keys with different values in two flat configurations, except ``free`` parts."""
+    """List the keys, except in ``free`` parts, with different values in two flat mappings."""
     return [
         key
         for key in dict.fromkeys((*other, *one))
@@ -118,10 +116,10 @@ def override_recorded(
     config_dir: str | Path | None,
     growing: str,
 ) -> tuple[Configuration, int | None]:
-    """Apply overrides to a recorded configuration; return it with the new value of ``growing``.
+    """Apply overrides to a recorded configuration; return it and the new value of ``growing``.
 
     Overrides may change the executor and a search's observers, and increase the key ``growing``,
-    which is ``GENERATIONS`` or the key of ``find_growing``. The value is None if not overridden.
+    whose value is None if not overridden.
     """
     if not overrides:
         return recorded, None

@@ -19,19 +19,15 @@ from evoros.base.errors import InputError
 from evoros.config.messages import describe_error, find_unresolved
 from evoros.files.private import SECRET
 
-IS_LATER = hasattr(utils, "execution_whitelist")
-"""True if Hydra is 1.4 or later."""
-_KEY = re.compile(r"\$\{\w[\w.]*\}")
-"""A reference to another key, which an analysis can resolve."""
-_OF_OTHERS = re.compile(r"\$\{(?!oc\.|now:|hydra:)[\w.-]+:")
-"""A call of a resolver outside OmegaConf and Hydra."""
+IS_LATER = hasattr(utils, "execution_whitelist")  # True if Hydra is 1.4 or later
+_KEY = re.compile(r"\$\{\w[\w.]*\}")  # a reference to another key, which an analysis can resolve
+_OF_OTHERS = re.compile(r"\$\{(?!oc\.|now:|hydra:)[\w.-]+:")  # calls another library's resolver
 _OUTSIDE = re.compile(
     r"(^|\.)(environment|command|nodes)(\.|$)|^controller\.arguments\b|^observers\."
 )
 """Keys whose values are passed to other programs."""
 _ADDRESS = re.compile(r"://[^/\s]*@")
-_HIDDEN = "${evoros.secret:}"
-"""A call of an unknown resolver, which keeps references to a secret from being resolved."""
+_HIDDEN = "${evoros.secret:}"  # an unknown resolver keeps references from being resolved
 _Place = tuple[Any, Any, str, str]
 """A mapping or list; the key or index, dotted key and string of a reference in it."""
 
@@ -103,11 +99,7 @@ def _list_places(node: Any, raw: Any, above: str = "") -> Iterator[_Place]:
 
 
 def _read(place: _Place) -> Any:
-    """Read the value of a reference.
-
-    Raises:
-        LookupError: the value may be a secret.
-    """
+    """Read the value of a reference; raise a LookupError if it may be a secret."""
     above, key, name, text = place
     if _OF_OTHERS.search(text) and (SECRET.search(text) or SECRET.search(name)):
         raise LookupError(name)
@@ -122,11 +114,7 @@ def _read(place: _Place) -> Any:
 
 @contextmanager
 def _hide_variables() -> Iterator[set[str]]:
-    """Refuse references to secret variables, even with a default; collect other variables' names.
-
-    Raises:
-        LookupError: a reference reads a secret variable.
-    """
+    """Raise a LookupError for secret variables, even with a default; collect other names."""
     names: set[str] = set()
 
     def read(name: str, *default: Any) -> str | None:

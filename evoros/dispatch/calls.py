@@ -26,7 +26,7 @@ CallResult = tuple[Outcomes, Array | None]
 class CallAnswer(NamedTuple):
     """The results of the missions that a call ran, and the time [s] of the last ``timed`` missions.
 
-    The first mission of a scenario in a process loads machine code, so it is not timed.
+    A scenario's first mission in a process loads machine code, so it is not timed.
     """
 
     results: list[CallResult]
@@ -35,19 +35,13 @@ class CallAnswer(NamedTuple):
     note: str = ""  # message to log once
 
 
+# Time after which a worker returns a call's remaining missions: a call takes little longer than its
+# last mission, so one time limit suits calls and missions.
 CALL_S = 0.1
-"""Time [s] after which a worker returns a call's remaining missions.
-
-A call thus takes little longer than its last mission, so one time limit suits calls and missions.
-"""
-CALLS_PER_S = 250
-"""Maximum rate [1/s] of calls in the main process; with many workers, calls are longer."""
-FIRST = 1
-"""Number of missions in a call before any timing is known."""
-GROWTH = 8
-"""Maximum factor by which a call may have more missions than any earlier call."""
-MEMORY = 0.9
-"""Weight of a call relative to the next call, in the running average."""
+CALLS_PER_S = 250  # maximum rate of calls in the main process; with many workers, calls are longer
+FIRST = 1  # number of missions in a call before any timing is known
+GROWTH = 8  # maximum factor by which a call may have more missions than any earlier call
+MEMORY = 0.9  # weight of a call relative to the next call, in the running average
 
 
 @lru_cache(maxsize=KEPT)
@@ -81,9 +75,6 @@ def run_for_outcomes(
     """Run missions in order until ``seconds`` have passed; return the finished outcomes.
 
     With ``keep``, the answer includes their trajectories.
-
-    Raises:
-        PilotLost: a mission lost its pilot.
     """
     known = unpack.cache_info().misses
     scenario, begun = unpack(packed), perf_counter()
@@ -130,8 +121,7 @@ class Pace:
         return 1 + int(min(most - 1, seconds * self.missions / max(self.seconds, 1e-9)))
 
 
-BATCH_S = 10.0
-"""Approximate maximum time [s] of the missions in a batch call."""
+BATCH_S = 10.0  # approximate maximum time of the missions in a batch call
 
 
 class Asked(NamedTuple):
@@ -142,16 +132,12 @@ class Asked(NamedTuple):
     keep: bool
 
 
+# Reasons to run missions one by one in this process, keyed by device or scenario digest.
 _notes: dict[str | bytes, str] = {}
-"""Reasons to run missions one by one in this process, keyed by device or scenario digest."""
-
-
-_batchers: "dict[str, Batcher]" = {}
-"""The batchers of the devices that this process has opened, keyed by device name."""
+_batchers: "dict[str, Batcher]" = {}  # batchers of open devices, keyed by device name
 
 
 def _open_batcher(batches: Batches) -> "Batcher":
-    """Open a device once per worker process; raise a DeviceError if the device cannot be used."""
     from evoros.mission.batch import Batcher  # delayed, because LLVM is slow to import
 
     if batches.device not in _batchers:
@@ -167,11 +153,8 @@ def find_share(pace: Pace, missions: int, batches: Batches) -> float:
 def run_batches(batches: Batches, asked: Sequence[Asked], *packed: Shared) -> list[CallAnswer]:
     """Run the missions of several runs together, and return an answer for each run.
 
-    Missions that cannot run together run one by one, and the answer notes the reason.
-
-    Raises:
-        PilotLost: a mission lost its pilot.
-        RunStopped: the device cannot be used, and the runs must stop.
+    Missions that cannot run together run one by one, and the answer notes the reason. RunStopped
+    means that the device cannot be used.
     """
     begun = perf_counter()
     pairs = enumerate(zip(packed, (part.missions for part in asked), strict=True))

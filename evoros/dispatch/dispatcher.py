@@ -50,12 +50,9 @@ class MissionRecord(Protocol):
         """Record finished missions."""
 
 
-CALLS_PER_WORKER = 3
-"""Number of calls submitted ahead per worker: enough to keep it busy, few to repeat on a crash."""
-NEW_WORKERS_S = 1.0
-"""Maximum time [s] until workers that join receive calls."""
-MISSIONS_OUT = 50_000
-"""Maximum number of missions in calls, which bounds the memory of the main process."""
+CALLS_PER_WORKER = 3  # submitted ahead: enough to keep a worker busy, few to repeat on a crash
+NEW_WORKERS_S = 1.0  # maximum time until workers that join receive calls
+MISSIONS_OUT = 50_000  # maximum number of missions in calls, which bounds the main process's memory
 
 
 @dataclass(frozen=True)
@@ -77,14 +74,10 @@ class Dispatcher:
         record: MissionRecord,
         notify: Callable[[Mission, Outcomes], None],
     ) -> None:
-        """Run the missions that ``record`` lacks.
+        """Run the missions that ``record`` lacks, and record each before calling ``notify`` for it.
 
-        Each mission is recorded before ``notify`` is called for it. ``missions`` may be a
-        generator of any length, which is consumed as calls are submitted.
-
-        Raises:
-            InputError: a mission was recorded with different random draws.
-            RunStopped: see ``run``.
+        ``missions`` may be a generator of any length, which is consumed as calls are submitted. For
+        errors, see ``run`` and ``MissionRecord.has``.
         """
         missing = (mission for mission in missions if not record.has(mission))
         for results in self.run(scenario, missing):
@@ -113,11 +106,7 @@ class Dispatcher:
             batch.cancel()
 
     def run_for_trajectories(self, scenario: Scenario, missions: Sequence[Mission]) -> list[Array]:
-        """Run the missions and return their trajectories in order, without rows for lost missions.
-
-        Raises:
-            RunStopped: see ``run``.
-        """
+        """Run the missions and return their trajectories in order, empty for lost missions."""
         tracks: dict[int, Array] = {}
 
         def keep(scenario: Scenario, mission: Mission, trajectory: Array) -> None:
@@ -126,12 +115,6 @@ class Dispatcher:
         for _ in replace(self, keep_trajectory=keep).run(scenario, missions):
             pass
         return [tracks[id(mission)] for mission in missions]
-
-    def tell_once(self, note: str) -> None:
-        """Log a worker's note unless it was logged before."""
-        if note and note not in self.told:
-            self.told.add(note)
-            LOGGER.warning("%s", note)
 
     def take_answer(
         self, scenario: Scenario, mission: Mission, future: Future[CallAnswer]
@@ -240,7 +223,9 @@ class _Batch:
                 if dispatcher.keep_trajectory is not None and trajectory is not None:
                     dispatcher.keep_trajectory(self.scenario, mission, trajectory)
                 results.append((mission, outcomes))
-            dispatcher.tell_once(answer.note)
+            if answer.note and answer.note not in dispatcher.told:
+                dispatcher.told.add(answer.note)
+                LOGGER.warning("%s", answer.note)
             self.pace.note(len(answer.results), answer.timed, answer.seconds)
             self.waiting.extendleft(reversed(missions[len(answer.results) :]))  # the time ran out
         return results, first_error

@@ -33,8 +33,8 @@ PLACE = Rule(
 class Agent:
     """An additional robot, which has the same home in all worlds.
 
-    Parts that are None are shared with the first robot. With a ``design``, that design evolves
-    together with the first robot's design; otherwise one design evolves for both robots.
+    Parts that are None are shared with the first robot. A ``design`` evolves together with the
+    first robot's design; without it, one design evolves for both robots.
     """
 
     home: Annotated[Sequence[float], PLACE]  # x, y [m], yaw [rad]
@@ -42,8 +42,7 @@ class Agent:
     robot: Annotated[Robot | None, instance_of(Robot, "a robot")] = None
     design: Annotated[SensorDesign | None, instance_of(SensorDesign, "a sensor design")] = None
     controller: Annotated[Controller | LiveController | None, A_CONTROLLER] = None
-    # True if this robot's missions also count for the fitness
-    scored: Annotated[bool, FLAG] = False
+    scored: Annotated[bool, FLAG] = False  # True if its missions also count for the fitness
 
     def join(self, name: str, first: Member) -> Member:
         """Return this robot as a named member of the scenario of the first member, ``first``."""

@@ -63,8 +63,7 @@ class Contest:
     def fitness(self) -> dict[int, float]:
         """Return the fitness of each design with trials, over all its generations.
 
-        The fitness is capped so that no design ranks above designs that stayed in the contest
-        longer.
+        No design ranks above designs that stayed in the contest longer.
         """
         lives = {i: [*self.earlier[i], *new] for i, new in self.scores.items()}
         fitness = {i: self.combine(life, self.compared) for i, life in lives.items()}
@@ -84,9 +83,7 @@ class Contest:
     def _check_new(self) -> None:
         for i, earlier in self.earlier.items():
             if not earlier and i not in self.scores:
-                raise self._refuse(
-                    f"must give trials to each new design, but gave none to design {i}"
-                )
+                raise self._refuse(f"must give trials to each new design, but gave design {i} none")
 
     def _refuse(self, rule: str) -> InputError:
         return InputError(f"allocation: {rule}; correct {type(self.allocation).__name__}")

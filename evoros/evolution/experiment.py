@@ -71,21 +71,19 @@ from evoros.worst_cases.worst_cases import A_SEARCH, WorstCases
 AGENTS = mapping_of(Agent, "agents (evoros.evolution.agent.Agent)")
 MEASURES = mapping_of(Measure, "measures (title, unit, bounds, direction, of_design and compute)")
 
-CHAMPION, CHAMPIONS, ALL, NONE = "champion", "champions", "all", "none"
-"""Values of ``record``, which selects the trajectories that a run keeps."""
-STATED = Condition(Case())
-"""The condition that represents every given case, because all cases share one scenario."""
+CHAMPION, CHAMPIONS, ALL, NONE = "champion", "champions", "all", "none"  # values of ``record``
+STATED = Condition(Case())  # represents every given case, because all cases share one scenario
 
 
 def check_case(group: str, names: Iterable[str]) -> None:
-    """Check that names differ in more than case, which some disks ignore."""
+    """Check that names differ in more than upper and lower case, which some file systems ignore."""
     known: dict[str, str] = {}
     for name in names:
         other = known.setdefault(name.casefold(), name)
         if other != name:
             raise InputError(
-                f"{group}: {other} and {name} differ only in case, which some disks ignore; rename "
-                "one"
+                f"{group}: {other} and {name} differ only in upper and lower case, which some file "
+                "systems ignore; rename one"
             )
 
 
@@ -123,9 +121,7 @@ class Experiment:
     ]
     seed: Annotated[int, SEED] = 0
     trials: Annotated[int, COUNT] = 1  # number of missions per design in each world
-    draws: Annotated[str, one_of(*POLICIES)] = (
-        "generation"  # scope in which missions share random draws
-    )
+    draws: Annotated[str, one_of(*POLICIES)] = "generation"  # scope of shared random draws
     # Distributes trials among the designs of a generation.
     allocation: Annotated[Allocation, AN_ALLOCATION] = field(default_factory=Once)
     # reaction to crashed or hung missions
@@ -199,10 +195,10 @@ class Experiment:
 
     @cached_property
     def confirming(self) -> Scenario:
-        """The scenario of confirming missions; equal to ``scenario`` without a confirmation.
+        """The scenario of confirming missions; ``scenario`` if no confirmation is configured.
 
         Raises:
-            InputError: the time step of the confirming simulator does not fit the periods.
+            InputError: the confirming simulator cannot run the scenario.
         """
         confirmation = self.confirmation
         if confirmation is None:
@@ -229,11 +225,8 @@ class Experiment:
     def scenario_under(self, condition: Condition) -> Scenario:
         """Return the scenario of an evaluation's missions under a condition.
 
-        The failed sensors of a case show the failure model's effect if the model fails sensors,
-        and are silent otherwise.
-
-        Raises:
-            InputError: the condition's part does not fit the other parts.
+        The failed sensors of a case show the failure model's effect if the model fails sensors, and
+        are silent otherwise.
         """
         key = condition if condition.case is None else STATED
         if key not in self._scenarios:

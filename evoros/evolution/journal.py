@@ -66,9 +66,7 @@ class Champion:
     id: int
     design: Design
     gene_names: Mapping[str, Mapping[str, str]]  # robot -> key in ``design.values`` -> name
-    robots: Mapping[str, Robot]
-    """Robots, keyed by name, with the design's sensors and values; empty if a part rejects the
-    values."""
+    robots: Mapping[str, Robot]  # equipped, keyed by name; empty if a part rejects the values
     worlds: Mapping[str, World]
     tracks: Sequence[str]  # names of the worlds whose trajectories are kept
     columns: Mapping[str, Sequence[str]]  # column names of the trajectories, by world

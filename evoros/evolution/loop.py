@@ -58,7 +58,7 @@ class Judgement:
     def _limit(self, fresh: FreshTrials) -> rates.Bounds:
         """Return the assumed minimum and maximum score of a design.
 
-        If the fitness has no maximum, the missions of all validated designs give an estimate.
+        Without a maximum fitness, the missions of all validated designs give an estimate.
         """
         lowest, highest = self.experiment.fitness_bounds or UNBOUNDED
         if math.isinf(highest):
@@ -110,9 +110,8 @@ class Judgement:
         """Return the other validated designs with simultaneous intervals.
 
         The upper ends of the rivals' intervals share the error rate that the lower end of the
-        champion's interval leaves. The difference of these ends thus bounds any rival's advantage
-        at the given confidence, whatever the number of rivals. The same holds for the rivals' lower
-        ends and the champion's upper end. ``leaders`` are the best designs of generations.
+        champion's interval leaves, so their difference bounds any rival's advantage at the given
+        confidence; so do the opposite ends. ``leaders`` are the best designs of generations.
         """
         combine = self.experiment.scoring.combine
         others = {i: one for i, one in self.validated.fresh.items() if i != self.champion.id}
@@ -173,10 +172,7 @@ def choose_champion(scores: Scores, last: Generation) -> Choice:
 
 
 def certify(validated: Validated, last: Generation, choice: Choice) -> Certificate:
-    """Validate the champion to the required precision, and compare it with its rivals.
-
-    The rivals are all other designs, validated on the same draws.
-    """
+    """Validate the champion to the required precision, and compare it with its rivals."""
     experiment = validated.trials.experiment
     validation, combine = experiment.validation, experiment.scoring.combine
     champion, leaders = choice.individual, set(validated.fresh)
@@ -211,11 +207,8 @@ def certify(validated: Validated, last: Generation, choice: Choice) -> Certifica
 def _find_advantage(rivals: Sequence[Rival], low: float) -> float:
     """Return a bound on rivals' advantage over the champion; NaN without rivals or intervals."""
     ends = [rival.high for rival in rivals]
-    return (
-        round(max(ends) - low, rates.DIGITS)
-        if ends and not any(map(math.isnan, ends))
-        else math.nan
-    )
+    known = ends and not any(map(math.isnan, ends))
+    return round(max(ends) - low, rates.DIGITS) if known else math.nan
 
 
 def _rate_parts(validation: Validation, outcomes: Sequence[Outcome]) -> dict[str, Rate]:
@@ -233,8 +226,7 @@ def _rate(validation: Validation, outcomes: Sequence[Outcome]) -> Rate:
     return Rate(completed, len(outcomes), *bounds)
 
 
-MOST_SHOWN = 100
-"""Maximum number of designs in an archive or a front with stored trajectories."""
+MOST_SHOWN = 100  # maximum number of designs in an archive or a front with stored trajectories
 
 
 def list_champions(scores: Scores, individuals: Sequence[Individual]) -> Champions:
@@ -259,8 +251,7 @@ def _name_genes(experiment: Experiment) -> dict[str, dict[str, str]]:
 def keep_missions(scores: Scores, individuals: Sequence[Individual]) -> None:
     """Keep the trajectories of these individuals' first missions, and delete all others.
 
-    If there are too many individuals, those kept are spread evenly over the ranks, including the
-    best.
+    Of too many individuals, some are kept, spread evenly over the ranks, including the best.
     """
     last = len(individuals) - 1
     count = min(len(individuals), MOST_SHOWN)

@@ -20,16 +20,14 @@ from evoros.failure.protocol import AdaptiveFailure, Case
 from evoros.mission.plan import CONFIRMATION, SELECTION
 from evoros.optimizer.protocol import Candidate, Individual, Score
 
-ROWS = 4096
-"""Number of rows per block."""
+ROWS = 4096  # number of rows per block
 
 
 class NumberLog:
     """Rows of ``width`` numbers per individual, in the order in which they were added.
 
-    A row takes 8 bytes plus 8 per number, so runs may have any number of individuals. The rows are
-    in blocks, because a growing array would fragment the memory. A search for rows reads all rows,
-    in a few milliseconds per million.
+    Runs may have any number of individuals, because a row takes 8 bytes plus 8 per number. The rows
+    are in blocks, because a growing array would fragment the memory.
     """
 
     def __init__(self, width: int) -> None:
@@ -70,30 +68,20 @@ class Ledger:
 
     def __init__(self, measures: int, final_choice: FinalChoice | None) -> None:
         self._final_choice = final_choice
-        self._screened = NumberLog(1)  # one trial's score in the run's own simulator
-        self._told = NumberLog(1 + measures)  # fitness and measures, as reported to the search
+        self.screened = NumberLog(1)  # one trial's score in the run's own simulator
+        self.told = NumberLog(1 + measures)  # fitness and measures, as reported to the search
         self._shown = NumberLog(2)  # generation, and number of earlier trials
         self.finalists: dict[int, Individual] = {}
         """The best finished individuals, and any whose fitness may change; empty if not needed."""
 
-    def add_screened(self, scores: Mapping[int, Sequence[float]]) -> None:
-        """Add the scores of further trials."""
-        for design_id, of_trials in scores.items():
-            for score in of_trials:
-                self._screened.add(design_id, [score])
-
     def find_screened(self, individuals: Iterable[int]) -> dict[int, list[float]]:
         """Return the scores of all trials by individual."""
-        by_id = self._screened.find(individuals)
+        by_id = self.screened.find(individuals)
         return {i: [score for (score,) in rows] for i, rows in by_id.items()}
-
-    def add_told(self, individual: int, fitness: float, measures: Sequence[float]) -> None:
-        """Add the fitness and measures reported to the search for an individual."""
-        self._told.add(individual, [fitness, *measures])
 
     def find_told(self, individuals: Iterable[int]) -> dict[int, list[float]]:
         """Return each individual's fitness and measures as last reported to the search."""
-        return self._told.find_last(individuals)
+        return self.told.find_last(individuals)
 
     def find_fitness(self, individuals: Iterable[int]) -> dict[int, float]:
         """Return each individual's fitness as last reported to the search."""
@@ -114,8 +102,7 @@ class Ledger:
     def keep_finalists(self, alive: Iterable[Individual]) -> None:
         """Keep the individuals that a final choice may need.
 
-        Only the fitness of ``alive`` individuals may still change, so any other individual that is
-        not among the best now never will be.
+        Only ``alive`` individuals can still rise into the best.
         """
         if self._final_choice is None:
             return
@@ -142,10 +129,7 @@ class Confirmed:
         contest: Contest,
         cases: Sequence[Case],
     ) -> dict[int, float]:
-        """Repeat the trials of the best designs; return the fitness of all designs by id.
-
-        Designs that were ever confirmed get their confirmed fitness.
-        """
+        """Repeat the trials of the best designs; return the fitness, confirmed if any, by id."""
         experiment, fitness = self.trials.experiment, contest.fitness()
         if experiment.confirmation is None:
             return fitness
@@ -174,16 +158,15 @@ class Confirmed:
         return {i: combine(self.screened[i]) - combine(scores) for i, scores in self.scores.items()}
 
 
-DROPPED = "dropped"
-"""Operator of a survivor that was scored again but then dropped by the search."""
+DROPPED = "dropped"  # operator of a survivor that was scored again but then dropped by the search
 
 
 class Opposition:
     """The failure cases of each generation; none if the failure model does not adapt.
 
-    The cases follow from the seed and the scores of recorded missions, so a resumed run has the
-    same cases. An adversary lists the hardest case first. Trials meet the cases in random order,
-    because otherwise designs with few trials would meet harder cases.
+    The cases follow from the seed and recorded scores, so a resumed run has the same cases. An
+    adversary lists the hardest case first; trials meet the cases in random order, because otherwise
+    designs with few trials would meet harder cases.
     """
 
     def __init__(self, experiment: Experiment) -> None:
@@ -241,11 +224,8 @@ class Scores:
     def evaluate(self, generation: int, individuals: Sequence[Individual]) -> dict[int, Score]:
         """Return the scores of new individuals, and of survivors with further trials.
 
-        Confirmed individuals have their confirmed fitness.
-
-        Raises:
-            InputError: see ``Contest.next_round`` and ``Trials.score``.
-            RunStopped: a mission was lost, and ``lost_missions`` is ``stop``.
+        Confirmed individuals have their confirmed fitness. For errors, see ``Contest.next_round``
+        and ``Trials.score``.
         """
         new = {individual.id for individual in individuals}
         self.survivors = [old for old in self.survivors if old.id not in new]
@@ -253,7 +233,9 @@ class Scores:
         designs, cases = self.trials.decode(everyone), self.opposition.list_cases(generation)
         contest = self._hold_contest(generation, designs, cases)
         self.opposition.tell(contest.scores)
-        self.ledger.add_screened(contest.scores)
+        for design_id, of_trials in contest.scores.items():
+            for score in of_trials:
+                self.ledger.screened.add(design_id, [score])
         for design_id in new:
             self.ledger.show(design_id, generation, 0)
         fitness = self.confirmed.confirm_best(generation, designs, contest, cases)
@@ -268,7 +250,8 @@ class Scores:
         for design_id, value in fitness.items():
             purpose = CONFIRMATION if design_id in self.confirmed.scores else SELECTION
             score = measuring.score(purpose, design_id, designs[design_id], value)
-            self.ledger.add_told(design_id, value, list_values(self.trials.experiment, score))
+            measures = list_values(self.trials.experiment, score)
+            self.ledger.told.add(design_id, [value, *measures])
             scores[design_id] = score
         measuring.check_variety(scores)
         return scores
@@ -298,7 +281,7 @@ class Scores:
         """Validate the best of these candidates, and return the finished generation.
 
         Survivors that were scored again but dropped are appended, so the table has all ``scores``
-        that were reported to the search.
+        reported to the search.
         """
         experiment = self.trials.experiment
         present = {candidate.individual.id for candidate in candidates}
@@ -314,29 +297,23 @@ class Scores:
         best = find_best(candidates, self.confirmed.scores)
         self.validated.validate(generation, best.individual)
         confirmed, combine = self.confirmed, experiment.scoring.combine
-        lives = self.ledger.find_screened(row.individual.id for row in rows)
+        ids = [row.individual.id for row in rows]
+        lives, told = self.ledger.find_screened(ids), self.ledger.find_told(ids)
+        names = list_measures(experiment)
         screened = {i: combine(confirmed.screened.get(i, life)) for i, life in lives.items()}
         return Generation(
             number=generation,
             candidates=rows,
             genes=[experiment.space.to_row(row.individual.genome) for row in rows],
             best=best,
-            measures=self._list_measures(rows),
+            measures=[dict(zip(names, told[one.individual.id][1:], strict=True)) for one in rows],
             trials={i: len(confirmed.scores.get(i, life)) for i, life in lives.items()},
             validated_fitness=self.validated.list_fitness(),
             screened_fitness=screened if experiment.confirmation else {},
             losses=confirmed.list_losses(),
         )
 
-    def _list_measures(self, rows: Sequence[Candidate]) -> list[dict[str, float]]:
-        names = list_measures(self.trials.experiment)
-        told = self.ledger.find_told(row.individual.id for row in rows)
-        return [dict(zip(names, told[row.individual.id][1:], strict=True)) for row in rows]
-
 
 def find_best(candidates: Sequence[Candidate], confirmed: Container[int]) -> Candidate:
-    """Return the fittest confirmed candidate, or the fittest if none is confirmed.
-
-    No candidate is confirmed only if the search has lost its best design.
-    """
+    """Return the fittest confirmed candidate, or the fittest if none is confirmed."""
     return max(candidates, key=lambda row: (row.individual.id in confirmed, row.fitness))

@@ -5,8 +5,7 @@ from typing import Any
 
 from evoros.base.checks import NAME, Rule
 
-RESERVED = ("run", "treatment", "seed")
-"""Names of the first columns of tables, which cannot be factor names."""
+RESERVED = ("run", "treatment", "seed")  # names of the first columns of tables
 MAX_LENGTH = 60  # maximum number of characters in a name or a level
 
 

@@ -167,8 +167,7 @@ class Trials:
         """Return the score of each trial of each design.
 
         Raises:
-            InputError: the journal has a mission with other random draws, or a score is not
-                finite.
+            InputError: the journal has a mission with other random draws, or a score is not finite.
             RunStopped: a mission was lost, and ``lost_missions`` is ``stop``.
         """
         needed = [mission for of_design in missions.values() for mission in of_design]
@@ -217,8 +216,8 @@ class Validated:
     def validate(self, generation: int, individual: Individual) -> None:
         """Validate an individual, unless it is already validated or the run does not validate.
 
-        A fitness that is not a mean depends on the number of trials, so it is validated on at least
-        the number of trials by which designs were compared.
+        A fitness that is not a mean depends on the number of trials, which is at least the number
+        by which designs were compared.
         """
         experiment = self.trials.experiment
         count = experiment.plan.validation_trials

@@ -18,12 +18,9 @@ from pathlib import Path
 from threading import Lock
 from uuid import uuid4
 
-VARIABLE = "EVOROS_WORKER"
-"""The environment variable with the marks of a process and its ancestors."""
-MAIN = uuid4().hex
-"""Common prefix of the marks of this process's workers."""
-ROUNDS = 100
-"""Maximum number of searches, because a program may start another while it is killed."""
+VARIABLE = "EVOROS_WORKER"  # environment variable with the marks of a process and its ancestors
+MAIN = uuid4().hex  # common prefix of the marks of this process's workers
+ROUNDS = 100  # maximum number of searches; a program may start another while it is killed
 
 _NUMBERS = count()
 _ENVIRONMENT = Lock()  # only one worker is started at a time

@@ -25,11 +25,10 @@ from evoros.executor.worker_handle import Limits, Worker, null_or_whole, settle
 class Processes(Limits, Executor):
     """Runs calls in worker processes. A call that crashes or hangs does not affect others.
 
-    A worker is a fresh interpreter. Spawning one takes 0.12 s with numpy; a fork server takes
-    0.03 s, but its processes would have outdated imports and an outdated environment. A worker
-    gets the current ``sys.path`` when it starts. It imports the main script, which must therefore
-    guard its code with ``if __name__ == "__main__"``. A worker's numeric libraries use one thread,
-    because there is a worker per core.
+    A worker is a fresh interpreter (0.12 s with numpy; a fork server takes 0.03 s, but its imports
+    and environment would be outdated). It gets the current ``sys.path`` and imports the main
+    script, which must therefore guard its code with ``if __name__ == "__main__"``. A worker's
+    numeric libraries use one thread, because there is a worker per core.
 
     Workers run on Linux and macOS only. ``workers`` of 0 or None is the number of usable cores.
     """
@@ -43,8 +42,7 @@ class Processes(Limits, Executor):
     def open(self) -> Iterator[Pool]:
         """Start the workers; leaving the context kills every worker with its children.
 
-        Unfinished futures then raise CancelledError. The workers also die with the main process,
-        even if it is killed.
+        Unfinished futures then raise CancelledError. The workers also die with the main process.
         """
         with _one_thread_each(), _importable_main_script(), _known_start_method():
             pool = _WorkerPool(self)
@@ -81,8 +79,6 @@ class _QueuedCall:
 
 
 class _WorkerPool:
-    """A queue of calls, and a thread per worker that serves the queue."""
-
     def __init__(self, settings: Processes) -> None:
         self.workers, self.shares_files = settings.workers, True
         self._settings = settings

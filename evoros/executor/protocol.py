@@ -45,8 +45,7 @@ class Pool(Protocol):
         """
 
 
-ALONE = float("inf")
-"""The ``share`` of a part that must be alone in its call."""
+ALONE = float("inf")  # the ``share`` of a part that must be alone in its call
 
 
 class Batches(Protocol):
@@ -65,18 +64,10 @@ class Batches(Protocol):
         """The maximum number of missions in a launch."""
 
     def open_device(self) -> "Device":
-        """Open the device in a worker.
-
-        Raises:
-            DeviceError: the device cannot be used.
-        """
+        """Open the device in a worker; raise a DeviceError if it cannot be used."""
 
     def give_up(self, reason: str) -> str:
-        """Return the message that missions are run one by one because of ``reason``.
-
-        Raises:
-            RunStopped: the run must stop instead.
-        """
+        """Return the message that missions run one by one, or raise RunStopped, for ``reason``."""
 
 
 @runtime_checkable
@@ -111,20 +102,14 @@ class Executor(ABC):
         """
 
 
-KEPT = 16
-"""Maximum number of shared arguments cached in a process; the one unused for longest is dropped."""
-
+KEPT = 16  # maximum number of shared arguments cached in a process
+# Kinds of ``Answer``; after ``MISSING``, the call is repeated with its shared arguments.
 MISSING, RETURNED, RAISED, PILOT_LOST = range(4)
-"""Kinds of ``Answer``; after ``MISSING``, the call is repeated with its shared arguments."""
 
 
 @dataclass(frozen=True)
 class Shared:
-    """Bytes that are an argument of many calls.
-
-    Bytes that are passed directly are sent as a digest; the content goes only to processes that
-    lack it.
-    """
+    """Bytes that are an argument of many calls, sent only to processes that lack them."""
 
     digest: bytes  # SHA-256, so that comparisons need 32 bytes and not megabytes
     content: bytes = field(compare=False, repr=False)
@@ -163,7 +148,7 @@ class Kept:
         self._lock = Lock()
 
     def add(self, contents: Sequence[Shared]) -> None:
-        """Cache shared arguments; beyond ``KEPT``, drop those that have been unused for longest."""
+        """Cache shared arguments; beyond ``KEPT``, drop the one unused for longest."""
         with self._lock:
             for shared in contents:
                 self._kept[shared.digest] = shared

@@ -25,12 +25,9 @@ from evoros.executor.descendants import SWEEPER, MarkedProcess, kill_marked
 from evoros.executor.protocol import MISSING, PILOT_LOST, RAISED, RETURNED, Answer, Call, Shared
 from evoros.executor.worker_main import prepare, run_call
 
-START_LIMIT_S = 120.0
-"""Maximum time [s] until a process is ready; until then, it only imports the main script."""
-EXIT_S = 10.0
-"""Maximum time [s] that a process needs to exit after its pipe closes."""
-LOOK_S = 1.0
-"""Time [s] between two checks that the process of a call still runs."""
+START_LIMIT_S = 120.0  # maximum time until a process has imported the main script
+EXIT_S = 10.0  # maximum time that a process needs to exit after its pipe closes
+LOOK_S = 1.0  # time between two checks that the process of a call still runs
 
 
 class NoAnswerError(Exception):
@@ -38,8 +35,7 @@ class NoAnswerError(Exception):
 
     def __init__(self, reason: str, fix: str) -> None:
         super().__init__(reason, fix)
-        self.reason = reason
-        self.fix = fix
+        self.reason, self.fix = reason, fix
 
 
 class _Spawn(SpawnContext):
@@ -68,7 +64,6 @@ class Worker:
         calls_per_process: int | None,
         folders: Sequence[str] = (),
     ) -> None:
-        """Prepare a worker whose process starts at the first call and imports from ``folders``."""
         self._closing, self._folders = closing, folders
         self._time_limit_s, self._calls_per_process = time_limit_s, calls_per_process
         self._answered = 0
@@ -77,11 +72,7 @@ class Worker:
         self._leader: Future[int] | None = None  # process id once the process is ready
 
     def start(self) -> None:
-        """Start a process without waiting for it.
-
-        Raises:
-            OSError, RuntimeError: the system or Pebble cannot start a process.
-        """
+        """Start a process without waiting; raise an OSError or a RuntimeError if that fails."""
         self._answered = 0
         if self._pool is None or not self._pool.active:
             self.stop()
@@ -168,8 +159,7 @@ class Worker:
 
         Raises:
             TimeoutError: the process took longer than ``limit`` [s] and was killed.
-            NoAnswerError: the process ended with exit code 0, which Pebble mistakes for
-                a regular end.
+            NoAnswerError: the process ended with exit code 0, a regular end for Pebble.
             CancelledError: the pool is being closed.
         """
         process, ends = self._spawn.newest, time.monotonic() + limit
@@ -193,7 +183,6 @@ def _until(ends: float) -> float:
 
 
 def _await_exit(process: SpawnProcess | None) -> int | None:
-    """Wait for a process that is ending and return its exit code, so that messages are exact."""
     if process is None:
         return None
     process.join(EXIT_S)

@@ -21,7 +21,7 @@ def prepare(folders: Sequence[str] = ()) -> int:
     """Make a new worker process end with the main process, and return its process id.
 
     ``folders`` have the user's modules that are not on the parent's path. The process leads a
-    group, so that programs started by calls, such as an autopilot, end with it.
+    group, so that programs started by calls end with it.
     """
     end_with_main_process()
     collect_rarely()
@@ -38,8 +38,7 @@ def prepare(folders: Sequence[str] = ()) -> int:
 def run_call(payload: bytes, contents: Sequence[protocol.Shared] = ()) -> protocol.Answer:
     """Run a pickled call, and cache ``contents`` for this call and later ones.
 
-    A call that cannot be imported or unpickled fails alone, because the call is unpickled here and
-    not by the pool.
+    The call is unpickled here and not by the pool, so a call that cannot be imported fails alone.
     """
     _KEPT.add(contents)
     kind = protocol.RETURNED
@@ -91,10 +90,10 @@ def end_with(sentinel: int) -> None:
         fcntl.fcntl(sentinel, fcntl.F_SETSIG, signal.SIGKILL)
         flags = fcntl.fcntl(sentinel, fcntl.F_GETFL)
         fcntl.fcntl(sentinel, fcntl.F_SETFL, flags | os.O_ASYNC)
+
     # Other systems need a thread, as does a main process that has already ended.
-    Thread(target=_kill_group_after, args=(sentinel,), daemon=True).start()
+    def wait() -> None:
+        connection.wait([sentinel])
+        os.killpg(0, signal.SIGKILL)
 
-
-def _kill_group_after(sentinel: int) -> None:
-    connection.wait([sentinel])
-    os.killpg(0, signal.SIGKILL)
+    Thread(target=wait, daemon=True).start()

@@ -14,8 +14,7 @@ from typing import BinaryIO
 
 from evoros.base.errors import GIVE_RIGHTS, InputError
 
-CANNOT = (errno.EINVAL, errno.ENOTSUP)
-"""Errors of network file systems that cannot flush folders."""
+CANNOT = (errno.EINVAL, errno.ENOTSUP)  # errors of network file systems that cannot flush folders
 
 
 def sync(path: Path) -> None:
@@ -30,16 +29,11 @@ def sync(path: Path) -> None:
         os.close(descriptor)
 
 
-NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)
-"""Errors of cluster file systems that are mounted without locks."""
+NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)  # file systems mounted without locks
 
 
 def lock(file: BinaryIO) -> bool:
-    """Lock a file for this process; return False if its file system has no locks.
-
-    Raises:
-        OSError: another process has locked the file.
-    """
+    """Lock a file; return False if its file system has no locks, raise OSError if it is locked."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
@@ -66,10 +60,7 @@ def create_draft(path: Path) -> tuple[Path, BinaryIO]:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[BinaryIO]:
-    """Open a file for new content, which replaces the old content atomically.
-
-    If the context raises an error, the old content is kept.
-    """
+    """Open a file for new content, which replaces the old content only if there is no error."""
     draft, file = create_draft(path)
     try:
         with file:
@@ -98,10 +89,9 @@ def separate(path: Path) -> None:
 
 
 def require_no_links(folder: Path) -> None:
-    """Require that a folder contains only regular files and folders.
+    """Require that a folder, which may be a link, contains only regular files and folders.
 
-    Links in a folder from somebody else might point to the user's files. The folder itself may be a
-    link.
+    Links in a folder from somebody else might point to the user's files.
     """
     folders = [folder]
     while folders:
@@ -132,19 +122,15 @@ def exists(path: Path) -> bool:
         return False
 
 
-SMALL = 16 * 2**20
-"""Maximum size of a short file, such as a configuration [bytes]."""
-LARGE = 2**30
-"""Maximum size of any other file that is read as a whole [bytes]."""
-LONGEST_LINE = 2**20
-"""Maximum length of a line in a table that is read line by line [bytes]."""
+SMALL = 16 * 2**20  # maximum size of a short file, such as a configuration [bytes]
+LARGE = 2**30  # maximum size of any other file that is read as a whole [bytes]
+LONGEST_LINE = 2**20  # maximum length of a line in a table that is read line by line [bytes]
 
 
 def open_regular(path: Path) -> BufferedReader:
     """Open a regular file for reading, without waiting for a pipe or following a link.
 
-    Raises:
-        OSError: the file is missing, unreadable, or not a regular file.
+    This and the next functions raise an OSError for anything other than a readable regular file.
     """
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
@@ -154,11 +140,7 @@ def open_regular(path: Path) -> BufferedReader:
 
 
 def read_regular(path: Path, limit: int = LARGE) -> bytes:
-    """Read a regular file of at most ``limit`` bytes.
-
-    Raises:
-        OSError: the file is missing, unreadable, not a regular file, or larger.
-    """
+    """Read a regular file of at most ``limit`` bytes."""
     with open_regular(path) as file:
         _require_size(path, os.fstat(file.fileno()).st_size, limit)
         content = file.read(limit + 1)  # the file may still be growing
@@ -167,11 +149,7 @@ def read_regular(path: Path, limit: int = LARGE) -> bytes:
 
 
 def hash_regular(path: Path) -> str:
-    """Return the SHA-256 of a regular file of at most ``LARGE`` bytes.
-
-    Raises:
-        OSError: the file is missing, unreadable, not a regular file, or larger.
-    """
+    """Return the SHA-256 of a regular file of at most ``LARGE`` bytes."""
     with open_regular(path) as file:
         _require_size(path, os.fstat(file.fileno()).st_size, LARGE)
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -10,10 +10,8 @@ import yaml
 
 from evoros.files.disk import SMALL, read_regular
 
-DEPTH = 100
-"""Maximum nesting depth of objects and lists."""
-EXPANDED = 10**7
-"""Maximum length of all values with resolved references [characters]."""
+DEPTH = 100  # maximum nesting depth of objects and lists
+EXPANDED = 10**7  # maximum length of all values with resolved references [characters]
 _IN_C: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # missing in some builds of PyYAML
 _BYTE = re.compile(r"\\uDC[89A-F]", re.IGNORECASE)
 """YAML escape of a non-UTF-8 byte in a path; the C loader rejects it."""
@@ -21,11 +19,7 @@ _REFERENCE = re.compile(r"\$\{(\.*)([^{}:]+)\}")
 
 
 def parse_json(content: bytes | str) -> Any:
-    """Parse JSON.
-
-    Raises:
-        ValueError: the content is not JSON, or is nested too deeply.
-    """
+    """Parse JSON; raise a ValueError if it is malformed or nested too deeply."""
     try:
         value = json.loads(content)
     except RecursionError:
@@ -44,22 +38,13 @@ def _list_inner(node: Any) -> list[Any]:
 
 
 def read_yaml(path: Path) -> tuple[Any, str]:
-    """Read a small YAML file; return its tree and its content.
-
-    Raises:
-        OSError: the file cannot be read, or is too large.
-        ValueError: the file is not YAML, or is not safe to read.
-    """
+    """Read a small YAML file; return its tree and its content. Raise an OSError or a ValueError."""
     text = read_regular(path, SMALL).decode()
     return parse_yaml(text), text
 
 
 def parse_yaml(text: str) -> Any:
-    """Parse YAML without resolving references ``${...}``.
-
-    Raises:
-        ValueError: the text is not YAML, or is not safe to read.
-    """
+    """Parse YAML without resolving references; raise a ValueError if it is malformed or unsafe."""
     loader = yaml.SafeLoader if _BYTE.search(text) else _IN_C
     try:
         _check_events(text, loader)
@@ -71,7 +56,7 @@ def parse_yaml(text: str) -> Any:
 
 
 def _check_events(text: str, loader: Any) -> None:
-    """Require limited nesting, and no aliases, which could expand without limit."""
+    """Require limited nesting and no aliases, which could expand without limit."""
     depth = 0
     for event in yaml.parse(text, Loader=loader):
         if isinstance(event, yaml.AliasEvent):

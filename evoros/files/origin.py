@@ -17,10 +17,8 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-FIRST = "0.1.0"
-"""The next version as long as there is no tag."""
-RECORD = "origin.json"
-"""File in the package folder with the origin recorded by a build."""
+FIRST = "0.1.0"  # the next version as long as there is no tag
+RECORD = "origin.json"  # file in the package folder with the origin recorded by a build
 _PACKAGE = Path(__file__).resolve().parents[1]
 _ROOT = _PACKAGE.parent
 _ARCHIVE = Path(__file__).with_name("archive.txt")
@@ -55,10 +53,7 @@ def _ask_git() -> Origin | None:
 
 
 def read_patch() -> str | None:
-    """Return the changes to a checkout's sources as a patch; None if unknown.
-
-    Untracked files are included as new files.
-    """
+    """Return the changes to a checkout's sources, with new files, as a patch; None if unknown."""
     changes = _git("diff", "--binary", "--no-ext-diff", "--no-color", "HEAD", "--", *_SOURCES)
     others = _git("ls-files", "-z", "--others", "--exclude-standard", "--", *_SOURCES)
     if not (_ROOT / ".git").exists() or changes is None or others is None:

@@ -39,11 +39,7 @@ class Subcommand:
 
 @dataclass(frozen=True)
 class Plugin:
-    """A plug-in, and its additions, keyed by the names that users type.
-
-    The YAML files in the folder ``conf`` of the plug-in's package are choices of configuration
-    groups.
-    """
+    """A plug-in, and its additions, keyed by the names that users type."""
 
     package: str  # ``__name__`` of the package
     title: str  # one line for users
@@ -99,10 +95,7 @@ BUNDLED: Mapping[str, Sequence[str]] = {
     "trackers": ("observers=mlflow", "observers=tensorboard", "observers=wandb"),
     "watch": ("watch",),
 }
-"""Command-line words of each bundled plug-in, which may not be installed.
-
-A word is ``GROUP=CHOICE``, a subcommand, or ``analyze FIGURE``.
-"""
+"""Words of each bundled plug-in: ``GROUP=CHOICE``, a subcommand, or ``analyze FIGURE``."""
 
 
 def explain_missing(word: str) -> str:

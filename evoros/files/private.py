@@ -25,7 +25,7 @@ def find_home() -> Path | None:
 def cache_home() -> Path:
     """Return the user's cache folder, or a temporary one for users without a home.
 
-    A relative XDG_CACHE_HOME is ignored, as required by the XDG Base Directory Specification.
+    The XDG Base Directory Specification requires a relative XDG_CACHE_HOME to be ignored.
     """
     named, home = os.environ.get("XDG_CACHE_HOME", ""), find_home()
     if os.path.isabs(named):
@@ -40,8 +40,7 @@ def _temporary_cache() -> Path:
 def private_folder(name: str) -> Path | None:
     """Return an existing cache folder that only this user can write; None if impossible.
 
-    The folder is in the user's cache, or else in the folder for temporary files. Cached code is
-    executed, so nobody else may be able to write to the folder.
+    Cached code is executed, so nobody else may be able to write to the folder.
     """
     for base in (cache_home() / "evoros", _temporary_cache()):
         folder = base / name
@@ -57,7 +56,7 @@ def private_folder(name: str) -> Path | None:
 def keep_fonts() -> None:
     """Let matplotlib cache its font list in a private folder if the user has no writable home.
 
-    Otherwise, every process would log a warning and spend seconds rebuilding the list.
+    Otherwise, every process would spend seconds rebuilding the list.
     """
     home = find_home()
     if home is None or not os.access(home, os.W_OK):
@@ -91,7 +90,7 @@ def _publish(draft: Path, path: Path) -> None:
 
 
 def _read_key() -> bytes:
-    """Read the user's key, which is created on first use; without a folder, return a new key."""
+    """Read the user's key, created on first use; without a folder, return a new key."""
     folder, new = private_folder("key"), token_bytes(32)
     if folder is None:
         return new

@@ -8,8 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-_READ = "evoros.read"
-"""Audit event raised for each file that another process has read for this one."""
+_READ = "evoros.read"  # audit event for a file that another process has read for this one
 _WRITING = os.O_WRONLY | os.O_RDWR
 _COLLECTORS: list[set[Path]] = []
 

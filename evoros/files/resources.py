@@ -11,8 +11,7 @@ from pathlib import Path
 from evoros.base.errors import InputError
 
 _LOG = logging.getLogger(__name__)
-PACKAGE = Path(__file__).resolve().parents[1]
-"""Folder of the package ``evoros``."""
+PACKAGE = Path(__file__).resolve().parents[1]  # folder of the package ``evoros``
 
 
 def bundled_folder(name: str) -> Path:
@@ -48,10 +47,7 @@ def read_file(path: Path) -> bytes:
 
 
 def find_file(name: str, kind: str) -> Path:
-    """Find a file named by a configuration in the current folder, or else in the bundled ``kind``.
-
-    Warn if both have the file, because the file found then depends on the current folder.
-    """
+    """Find a file in the current folder, or else in the bundled ``kind``; warn if it is in both."""
     path = expand_home(name)
     files = [file for file in (path, bundled_folder(kind) / path) if file.is_file()]
     if len(files) == 2 and not files[0].samefile(files[1]):

@@ -16,12 +16,9 @@ from evoros.base.errors import InputError, single_line
 from evoros.files.disk import LARGE, open_regular
 
 MOST_MEMBERS = 200_000
-LARGEST = 16 * 2**30
-"""Maximum total unpacked size of all members [bytes]."""
-RATIO = 100
-"""Maximum ratio of the unpacked to the packed size of a member."""
-ANY_RATIO = 2**20
-"""Unpacked size [bytes] up to which a member may have any ratio."""
+LARGEST = 16 * 2**30  # maximum total unpacked size of all members [bytes]
+RATIO = 100  # maximum ratio of the unpacked to the packed size of a member
+ANY_RATIO = 2**20  # unpacked size [bytes] up to which a member may have any ratio
 MARK = b"evoros sha256:"
 _GET_AGAIN = "get the file again from its source"
 _DAMAGES = (BadZipFile, LargeZipFile, EOFError, NotImplementedError, ValueError, zlib.error)
@@ -83,7 +80,7 @@ def seal_zip(file: BinaryIO) -> None:
 
 
 def _mark(file: BinaryIO, length: int) -> bytes:
-    """Return the correct comment of a zip file with a comment of ``length`` bytes."""
+    """Return the correct comment, of ``length`` bytes, of a zip file."""
     left = file.seek(0, 2) - length
     file.seek(0)
     digest = hashlib.sha256()

@@ -40,11 +40,8 @@ class Batcher:
     ) -> list[list[Rollout] | NoKernel]:
         """Run missions of several scenarios in one launch; ``run_mission`` gives equal results.
 
-        For a scenario with a rule that kernels cannot run, return the reason instead.
-
-        Raises:
-            DeviceError: the device cannot be used.
-            InputError: see ``run_mission``.
+        For a scenario with a rule that kernels cannot run, return the reason instead. A DeviceError
+        means that the device cannot be used.
         """
         with ExitStack() as stack:
             groups = self._prepare([_open(*pair, stack) for pair in asked])
@@ -82,7 +79,6 @@ class Batcher:
         return [*self._launch(calls[:half]), *self._launch(calls[half:])]
 
     def _learn(self, rules: set[Named]) -> None:
-        """Rebuild the kernel with additional rules; raise NoKernel if it cannot run one of them."""
         new = sorted(rules - self._rules.keys(), key=lambda rule: (rule[0], name_rule(rule[1])))
         if not new:
             return
@@ -120,7 +116,6 @@ class _Group:
         self.calls = [opened.call for opened in self._opened.values()]
 
     def list_rules(self) -> Iterator[Named]:
-        """Yield all rules that the missions call; raise NoKernel if a generator is not PCG64."""
         for call in self.calls:
             inputs = call.inputs
             yield from zip(("observe", "sense", "advance"), inputs[:3], strict=True)

@@ -53,12 +53,9 @@ from evoros.mission.inputs import (
 from evoros.mission.loop import run_loop
 from evoros.simulator.protocol import SimulationRules
 
-TABLE = types.Array(I8, 2, "C")
-"""The type of a table with one row of words per stage; rules and generators are addresses."""
+TABLE = types.Array(I8, 2, "C")  # a row of words per stage; rules and generators are addresses
+# Rules are numbers, and generators addresses of their states. Read-only only to differ from TABLE.
 KERNEL_TABLE = types.Array(I8, 2, "C", readonly=True)
-"""The type of a kernel's table; rules are numbers, and generators addresses of their states.
-
-Being read-only distinguishes it from ``TABLE`` for numba."""
 
 
 def name_records(motion: Iterable[Any], table: Any) -> dict[Any, Any]:
@@ -156,8 +153,7 @@ def run_call(call: LoopCall) -> LoopResult:
 def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
     """Choose the compiled loop if all filters can be compiled, otherwise the interpreted one.
 
-    The compiled loop can call interpreted rules of motion and of layers. The interpreted loop calls
-    compiled rules where possible.
+    The compiled loop can call interpreted rules of motion and of layers.
     """
     motion = SimulationRules(*map(compile_if_possible, inputs[:3], SIMULATION_RULES))
     live = not all(isinstance(rule, CompiledRule) for rule in motion)

@@ -155,10 +155,8 @@ Run = Callable[[LoopCall], LoopResult]
 """Runs a call of the loop."""
 
 
-OBSERVE, SENSE, ADVANCE = range(3)
-"""Indices of the engine's call addresses in the simulation parameters."""
-TIME, ANSWER = range(2)
-"""Indices into the memory of a layer that calls Python; the layer's parameter is an address."""
+OBSERVE, SENSE, ADVANCE = range(3)  # indices of an engine's call addresses in the parameters
+TIME, ANSWER = range(2)  # indices in the memory of a layer that calls Python at its parameter
 
 CALLBACK = CFUNCTYPE(None)
 Expose: TypeAlias = Callable[[Callable[[], object]], float]
@@ -208,11 +206,7 @@ def compile_calls() -> tuple[SimulationRules, CompiledRule]:
 def run_with_calls(
     loop: Loop, inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays
 ) -> LoopResult:
-    """Run a compiled loop whose motion rules or layers are interpreted.
-
-    Raises:
-        Exception: the first one that such a rule raised; it ends the mission.
-    """
+    """Run a compiled loop with interpreted motion rules or layers; raise their first exception."""
     errors: list[BaseException] = []
     callbacks: list[Any] = []
     with hold_interrupts() as release:
@@ -279,7 +273,6 @@ def _expose_layers(
 def _bind_layer(
     layer: LayerStage, agents: Agents, arrays: Arrays, i: int, memory: Array
 ) -> Callable[[], None]:
-    """Return a function that calls a layer of robot ``i`` as the loop would."""
     rule, parameters, kept = layer
     state = arrays.poses[i * STATE_SIZE : (i + 1) * STATE_SIZE]
     leg = arrays.legs[i * LEG_SIZE : (i + 1) * LEG_SIZE]

@@ -23,8 +23,8 @@ from evoros.world.course import Course
 class Member:
     """A robot of a scenario, with its parts, course and names.
 
-    The first fields have the names of configuration groups, so the key of an evolved value, such as
-    ``controller.avoidance.range_m``, is also an attribute path in the member.
+    The first fields are named after configuration groups, so the key of an evolved value is also an
+    attribute path.
     """
 
     robot: Annotated[Robot, instance_of(Robot, "a robot")]

@@ -12,7 +12,7 @@ from evoros.failure.protocol import AT_START, Fault, Trigger
 from evoros.filter.protocol import READINGS
 from evoros.geometry.clearance import summarize_track
 from evoros.mission import inputs, mission
-from evoros.mission.inputs import Agents, LoopResult
+from evoros.mission.inputs import LoopResult
 from evoros.mission.mission import ROBOT_COLUMNS, TIME, Outcome
 from evoros.mission.participant import Participant
 from evoros.mission.setup import Setup
@@ -41,7 +41,9 @@ def measure(index: int, setup: Setup, result: LoopResult) -> Outcome:
     cut_off = ended == inputs.RUNNING  # the mission did not wait for this robot
     time = (result.ticks if cut_off else int(counts[inputs.END_TICK])) * tick
     rows = setup.arrays.trajectory[: result.rows if cut_off else int(counts[inputs.END_ROW]) + 1]
-    track = rows[:, _find_columns(setup.agents, index)]
+    start = 1 + setup.agents.readings[index] + setup.agents.estimates[index]
+    start += index * len(ROBOT_COLUMNS)
+    track = rows[:, start : start + len(ROBOT_COLUMNS)]
     first_collision = first * tick if first >= 0 else math.nan
     visited, robot = int(counts[inputs.VISITED]), participant.robot
     course, end = participant.course, track[-1, [X, Y]]
@@ -79,7 +81,7 @@ def measure(index: int, setup: Setup, result: LoopResult) -> Outcome:
 def _measure_track(
     track: Array, time: float, untouched: int, participant: Participant, world: World
 ) -> dict[str, Any]:
-    """Measure a robot's path in ``time`` [s]; ``untouched`` rows precede the first collision."""
+    """Measure a path in ``time`` [s]; ``untouched`` rows precede the first collision."""
     course, robot = participant.course, participant.robot
     areas = outlines(world, robot.height_m)
     points = np.array([*course.waypoints, course.home[:2]], dtype=np.float64)
@@ -103,11 +105,6 @@ def _list_touched(index: int, row: Array, world: World) -> tuple[str, ...] | Non
     return tuple(name for name, report in touched if has_touched(report, index))
 
 
-def _find_columns(agents: Agents, index: int) -> slice:
-    first = 1 + agents.readings[index] + agents.estimates[index] + index * len(ROBOT_COLUMNS)
-    return slice(first, first + len(ROBOT_COLUMNS))
-
-
 def _share_avoiding(index: int, setup: Setup) -> float:
     first, end = setup.agents.layers[index : index + 2]
     decisions = setup.arrays.decisions[first + index : end + index + 1]
@@ -122,7 +119,6 @@ def compute_progress(position: Array, visited: int, route: Array, acceptance: fl
 
     Each of the n waypoints counts 1/n once reached. The next one counts 1/n divided by the distance
     [m] to its acceptance circle, at most 1/n. Until all are reached, the result is at most 0.99.
-    With ten waypoints, this is the 2018 study's ``10 visited + 10 / max(distance - 1, 1)`` percent.
     """
     if visited == len(route):
         return 1.0

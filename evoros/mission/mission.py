@@ -14,22 +14,15 @@ NOT_RUN = (SIMULATION_FAILURE, LOST, REFUSED)
 
 # Columns of the trajectory of one robot; sensor readings follow, NaN if silent.
 TRAJECTORY = (
-    "time_s",
-    "x_m",
-    "y_m",
-    "yaw_rad",
-    "speed_mps",
-    "steering_rad",
-    "mode",
-    "visited",
-    "contact",
+    *("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "steering_rad"),
+    *("mode", "visited", "contact"),
 )
 ROBOT_COLUMNS = TRAJECTORY[1:]  # repeated for agents as NAME.x_m ...
 TIME, AT_X, AT_Y, HEADING, PACE, STEER, MODE, VISITED, TOUCHES = range(len(TRAJECTORY))
 
 WALKER = "walkers."  # prefix of a walker's name in trajectory columns
+# A robot's last trajectory columns, if the localization estimates its pose or can fail:
 ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
-"""A robot's last trajectory columns, if the localization estimates its pose or can fail."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +57,7 @@ class Outcome:
     failed_parts: tuple[str, ...] = ()
     parts_failed_at_s: tuple[float, ...] = ()
     parts_failed_by: tuple[str, ...] = ()
-    touched_walkers: tuple[str, ...] | None = (
-        None  # names of the walkers touched; None: no mission has walkers
-    )
+    touched_walkers: tuple[str, ...] | None = None  # None: no mission has walkers
     shortest_m: float | None = None  # length of the world's shortest path; None: no world states it
 
     @classmethod
@@ -95,23 +86,17 @@ class Outcome:
         return cls(**values | known | {"progress": 0.0, "time_s": 0.0, "distance_m": 0.0})
 
 
-Outcomes = tuple[Outcome, ...]
-"""The outcomes of a mission, one per robot, in the order of the scenario's members."""
+Outcomes = tuple[Outcome, ...]  # one per robot, in the order of the scenario's members
 
 
 def judge(outcomes: Outcomes) -> Outcome:
-    """Return the outcome that certificates, completion rates and worst cases use.
-
-    This is the outcome of the first member, the robot at the top level of the configuration.
-    """
+    """Return the outcome of the top level's robot, on which certificates and rates are based."""
     return outcomes[0]
 
 
 @dataclass(frozen=True)
 class Mission:
-    """A design in a world, with the key of its random draws.
-
-    A mission and a scenario together determine the outcome."""
+    """A design in a world, with the key of its random draws."""
 
     generation: int
     design_id: int

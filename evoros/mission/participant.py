@@ -64,8 +64,7 @@ def open_layers(participant: Participant) -> Iterator[Sequence[LayerStage]]:
     """Start the controller of a robot for one mission.
 
     Raises:
-        InputError: a layer refuses to start.
-        LaunchError: a live controller cannot be started.
+        InputError, LaunchError: a layer refuses to start, or a live controller cannot be started.
         PilotLost: a live controller was not ready in time.
     """
     controller, draws = participant.member.controller, participant.draws
@@ -78,14 +77,8 @@ def open_layers(participant: Participant) -> Iterator[Sequence[LayerStage]]:
             yield start_layers(check_answer("", controller.open, _LAYERS, layers))
         return
     course, seed = participant.course, int(draws("controller").integers(2**32))
-    briefing = protocol.Briefing(
-        participant.robot,
-        course.home,
-        participant.route,
-        course.acceptance_m,
-        course.time_limit_s,
-        seed,
-    )
+    limits = course.acceptance_m, course.time_limit_s
+    briefing = protocol.Briefing(participant.robot, course.home, participant.route, *limits, seed)
     with ExitStack() as stack:
         try:
             launched = ask("", controller.launch, A_CONTEXT, briefing)

@@ -84,10 +84,7 @@ class Target(NamedTuple):
 def start_faults(
     faults: Sequence[Fault], target: Target, draws: Draws, clocks: Clocks
 ) -> list[FilterStage]:
-    """Start the faults that act on a target.
-
-    Each fault has a separate random stream, which other faults do not shift.
-    """
+    """Start the faults that act on a target, each with a separate random stream."""
     stages = []
     for fault in faults:
         if fault.signal != target.channels.signal:
@@ -101,10 +98,7 @@ def start_faults(
 
 
 def list_sensor_targets(robot: Robot, readings: Array, tick: float) -> list[Target]:
-    """List the readings of each sensor type of a robot, as views of ``readings`` (channels,).
-
-    ``tick`` is the period [s] of the mission's clock.
-    """
+    """List the readings of each sensor type of a robot, as views of ``readings`` (channels,)."""
     names = [mount.sensor for mount in robot.mounts]
     targets = []
     for name in dict.fromkeys(names):
@@ -134,8 +128,8 @@ def start_sensors(
 ) -> list[FilterStage]:
     """Start the readings and the filters of each sensor type.
 
-    ``signals`` is the simulation's output for the robot's sensors. A stage acts on the sensors of
-    one type, whenever they have new readings.
+    ``signals`` is the simulation's output for the robot's sensors. A stage acts on all sensors of
+    one type.
     """
     stages: list[FilterStage] = []
     for target in targets:
@@ -161,10 +155,7 @@ def start_localization(
     pose: Target,
     draws: Draws,
 ) -> list[FilterStage]:
-    """Start the stages between the true ``pose`` and the controller's layers.
-
-    ``readings`` (channels,) belong to all sensors of the robot.
-    """
+    """Start the stages between the true ``pose`` and the controller's layers."""
     filters = {}
     stages: list[FilterStage] = []
     for index, (name, item) in enumerate(controller.localization.items()):
@@ -220,7 +211,7 @@ class Actuation:
     """The values between the controller's ``command`` and the drive.
 
     Command faults act before drive faults. If a command is silent (NaN), the previous one applies;
-    if a wheel's strength is silent, the wheel stops.
+    a wheel with silent strength stops.
     """
 
     def __init__(self, command: Array) -> None:

@@ -89,20 +89,15 @@ class Plan:
         """Return the missions that determine a design's fitness.
 
         ``trials`` numbers the trials of this generation, by default a new design's trials.
-        ``earlier`` counts the design's trials in earlier generations, whose draws are not repeated.
-        With ``cases``, trial 0 of a generation meets the first case, trial 1 the second, and so on.
+        ``earlier`` counts trials in earlier generations, whose draws are not repeated. With
+        ``cases``, trial 0 meets the first case, trial 1 the second, and so on.
         """
-        groups = {
-            "generation": f"{generation}",
-            "individual": f"{generation}:{design_id}",
-            "run": "all",
-        }
+        individual = f"{generation}:{design_id}"
+        groups = {"generation": f"{generation}", "individual": individual, "run": "all"}
         trials = range(self.trials) if trials is None else trials
         skipped = earlier if self.policy == "run" else 0
-        group = groups[self.policy]
-        missions = self._missions(
-            generation, design_id, design, SELECTION, group, trials, skipped + trials.start, skipped
-        )
+        about = (generation, design_id, design, SELECTION, groups[self.policy], trials)
+        missions = self._missions(*about, skipped + trials.start, skipped)
         if not cases:
             return missions
         return [replace(item, case=cases[item.trial % len(cases)]) for item in missions]
@@ -172,9 +167,8 @@ class Plan:
     ) -> list[Mission]:
         """Return an evaluation's missions with a case or a setting, on its first draws.
 
-        ``number`` numbers the cases and settings from 1. ``repeats`` numbers, from 0, the missions
-        with a case or setting in each world. Trial ``MOST_REPEATS * number + repeat`` has the draws
-        and the parity of the evaluation's trial ``repeat``.
+        ``number`` numbers the cases and settings from 1. Trial ``MOST_REPEATS * number + repeat``
+        has the draws and the parity of the evaluation's trial ``repeat``.
         """
         missions = self._missions(0, design_id, design, EVALUATION, "0", repeats)
         first = number * MOST_REPEATS
@@ -183,13 +177,11 @@ class Plan:
         ]
 
     @property
-    def _selected(self) -> int:
-        """The number that follows the trials for selection."""
+    def _selected(self) -> int:  # the number that follows the trials for selection
         return max(self.trials, self.most_trials)
 
     @property
-    def _confirmed(self) -> int:
-        """The number that follows the trials for selection, validation and confirmation."""
+    def _confirmed(self) -> int:  # ... and for validation and confirmation
         return 2 * self._selected + self.validation_trials
 
     def _missions(
@@ -215,7 +207,6 @@ class Plan:
         return missions
 
     def _deal_cases(self, key: str, sensors: int) -> Iterator[Case | None]:
-        """Yield the case of each trial in a group; None if the failure model draws its faults."""
         if self.systematic is None:
             return repeat(None)
         numbers = deal(key, self.systematic.count_cases(sensors))

@@ -46,9 +46,8 @@ def open_mission(scenario: Scenario, mission: Mission) -> Iterator["OpenMission"
     """Draw and start everything that a mission needs, and keep it open.
 
     Raises:
-        RefusedDesign: the design does not fit the robots.
-        InputError: a part refuses to start.
-        PilotLost: a controller outside of this process ended or did not answer.
+        InputError: a part refuses to start, or the design does not fit (RefusedDesign).
+        PilotLost: an external controller ended or did not answer.
         SimulationError: the engine cannot simulate these robots or this world.
     """
     try:
@@ -87,22 +86,16 @@ class OpenMission:
         return LoopCall(self._inputs, setup.agents, timing, setup.arrays)
 
     def finish(self, result: LoopResult) -> Rollout:
-        """Return the rollout, given the result of the loop.
-
-        Raises:
-            SimulationError: the state is no longer finite.
-        """
+        """Return the rollout, given the loop's result; raise SimulationError for a NaN state."""
         self._advance(result)
         return self.outcomes(), self.trajectory
 
     def run(self, ticks: int | None = None, run: Run = run_call) -> None:
-        """Run the next ``ticks`` ticks, or up to the end of the mission.
-
-        The first tick is the start of the mission, at time 0.
+        """Run the next ``ticks`` ticks, the first at time 0, or up to the end of the mission.
 
         Raises:
             SimulationError: the state is no longer finite, or the engine failed.
-            PilotLost: a controller outside of this process ended or did not answer.
+            PilotLost: an external controller ended or did not answer.
         """
         if not self.is_over:
             call = self.call
@@ -140,8 +133,7 @@ class OpenMission:
     def add_failure(self, failure: Failure) -> tuple[Fault, ...]:
         """Draw and start faults of the first robot, from the next tick on, and return them.
 
-        Onsets count from that tick. The trajectory keeps its columns, so an estimated pose is
-        recorded only if it was recorded before.
+        Onsets count from that tick. The trajectory keeps its columns.
         """
         robot = self._setup.robots[0]
         draws, earlier = robot.participant.draws, robot.faults
@@ -197,10 +189,8 @@ class OpenMission:
             )
         if self._setup.arrays.counts[ENDED, 0] != RUNNING:
             return
-        self._setup.arrays.commands[DRIVE_SPEED], self._setup.arrays.commands[STEERING] = (
-            speed,
-            steering,
-        )
+        commands = self._setup.arrays.commands
+        commands[DRIVE_SPEED], commands[STEERING] = speed, steering
         rows = self.trajectory
         if len(rows) and rows[-1, TIME] == self.time_s:
             rows[-1, STEER] = steering
@@ -209,12 +199,12 @@ class OpenMission:
 def run_mission(scenario: Scenario, mission: Mission, run: Run = run_call) -> Rollout:
     """Run a mission.
 
-    A failed simulation gives an outcome, because a retry would also fail. A design that a part
-    refuses gives an outcome, because other designs can still be evaluated.
+    A failed simulation gives an outcome, because a retry would also fail, and so does a design that
+    a part refuses.
 
     Raises:
         InputError: a part refuses to start for a reason other than an evolved value.
-        PilotLost: a controller outside of this process ended or did not answer.
+        PilotLost: an external controller ended or did not answer.
     """
     try:
         with open_mission(scenario, mission) as opened:
@@ -226,11 +216,7 @@ def run_mission(scenario: Scenario, mission: Mission, run: Run = run_call) -> Ro
 def take_failure(
     scenario: Scenario, mission: Mission, error: InputError | SimulationError
 ) -> Rollout:
-    """Return the rollout of a mission that an error ended.
-
-    Raises:
-        InputError: the error is not due to the design.
-    """
+    """Return the rollout of a mission that an error ended, if the error is due to the design."""
     ended = missions.SIMULATION_FAILURE
     if isinstance(error, InputError):
         ended = missions.REFUSED

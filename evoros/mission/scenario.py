@@ -37,12 +37,8 @@ def require_world(name: str, world: object) -> None:
 class Scenario:
     """Everything that a mission needs except its design, the name of its world and its draws.
 
-    A world's course applies to robots without a separate home or route.
-
-    Raises:
-        InputError: a part has the wrong type, the simulator cannot simulate a world or the number
-            of robots, a home is occupied, a period is not a multiple of the time step, or a time
-            limit is not a multiple of a controller's period.
+    A world's course applies to robots without a separate home or route. The constructor checks that
+    the parts fit together.
     """
 
     members: tuple[Member, ...]

@@ -23,8 +23,7 @@ from evoros.simulator.protocol import RuleSimulation, Simulation
 from evoros.walkers.layout import REPORT_SIZE
 from evoros.world.model import World
 
-MIN_RECORD_S = 0.05
-"""The minimum time [s] between trajectory rows; otherwise each decision has a row."""
+MIN_RECORD_S = 0.05  # minimum time between trajectory rows; otherwise each decision has a row
 
 
 class Setup:
@@ -98,7 +97,7 @@ class Setup:
         self.arrays = arrays._replace(driven=self._choose_driven({f.signal for f in faults}))
 
     def _choose_driven(self, failing: Set[str]) -> Array:
-        """Return the drive inputs, which are the commands unless faults act between the two."""
+        # the commands themselves unless faults act between the two
         driven, commands = self.arrays.driven, self.arrays.commands
         if STRENGTH in failing:
             if not self._weakens_wheels:
@@ -184,7 +183,6 @@ def _describe_agents(
     layers: Sequence[Sequence[inputs.LayerStage]],
     periods: inputs.Integers,
 ) -> inputs.Agents:
-    """Describe the robots to the loop; ``periods`` (2, robots) is from ``_plan_ticks``."""
     return inputs.Agents(
         acceptance=np.array([item.course.acceptance_m for item in participants], dtype=float),
         end_on_collision=np.array([item.course.end_on_collision for item in participants]),

@@ -39,9 +39,7 @@ class CmaEs(Optimizer):
     population_size: Annotated[int, POPULATION] = 16
     generations: Annotated[int, COUNT] = 25
     validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
-    sigma: Annotated[float, FRACTION] = (
-        0.3  # initial standard deviation as a fraction of the ranges
-    )
+    sigma: Annotated[float, FRACTION] = 0.3  # initial standard deviation relative to the ranges
     adapt_rates: Annotated[bool, FLAG] = False
     packages = ("cmaes",)
 

@@ -17,8 +17,7 @@ from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_g
 if TYPE_CHECKING:
     from ribs.schedulers import Scheduler
 
-MARGIN = 1e-9
-"""Minimum margin by which the first generation's fitness exceeds the initial thresholds."""
+MARGIN = 1e-9  # minimum margin by which the first generation exceeds the initial thresholds
 
 
 @dataclass(frozen=True)
@@ -41,9 +40,7 @@ class CmaMae(Optimizer):
     validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
     cells: Annotated[int, CELLS] = 10  # number of cells along each descriptor
     strategies: Annotated[int, COUNT] = 2
-    sigma: Annotated[float, FRACTION] = (
-        0.2  # initial standard deviation as a fraction of the ranges
-    )
+    sigma: Annotated[float, FRACTION] = 0.2  # initial standard deviation relative to the ranges
     learning_rate: Annotated[float, PROBABILITY] = 0.1
     packages = ("ribs",)
 
@@ -60,14 +57,8 @@ class CmaMae(Optimizer):
             from ribs.emitters import EvolutionStrategyEmitter
             from ribs.schedulers import Scheduler
 
-        thresholds = create_archive(
-            space,
-            goals,
-            self.cells,
-            rng,
-            learning_rate=float(self.learning_rate),
-            threshold_min=-MARGIN,
-        )
+        annealing = {"learning_rate": float(self.learning_rate), "threshold_min": -MARGIN}
+        thresholds = create_archive(space, goals, self.cells, rng, **annealing)
         emitters = [
             EvolutionStrategyEmitter(
                 thresholds,

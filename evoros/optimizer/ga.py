@@ -35,8 +35,8 @@ class GeneticAlgorithm(Optimizer):
     pool, in which each candidate except the elite may mutate. The new designs are evaluated. The
     elite and the winners of tournaments in the candidate pool form the next population.
 
-    The parameter ``elite`` is ``best_so_far`` or ``best_child``. The latter keeps the best new
-    design of the generation, as in the original study, and can lose the best design so far.
+    With ``best_child``, as in the original study, the elite is the best new design of the
+    generation, so the best design so far can be lost.
     """
 
     population_size: Annotated[int, COUNT] = 30
@@ -45,8 +45,7 @@ class GeneticAlgorithm(Optimizer):
     crossover_probability: Annotated[float, PROBABILITY] = 0.25  # per pair of parents
     tournament_size: Annotated[int, replace(COUNT, limit=1000)] = 2
     validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
-    # width of the interval around a gene from which a mutation redraws it, as a fraction of the
-    # range
+    # width of the interval from which a mutation redraws a gene, relative to the gene's range
     mutation_step: Annotated[float, FRACTION] = 1.0
     elite: Annotated[str, one_of("best_so_far", "best_child")] = "best_so_far"
 
@@ -91,7 +90,6 @@ class _GeneticSearch:
         return [] if self._elite is None else [self._elite]
 
     def _select(self, new: set[int]) -> list[int]:
-        """Return the next population as pool indices, elite first."""
         members = [member for member, _ in self._pool]
         eligible = list(range(len(members)))
         if self._settings.elite == "best_child":
@@ -101,10 +99,8 @@ class _GeneticSearch:
         return [elite, *others]
 
     def _tournament(self, members: list[Individual]) -> int:
-        """Return the index of the best of a few random members (with replacement; ties: first)."""
-        drawn: list[int] = self._rng.integers(
-            len(members), size=self._settings.tournament_size
-        ).tolist()
+        size = self._settings.tournament_size
+        drawn: list[int] = self._rng.integers(len(members), size=size).tolist()
         return max(drawn, key=lambda place: self._fitness[members[place].id])
 
     def _breed(self, population: list[Individual]) -> None:

@@ -35,9 +35,7 @@ class MapElites(Optimizer):
     validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
     cells: Annotated[int, CELLS] = 10  # number of cells along each descriptor
     noise: Annotated[float, NOT_NEGATIVE] = 0.05  # standard deviation as a fraction of the ranges
-    # standard deviation of the displacement along the line, relative to the distance to the other
-    # elite
-    line_noise: Annotated[float, NOT_NEGATIVE] = 0.2
+    line_noise: Annotated[float, NOT_NEGATIVE] = 0.2  # relative to the distance to the other elite
     redraw_probability: Annotated[float, PROBABILITY] = 0.05  # per categorical gene
     packages = ("ribs",)
 

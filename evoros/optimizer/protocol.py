@@ -48,8 +48,7 @@ class Candidate:
     """A row in a generation's table."""
 
     individual: Individual
-    # operator that put the individual into the pool, such as survivor, clone or crossover
-    operator: str
+    operator: str  # operator that put it into the pool, such as survivor, clone or crossover
     fitness: float
     survived: int  # number of copies in the next population
 
@@ -99,12 +98,10 @@ class Block:
 
     def move(self, index: Callable[[int], int]) -> "Block":
         """Return this block with each gene index mapped through ``index``."""
-        aspects = (
-            Aspect(
-                part.name, tuple(map(index, part.continuous)), tuple(map(index, part.categorical))
-            )
-            for part in self.aspects
-        )
+        aspects = []
+        for part in self.aspects:
+            genes = (tuple(map(index, kind)) for kind in (part.continuous, part.categorical))
+            aspects.append(Aspect(part.name, *genes))
         return Block(self.name, tuple(aspects))
 
 

@@ -18,8 +18,8 @@ from evoros.optimizer.ga import GeneticAlgorithm
 from evoros.optimizer.history import freeze
 
 ALL_AROUND = 360
+# The bearings [deg] at which a ``View`` counts sensors:
 BEARINGS: Array = np.arange(ALL_AROUND, dtype=np.float64) - (ALL_AROUND - 1) / 2
-"""The bearings [deg] at which a ``View`` counts sensors."""
 Indices: TypeAlias = NDArray[np.intp]
 
 
@@ -43,8 +43,7 @@ class SetCover(protocol.Optimizer):
     validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
     # Width of the sector; None: the widest sector that the sensors can cover.
     width_deg: Annotated[float | None, number_between(1.0, ALL_AROUND)] = None
-    # number of failed sensors that the cover tolerates
-    failed: Annotated[int, replace(WHOLE, limit=3)] = 1
+    failed: Annotated[int, replace(WHOLE, limit=3)] = 1  # number of failures that a cover tolerates
     distance_m: Annotated[float, POSITIVE] = 2.0  # range to be seen, from the robot's middle
     candidates: Annotated[int, replace(COUNT, limit=2000)] = 200  # random candidate places
     covers: Annotated[int, replace(COUNT, limit=1000)] = 8  # number of covers to choose from
@@ -53,12 +52,7 @@ class SetCover(protocol.Optimizer):
     def start(
         self, space: protocol.Space, goals: protocol.Goals, rng: Generator
     ) -> protocol.Search:
-        """Start a search over the drawn covers and all genes that do not belong to sensors.
-
-        Raises:
-            InputError: the sensors cannot cover the sector, or the space is not a
-            ``CoveringSpace``.
-        """
+        """Start a search over the drawn covers and all genes that do not belong to sensors."""
         if not isinstance(space, protocol.CoveringSpace):
             raise InputError(
                 "optimizer: set_cover needs a space that computes what sensors see (slots, "
@@ -134,10 +128,7 @@ class Program:
     places: Sequence[str] = ()  # one per candidate; a named place can carry only one sensor
 
     def solve(self, width_deg: float, costs: Array, limit: float = np.inf) -> Indices | None:
-        """Return the indices (n,) of the cover with the lowest ``costs``; None if infeasible.
-
-        The total price is at most ``limit``.
-        """
+        """Return the cheapest cover in ``costs`` within the price ``limit``; None if infeasible."""
         chosen = np.abs(BEARINGS) <= width_deg / 2
         rows = np.unique(np.column_stack((self.counts, self.needed))[chosen], axis=0)
         limits = [
@@ -179,14 +170,12 @@ class _Remaining:
     bodies: Sequence[Array]
 
     @cached_property
-    def _others(self) -> list[int]:
-        """The genes of the whole space that the cover leaves open."""
+    def _others(self) -> list[int]:  # genes of the whole space that the cover leaves open
         taken = {gene for slot in self.space.slots for gene in slot.genes}
         return [i for i in range(self.space.size) if i not in taken | {self.space.number_gene}]
 
     @cached_property
     def _index(self) -> dict[int, int]:
-        """The index in this space of each gene in ``_others``."""
         return {gene: place for place, gene in enumerate(self._others, bool(self.bodies))}
 
     @property
@@ -195,7 +184,6 @@ class _Remaining:
 
     @cached_property
     def blocks(self) -> tuple[protocol.Block, ...]:
-        """A block for the choice of body, and the blocks of all other genes."""
         body = protocol.Block("body", (protocol.Aspect("body", (), (0,)),))
         kept = [block for block in self.space.blocks if set(block.genes) <= self._index.keys()]
         moved = (block.move(self._index.__getitem__) for block in kept)
@@ -203,7 +191,6 @@ class _Remaining:
 
     @cached_property
     def levels(self) -> Mapping[int, int]:
-        """The levels by gene: one per body for gene 0, and the levels of all other genes."""
         levels = self.space.levels
         others = {self._index[gene]: n for gene, n in levels.items() if gene in self._index}
         return {0: len(self.bodies), **others} if len(self.bodies) > 1 else others

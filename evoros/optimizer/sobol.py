@@ -13,8 +13,7 @@ from evoros.base.errors import InputError
 from evoros.optimizer.history import FitnessSearch, History
 from evoros.optimizer.protocol import Goals, Optimizer, Search, Space
 
-BLOCK = 512
-"""Number of points per draw; a power of two keeps the sequence balanced."""
+BLOCK = 512  # number of points per draw; a power of two keeps the sequence balanced
 MOST_GENES: int = qmc.Sobol.MAXDIM
 
 

@@ -28,8 +28,8 @@ from evoros.storage.champion_files import CHAMPION
 from evoros.storage.layout import CONTROLS, EVALUATION, read_sealed
 from evoros.terminal.log import LOGGER, collect_messages
 
+# configuration values of all controls
 PLAIN: Mapping[str, Any] = {"controls": None, "observers": {}, "figures": [], "record": "none"}
-"""Configuration values of all controls."""
 
 
 def run(
@@ -38,12 +38,7 @@ def run(
     draw: work.DrawFigures,
     opener: work.PoolOpener = work.open_pool,
 ) -> None:
-    """Run a search or an evaluation, and then the search's controls.
-
-    Raises:
-        InputError: the missions on disk do not belong to the run, or a control cannot be used.
-        RunStopped: a mission was lost; the run can be resumed.
-    """
+    """Run a search or an evaluation, as ``Session.run`` does, and then the search's controls."""
     session.run(display, draw, opener)
     task = session.task
     if isinstance(task, Search) and task.experiment.controls is not None:
@@ -68,7 +63,7 @@ def open_controls(run: Path, controls: Controls) -> Iterator[Session]:
 
 
 def _require_current(run: Path) -> None:
-    """Require that the controls were made for the present champion and size of a run."""
+    """Require that the controls were made for the current champion and size of a run."""
     evaluation, random = (run / CONTROLS / name for name in (EVALUATION, RANDOM))
     files = {"design.csv": layout.DESIGN_FILE, "genes.csv": layout.GENE_FILE}
     same = [
@@ -102,7 +97,6 @@ def _configure(run: Path, changes: Mapping[str, Any]) -> Configuration:
 
 
 def _record_random(run: Path, controls: Controls, folder: Path) -> Session:
-    """Record a random search with as many generations and designs as the run."""
     from evoros.storage.reading import load_run  # imports pandas, which is slow
 
     recorded, table = read_recorded(run / layout.CONFIG).values, load_run(run).generations
@@ -115,7 +109,7 @@ def _record_random(run: Path, controls: Controls, folder: Path) -> Session:
     }
     config = _configure(run, {"optimizer": optimizer})
     with collect_messages() as messages, change_to_origin(read_sealed(run, layout.MANIFEST)):
-        LOGGER.info("%s: random search with %d designs, a control", folder, designs)
+        LOGGER.info("%s: running the control, a random search of %d designs", folder, designs)
         return record_run(build_search(config), config, folder, messages)
 
 

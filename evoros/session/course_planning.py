@@ -36,8 +36,7 @@ from evoros.world.loading import free_bodies, read_world
 from evoros.world.model import LOW_M, World
 from evoros.world.standing import stand
 
-HEADROOM_M = 0.1
-"""Minimum clearance [m] between the robot and a body above its course."""
+HEADROOM_M = 0.1  # minimum clearance between the robot and a body above its course
 
 
 @dataclass(frozen=True)
@@ -65,10 +64,7 @@ class _Place:
 
 
 def plan_course(values: Mapping[str, Any], robot: Robot) -> Planned:
-    """Complete the course of the world that ``load_world`` reads given ``values``.
-
-    Missing waypoints are chosen to suit the robot and the given home.
-    """
+    """Complete the course of the world that ``load_world`` reads from ``values``, for a robot."""
     source, given = str(values["sdf"]), _check_course(values.get("course"))
     with withhold_messages():  # the messages are logged again when the world is built
         bodies = _read_bodies(source, values)
@@ -121,8 +117,7 @@ def _to_values(course: Course) -> dict[str, Any]:
 def _find_world(place: _Place) -> tuple[World, str]:
     """Return a world with a suggested course that causes no warning, and where the course is.
 
-    A course in an enclosed region is preferred. Floors in the file are tried before the ground
-    plane that is added to worlds without ground.
+    Courses in enclosed regions are preferred, and the file's floors to an added ground plane.
     """
     grounds = (False,) if project_ground(place.bodies) is None else (True, False)
     for on_floors in grounds:
@@ -141,7 +136,7 @@ def _find_world(place: _Place) -> tuple[World, str]:
 
 
 def _list_worlds(place: _Place, on_floors: bool) -> Iterator[tuple[World, Suggestion]]:
-    """Yield worlds with a suggested course that causes no warning, at most one world per floor."""
+    """Yield worlds with a suggested course that causes no warning, at most one per floor."""
     tried = set[tuple[object, ...]]()
     for start in _list_starts(place):
         for _ in range(2):  # the course suggested first may be on a different floor
@@ -170,13 +165,11 @@ def _list_starts(place: _Place) -> Iterator[Course]:
 
 
 def _start(home: tuple[float, float], waypoints: Any = None) -> Course:
-    """Return a provisional course whose only purpose is to select a floor."""
     points = [(home[0] + 0.5, home[1])] if waypoints is None else [tuple(p) for p in waypoints]
     return Course(*home, 0.0, 0.0, points, 0.3, 60.0, "forward", True)
 
 
 def _suggest(place: _Place, bodies: Sequence[Body], on_floors: bool) -> Suggestion | None:
-    """Suggest a course on the floor that avoids bodies that are too low or may fall."""
     obstacles = stand(bodies)
     below = max(place.robot.height_m, LOW_M) + HEADROOM_M
     fixed = [body for body in obstacles if body.mass is None]
@@ -191,7 +184,7 @@ def _suggest(place: _Place, bodies: Sequence[Body], on_floors: bool) -> Suggesti
 
 
 def _accept(place: _Place, course: Course) -> World | None:
-    """Return the world with this course; None if a run would reject the course or warn about it."""
+    """Return the world with this course; None if a run would reject or criticize the course."""
     bodies = free_bodies(settle(place.bodies, course, place.source), place.source)
     try:
         world = World("plan", bodies, course, place.source, "")

@@ -68,8 +68,7 @@ def read_recorded_designs(folder: Path, experiment: Experiment) -> list[NamedDes
 def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
     """Return the files that ``read_recorded_designs`` reads, as contents by file name.
 
-    Values have full precision. Sensors are in the order in which the robot numbers them, as in
-    ``failed_sensors``.
+    Values have full precision. Sensors are in the robot's order, as in ``failed_sensors``.
     """
     sensors: list[Sequence[object]] = []
     genes: list[Sequence[object]] = []
@@ -158,7 +157,7 @@ def _add_row(
 
 
 def _read_mount(at: str, cells: Mapping[str, str], member: Member) -> tuple[int, Mount]:
-    """Read the index and mount of a sensor; empty cells stand for the robot's default mount."""
+    """Read the index and mount of a sensor; for empty cells, the robot's defaults apply."""
     if not re.fullmatch(r"[0-9]{1,9}", cells["sensor"]):
         raise InputError(
             f"{at}: sensor must be a whole number of at least 0, not {quote(cells['sensor'])}; "
@@ -168,14 +167,13 @@ def _read_mount(at: str, cells: Mapping[str, str], member: Member) -> tuple[int,
     kind = cells.get("type") or (types[0] if len(types) == 1 else "")
     if kind not in types:
         raise InputError(
-            f"{at}: type must be one of {', '.join(types) or 'none'}, not {quote(kind)}; name one "
-            f"of design.sensors, or add a sensor type to them"
+            f"{at}: type must be one of {', '.join(types) or 'none'}, not {quote(kind)}; choose "
+            f"one of these, or add the type to design.sensors"
         )
     return int(cells["sensor"]), _read_place(at, kind, cells, member)
 
 
 def _read_place(at: str, kind: str, cells: Mapping[str, str], member: Member) -> Mount:
-    """Return a mount of a sensor of type ``kind``; fixed sensors may be anywhere on their robot."""
     x, y, yaw = (float(_parse(at, name, cells[name])) for name in ("x_m", "y_m", "yaw_deg"))
     z, pitch = (
         float(_parse(at, name, cells[name])) if cells.get(name) else None
@@ -222,9 +220,9 @@ def _parse(at: str, name: str, content: str) -> float:
 def read_rows(
     path: Path, required: Sequence[str], optional: Sequence[str]
 ) -> Iterator[tuple[int, dict[str, str]]]:
-    """Yield the number of each line, and the line's cells by column name.
+    """Yield the number of each nonempty line, and the line's cells by column name.
 
-    White space within a cell is collapsed to single spaces; empty lines are skipped.
+    White space within a cell is collapsed to single spaces.
     """
     try:
         rows = csv.reader(StringIO(read_file(path).decode("utf-8-sig"), newline=""), strict=True)

@@ -14,24 +14,22 @@ from evoros.requirement.claim import OWN, Condition
 from evoros.requirement.requirements import ROUND, Assessment, Judged
 from evoros.requirement.verdict import Trial
 
-GENERATION = 0
-"""Generation number that, with the seed, determines the draws for all evaluated designs."""
+GENERATION = 0  # determines, with the seed, the draws for all evaluated designs
 
 
 @dataclass
 class DesignTrials:
     """The missions of a design, and the outcomes known so far.
 
-    Without requirements, all missions are wanted. Otherwise, missions are added in rounds until all
-    requirements are decided, so only the outcomes determine which missions are run.
+    With requirements, missions are added in rounds until all requirements are decided. Which
+    missions are run thus depends only on outcomes.
     """
 
     experiment: Experiment
     index: int
     design: Design
     outcomes: dict[MissionKey, Outcomes] = field(default_factory=dict)
-    wanted: int = 0
-    """Number of missions wanted so far."""
+    wanted: int = 0  # number of missions wanted so far
     finished: bool = False
 
     def __post_init__(self) -> None:

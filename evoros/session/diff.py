@@ -18,8 +18,7 @@ from evoros.terminal.log import warn_left_out
 
 KEYS = (("generation", "design", "world", "trial"), ("source", "design", "world", "trial"))
 """Columns that identify a mission of a run, and of an evaluation."""
-FIGURES = "figures/"
-"""Folder of figures; equal runs may have different figures, because these can be drawn later."""
+FIGURES = "figures/"  # may differ between equal runs, because figures can be drawn later
 SHOWN = 60  # maximum number of characters of a value that are shown
 NOTHING = "nothing"
 Key = tuple[tuple[str, str], ...]  # (name, cell) of the columns that identify a mission
@@ -31,7 +30,11 @@ def compare_missions(one: Path, other: Path) -> tuple[str, int]:
     The order of rows is ignored, because unfinished runs record missions as they complete.
     """
     first, second = (_read_missions(folder / layout.MISSIONS) for folder in (one, other))
-    for key in sorted({*first, *second}, key=_order):
+
+    def order(key: Key) -> list[tuple[int, str]]:
+        return [(int(value) if value.isdecimal() else -1, value) for _, value in key]
+
+    for key in sorted({*first, *second}, key=order):
         (line, row), (other_line, other_row) = first.get(key, (0, {})), second.get(key, (0, {}))
         if row == other_row:
             continue
@@ -40,13 +43,9 @@ def compare_missions(one: Path, other: Path) -> tuple[str, int]:
             return f"{layout.MISSIONS}: the mission {mission} is only in {one if row else other}", 0
         column = next(c for c in [*row, *other_row] if row.get(c) != other_row.get(c))
         where = f"line {line}" + (f" and {other_line}" if line != other_line else "")
-        values = describe_values(column, one, row.get(column), other, other_row.get(column))
+        values = _describe_values(column, one, row.get(column), other, other_row.get(column))
         return f"{layout.MISSIONS}: {where} (the mission {mission}): {values}", 0
     return "", len(first)
-
-
-def _order(key: Key) -> list[tuple[int, str]]:
-    return [(int(value) if value.isdecimal() else -1, value) for _, value in key]
 
 
 def _read_missions(path: Path) -> dict[Key, tuple[int, dict[str, str]]]:
@@ -80,7 +79,7 @@ def find_difference(one: Path, other: Path, name: str) -> str:
                 return ""
     find = {".csv": _find_cell, ".json": _find_key}.get(Path(name).suffix, _find_line)
     place, value, other_value = find(*texts)
-    return f"{name}: {describe_values(place, one, value, other, other_value)}"
+    return f"{name}: {_describe_values(place, one, value, other, other_value)}"
 
 
 def _read_unnamed(text: str, folder: Path) -> Iterator[tuple[str, ...]]:
@@ -92,8 +91,7 @@ def _read_unnamed(text: str, folder: Path) -> Iterator[tuple[str, ...]]:
         yield tuple("" if (name, cell) == ("run", run) else cell for name, cell in pairs)
 
 
-def describe_values(place: str, one: Path, first: object, other: Path, second: object) -> str:
-    """Describe the two values of a quantity that differs between two folders."""
+def _describe_values(place: str, one: Path, first: object, other: Path, second: object) -> str:
     return f"{place} is {_shorten(first)} in {one} and {_shorten(second)} in {other}"
 
 
@@ -110,17 +108,12 @@ def _find_line(first: str, second: str) -> Difference:
 def _find_cell(first: str, second: str) -> Difference:
     line, content, other = _find_line(first, second)
     with suppress(csv.Error):  # raised, for example, by cells of 200,000 characters
-        return _find_column(first, second, line, content, other)
-    return line, content, other
-
-
-def _find_column(first: str, second: str, line: str, content: object, other: object) -> Difference:
-    headers = [next(csv.reader(text.splitlines()), []) for text in (first, second)]
-    if headers[0] == headers[1] and NOTHING not in (content, other):
-        cells = [next(csv.reader([str(text)]), []) for text in (content, other)]
-        for column, one_cell, other_cell in zip(headers[0], *cells, strict=False):
-            if one_cell != other_cell:
-                return f"{line}: {column}", one_cell, other_cell
+        headers = [next(csv.reader(text.splitlines()), []) for text in (first, second)]
+        if headers[0] == headers[1] and NOTHING not in (content, other):
+            cells = [next(csv.reader([str(text)]), []) for text in (content, other)]
+            for column, one_cell, other_cell in zip(headers[0], *cells, strict=False):
+                if one_cell != other_cell:
+                    return f"{line}: {column}", one_cell, other_cell
     return line, content, other
 
 
@@ -167,7 +160,6 @@ COMPARED = (
 )
 """The derived files to be compared, other than missions, in the order of their creation."""
 FREE = (*protocol.FREE, "figures")
-"""Keys, or key prefixes, that affect no compared file."""
 MADE_BY = (
     "commit",
     "dirty",
@@ -259,7 +251,7 @@ def _diff_configurations(one: Path, other: Path, diff: Diff) -> str:
     for key in _differing(first, second):
         if key.partition(".")[0] not in FREE:
             values = [values.get(key, NOTHING) for values in (first, second)]
-            return f"{layout.CONFIG}: {describe_values(key, one, values[0], other, values[1])}"
+            return f"{layout.CONFIG}: {_describe_values(key, one, values[0], other, values[1])}"
         if key.partition(".")[0] != "observers":  # observers write no file into the folder
             diff.circumstances[key.partition(".")[0]] = None
     return ""

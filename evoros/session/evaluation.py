@@ -66,12 +66,11 @@ def _check_sources(designs: Any) -> list[str]:
 
 
 def _check_draws(experiment: Experiment) -> None:
-    """Require that an evaluation on validation draws has trials, and no part with other draws."""
     if experiment.evaluation_draws != VALIDATION:
         return
     if not experiment.plan.evaluation_trials:
         raise InputError(
-            "validation.trials: must be at least 1 with evaluation_draws=validation, not 0; "
+            "validation.trials: with evaluation_draws=validation, must be at least 1, not 0; "
             "type validation.trials=5, for example"
         )
     asked = {"worst_cases": experiment.worst_cases is not None}
@@ -87,7 +86,7 @@ def _check_draws(experiment: Experiment) -> None:
 def _check_levels(designs: Sequence[NamedDesign], experiment: Experiment) -> None:
     """Require that each design has enough sensors for the failures in the requirements.
 
-    Warn about requirements that cannot be met with the configured number of trials.
+    Warn about requirements that need more trials.
     """
     for index, named in enumerate(designs):
         try:
@@ -119,10 +118,7 @@ def list_faults(designs: Sequence[NamedDesign], scenario: Scenario) -> Iterator[
 
 
 class Evaluation:
-    """The evaluation of designs, each identified by its index.
-
-    Only the outcomes of unfinished designs are kept in memory.
-    """
+    """The evaluation of designs, each identified by its index."""
 
     def __init__(
         self, experiment: Experiment, folder: RunFolder, designs: Sequence[NamedDesign]
@@ -143,10 +139,6 @@ class Evaluation:
     @property
     def _wanted(self) -> int:
         return sum(trials.wanted for trials in self._trials)
-
-    @property
-    def _most(self) -> int:
-        return sum(trials.most for trials in self._trials)
 
     @property
     def _known(self) -> int:
@@ -179,17 +171,20 @@ class Evaluation:
         experiment, folder = self.experiment, self.folder
         for trials in self._trials:
             self._read(trials)
-        status.display.begin(0, self._most, self._known)
+        self._show(status)
         keep = folder.keep_trajectory if experiment.record == ALL else None
         dispatcher = Dispatcher(pool, experiment.lost_missions, folder.keep_log, keep)
         while self._known < self._wanted:  # undecided requirements need more missions
             for scenario, missions in self._list_missions():
                 dispatcher.run_missing(scenario, missions, self, status.mission)
-            status.display.begin(0, self._most, self._known)
+            self._show(status)
         self._search_worst_cases(dispatcher, status)
         self._write_results()
         keep_worst(folder, experiment, self.designs, dispatcher)
         folder.complete()
+
+    def _show(self, status: Status) -> None:
+        status.display.begin(0, sum(trials.most for trials in self._trials), self._known)
 
     def _read(self, trials: DesignTrials) -> None:
         while not trials.finished:
@@ -203,7 +198,6 @@ class Evaluation:
                 return
 
     def _list_missions(self) -> Iterator[tuple[Scenario, Iterator[Mission]]]:
-        """Yield the missions wanted by unfinished designs, including recorded ones, by scenario."""
         conditions: dict[Scenario, dict[Condition, None]] = {}
         for trials in self._trials:
             for condition in trials.conditions:
@@ -230,7 +224,6 @@ class Evaluation:
             self._take(*result)
 
     def _take(self, mission: Mission, outcomes: Outcomes) -> None:
-        """Store a mission's outcomes; once its design is finished, score it and free the memory."""
         index = mission.design_id
         trials = self._trials[index]
         trials.take(mission.key, outcomes)

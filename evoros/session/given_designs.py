@@ -13,7 +13,6 @@ from evoros.config.recorded import flatten_recorded, read_recorded
 from evoros.evolution.experiment import Experiment
 from evoros.files.resources import expand_home
 from evoros.formats.strict_xml import parse, quote
-from evoros.mission.member import Member
 from evoros.observers.protocol import FREE
 from evoros.optimizer.random_search import RandomSearch
 from evoros.robot.model import Robot
@@ -31,7 +30,7 @@ from evoros.storage.manifest import find_changes
 from evoros.storage.verification import read_text, verify_folder
 from evoros.terminal.log import LOGGER, warn_left_out
 
-UNUSED = (*(*FREE, "figures", "treatment", "objectives", "descriptors", "draws", "final_choice"),)
+UNUSED = (*FREE, "figures", "treatment", "objectives", "descriptors", "draws", "final_choice")
 """Keys that evaluations do not use."""
 OF_VALIDATION = ("optimizer", "allocation", "confirmation", "validation")
 """Keys that only evaluations on validation draws use."""
@@ -40,7 +39,7 @@ OF_VALIDATION = ("optimizer", "allocation", "confirmation", "validation")
 def read_like(source: str, typed: frozenset[str]) -> RecordedRun:
     """Read the recorded configuration of a finished run, or of a sweep whose runs agree.
 
-    The runs may differ in the keys of ``typed``, which the overrides replace.
+    The runs may differ in the keys ``typed`` as overrides.
     """
     first, *others = _list_runs(source)
     ignored = {*UNUSED, *typed, *(() if "evaluation_draws" in typed else OF_VALIDATION)}
@@ -55,10 +54,7 @@ def read_like(source: str, typed: frozenset[str]) -> RecordedRun:
 
 
 def warn_of_changes(config: Configuration, experiment: Experiment) -> None:
-    """Warn about each robot, world or module that has changed since the run given by ``like``.
-
-    The file may have changed, or its relative path may start at a different folder.
-    """
+    """Warn about each robot, world or module that has changed since the run given by ``like``."""
     if config.like is None:
         return
     folder = next(iter(_list_runs(config.like)))
@@ -117,7 +113,7 @@ def _require_agreement(
 
 
 def _find_choice(key: str, *runs: Path) -> str:
-    """Return the group in which the runs chose differently if that changes a key; else the key."""
+    """Return the group in which the runs chose differently if it sets ``key``; else the key."""
     first, other = (layout.read_json(run / layout.MANIFEST).get("choices", {}) for run in runs)
     groups = [group for group in first if first[group] != other.get(group)]
     return next((group for group in groups if is_below(key, [find_place(group)])), key)
@@ -130,8 +126,7 @@ GENES_BESIDE = {"design.csv": "genes.csv", layout.DESIGN_FILE: layout.GENE_FILE}
 def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesign]:
     """Read the designs of all sources in order, and check them against ``experiment``.
 
-    A source is a CSV file or a folder; a folder of a run or a sweep provides the champions of its
-    finished runs.
+    A source is a CSV file or a folder of runs, whose champions are read.
     """
     designs: list[NamedDesign] = []
     known: set[Path] = set()
@@ -185,7 +180,6 @@ def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, li
 
 
 def _read_file(source: str, path: Path, experiment: Experiment) -> list[NamedDesign]:
-    """Read a file of designs and, if it exists, the file with all other genes of these designs."""
     column = None if path.name == layout.DESIGN_FILE else source
     drafts = read_drafts(path, column, experiment.members)
     genes = path.with_name(GENES_BESIDE.get(path.name, path.name))
@@ -207,7 +201,6 @@ def _read_champion(source: str, path: Path, experiment: Experiment) -> list[Name
 
 
 def _require_configured(path: Path, champion: NamedDesign, experiment: Experiment) -> None:
-    """Require that each agent with a configured design has the design of its run."""
     for name, design in champion.design.agents.items():
         if experiment.space.find_configured(name) not in (None, design):
             raise InputError(
@@ -229,13 +222,11 @@ def _compare_robots(path: Path, robot: Robot) -> None:
 
 
 def check_controls(experiment: Experiment) -> None:
-    """Check the controls of a search before it starts.
-
-    Raises:
-        InputError: a file of designs cannot be used, or a control would equal the champion.
-    """
+    """Check before a search that its controls can be used, and are not the search itself."""
     for name in () if experiment.controls is None else experiment.controls.designs:
-        if name == NO_SENSORS and not any(map(_has_sensors, experiment.members)):
+        if name == NO_SENSORS and not any(
+            member.design.max_number or member.design.fixed for member in experiment.members
+        ):
             problem = "the designs have no sensors"
         elif name == RANDOM and isinstance(experiment.optimizer, RandomSearch):
             problem = "the run itself is a random search"
@@ -243,11 +234,9 @@ def check_controls(experiment: Experiment) -> None:
             if name not in (NO_SENSORS, RANDOM):
                 read_given([name], experiment)
             continue
-        raise InputError(f"controls.designs: {name} is no control, because {problem}; leave it out")
-
-
-def _has_sensors(member: Member) -> bool:
-    return member.design.max_number > 0 or bool(member.design.fixed)
+        raise InputError(
+            f"controls.designs: {name} is not a control, because {problem}; leave it out"
+        )
 
 
 def require_finished(path: Path, key: str) -> None:
@@ -257,7 +246,7 @@ def require_finished(path: Path, key: str) -> None:
         owner = "an evaluation" if (path / layout.DESIGN_FILE).is_file() else "no run"
         raise InputError(
             f"{key}={path}: must be {file}the folder of a finished run or a sweep, but contains "
-            f"{owner}; give the folder that evoros printed as run folder"
+            f"{owner}; give the folder that evoros printed as the run folder"
         )
     verify_folder(path)
     state = layout.read_json(path / layout.STATUS).get("state")

@@ -28,18 +28,10 @@ from evoros.world.mesh_areas import measure_meshes
 from evoros.world.model import World
 from evoros.world.standing import list_areas
 
-SAMPLES = 60
-"""Number of random designs drawn in the picture of a robot."""
-
-LEVEL, UNEVEN = "simulator=planar", "simulator=physics"
-"""Simulators for worlds with level ground and with uneven ground."""
-
-INDOOR = "controller=indoor"
-"""Controller for worlds that are too narrow for the default controller."""
-
-NEAR_RATIO = 1.0
-"""Ratio above which most positions have an obstacle within the avoidance range."""
-
+SAMPLES = 60  # number of random designs in the picture of a robot
+LEVEL, UNEVEN = "simulator=planar", "simulator=physics"  # level or uneven ground
+INDOOR = "controller=indoor"  # suits worlds too narrow for the default controller
+NEAR_RATIO = 1.0  # above it, most positions have an obstacle within the avoidance range
 ANOTHER = (
     "for another, add world.NAME.course.home_x_m=X world.NAME.course.home_y_m=Y to this command"
 )
@@ -64,10 +56,9 @@ class Inspection:
 def inspect_robot(
     name: str, folder: Path, simulator: str, draw: Callable[[Robot, Places], bytes]
 ) -> Inspection:
-    """Describe the robot ``name`` in the user's configuration ``folder``.
+    """Describe the robot ``name`` in the user's configuration ``folder``; ``draw`` its picture.
 
-    The inspection includes a design with the sensors that the robot already has. ``draw`` draws the
-    picture.
+    The inspection includes a design with the sensors that the robot already has.
     """
     experiment, messages = _build([f"robot={name}", "design=around", simulator], folder)
     robot, places = experiment.robot, _sample_places(experiment)
@@ -119,7 +110,6 @@ def inspect_world(
 
 
 def _check_meetings(world: World, robot: Robot) -> Iterator[str]:
-    """Yield a warning if the robot cannot touch any obstacle, and one for each blocked leg."""
     if not list_areas(world, robot.height_m) and not world.actors:
         yield (
             f"{world.source}: no obstacle that {robot.name}, {robot.height_m:.3g} m high, can "
@@ -138,7 +128,6 @@ def _check_meetings(world: World, robot: Robot) -> Iterator[str]:
 
 
 def _choose_controller(experiment: Experiment, words: Sequence[str], folder: Path) -> Sequence[str]:
-    """Choose a controller whose avoidance suits the worlds; empty if the default one does."""
     if not _find_ranges(experiment, NEAR_RATIO):
         return []
     config = compose([*words, INDOOR], config_dir=folder)

@@ -36,11 +36,10 @@ from evoros.storage.verification import list_tables, verify_folder
 from evoros.terminal.activity import announce
 from evoros.terminal.log import LOGGER
 
-CERTIFIED = (
+CERTIFIED = (  # fields of the champion's certificate that observers receive
     *("recorded_fitness", "validated_fitness", "fitness_low", "fitness_high"),
     "rival_advantage",
 )
-"""Fields of the champion's certificate that observers receive."""
 
 
 class FolderReader:
@@ -115,7 +114,7 @@ def _read_files(folder: Path) -> Iterator[tuple[str, bytes]]:
 
 
 def _finite(metrics: Mapping[str, float]) -> Mapping[str, float]:
-    """Return the finite numbers, the only ones that trackers can plot, as a read-only mapping."""
+    """Return the finite numbers, the only ones that trackers can plot."""
     finite = {name: value for name, value in metrics.items() if math.isfinite(value)}
     return MappingProxyType(finite)
 
@@ -154,11 +153,8 @@ def observe(folder: Path, observers: Mapping[str, protocol.Observer]) -> Iterato
             link.tell(lambda: reader.read(generations))
 
     def finish() -> None:
-        state = (
-            layout.FINISHED
-            if layout.read_json(folder / layout.STATUS).get("state") == layout.FINISHED
-            else layout.STOPPED
-        )
+        written = layout.read_json(folder / layout.STATUS).get("state")
+        state = layout.FINISHED if written == layout.FINISHED else layout.STOPPED
         for link in links:
             link.tell(lambda: reader.read(told, state))
             link.close()
@@ -173,8 +169,6 @@ def observe(folder: Path, observers: Mapping[str, protocol.Observer]) -> Iterato
 
 @dataclass
 class _Link:
-    """The connection to an observer, until it fails."""
-
     folder: Path
     name: str
     observer: protocol.Observer
@@ -205,8 +199,7 @@ class _Link:
             if not self.failed:
                 LOGGER.warning(
                     "observers.%s: %s; the run continues without this observer; to send the "
-                    "missing "
-                    "data later, type: %s",
+                    "missing data later, type: %s",
                     *(self.name, describe(error), _export_command(self.folder, self.name)),
                 )
             self.send, self.failed = None, True
@@ -247,16 +240,14 @@ def _export_command(folder: Path, name: str) -> str:
 def export(folder: Path, observer: protocol.Observer, origin: Path) -> protocol.ObservedRun:
     """Send a recorded run, or its missing records, to a tracker; return the run.
 
-    Relative paths in the tracker's keys are relative to ``origin``. Errors of the tracker are not
-    caught.
+    Relative paths in the tracker's keys are relative to ``origin``.
     """
     if layout.evaluates(folder) or not (folder / layout.MANIFEST).is_file():
         raise InputError(f"{folder}: must be the folder of a run; correct the path")
     verify_folder(folder)
     state = survey(folder).state
-    run = FolderReader(folder, origin).read(
-        None, None if state in (layout.RUNNING, BEGUN) else state
-    )
+    ended = None if state in (layout.RUNNING, BEGUN) else state
+    run = FolderReader(folder, origin).read(None, ended)
     with open_observer(observer, run) as send:
         send(run)
     return run

@@ -16,15 +16,13 @@ from evoros.terminal.log import warn_left_out
 
 
 class _Shown:
-    """A context manager that shows a line on a screen, including the current activity."""
-
     def __init__(self, screen: Screen | None) -> None:
         self._created = time.monotonic()
         self.activity, self.ended = "", False
         self._screen, self._stack = screen, ExitStack()
 
     def __enter__(self) -> Self:
-        self._stack.enter_context(listen(self._note_activity))
+        self._stack.enter_context(listen(lambda activity: setattr(self, "activity", activity)))
         if self._screen:
             self._screen.start()
             self._stack.callback(self._screen.stop)
@@ -34,15 +32,15 @@ class _Shown:
         self.ended = True
         self._stack.close()
 
-    def _note_activity(self, activity: str) -> None:
-        self.activity = activity
+    def _describe_elapsed(self) -> str:
+        return f"{write_clock(_elapsed(self._created))} elapsed"
 
 
 class Progress(_Shown):
     """The progress display of one run or evaluation, a context manager.
 
     If ``shown``, it appears on the terminal, below a notebook cell, or in a pipe as a new line
-    every ten seconds. For short work, nothing is shown.
+    every ten seconds, but not for short work.
     """
 
     def __init__(self, shown: bool = True) -> None:
@@ -105,7 +103,7 @@ class Progress(_Shown):
     def _describe_time(self, elapsed: float) -> str:
         if self.missions:
             return f"{write_clock(self._left() * elapsed / self.missions)} left"
-        return f"{write_clock(_elapsed(self._created))} elapsed"
+        return self._describe_elapsed()
 
     @property
     def share(self) -> float:
@@ -162,12 +160,7 @@ class SweepProgress(_Shown):
             (3, _best(job.best for job in begun)),
             (5, f"missions {sum(job.missions for job in begun)}" if share else ""),
             (6, _speed(sum(job.simulated for job in begun), elapsed) if share else ""),
-            (
-                1,
-                f"{write_clock(left)} left"
-                if share
-                else f"{write_clock(_elapsed(self._created))} elapsed",
-            ),
+            (1, f"{write_clock(left)} left" if share else self._describe_elapsed()),
         ]
         return fit(parts, width)
 
@@ -175,7 +168,7 @@ class SweepProgress(_Shown):
 class RecordedProgress(_Shown):
     """The progress of jobs in other processes or on other machines, read from their folders.
 
-    The jobs may write to this terminal at any time, so every update is a new line.
+    Every update is a new line, because the jobs may write to this terminal at any time.
     """
 
     def __init__(self, sweep: Path, jobs: int | None) -> None:
@@ -192,7 +185,7 @@ class RecordedProgress(_Shown):
             (2, f"{states.count(RUNNING)} running"),
             (1, _best(job.best for job in begun)),
             (3, f"missions {sum(job.missions for job in begun)}"),
-            (4, f"{write_clock(_elapsed(self._created))} elapsed"),
+            (4, self._describe_elapsed()),
         ]
         return fit(parts, width)
 

@@ -37,10 +37,8 @@ class Rebuilt(NamedTuple):
     """The experiment of a recorded run."""
 
     experiment: Experiment
-    number: int | None
-    """The number of generations or trials in the overrides; None if not overridden."""
-    config: Configuration
-    """The recorded configuration, with overrides applied."""
+    number: int | None  # generations or trials in the overrides; None if not given
+    config: Configuration  # recorded, with overrides applied
 
 
 def rebuild(
@@ -55,8 +53,8 @@ def rebuild(
     """Rebuild the experiment of a run, with the overrides that are allowed on resuming.
 
     This executes the code that the configuration names. ``warns`` enables warnings about changed
-    package versions. ``places`` maps each recorded folder to the folder into which an archive was
-    unpacked. ``mends`` accepts changed parts that have affected no recorded result.
+    package versions. ``places`` maps recorded folders to folders of an unpacked archive. ``mends``
+    accepts changed parts that have affected no recorded result.
     """
     if config_dir is not None:
         add_config_dir(config_dir)

@@ -134,7 +134,7 @@ def _find_row(path: Path, columns: Mapping[str, str]) -> Row:
 
 
 def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:
-    """Feed the recorded scores to the optimizer, and return all designs proposed so far by id."""
+    """Feed the recorded scores to the optimizer; return all designs proposed so far by id."""
     space = experiment.space
     search = experiment.start_search()
     designs = {individual.id: space.decode(individual.genome) for individual in search.ask()}

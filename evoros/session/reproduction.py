@@ -77,8 +77,8 @@ def build_reproduction(
 ) -> Session:
     """Start a rerun, or resume an unfinished one.
 
-    ``overrides`` may change the executor; ``config_dir`` holds the modules with the user's own
-    parts; ``places`` maps each recorded folder to the folder into which an archive was unpacked.
+    ``overrides`` may change the executor; ``config_dir`` has the user's own parts; ``places`` maps
+    recorded folders to folders of an unpacked archive.
     """
     for text in overrides:
         if not text.startswith(("executor=", "executor.")):

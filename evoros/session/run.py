@@ -35,11 +35,10 @@ from evoros.storage.run_folder import RunFolder
 from evoros.storage.verification import find_strays, is_complete, verify_folder
 from evoros.terminal.log import LOGGER, collect_messages
 
-SEARCH = (
+SEARCH = (  # keys that affect only the search, and no check of robots or worlds
     *("seed", "trials", "draws", "optimizer", "allocation", "validation", "final_choice"),
     *("lost_missions", "record", "figures", "treatment"),
 )
-"""Keys that affect only the search, and no check of robots or worlds."""
 SIZES = {plan.GENERATIONS: "generations", plan.TRIALS: "trials", plan.VALIDATION_TRIALS: "trials"}
 """Keys that may be raised on resuming, with their fields in ``status.json``."""
 
@@ -98,7 +97,6 @@ class Session:
                 work.draw_figures(folder.path, figures, pool, draw)
 
     def _is_outdated(self) -> bool:
-        """Return True unless the run has already finished at its current size."""
         ended, fields = self.task.folder.read_status(), self.task.describe()
         return ended.get("state") != layout.FINISHED or any(
             ended.get(name) != fields.get(name) for name in SIZES.values()
@@ -125,9 +123,8 @@ def create_run(config: Configuration, folder: Path) -> Session:
 def check_run(config: Configuration, similar: Experiment | None) -> Experiment:
     """Build and check a run without recording it.
 
-    ``similar`` has already been checked, and may differ only in the keys of ``SEARCH``. For a
-    search, only the parts under these keys are then built and checked, because robots and worlds
-    take longest.
+    ``similar`` was checked and differs only in the keys of ``SEARCH``; for a search, only these
+    parts are built again.
     """
     if config.evaluates:
         return build_evaluation(config)[0]
@@ -151,9 +148,6 @@ def record_run(
     """Record a run in a new folder; for an evaluation, ``designs`` is given.
 
     ``size`` is the number of generations or trials if it differs from the configured number.
-
-    Raises:
-        InputError: the folder cannot be created; it is unchanged.
     """
     files, command = (
         ({}, layout.RUN) if designs is None else (write_designs(designs), layout.EVALUATE)
@@ -176,9 +170,8 @@ def open_run(
 ) -> Session:
     """Open the run in a folder to resume it; running a finished run verifies it.
 
-    ``overrides`` may change the executor and the observers of a search, and raise
-    ``optimizer.generations`` of a search or ``trials`` of an evaluation. ``config_dir`` holds the
-    modules with the user's own parts.
+    ``overrides`` may change the executor and the observers of a search, and raise the number of
+    generations or trials. ``config_dir`` has the user's own parts.
     """
     with collect_messages() as messages:
         experiment, wanted, _ = rebuild(folder, overrides, config_dir, mends=True)
@@ -233,8 +226,8 @@ def _find_size(record: RunFolder, key: str, written: int, wanted: int | None) ->
     known = max(recorded, written) if isinstance(recorded, int) else written
     if recorded is None and len(record.rows):  # a run without rows may not have a status yet
         LOGGER.warning(
-            "%s: missing or damaged; the run continues to %d %s, as in %s or the tables; if the "
-            "run had been extended further, repeat %s=...",
+            "%s: missing or damaged; the run continues to %d %s, the number in %s or the tables; "
+            "if you had extended the run further, give %s=... again",
             *(record.path / layout.STATUS, known, SIZES[key], layout.CONFIG, key),
         )
     if wanted is not None and wanted < known:
@@ -248,11 +241,7 @@ def _find_size(record: RunFolder, key: str, written: int, wanted: int | None) ->
 def reopen_run(
     config: Configuration, folder: Path, overrides: Sequence[str], config_dir: str | None
 ) -> Session | None:
-    """Open the run in a job's folder to resume it; return None if it is complete and drawn.
-
-    A run with damaged tables or digests is incomplete. ``overrides`` may set the executor and the
-    observers.
-    """
+    """Open the run in a job's folder to resume it; return None if it is complete and drawn."""
     require_same(folder, config)
     if config.evaluates:
         _require_same_designs(folder, config)

@@ -26,9 +26,8 @@ NOTEBOOK_WIDTH = 100
 def fit(parts: Sequence[tuple[int, str]], width: int) -> str:
     """Join the nonempty (rank, string) parts of a line, up to ``width`` characters.
 
-    If the line is too long, the parts with the highest ranks are left out, and the last remaining
-    part is truncated. ``rich.progress`` (rich 13.9.4) truncates all columns instead: 40 characters
-    show four parts as ``generat… |… | 2265 missions, 23982 si… …``.
+    The parts with the highest ranks are left out if the line is too long. ``rich.progress``
+    truncates all columns instead, as in ``generat… |… | 2265 missions, 23982 si… …``.
     """
     kept = [part for part in parts if part[1]]
     while len(line := SEPARATOR.join(text for _, text in kept)) > width and len(kept) > 1:
@@ -39,10 +38,8 @@ def fit(parts: Sequence[tuple[int, str]], width: int) -> str:
 class Surface:
     """An output on which a changing line is shown."""
 
-    first_s = 0.5
-    """Delay [s] before the line first appears; work that ends earlier shows no line."""
-    period_s = 0.5
-    """Interval between updates [s]."""
+    first_s = 0.5  # delay before the line first appears; work that ends earlier shows no line
+    period_s = 0.5  # interval between updates
 
     def open(self) -> None:
         """Prepare the output for the line."""
@@ -95,7 +92,7 @@ class Screen:
             self.surface.close(self.line)
 
     def _is_due(self) -> bool:
-        """Wait until the line is due for an update; return False if it has been stopped."""
+        # also waits until the line is due for an update
         while (left := self._due - time.monotonic()) > 0:
             if self._stopped.wait(left):
                 return False

@@ -24,12 +24,11 @@ from evoros.storage.run_folder import RunFolder
 from evoros.terminal.activity import tell_slow
 from evoros.terminal.log import LOGGER, log_progress
 
-UNUSED: dict[str, object] = {
+UNUSED: dict[str, object] = {  # keys that only evaluations use, and their values in a search
     "requirements": {},
     "worst_cases": None,
     "evaluation_draws": EVALUATION,
 }
-"""The keys that only evaluations use, and their values in a search."""
 
 
 def build_search(config: Configuration) -> Experiment:
@@ -99,18 +98,13 @@ class Search:
         Raises:
             RunStopped: a mission was lost; the run can be resumed.
         """
-        self._status = status
-        self._log_precision()
-        self.certificate = evolve(
-            self.experiment, self.folder, self, self.generations, pool
-        ).certificate
-        self.folder.complete(self.generations, self.extended)
-
-    def _log_precision(self) -> None:
-        experiment = self.experiment
+        self._status, experiment = status, self.experiment
         missions, bounds = experiment.scored_missions, experiment.fitness_bounds
         if foreseen := foresee_trials(experiment.validation, missions, bounds):
             LOGGER.info(foreseen)
+        ending = evolve(experiment, self.folder, self, self.generations, pool)
+        self.certificate = ending.certificate
+        self.folder.complete(self.generations, self.extended)
 
     def begin(self, generation: int, missions: int, known: int) -> None:
         """Show the number of missions needed."""

@@ -19,8 +19,7 @@ from evoros.storage.digests import Repair
 from evoros.storage.run_folder import RunFolder
 from evoros.terminal.log import LOGGER, log_to_file
 
-UPDATE_S = 5.0
-"""Minimum interval [s] between updates of ``status.json`` during missions."""
+UPDATE_S = 5.0  # minimum interval between updates of ``status.json`` during missions
 
 
 class Display(Watcher, Protocol):
@@ -132,8 +131,7 @@ def log_repair(repair: Repair) -> None:
 
 KILLED, BEGUN = "killed", "begun"
 """States of a run that was killed, and of a run that has no status yet."""
-SILENT_S = 3 * UPDATE_S
-"""Age [s] of a status beyond which its process may have ended."""
+SILENT_S = 3 * UPDATE_S  # age of a status beyond which its process may have ended
 
 
 @dataclass(frozen=True)
@@ -224,7 +222,7 @@ def is_locked(folder: Path) -> bool:
 def _estimate_left(status: Mapping[str, Any]) -> float | None:
     """Estimate the remaining time [s] from this session's speed.
 
-    Future generations are assumed to need as many missions as the average past generation.
+    Future generations are assumed to need as many missions as past ones on average.
     """
     names = ("missions", "session_missions", "session_wall_s")
     missions, of_session, wall = (status.get(name) for name in names)

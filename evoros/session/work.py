@@ -14,10 +14,8 @@ from evoros.storage.layout import REQUIREMENTS, WORST_CASES, evaluates
 from evoros.terminal.activity import announce
 from evoros.terminal.log import LOGGER, silence_unwritable
 
-FIGURES = "figures"
-"""Folder of figures in the run folder."""
-WORST, PAGE = "worst", "requirements"
-"""Figures of an evaluation: worst cases, and requirements."""
+FIGURES = "figures"  # folder in the run folder
+WORST, PAGE = "worst", "requirements"  # figures of an evaluation
 DrawFigures: TypeAlias = Callable[[Path, str, Path], Sequence[str]]
 """Picklable function that draws a figure into a folder, the picture last; returns warnings.
 
@@ -34,10 +32,7 @@ def list_figures(run: Path, configured: Sequence[str]) -> Sequence[str]:
 
 
 def draw_figures(run: Path, names: Sequence[str], pool: Pool, draw: DrawFigures) -> None:
-    """Draw the missing figures of a finished run, and log their folder.
-
-    Drawing errors become warnings.
-    """
+    """Draw the missing figures of a finished run, and log their folder; errors become warnings."""
     missing = [name for name in names if not has_figure(run, name)]
     if missing:
         workers = min(len(missing), available_cores())
@@ -76,10 +71,7 @@ def _list_files(run: Path, name: str) -> list[Path]:
 
 
 def has_figure(run: Path, name: str) -> bool:
-    """Return True if a figure is complete, that is, its picture exists and is not empty.
-
-    The picture is written last; a power failure may leave empty files.
-    """
+    """Return True if a figure's picture, which is written last, exists and no file is empty."""
     files = _list_files(run, name)
     pictures = [file for file in files if file.stem == name and file.suffix != ".csv"]
     return bool(pictures) and all(file.stat().st_size for file in files)

@@ -38,10 +38,10 @@ class WorstCaseRun:
     experiment: Experiment
     settings: WorstCases
     designs: Sequence[NamedDesign]
-    rates: Sequence[Mapping[str, float]]
-    """The fraction of completed trials by world, one mapping per design."""
-    conditions: Sequence[int]
-    """The number of conditions per design; the worst cases are numbered from there."""
+    rates: Sequence[Mapping[str, float]]  # fraction of completed trials by world, per design
+    conditions: Sequence[
+        int
+    ]  # number of conditions per design; worst cases are numbered from there
     folder: RunFolder
     dispatcher: Dispatcher
     status: Status
@@ -49,8 +49,7 @@ class WorstCaseRun:
     def run(self) -> None:
         """Search for the worst cases of each design, and write them.
 
-        Outcomes are recorded before the search uses them. A resumed search therefore tries the same
-        cases, and runs only the missing missions.
+        Outcomes are recorded before the search uses them, so a resumed search tries the same cases.
 
         Raises:
             InputError: the recorded missions belong to a different search.
@@ -132,8 +131,8 @@ def keep_worst(
 ) -> None:
     """Store the trajectory of the worst mission for each unmet requirement.
 
-    Missions without a trajectory are rerun. If the outcome differs, for example because a program
-    reads the clock, the trajectory is discarded.
+    Missions without a trajectory are rerun; the trajectory is discarded if the outcome differs, for
+    example because a program reads the clock.
     """
     if experiment.record == NONE:
         return
@@ -169,7 +168,6 @@ def _run_again(
     dispatcher: Dispatcher,
     agents: Sequence[str],
 ) -> None:
-    """Rerun recorded missions, and store the trajectories whose outcomes are as recorded."""
     tracks: dict[MissionKey, Array] = {}
 
     def keep(scenario: Scenario, mission: Mission, trajectory: Array) -> None:

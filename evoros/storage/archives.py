@@ -23,14 +23,10 @@ from evoros.files.resources import expand_home
 from evoros.files.zipped import open_zip, read_member
 from evoros.storage.layout import MARKS
 
-FORMAT = 1
-"""Version of the archive format."""
-RECORD = "evoros-archive.json"
-"""Archive member with the format version and the version of evoros."""
-CHECKSUMS = "checksums.sha256"
-"""Archive member with the SHA-256 of all other members, in the format of ``sha256sum --check``."""
-RUNS, INPUTS = "runs", "inputs"
-"""Folders of runs, and of the runs' input files."""
+FORMAT = 1  # version of the archive format
+RECORD = "evoros-archive.json"  # member with the format version and the version of evoros
+CHECKSUMS = "checksums.sha256"  # member with the hashes of all others, as of ``sha256sum --check``
+RUNS, INPUTS = "runs", "inputs"  # folders of runs, and of the runs' input files
 
 
 def open_folder(path: str | Path) -> Path:
@@ -166,20 +162,19 @@ def write_record(version: str) -> bytes:
 
 
 def _check_record(path: Path, content: bytes) -> None:
-    fields: object = None
+    parsed: object = None
     with suppress(ValueError):
-        fields = parse_json(content)
-    found = fields.get("format_version") if isinstance(fields, dict) else None
-    if found != FORMAT:
-        version = fields.get("evoros") if isinstance(fields, dict) else None
+        parsed = parse_json(content)
+    fields = parsed if isinstance(parsed, dict) else {}
+    if (found := fields.get("format_version")) != FORMAT:
         raise InputError(
             f"{path}: {RECORD}: format_version must be {FORMAT}, not {found!r}; read it with the "
-            f"version of evoros that wrote it ({version!r:.40})"
+            f"version of evoros that wrote it ({fields.get('evoros')!r:.40})"
         )
 
 
+# Patterns for the surroundings of a path, so that no part of a longer name matches.
 _BEFORE, _AFTER = r"(?<![\w.~-])", r"(?![\w-]|\.\w)"
-"""Patterns for the surroundings of a path, so that no part of a longer name matches."""
 
 
 @dataclass(frozen=True)
@@ -212,5 +207,4 @@ class Relocation:
         return place + (match[2] or "")
 
 
-NOWHERE = Relocation()
-"""A relocation that leaves all paths as they are."""
+NOWHERE = Relocation()  # leaves all paths as they are

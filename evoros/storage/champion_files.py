@@ -50,9 +50,11 @@ def track_files(champion: Champion, trajectories: Mapping[str, Array]) -> dict[s
 
 def champions_files(champions: Champions) -> dict[str, bytes]:
     """Return the tables of several champions, by file name."""
-    scores = dict(zip(champions.designs, champions.scores, strict=True))
+    rows = [
+        (key, *row.values()) for key, row in zip(champions.designs, champions.scores, strict=True)
+    ]
     tables = {
-        "scores.csv": _score_table(scores),
+        "scores.csv": to_csv([("id", *(champions.scores or [{}])[0]), *rows]),
         "genes.csv": gene_table(champions.designs, champions.gene_names),
         "design.csv": design_table(champions.designs),
     }
@@ -90,10 +92,7 @@ def sensor_rows(design: Design) -> Iterator[list[object]]:
 def table_by_robot(
     columns: Sequence[str], rows: Sequence[Sequence[object]], designs: Iterable[Design]
 ) -> str:
-    """Return a table of designs; the last cell of each row is the robot's name.
-
-    The robot's name is left out unless a design has several robots.
-    """
+    """Return a table of designs; the last cell, the robot's name, is left out for single robots."""
     if any(len(design.parts) > 1 for design in designs):
         return to_csv([(*columns, AGENT), *rows])
     return to_csv([columns, *(row[:-1] for row in rows)])
@@ -111,8 +110,3 @@ def gene_table(designs: Mapping[int, Design], names: Mapping[str, Mapping[str, s
         for key, value in part.values.items()
     ]
     return table_by_robot(GENE_COLUMNS, rows, designs.values())
-
-
-def _score_table(scores: Mapping[int, Mapping[str, float]]) -> str:
-    columns = list(next(iter(scores.values()), {}))
-    return to_csv([("id", *columns), *([key, *row.values()] for key, row in scores.items())])

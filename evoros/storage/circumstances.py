@@ -14,9 +14,7 @@ from evoros.files.origin import read_origin
 from evoros.files.resources import PACKAGE
 
 OWN = "evoros"
-
-COMPUTING = ("evoros", "numpy", "numba")
-"""Packages whose versions can change missions in every simulator."""
+COMPUTING = ("evoros", "numpy", "numba")  # their versions can change missions in every simulator
 
 
 def describe_circumstances(
@@ -24,8 +22,8 @@ def describe_circumstances(
 ) -> dict[str, Any]:
     """Return the fields of ``manifest.json`` about the code, packages and machine of this process.
 
-    ``packages`` are listed in addition to evoros's requirements; ``programs`` holds the versions of
-    live controllers.
+    ``packages`` are listed in addition to evoros's requirements; ``programs`` maps programs to
+    versions.
     """
     origin = read_origin()
     names = sorted({OWN, *map(normalize, (*packages, *_list_required()))})

@@ -27,11 +27,7 @@ def require_unused(path: Path) -> None:
 
 
 def require_whole(path: Path) -> None:
-    """Require that a folder was created completely, that is, has a mission table or a log.
-
-    Raises:
-        InputError: the process that created the folder was killed.
-    """
+    """Require a mission table or a log; a folder without them belongs to a killed process."""
     begun = any((path / name).exists() for name in (MISSIONS, LOG))
     if (path / CONFIG).exists() and not begun:
         raise InputError(
@@ -44,11 +40,8 @@ def create_folder(path: Path, files: Mapping[str, str]) -> None:
     """Create a folder, or fill an empty one, with these files, CONFIG first and MISSIONS last.
 
     DIGESTS contains the digests of all files except the manifest, which has a seal. A new folder is
-    created atomically. An existing folder is not replaced, because it may be a mount point or a
-    current working directory; the last file marks its completion.
-
-    Raises:
-        InputError: the folder cannot be created; nothing was changed.
+    created atomically. An existing folder may be a mount point or a current working directory, so
+    it is not replaced; the last file marks its completion.
     """
     try:
         _create_folder(path.resolve(), _add_digests(files))  # follows a symbolic link

@@ -43,7 +43,6 @@ class Repair:
 
 
 Report = Callable[[Repair], object]
-"""A function that receives each repair."""
 
 
 def ignore(repair: Repair) -> None:
@@ -51,8 +50,7 @@ def ignore(repair: Repair) -> None:
 
 
 HEADER = ("file", "sha256", "lines", DIGEST)
-MAX_LINES = 10_000
-"""Maximum number of lines of a file in which damaged lines are located."""
+MAX_LINES = 10_000  # maximum number of lines of a file in which damaged lines are located
 
 
 class Entry(NamedTuple):
@@ -204,8 +202,7 @@ class DigestLog:
 
 
 FOREIGN = "from another run"
-_HASHES = {CONFIG: "configuration"}
-"""The names of hashes in the manifest that differ from their file's name, by file name."""
+_HASHES = {CONFIG: "configuration"}  # name of a file's hash in the manifest, if it differs
 
 
 def find_foreign(

@@ -9,10 +9,8 @@ from pathlib import Path
 from evoros.mission.mission import NOT_RUN
 from evoros.storage.layout import MISSIONS
 
-STILL = 0.1
-"""Maximum distance of a robot that stands still, as a fraction of maximum speed times duration."""
-FIRST = 1000
-"""Number of missions, from the first on, in which the distances of other robots are examined."""
+STILL = 0.1  # maximum distance of a robot that stands still, relative to speed limit times duration
+FIRST = 1000  # number of missions in which the distances of other robots are examined
 Row = Mapping[str, str]
 
 

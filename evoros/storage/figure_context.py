@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from evoros.evolution.experiment import Experiment
     from evoros.mission.member import Member
 
-_DRAWS = 20
-"""Number of sampled draws whose filters are listed."""
+_DRAWS = 20  # number of sampled draws whose filters are listed
 
 
 @dataclass(frozen=True)
@@ -53,8 +52,6 @@ class _Drawn(Exception):
 
 
 class _NoGenerator:
-    """A substitute for a random generator that detects its use."""
-
     def __getattr__(self, name: str) -> Any:
         raise _Drawn
 
@@ -182,11 +179,7 @@ _get_types = cache(get_type_hints)
 
 
 def _convert(kind: Any, raw: Any) -> Any:
-    """Convert a JSON value to a dataclass, tuple, mapping or scalar.
-
-    Raises:
-        KeyError, TypeError, ValueError: the value does not fit the type.
-    """
+    """Convert a JSON value; raise KeyError, TypeError or ValueError if it does not fit the type."""
     inner = get_args(kind)
     if isinstance(kind, type) and is_dataclass(kind):
         types = _get_types(kind)

@@ -17,13 +17,12 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
-from evoros.base.checks import Rule
+from evoros.base.checks import Rule, is_real, is_whole
 from evoros.base.errors import InputError, explain_path, shell_line
 from evoros.files.disk import LARGE, SMALL, hash_regular, read_regular
 from evoros.files.nested import parse_json
 
-DIGEST = "digest"
-"""Last column of a sealed table, and last field of a sealed JSON file."""
+DIGEST = "digest"  # last column of a sealed table, and last field of a sealed JSON file
 SIZE = 16  # number of characters of a digest
 _BLANK = b"-" * SIZE
 
@@ -58,10 +57,7 @@ def is_damaged(line: bytes, key: bytes = b"") -> bool:
 
 
 def seal_json(name: str, content: Mapping[str, Any]) -> str:
-    """Return a JSON object with a digest of all its fields as the last field.
-
-    The digest covers the ``name`` of the file, so that no other file can take its place.
-    """
+    """Return a JSON object with, as last field, a digest of its fields and the file's ``name``."""
     text = json.dumps({**content, DIGEST: _BLANK.decode()}, indent=2) + "\n"
     head, _, tail = text.rpartition(_BLANK.decode())
     return f"{head}{compute_digest(text.encode(), name.encode())}{tail}"
@@ -70,10 +66,7 @@ def seal_json(name: str, content: Mapping[str, Any]) -> str:
 def unseal_json(name: str, content: bytes, others: Iterable[str] = ()) -> dict[str, Any]:
     """Return the object in the sealed JSON file ``name``, without its digest.
 
-    ``others`` are the names of files that may have been copied over this one.
-
-    Raises:
-        ValueError: the file is damaged.
+    A damaged file raises a ValueError; ``others`` are files that may have been copied over it.
     """
     fields = parse_json(content)
     begin = content.rfind(b'"digest": "') + len(b'"digest": "')
@@ -96,41 +89,30 @@ DESIGN_FILE, GENE_FILE = "designs_in.csv", "genes_in.csv"
 """Files with the given designs of an evaluation, complete and independent of their sources."""
 ORIGINALS = (CONFIG, DESIGN_FILE, GENE_FILE)
 """Files that, with the manifest, determine all other files; a search has only the first."""
-ROBOT_AS_LOADED = "robot_as_loaded.urdf"
-"""The champion's URDF as engines load it, if different from ``robot.urdf``."""
-SELF_SIGHT = "self_sight.csv"
-"""Table of the champion's sensors that see the robot itself."""
-RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
-"""States in ``status.json``."""
+ROBOT_AS_LOADED = (
+    "robot_as_loaded.urdf"  # the URDF that engines load, if different from ``robot.urdf``
+)
+SELF_SIGHT = "self_sight.csv"  # the champion's sensors that see the robot itself
+RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"  # states in ``status.json``
 LOG, LOST = "evoros.log", "lost"
 SETTING = "setting.json"
 DIGESTS = "digests.csv"
 TRAJECTORIES = "trajectories"
-CONTROLS, EVALUATION = "controls", "evaluation"
-"""Folder of a run's controls, and the evaluation in it."""
+CONTROLS, EVALUATION = "controls", "evaluation"  # folder of a run's controls; evaluation in it
 SCORES, WORST_CASES = "designs.csv", "worst_cases.csv"
 REQUIREMENTS, JUNIT, SUMMARY = "requirements.csv", "junit.xml", "requirements.md"
-OVERRIDES = "overrides"
-"""Manifest field with the overrides as typed by the user."""
-CONFIG_DIR = "config_dir"
-"""Manifest field with the user's configuration folder; null if none was used."""
-SECRETS = "secrets"
-"""Manifest field with hashes of potentially secret values, by dotted key."""
-SWEEP = "sweep"
-"""Manifest field with the run's sweep folder; null for a single run."""
-COLUMNS = "columns"
-"""Manifest field with the columns of ``missions.csv``, except the digest."""
-AGENTS = "agents"
-"""Manifest field with the names of all robots except the first."""
-DAMAGED = "damaged"
-"""Folder with copies of the damaged files that resuming has repaired."""
+DAMAGED = "damaged"  # folder with copies of the damaged files that resuming has repaired
+# Fields of the manifest:
+OVERRIDES = "overrides"  # typed by the user
+CONFIG_DIR = "config_dir"  # the user's configuration folder; null if none was used
+SECRETS = "secrets"  # hashes of potentially secret values, by dotted key
+SWEEP = "sweep"  # the run's sweep folder; null for a single run
+COLUMNS = "columns"  # columns of ``missions.csv``, except the digest
+AGENTS = "agents"  # names of all robots except the first
 
 
 def resume_command(path: Path, config_dir: str | None = None) -> str:
-    """Return the command line that resumes the run in a folder.
-
-    ``config_dir`` defaults to the configuration folder with which the run was started.
-    """
+    """Return the command line that resumes a run, by default with its configuration folder."""
     return shell_line("evoros", "resume", str(path), *name_parts(path, config_dir))
 
 
@@ -143,7 +125,7 @@ def name_parts(path: Path, config_dir: str | None = None) -> tuple[str, ...]:
 def replay_command(path: Path, columns: Mapping[Any, object], option: Sequence[str]) -> str:
     """Return the command line that replays the mission in the row with these values.
 
-    ``option`` sets the configuration folder of the run, if it has one.
+    ``option`` sets the run's configuration folder.
     """
     values = [f"{name}={value}" for name, value in columns.items()]
     return shell_line("evoros", "replay", str(path), *values, *option)
@@ -170,29 +152,17 @@ def read_json(path: Path) -> dict[str, Any]:
         return {}
 
 
-def _is_text(value: object) -> bool:
-    return isinstance(value, str)
-
-
-def _is_text_or_null(value: object) -> bool:
-    return value is None or isinstance(value, str)
-
-
-_TEXT = Rule("a string", _is_text)
-_TEXT_OR_NULL = Rule("a string or null", _is_text_or_null)
-_FLAG_OR_NULL = Rule("true, false or null", lambda v: v is None or isinstance(v, bool))
-_WHOLE = Rule("a whole number", lambda v: isinstance(v, int) and not isinstance(v, bool))
-_NUMBER_OR_NULL = Rule(
-    "a number or null",
-    lambda v: v is None or (isinstance(v, int | float) and not isinstance(v, bool)),
-)
-_TEXTS = Rule("a list of strings", lambda v: isinstance(v, list) and all(map(_is_text, v)))
+_TEXT = Rule("a string", lambda v: isinstance(v, str))
+_TEXT_OR_NULL = Rule("a string or null", lambda v: isinstance(v, str | None))
+_FLAG_OR_NULL = Rule("true, false or null", lambda v: isinstance(v, bool | None))
+_WHOLE = Rule("a whole number", is_whole)
+_NUMBER_OR_NULL = Rule("a number or null", lambda v: v is None or is_real(v))
+_TEXTS = Rule("a list of strings", lambda v: isinstance(v, list) and all(map(_TEXT.holds, v)))
 _OBJECT = Rule("an object", lambda v: isinstance(v, dict))
 _OBJECT_OF_TEXTS = Rule(
     "an object with strings",
-    lambda v: isinstance(v, dict) and all(map(_is_text_or_null, v.values())),
+    lambda v: isinstance(v, dict) and all(map(_TEXT_OR_NULL.holds, v.values())),
 )
-
 _MANIFEST = {
     **dict.fromkeys(("format_version", "seed"), _WHOLE),
     **dict.fromkeys(("command", "created", "working_directory", "record"), _TEXT),
@@ -229,10 +199,10 @@ MARKS = ("config.yaml", "manifest.json", "missions.csv")
 
 
 def folders_below(path: Path, skip: Callable[[str], object]) -> Iterator[Path]:
-    """Yield the run folders below ``path``, or ``path`` if it is a run folder.
+    """Yield the run folders below ``path``, or ``path`` if it is one, in natural order of names.
 
-    Run folders come in natural order of their names, with ``seed-10`` after ``seed-9``, and are not
-    searched for further runs. ``skip`` receives the reason if a folder cannot be read.
+    Run folders are not searched for further runs. ``skip`` receives the reason if a folder cannot
+    be read.
     """
 
     def explain(error: OSError) -> None:

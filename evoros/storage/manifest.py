@@ -45,9 +45,8 @@ def manifest(
 ) -> dict[str, Any]:
     """Return the content of ``manifest.json`` for a new folder with the YAML ``config``.
 
-    ``values`` is the configuration with resolved references; ``choices`` holds the chosen file of
-    each group. ``files`` holds the contents of further files, by name, in the folder that
-    ``command`` creates.
+    ``values`` are resolved; ``choices`` holds the chosen file of each group; ``files`` maps the
+    names of further files in the folder to contents.
     """
     packages = (*mission_packages(experiment), *_collect_imports(_modules(values)).packages)
     return {
@@ -118,7 +117,6 @@ def _live_controllers(experiment: Experiment) -> list[LiveController]:
 
 
 def _program_versions(experiment: Experiment) -> dict[str, str]:
-    """Return the versions of live controllers' programs and of simulators' libraries, by file."""
     programs = {
         controller.files[0]: controller.version
         for controller in _live_controllers(experiment)
@@ -128,7 +126,7 @@ def _program_versions(experiment: Experiment) -> dict[str, str]:
 
 
 def _library_versions(experiment: Experiment) -> dict[str, str]:
-    """Return the versions of simulator libraries that are not installed with pip, by name."""
+    """Return the versions of simulator libraries that pip does not know, by name."""
     return {**experiment.simulator.versions, **experiment.confirming.simulator.versions}
 
 
@@ -175,12 +173,10 @@ def find_changes(
     yield from (f"configuration ({key})" for key in list_other_secrets(*secrets))
 
 
-_UNTIL_SCORED = {"fitness", "objectives", "descriptors"}
-"""Keys of parts that affect the generations' tables, but no mission."""
+_UNTIL_SCORED = {"fitness", "objectives", "descriptors"}  # affect no mission, but the tables
 
 
 def _has_final_choice(missions: Path) -> bool:
-    """Return True if a mission of the final choice is recorded; stop at an overlong line."""
     with missions.open("rb") as file:
         while 0 < len(line := file.readline(LONGEST_LINE)) < LONGEST_LINE:
             if f",{FINAL},".encode() in line:
@@ -191,7 +187,7 @@ def _has_final_choice(missions: Path) -> bool:
 def list_unrecorded(folder: Path) -> dict[str, Path]:
     """Return the files of parts that have not affected any recorded result, by manifest key.
 
-    These files may be changed before the run is resumed.
+    They may be changed before the run is resumed.
     """
     if layout.evaluates(folder) or not (folder / layout.MISSIONS).is_file():
         return {}
@@ -235,10 +231,7 @@ def mission_packages(experiment: Experiment) -> list[str]:
 def list_other_versions(
     recorded: Mapping[str, Any], experiment: Experiment, values: Mapping[str, Any]
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield the name, recorded version and current version of each changed package or program.
-
-    A change does not prevent resuming, because resuming detects results that differ.
-    """
+    """Yield (name, recorded version, current version) of each changed package or program."""
     imported = sorted(_collect_imports(_modules(values)).packages)
     for name in dict.fromkeys(
         map(circumstances.normalize, (*mission_packages(experiment), *imported))
@@ -253,9 +246,9 @@ def list_other_versions(
 
 
 def _modules(values: Any) -> set[str]:
-    """Return the imported modules that ``values`` names, except built-in modules and evoros.
+    """Return the user's imported modules that ``values`` names.
 
-    Modules of the executor and the observers are left out, because they affect no result.
+    The executor and the observers are left out, because they affect no result.
     """
     if isinstance(values, list):
         return set().union(*map(_modules, values))
@@ -290,7 +283,7 @@ class Imports:
 def _collect_imports(modules: Iterable[str]) -> Imports:
     """Collect the imports of modules, and of the modules outside packages that these import.
 
-    Modules of evoros and of Python, and modules that are not found, are left out.
+    Modules of evoros and of Python are left out.
     """
     imports = Imports()
     pending = list(modules)
@@ -314,7 +307,7 @@ def _collect_imports(modules: Iterable[str]) -> Imports:
 
 
 def _find_spec(name: str) -> ModuleSpec | None:
-    """Find a module without importing it; its parent packages are imported."""
+    # imports the parent packages, but not the module
     try:
         return find_spec(name)
     except Exception:  # importing a user's package may raise anything

@@ -29,10 +29,7 @@ UNWANTED = "rows of missions that the run does not request"
 
 
 class MissionLog:
-    """An open folder, locked against other writing processes.
-
-    ``header`` holds the columns of ``missions.csv``; ``report`` receives the repairs.
-    """
+    """An open folder, locked against other writing processes."""
 
     def __init__(self, path: Path, header: Sequence[str], report: digests.Report) -> None:
         self.path, self._report = path, report
@@ -88,7 +85,7 @@ class MissionLog:
                 self.digests.add({name: digests.describe_file(read_bytes(self.path / name))})
 
     def _finished_hash(self) -> str:
-        """Return the SHA-256 of the finished mission table; empty if the table is unfinished."""
+        # empty if the table is unfinished
         entry = self.digests.entries.get(layout.MISSIONS)
         return entry.sha256 if entry else ""
 
@@ -145,11 +142,7 @@ class MissionLog:
         self._report(digests.Repair(self.path / name, where, kept, problem))
 
     def write_once(self, name: str, content: str) -> None:
-        """Write a table derived from the missions, or compare it with the recorded one.
-
-        Raises:
-            InputError: the recorded table differs and is undamaged.
-        """
+        """Write a table derived from the missions, or require that the recorded one is equal."""
         path, written = self.path / name, content.encode()
         entry = digests.describe_file(written)
         if path.exists() and read_bytes(path) == written:
@@ -179,11 +172,7 @@ class MissionLog:
         )
 
     def make_folder(self, folder: Path) -> None:
-        """Create a folder inside this folder.
-
-        Raises:
-            FileNotFoundError: this folder was moved or deleted.
-        """
+        """Create a folder inside this one; raise FileNotFoundError if this one is gone."""
         if not self.table.path.exists():
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(self.table.path))
         make_folder(folder)

@@ -28,11 +28,7 @@ class MissionTable:
 
     ``header`` holds the columns without the digest, and ``key`` is the run's key for digests of
     rows. Once all rows have been read, ``damage`` holds the damaged lines by their number, counted
-    from 1, and ``cut`` the incomplete last line that was removed. ``report`` receives the repair of
-    a missing table.
-
-    Raises:
-        InputError: the folder is not writable, or another process has locked the table.
+    from 1, and ``cut`` the incomplete last line that was removed. ``report`` receives repairs.
     """
 
     def __init__(self, folder: Path, header: Sequence[str], key: bytes, report: Report) -> None:
@@ -69,8 +65,7 @@ class MissionTable:
     def read(self, parse: Callable[[Mapping[str, str]], Row]) -> Iterator[Row]:
         """Yield all undamaged rows; must be exhausted before rows are appended.
 
-        A truncated last row is removed. ``parse`` raises KeyError or ValueError for a row of a
-        different table.
+        A truncated last row is removed. ``parse`` raises KeyError or ValueError for a foreign row.
         """
         self._file.seek(0)
         header, end = self._file.readline(LONGEST_LINE), 0
@@ -218,18 +213,16 @@ def open_locked(path: Path) -> BinaryIO:
     return file
 
 
-Recorded = tuple[MissionKey, str, Outcomes]
-"""The key of a mission, the mission's conditions, and the outcomes."""
-GENERATION, DESIGN = 0, 1
-"""Indices in a mission's key of the two possible group numbers of rows."""
+Recorded = tuple[MissionKey, str, Outcomes]  # key, conditions and outcomes of a mission
+GENERATION, DESIGN = 0, 1  # indices in a mission's key by which rows are grouped
 
 
 class MissionRows:
     """The offsets of mission rows, and the outcomes of the current group of rows.
 
-    Each mission uses 9 bytes of memory. ``read_row`` reads the row at an offset in
-    ``missions.csv``. The rows of a group have the same value at the index ``group`` of their keys:
-    the generation in a search, the design in an evaluation.
+    Each mission uses 9 bytes of memory. ``read_row`` reads the row at an offset. The rows of a
+    group have the same value at the index ``group`` of their keys: the generation in a search, the
+    design in an evaluation.
     """
 
     def __init__(self, read_row: Callable[[int], Recorded], group: int = GENERATION) -> None:

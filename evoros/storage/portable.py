@@ -18,8 +18,7 @@ from evoros.storage.layout import read_bytes, read_sealed, seal_json, seal_rows
 from evoros.storage.manifest import hash_sources
 from evoros.storage.run_key import STATUS_KEY, read_key
 
-LEFT_OUT = (layout.LOG, layout.LOST, layout.DAMAGED)
-"""Files that concern a single machine, and that are not needed to use the run."""
+LEFT_OUT = (layout.LOG, layout.LOST, layout.DAMAGED)  # not needed to use the run
 TEXTS = (".csv", ".json", ".yaml", ".urdf", ".sdf", ".xml", ".md", ".html")
 
 
@@ -27,9 +26,8 @@ TEXTS = (".csv", ".json", ".yaml", ".urdf", ".sdf", ".xml", ".md", ".html")
 class PortableRun:
     """A finished folder and its experiment.
 
-    ``config`` and ``values`` are the configuration without machine-specific paths; ``working`` and
-    ``own_parts`` are the archive paths of the working folder and of the folder with the user's
-    parts.
+    ``config`` and ``values`` have no machine-specific paths; ``working`` and ``own_parts`` are the
+    archive paths of the working folder and of the folder with the user's parts.
     """
 
     folder: Path

@@ -158,7 +158,7 @@ def load_run(folder: str | Path) -> Run:
     if missing:
         raise InputError(
             f"{path}: not a complete run folder ({', '.join(missing)} not found); "
-            f"give the path that evoros printed as run folder, or resume the run"
+            f"give the path that evoros printed as the run folder, or resume the run"
         )
     verify_folder(path)
     return Run(path)

@@ -10,7 +10,7 @@ from evoros.dispatch.dispatcher import MissionResult
 from evoros.evolution.experiment import ALL
 from evoros.evolution.journal import Champion, Champions, Generation
 from evoros.files.disk import sync
-from evoros.mission.mission import Mission, MissionKey, Outcomes
+from evoros.mission.mission import Mission, MissionKey, Outcomes, name_conditions
 from evoros.mission.plan import SELECTION
 from evoros.storage import layout, tables
 from evoros.storage.champion_files import (
@@ -31,16 +31,14 @@ from evoros.storage.mission_table import DESIGN, GENERATION, MissionRows, Record
 GENERATIONS = "generations"
 RESULTS = (layout.SCORES, layout.WORST_CASES, layout.REQUIREMENTS, layout.JUNIT, layout.SUMMARY)
 """Files that an evaluation derives from all its missions."""
-DesignName = tuple[str, str]
-"""The source of a given design, and the design's name in that source."""
+DesignName = tuple[str, str]  # source of a given design, and its name there
 
 
 class RunFolder(MissionLog):
     """An open run folder.
 
-    ``rows`` locates the finished missions. ``keeps_all`` is True if all trajectories are stored.
-    Rows of an evaluation contain names of designs; a design's id is its index in
-    ``designs_in.csv``.
+    ``rows`` locates the finished missions. Rows of an evaluation contain names of designs; a
+    design's id is its index in ``designs_in.csv``.
     """
 
     def __init__(self, path: Path, report: Report = ignore) -> None:
@@ -51,7 +49,7 @@ class RunFolder(MissionLog):
         self._names = _read_names(path) if layout.evaluates(path) else []
         self._ids = {name: index for index, name in enumerate(self._names)}
         super().__init__(path, columns, report)
-        self.keeps_all = manifest.get("record") == ALL
+        self.keeps_all = manifest.get("record") == ALL  # True if all trajectories are stored
         self._agents: list[str] = manifest.get(layout.AGENTS, [])
         try:
             self.rows = self._locate(lambda row: self.read_mission(row)[0])
@@ -78,14 +76,10 @@ class RunFolder(MissionLog):
         return 0, self._ids[row["source"], row["design"]], row["world"], int(row["trial"])
 
     def read_mission(self, row: Mapping[str, str]) -> Recorded:
-        """Read the key, the conditions and the outcomes of a mission from a row.
-
-        Raises:
-            ValueError, KeyError: a different version wrote the row.
-        """
+        """Read a mission from a row; raise ValueError or KeyError for a row of another version."""
         return (
             self._read_key(row),
-            tables.read_conditions(row),
+            name_conditions(row["draws"], row.get(tables.CASE, "")),
             tables.read_outcomes(row, self._agents),
         )
 
@@ -94,8 +88,8 @@ class RunFolder(MissionLog):
         if self._names:
             name = self._names[mission.design_id]
             key = [*name, mission.world, mission.trial, mission.draws]
-        cells = tables.outcome_cells(outcomes, self._further)
-        return [*key, *cells, *tables.case_cells(mission, self._states_cases)]
+        case = [mission.stated] if self._states_cases else []
+        return [*key, *tables.outcome_cells(outcomes, self._further), *case]
 
     def mend(self, setting: str) -> None:
         """Repair the folder; locate the rows again if the repair has moved them."""
@@ -113,11 +107,7 @@ class RunFolder(MissionLog):
         setting: FigureContext,
         designs: Mapping[str, str] | None = None,
     ) -> "RunFolder":
-        """Create the folder of a new run; an existing folder must be empty.
-
-        Raises:
-            InputError: the folder has a run or other files; nothing was changed.
-        """
+        """Create the folder of a new run; an existing folder must be empty."""
         require_unused(path)
         files = {
             layout.CONFIG: config,
@@ -129,11 +119,7 @@ class RunFolder(MissionLog):
         return cls(path)
 
     def record(self, results: Sequence[MissionResult]) -> None:
-        """Write finished missions.
-
-        Raises:
-            InputError: a repeated mission has a different outcome than recorded.
-        """
+        """Write finished missions; a repeated mission must have the recorded outcome."""
         new = results
         if self.keeps_all:  # missions are repeated only if trajectories were lost
             new = [result for result in results if not self._repeats(*result)]
@@ -143,7 +129,6 @@ class RunFolder(MissionLog):
         )
 
     def _repeats(self, mission: Mission, outcomes: Outcomes) -> bool:
-        """Return True if the mission is already recorded; reject a different outcome."""
         recorded = self.find(mission)
         if recorded is None:
             return False
@@ -188,8 +173,8 @@ class RunFolder(MissionLog):
     def complete(self, generations: int = 1, extended: bool = False) -> None:
         """Sort the mission rows by generation, design, world and trial.
 
-        Rows that the run's ``generations`` did not request are set aside. If a search may have been
-        ``extended``, rows from its earlier or later end are kept.
+        Rows that the run did not request are set aside, except for rows from an earlier or later
+        end of a search that may have been ``extended``.
         """
         ranks = {world: rank for rank, world in enumerate(sorted(self.rows.worlds))}
 
@@ -197,16 +182,13 @@ class RunFolder(MissionLog):
             generation, design, world, trial = self._read_key(row)
             return generation, design, ranks[world], trial
 
-        unwanted = set(self.rows.find_unwanted())
-        if extended:
-            unwanted = {place for place in unwanted if self._selects(place, generations)}
-        self.finish(order, unwanted)
-        self.rows = self._locate()
+        def selects(place: int) -> bool:
+            row = self.table.read_row(place, dict)
+            return row["purpose"] == SELECTION and int(row["generation"]) < generations
 
-    def _selects(self, place: int, generations: int) -> bool:
-        """Return True if a row was used for selection in one of the first ``generations``."""
-        row = self.table.read_row(place, dict)
-        return row["purpose"] == SELECTION and int(row["generation"]) < generations
+        unwanted = set(self.rows.find_unwanted())
+        self.finish(order, set(filter(selects, unwanted)) if extended else unwanted)
+        self.rows = self._locate()
 
     def write_champions(self, champions: Champions) -> None:
         """Write the files of several champions; replace files from an earlier end of the search."""
@@ -234,7 +216,7 @@ class RunFolder(MissionLog):
     def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
         """Write the champion's files, replacing files from an earlier end of the search.
 
-        The last file, ``design.csv``, exists only while all other files do.
+        ``design.csv``, the last file, exists only while all other files do.
         """
         files = {**track_files(champion, trajectories), **champion_files(champion)}
         for name in files:
@@ -265,8 +247,5 @@ def _generation_file(generation: int) -> str:
 
 
 def _read_names(path: Path) -> list[DesignName]:
-    return list(
-        dict.fromkeys(
-            (row["source"], row["design"]) for row in read_rows(path / layout.DESIGN_FILE)
-        )
-    )
+    rows = read_rows(path / layout.DESIGN_FILE)
+    return list(dict.fromkeys((row["source"], row["design"]) for row in rows))

@@ -15,15 +15,11 @@ from evoros.mission.plan import GENERATIONS, find_growing
 from evoros.observers import protocol
 from evoros.storage.layout import DESIGN_FILE
 
-KEY = "rows"
-"""Name of the key among the manifest's hashes."""
-STATUS_KEY = "run"
-"""Name of the key in ``status.json``."""
-FREE = (*protocol.FREE, "figures", "record")
-"""Groups of configuration keys that affect no row of the mission table."""
+KEY, STATUS_KEY = "rows", "run"  # names of the key in the manifest's hashes and in ``status.json``
+FREE = (*protocol.FREE, "figures", "record")  # configuration keys that affect no mission row
 _OWN_HASHES = "configuration"  # prefix of the names of the hashes that include the executor
+# Calls of resolvers in recorded configurations are references to secrets.
 _CALL = re.compile(r"(?<!\\)\$\{[\w.-]+:")
-"""Matches calls of resolvers; in recorded configurations, these are references to secrets."""
 
 
 def derive_key(values: Mapping[str, Any], hashes: Mapping[str, str]) -> str:
@@ -63,12 +59,12 @@ def hash_secrets(values: Mapping[str, Any], config: str) -> dict[str, str]:
 
 
 def list_other_secrets(one: Mapping[str, str], other: Mapping[str, str]) -> list[str]:
-    """List the keys whose secrets differ, provided that the same user has hashed both values."""
+    """List the keys whose secrets differ, provided that the same user has hashed both."""
     return [key for key in one if is_other_secret(one[key], other.get(key, ""))]
 
 
 def _parse_sources(config: str) -> dict[str, Any]:
-    """Parse the configuration groups that affect rows; return {} without references to secrets."""
+    """Parse the configuration that affects rows; return {} without references to secrets."""
     tree = parse_yaml(config) if _CALL.search(config) else {}
     return {name: node for name, node in tree.items() if name not in FREE}
 

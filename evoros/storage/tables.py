@@ -13,7 +13,7 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 from evoros.base.arrays import Array
-from evoros.mission.mission import Mission, MissionKey, Outcome, Outcomes, name_conditions
+from evoros.mission.mission import Mission, MissionKey, Outcome, Outcomes
 
 if TYPE_CHECKING:  # reading a table must not import the code of missions
     from evoros.evolution.journal import Generation
@@ -32,10 +32,8 @@ WHOLE_COLUMNS = ("mode", "visited", "contact", "touched_by")
 _TYPES = get_type_hints(Outcome)
 PART_COLUMNS = ("failed_parts", "parts_failed_at_s", "parts_failed_by")
 """Additional columns of outcomes if parts other than sensors can fail."""
-TOUCHED = "touched_walkers"
-"""Additional column of outcomes if missions can have walkers."""
-SHORTEST = "shortest_m"
-"""Additional column of outcomes if a world states the length of its shortest path."""
+TOUCHED = "touched_walkers"  # additional column if missions can have walkers
+SHORTEST = "shortest_m"  # additional column if a world states the length of its shortest path
 FURTHER_COLUMNS = (*PART_COLUMNS, TOUCHED, SHORTEST)
 OUTCOME_COLUMNS = tuple(
     field.name for field in fields(Outcome) if field.name not in FURTHER_COLUMNS
@@ -44,13 +42,8 @@ CASE = "case"  # last column if missions have stated failure cases
 
 
 def list_further(parts: bool, walkers: bool, shortest: bool) -> tuple[str, ...]:
-    """List the additional columns of a run.
-
-    They describe failed ``parts`` other than sensors, touched ``walkers``, and a world's
-    ``shortest`` path.
-    """
-    further = [*PART_COLUMNS] if parts else []
-    return (*further, *[TOUCHED] * walkers, *[SHORTEST] * shortest)
+    """List a run's additional columns on failed parts, touched walkers and a shortest path."""
+    return (*PART_COLUMNS * parts, *[TOUCHED] * walkers, *[SHORTEST] * shortest)
 
 
 def list_further_in(scenario: "Scenario", parts: bool = False) -> tuple[str, ...]:
@@ -60,10 +53,7 @@ def list_further_in(scenario: "Scenario", parts: bool = False) -> tuple[str, ...
 
 
 def name_outcome_columns(agents: Iterable[str], further: Sequence[str] = ()) -> list[str]:
-    """Return the columns of all robots' outcomes; an agent's columns begin with the agent's name.
-
-    ``further``, here and in other functions, is the result of ``list_further``.
-    """
+    """Return the columns of all robots' outcomes, with ``further`` from ``list_further``."""
     columns = (*OUTCOME_COLUMNS, *further)
     return [prefix + column for prefix in _prefixes(agents) for column in columns]
 
@@ -95,16 +85,6 @@ def mission_row(mission: Mission, outcomes: Outcomes, further: Sequence[str] = (
     return [*mission.key, mission.purpose, mission.draws, *outcome_cells(outcomes, further)]
 
 
-def case_cells(mission: Mission, states_cases: bool) -> list[str]:
-    """Return the cell of the column ``CASE``, if the table has it."""
-    return [mission.stated] if states_cases else []
-
-
-def read_conditions(row: Mapping[str, str]) -> str:
-    """Read the ``conditions`` of a mission from its row."""
-    return name_conditions(row["draws"], row.get(CASE, ""))
-
-
 def outcome_cells(outcomes: Outcomes, further: Sequence[str] = ()) -> list[object]:
     """Return the cells of all robots' outcomes."""
     columns = (*OUTCOME_COLUMNS, *further)
@@ -128,22 +108,19 @@ def read_outcomes(row: Mapping[str, str], agents: Sequence[str] = ()) -> Outcome
     return tuple(
         Outcome(
             **{name: _parse(row[prefix + name], _TYPES[name]) for name in columns},
-            touched_walkers=_read_touched(row.get(prefix + TOUCHED)),
+            touched_walkers=_parse(row[prefix + TOUCHED], tuple[str])
+            if prefix + TOUCHED in row
+            else None,
             shortest_m=_parse(row[prefix + SHORTEST], float) if prefix + SHORTEST in row else None,
         )
         for prefix in _prefixes(agents)
     )
 
 
-def _read_touched(content: str | None) -> tuple[str, ...] | None:
-    return None if content is None else tuple(filter(None, content.split(";")))
-
-
 def are_recorded(outcomes: Outcomes, recorded: Outcomes, agents: Sequence[str]) -> bool:
     """Return True if a mission's outcomes equal the recorded ones.
 
-    Both are compared in the form in which they are read, because a time limit typed as ``60`` is
-    read as ``60.0``.
+    Both are compared as they are read: a time limit typed as ``60`` is read as ``60.0``.
     """
     further = list_further_of(True, outcomes)
     columns = name_outcome_columns(agents, further)

@@ -27,15 +27,11 @@ if TYPE_CHECKING:  # reading must not import the code of missions
 
 ROBOTS, WORLDS = f"{TRAJECTORIES}/robots/", f"{TRAJECTORIES}/worlds/"
 
-_PARTS = {"robots": r"_.*$", "worlds": r"_\d+$"}
-"""Patterns of the file name endings after a robot's or world's name, by folder."""
+_PARTS = {"robots": r"_.*$", "worlds": r"_\d+$"}  # what follows a name in the folder's file names
 
 
 def trajectory_file(key: MissionKey) -> Path:
-    """Return the path of a mission's trajectory in the run folder.
-
-    Alphabetical order of the paths is the order of generation, design, world and trial.
-    """
+    """Return the path of a mission's trajectory; alphabetical order is the order of keys."""
     generation, design, world, trial = key
     return Path(TRAJECTORIES, f"{generation:05d}", f"{design:06d}_{world}_{trial:04d}.csv")
 
@@ -61,7 +57,7 @@ def world_file(world: str, draws: str | None) -> Path:
 class TrajectoryFiles:
     """The trajectories in a folder that is open for writing.
 
-    ``write`` receives the name and content of a file, and True if digests of its lines are needed.
+    ``write`` receives the name and content of a file, and True if its lines need digests.
     """
 
     folder: Path
@@ -80,7 +76,7 @@ class TrajectoryFiles:
 
     @cached_property
     def _lost(self) -> set[str]:
-        """Name prefixes of the robots and worlds of which a file is missing or damaged."""
+        # name prefixes of the robots and worlds of which a file is missing or damaged
         folders = (self.folder / ROBOTS, self.folder / WORLDS)
         files = (file for folder in folders for file in folder.glob("[!.]*"))
         names = {str(file.relative_to(self.folder)) for file in files}
@@ -153,7 +149,6 @@ class TrajectoryFiles:
         self._lost.discard(str(place.with_suffix("")))
 
     def _is_kept(self, place: Path, begin: str) -> bool:
-        """Return True if the last file of a robot or world is written and none is lost."""
         return str(place) in self.digests.entries and begin not in self._lost
 
     def _write(self, place: Path, content: bytes) -> None:

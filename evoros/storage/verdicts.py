@@ -10,8 +10,7 @@ from evoros.requirement.verdict import MET, Verdict
 from evoros.storage.layout import JUNIT, REQUIREMENTS, SUMMARY, read_rows
 from evoros.storage.tables import to_csv
 
-Row = Mapping[str, str]
-"""A row of ``requirements.csv``."""
+Row = Mapping[str, str]  # a row of ``requirements.csv``
 COLUMNS = (
     *("source", "design", "requirement", "level", "claim", "result", "value", "low", "high"),
     *("confidence", "limit", "unit", "trials", "further_trials", "decided_by"),
@@ -25,8 +24,7 @@ def write_verdicts(
 ) -> dict[str, str]:
     """Return the files with the verdicts on each requirement and design, by file name.
 
-    ``judged`` maps (source, name) of each design to verdicts. The verdict on a whole requirement
-    precedes the verdicts on the requirement's levels.
+    ``judged`` maps (source, name) of each design to verdicts. Levels follow their requirement.
     """
     rows: list[Sequence[object]] = [COLUMNS]
     for design, verdicts in judged.items():

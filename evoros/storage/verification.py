@@ -22,16 +22,11 @@ from evoros.storage.layout import (
 )
 from evoros.storage.run_key import is_foreign, read_key
 
-NEEDED = "generations/"
-"""The folder of the generations' tables, all of which are required."""
-LARGE = (
+NEEDED = "generations/"  # folder of the generations' tables, all of which are required
+LARGE = (  # files that only some figures need
     f"{layout.TRAJECTORIES}/",
-    "champion/agents/",
-    "champion/robot",
-    "champion/trajectory_",
-    "champion/world_",
+    *("champion/agents/", "champion/robot", "champion/trajectory_", "champion/world_"),
 )
-"""Files that only some figures need."""
 
 
 def verify_folder(folder: Path) -> None:
@@ -40,12 +35,10 @@ def verify_folder(folder: Path) -> None:
     Trajectories, robots and worlds are verified by ``verify_file`` when they are read.
     """
     require_no_links(folder)
-    sealed = {
-        n: read_sealed(folder, n)
-        for n in (layout.MANIFEST, layout.STATUS)
-        if (folder / n).is_file()
-    }
-    manifest, status = sealed.get(layout.MANIFEST, {}), sealed.get(layout.STATUS, {})
+    manifest, status = (
+        read_sealed(folder, name) if (folder / name).is_file() else {}
+        for name in (layout.MANIFEST, layout.STATUS)
+    )
     entries = _read_entries(folder)
     digests.require_origin(folder, manifest, entries.by_name)
     if is_foreign(status, manifest):
@@ -63,11 +56,7 @@ def is_complete(folder: Path) -> bool:
     Trajectories, robots and worlds may have been deleted.
     """
     entries = _read_entries(folder).by_name
-    places = (
-        path
-        for name in ("champion", layout.TRAJECTORIES)
-        for path in (folder / name).rglob("[!.]*")
-    )
+    places = [p for n in ("champion", layout.TRAJECTORIES) for p in (folder / n).rglob("[!.]*")]
     written = {str(path.relative_to(folder)) for path in places if path.is_file()}
     needed = [name for name in entries if not name.startswith(LARGE)]
     return (
@@ -101,16 +90,13 @@ def list_tables(folder: Path) -> list[Path]:
 
 def list_strays(folder: Path) -> list[Path]:
     """List the files among the generations' tables that the run has not written."""
-    files = find_strays(folder, ())  # listed first, because a running process adds digests
+    files = find_strays(folder, ())  # before digests are read, which a running process adds
     written = _read_entries(folder).by_name
     return [file for file in files if str(file.relative_to(folder)) not in written]
 
 
 def find_strays(folder: Path, written: Container[str]) -> list[Path]:
-    """Find the files among the generations' tables whose names are not ``written``.
-
-    Synchronization programs leave such copies, for example ``00002 (1).csv``.
-    """
+    """Find tables of generations, such as ``00002 (1).csv``, whose names are not ``written``."""
     files = sorted((folder / NEEDED).glob("[!.]*"))
     return [file for file in files if str(file.relative_to(folder)) not in written]
 
@@ -157,12 +143,11 @@ def _read_entries(folder: Path) -> digests.Entries:
 
 
 def _verify(folder: Path, name: str, entries: digests.Entries) -> None:
-    """Verify a file; try again if a running process has replaced the file."""
     entry = entries.by_name[name]
     line = _find_damage(folder, name, entry)
     if line is None:
         return
-    now = _read_entries(folder)
+    now = _read_entries(folder)  # a running process may have replaced the file
     if now.by_name.get(name) == entry:
         raise damaged(folder, name, line)
     _verify(folder, name, now)
@@ -183,7 +168,7 @@ def _find_damage(folder: Path, name: str, entry: digests.Entry) -> str | None:
 def _find_row(content: bytes, entry: digests.Entry, key: bytes) -> str:
     """Return the first line of ``missions.csv`` that is damaged, repeated or from another run.
 
-    An incomplete last row does not count as damaged. ``key`` is the run's key.
+    An incomplete last row does not count as damaged.
     """
     header, *lines = split_lines(content) or [b""]
     if entry.lines and digests.find_line(header, entry):

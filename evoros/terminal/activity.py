@@ -8,9 +8,7 @@ from threading import Event, Thread
 
 from evoros.terminal.log import LOGGER
 
-SLOW_S = 5.0
-"""Interval [s] at which a command that prints nothing else reports its activity."""
-
+SLOW_S = 5.0  # interval at which a command that prints nothing else reports its activity
 _LISTENER: ContextVar[Callable[[str], object] | None] = ContextVar("listener", default=None)
 _ACTIVITY: ContextVar[str] = ContextVar("activity", default="")
 

@@ -19,12 +19,10 @@ from evoros.base.errors import (
 )
 from evoros.terminal.log import LOGGER, escape_control, log_to_terminal, silence, silence_unwritable
 
-DONE, STOPPED, INPUT, INTERRUPTED = 0, 1, 2, 130
-"""Exit statuses: done, stopped but resumable, unusable input, and interrupted."""
-NOT_MET, NOT_DECIDED = 3, 4
-"""Exit statuses of finished evaluations with a violated or an undecided requirement."""
-DIFFERENT = 1
-"""Exit status if the compared folders, missions or rows differ."""
+# Exit statuses:
+DONE, STOPPED, INPUT, INTERRUPTED = 0, 1, 2, 130  # STOPPED runs are resumable; INPUT is unusable
+NOT_MET, NOT_DECIDED = 3, 4  # finished evaluations with a violated or an undecided requirement
+DIFFERENT = 1  # the compared folders, missions or rows differ
 Command = Callable[[Sequence[str]], int]
 """Runs a command with its arguments, and returns the exit status."""
 
@@ -141,7 +139,7 @@ class CommandParser(ArgumentParser):
 def require_keys(words: Sequence[str], before: str) -> None:
     """Require that each word is an override ``key=value`` or a deletion ``~key``.
 
-    ``before`` is what was typed before the words: a folder, or ``key=`` before a folder.
+    ``before`` was typed before the words: a folder, or ``key=`` before a folder.
     """
     for i, word in enumerate(words):
         if not _stands_alone(word):

@@ -81,9 +81,8 @@ def _remove(handler: logging.Handler) -> None:
 def format_for_terminal(handler: logging.Handler) -> logging.Handler:
     """Set up a handler for standard error.
 
-    For jobs of a sweep, the handler shows only warnings and errors, preceded by the job's name.
-    Messages about reading a file and warnings from preflight are shown once, although each job logs
-    them.
+    For jobs of a sweep, it shows only warnings and errors, preceded by the job's name. Messages
+    about reading a file and warnings from preflight are shown once, although each job logs them.
     """
     handler.setLevel(logging.INFO)
     handler.setFormatter(_JobFormatter("%(message)s"))
@@ -130,8 +129,8 @@ class _StandardError(logging.StreamHandler[TextIO]):
 def log_to_terminal(*, again: bool = False) -> Iterator[None]:
     """Send messages to standard error; standard output is reserved for results.
 
-    If ``again``, lines that this process has already shown are left out; see
-    ``format_for_terminal``. While a progress line is shown, the line's handler replaces this one.
+    If ``again``, lines that this process has already shown are left out. While a progress line is
+    shown, the line's handler replaces this one.
     """
     handler = format_for_terminal(_StandardError(sys.stderr))
     handler.addFilter(lambda record: sys.stderr.isatty() or not hasattr(record, _PROGRESS))
@@ -157,8 +156,7 @@ def collect_messages() -> Iterator[list[logging.LogRecord]]:
 def withhold_messages() -> Iterator[list[logging.LogRecord]]:
     """Collect this thread's messages without showing them; if nested, the inner context collects.
 
-    The filters are set on handlers, because a logger's filters do not see the records of child
-    loggers.
+    A logger's filters do not see the records of child loggers, so filters are set on handlers.
     """
     memory, thread = BufferingHandler(sys.maxsize), get_ident()
     memory.addFilter(lambda record: record.thread == thread)
@@ -190,23 +188,18 @@ class _LogFile(logging.FileHandler):
         )
 
 
-def _open_file(path: Path) -> logging.Handler:
+@contextmanager
+def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterator[None]:
+    """Send messages, with tracebacks, also to a file, after the ``earlier`` messages.
+
+    A later failure to write, for example on a full disk, is reported once.
+    """
     try:
-        return _LogFile(path, encoding="utf-8", errors="backslashreplace")
+        handler = _LogFile(path, encoding="utf-8", errors="backslashreplace")
     except OSError as error:
         raise InputError(
             f"{path}: cannot be written ({error.strerror}); move it away, or change its permissions"
         ) from error
-
-
-@contextmanager
-def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterator[None]:
-    """Send messages, with tracebacks, also to a file.
-
-    The ``earlier`` messages are written first. A later failure to write, for example on a full
-    disk, is reported once.
-    """
-    handler = _open_file(path)
     handler.setFormatter(_PlainFormatter("%(asctime)s %(levelname)s %(message)s"))
     for record in earlier:
         handler.handle(record)
@@ -250,10 +243,7 @@ def log_everything() -> AbstractContextManager[None]:
 
 
 class _Once(logging.Filter):
-    """Passes each line of the ``_ONCE`` loggers once, and no line that ``read_again`` withholds.
-
-    All handlers for the terminal share this filter; only one of them is active at a time.
-    """
+    """Passes each line of the ``_ONCE`` loggers once, and no line that ``read_again`` withholds."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -295,10 +285,7 @@ _KNOWN: ContextVar[_KnownLines | None] = ContextVar("known", default=None)
 
 @contextmanager
 def read_again(log: Path) -> Iterator[None]:
-    """Withhold lines about reading files that ``log`` already contains; report their number.
-
-    If the log is missing or unreadable, no lines are withheld.
-    """
+    """Withhold lines about reading files that ``log`` already contains; report their number."""
     known = _KnownLines(log)
     token = _KNOWN.set(known)
     try:
@@ -314,8 +301,7 @@ def read_again(log: Path) -> Iterator[None]:
 def silence(stream: TextIO) -> None:
     """Redirect a stream to the null device, also for processes that start later.
 
-    Otherwise, the stream's unwritten buffer would make later flushes fail, including those at the
-    start of each worker.
+    Otherwise, the unwritten buffer would make later flushes fail, as at the start of each worker.
     """
     with suppress(OSError, ValueError):  # the stream has no file descriptor
         null = os.open(os.devnull, os.O_WRONLY)

@@ -36,11 +36,11 @@ class Part:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Part(0), "Part.size_m: must be a number greater than 0, not 0; set it to a valid"),
+        (lambda: Part(0), "Part.size_m: must be a number greater than 0, not 0"),
         (lambda: Part(True), "Part.size_m: must be a number greater than 0, not True"),
         (lambda: Part(1, 0), "Part.limit_m: must be a number greater than 0, not 0"),
-        (lambda: Part(1, pairs=0), "Part.pairs: must be a whole number of at least 1, not 0; set"),
-        (lambda: Part(1, pairs=3), "Part.pairs: must be even, not 3; set it to a valid value, for"),
+        (lambda: Part(1, pairs=0), "Part.pairs: must be a whole number of at least 1, not 0; for "),
+        (lambda: Part(1, pairs=3), "Part.pairs: must be even, not 3; for example, set it to"),
         (lambda: Part(1, inner=1), "Part.inner: must be a mapping from names to parts"),  # type: ignore[arg-type]
         (lambda: Part(1, limit_m={"a": 1}), "add _target_, the class of which these keys are"),  # type: ignore[arg-type]
     ],
@@ -55,7 +55,7 @@ def test_a_field_that_breaks_its_rule_is_named_with_the_rule_and_the_value(
 
 
 def test_the_example_of_an_error_is_the_default_of_the_field() -> None:
-    with pytest.raises(InputError, match=r"; set it to a valid value, for example 2$"):
+    with pytest.raises(InputError, match=r"; for example, set it to 2$"):
         Part(1, pairs=-1)
 
 

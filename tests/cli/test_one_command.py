@@ -68,6 +68,11 @@ def test_the_table_has_what_all_figures_have(figure: str) -> None:
         (["overlay", "outputs/x"], "type: evoros analyze overlay"),
         (["resume=outputs/a b"], "type: evoros resume 'outputs/a b'"),
         (["evaluate", "resume=outputs/x"], "type: evoros resume outputs/x"),
+        (
+            ["designs=a.csv", "seed=2"],
+            "a key of evoros evaluate; type: evoros evaluate designs=a.csv",
+        ),
+        (["-m", "like=r", "seed=1,2"], "type: evoros evaluate -m like=r"),
         (["nonsense"], "key=value or a subcommand (evaluate, resume, analyze,"),
         (
             ["failure=none", "status"],
@@ -122,7 +127,7 @@ def test_the_shell_completes(
 
 def test_options_may_stand_among_overrides(capsys: pytest.CaptureFixture[str]) -> None:
     options = parse_options(["seed=1", "-m", "trials=2,3", "--config-dir", "mine", "world=maze"])
-    assert options.overrides == ("seed=1", "trials=2,3", "world=maze")
+    assert options.overrides == ["seed=1", "trials=2,3", "world=maze"]
     assert (options.multirun, options.config_dir) == (True, "mine")
     assert evoros(["seed=17", "--cfg", "job", "trials=19"]) == DONE
     assert {"seed: 17", "trials: 19"} <= set(capsys.readouterr().out.splitlines())

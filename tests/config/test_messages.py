@@ -112,7 +112,9 @@ def test_a_key_of_another_choice_is_told_with_its_choice_and_dropped_as_the_mess
     with pytest.raises(InputError, match=rf"{belongs}remove it in {file}, or type (\S+)$") as told:
         compose(words, config_dir=tmp_path).build()
     compose([*words, str(told.value).split()[-1]], config_dir=tmp_path).build()
-    with pytest.raises(InputError, match=f"{belongs}leave it out, or change the choice"):
+    with pytest.raises(
+        InputError, match=f"{belongs}leave the key out, or change the choice of failure"
+    ):
         compose(["failure=none", "failure.sensors=[0]"])
     assert compose(["failure=given", "failure.sensors=[0]"]).values["failure"]["sensors"] == [0]
 

@@ -55,7 +55,7 @@ def test_the_finalists_are_those_of_a_ledger_that_forgets_nobody(data: st.DataOb
         new = [Individual(3 * generation + i, np.zeros(1), (), "initial") for i in range(3)]
         for individual in [*new, *alive]:  # survivors are scored again
             told[individual.id] = data.draw(st.integers(0, 5))
-            ledger.add_told(individual.id, told[individual.id], [])
+            ledger.told.add(individual.id, [told[individual.id]])
         ledger.keep_finalists([*new, *alive])
         kept = ledger.find_fitness(ledger.finalists)
         assert final.find_finalists(kept) == final.find_finalists(told)

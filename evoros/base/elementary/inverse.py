@@ -1,8 +1,8 @@
 """Inverse trigonometric functions, computed from arctangents, and the length of a vector.
 
-Beyond an angle of pi/8, the point is first turned back by pi/4 or pi/2. With z = r**2, atan(r) = r
-+ r z A(z). A is a Chebyshev approximation by ``mpmath.chebyfit`` on 0 <= z <= 0.1716, with eleven
-coefficients and an error below 2**-57.
+An angle above pi/8 is first reduced by pi/4 or pi/2. For the remaining tangent r and z = r**2,
+atan(r) = r + r z A(z). A is a Chebyshev approximation by ``mpmath.chebyfit`` on 0 <= z <= 0.1716,
+with eleven coefficients and an error below 2**-57.
 """
 
 import math
