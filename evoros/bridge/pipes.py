@@ -10,8 +10,7 @@ from evoros.base.errors import PilotLost, SimulationError
 from evoros.bridge.process import OutsideProcess, start_process
 
 _READ_BYTES = 4096
-_LONGEST_LINE = 1 << 20
-"""Maximum length [bytes] of a line."""
+_LONGEST_LINE = 1 << 20  # maximum length [bytes] of a line
 READ_FROM, WRITE_TO = "EVOROS_IN", "EVOROS_OUT"
 """Environment variables with the descriptors of a program's pipes; standard output stays free."""
 ENDING_S = 1.0

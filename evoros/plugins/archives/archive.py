@@ -28,9 +28,8 @@ def archive(arguments: Sequence[str]) -> int:
     parser.add_argument("folders", nargs="+", type=expand_home, metavar="FOLDER")
     about = "the new file (default: the first folder's name, in the current folder)"
     parser.add_argument("--output", type=expand_home, metavar="FILE.zip", help=about)
-    parser.add_argument(
-        "--config-dir", type=expand_home, metavar="DIR", help="folder with your own parts"
-    )
+    about = "folder with your own parts"
+    parser.add_argument("--config-dir", type=expand_home, metavar="DIR", help=about)
     about = "SPDX identifier of the study's licence, such as CC-BY-4.0"
     parser.add_argument("--license", metavar="NAME", help=about)
     about = "an author of the study; may be repeated"
@@ -40,8 +39,7 @@ def archive(arguments: Sequence[str]) -> int:
     output = options.output or Path(f"{options.folders[0].resolve().name}.zip")
     if output.suffix != ".zip":
         output = output.with_name(f"{output.name}.zip")
-    count = write_archive(
-        Request(options.folders, output, options.config_dir, options.license, options.author)
-    )
+    rights = options.license, options.author
+    count = write_archive(Request(options.folders, output, options.config_dir, *rights))
     print_result(f"{output}: {count} files, {output.stat().st_size / 2**20:.1f} MiB")
     return DONE

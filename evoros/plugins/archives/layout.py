@@ -20,8 +20,7 @@ from evoros.storage.layout import DESIGN_FILE, OVERRIDES, SWEEP
 _SYSTEM = ("/bin", "/dev", "/etc", "/lib", "/lib64", "/proc", "/run", "/sys", "/usr")
 _COMPILED = ("__pycache__", ".git")
 _ADDRESS = re.compile(r"filename=\"file://([^\"]+)\"")
-_DESCRIBING = ("package.xml", "CMakeLists.txt")
-"""Files that ROS tools read from every package on the search path."""
+_DESCRIBING = ("package.xml", "CMakeLists.txt")  # ROS tools read these from every known package
 _BETWEEN = re.compile(r"[=\[\],'\"]")
 
 
@@ -87,11 +86,7 @@ def _join(place: str, rest: Path) -> str:
 
 
 def list_places(folders: Sequence[Path]) -> dict[Path, str]:
-    """Return the archive paths of all runs' folders.
-
-    Raises:
-        InputError: a folder has no finished run, or two runs would have the same path.
-    """
+    """Return the archive paths of all runs' folders."""
     places: dict[Path, str] = {}
     for top in folders:
         for folder in list_finished(top, "archived"):
@@ -117,11 +112,8 @@ def place_named(folder: Path, manifest: Mapping[str, Any], tops: Sequence[Path])
     The folders are ``tops`` (all folders to archive), the run's sweep, and the sources of an
     evaluation's designs. For folders outside ``tops``, only the name is kept.
     """
-    places = {
-        str(path): place_inside(top, top)
-        for top in tops
-        for path in (top.absolute(), top.resolve())
-    }
+    both = ((top, path) for top in tops for path in (top.absolute(), top.resolve()))
+    places = {str(path): place_inside(top, top) for top, path in both}
     for path in map(Path, filter(os.path.isabs, _list_sources(folder, manifest))):
         inside = (top for top in tops if path.resolve().is_relative_to(top.resolve()))
         top = next(inside, None)
@@ -155,8 +147,8 @@ def list_read(reads: Iterable[Path], experiment: Experiment, folder: Path) -> se
     paths = {*reads, *(Path(name) for names in meshes for name in names)}
     others = [PACKAGE, *map(bundled_folder, ("conf", "robots", "worlds")), folder.resolve()]
     others += [*map(Path, (*_SYSTEM, sys.prefix, sys.base_prefix)), cache_home()]
-    own = {path for path in paths if path.is_file() and not _is_in(path, others)}
-    own = {path for path in own if not {*_COMPILED} & {*path.parts}}
+    own = {path for path in paths if path.is_file() and not {*_COMPILED} & {*path.parts}}
+    own = {path for path in own if not any(path.is_relative_to(folder) for folder in others)}
     described = {path.parent for path in own if path.name not in _DESCRIBING}
     return {
         path
@@ -181,7 +173,3 @@ def read_input(path: Path) -> bytes:
             f"{path}: cannot be read to be archived ({error.strerror}); change the file's "
             f"permissions, or move the file elsewhere"
         ) from error
-
-
-def _is_in(path: Path, folders: Iterable[Path]) -> bool:
-    return any(path.is_relative_to(folder) for folder in folders)

@@ -29,27 +29,24 @@ SPECIFICATION = "https://w3id.org/ro/crate/1.1"
 PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
 PROGRAM = "#evoros"
 LICENCE_FILE = "software/LICENSE"
-_TYPES = {
-    ".cff": "application/yaml",
-    ".csv": "text/csv",
-    ".dae": "model/vnd.collada+xml",
-    ".html": "text/html",
-    ".json": "application/json",
-    ".md": "text/markdown",
-    ".obj": "model/obj",
-    ".patch": "text/x-diff",
-    ".pdf": "application/pdf",
-    ".png": "image/png",
-    ".py": "text/x-python",
-    ".sdf": "application/xml",
-    ".stl": "model/stl",
-    ".svg": "image/svg+xml",
-    ".txt": "text/plain",
-    ".urdf": "application/xml",
-    ".xacro": "application/xml",
-    ".xml": "application/xml",
-    ".yaml": "application/yaml",
+_SUFFIXES = {
+    "application/json": "json",
+    "application/pdf": "pdf",
+    "application/xml": "sdf urdf xacro xml",
+    "application/yaml": "cff yaml",
+    "image/png": "png",
+    "image/svg+xml": "svg",
+    "model/obj": "obj",
+    "model/stl": "stl",
+    "model/vnd.collada+xml": "dae",
+    "text/csv": "csv",
+    "text/html": "html",
+    "text/markdown": "md",
+    "text/plain": "txt",
+    "text/x-diff": "patch",
+    "text/x-python": "py",
 }
+_TYPES = {f".{suffix}": kind for kind, names in _SUFFIXES.items() for suffix in names.split()}
 _ABOUT = {
     CONFIG: "the composed configuration, which determines everything else",
     MANIFEST: "versions, machine and hashes of the inputs",
@@ -63,7 +60,7 @@ Entity = dict[str, Any]
 
 @dataclass(frozen=True)
 class RunFacts:
-    """A run or evaluation, with its path in the archive and its sealed files."""
+    """A run or evaluation: its path in the archive, and its sealed files."""
 
     place: str
     manifest: Mapping[str, Any]
@@ -141,9 +138,8 @@ def _describe_program(facts: StudyFacts) -> Entity:
 
 
 def _describe_run(run: RunFacts, facts: StudyFacts) -> list[Entity]:
-    own = [name for name in facts.files if name.startswith(f"{run.place}/")]
-    config = f"{run.place}/{CONFIG}"
-    results = [name for name in own if name != config]
+    config, own = f"{run.place}/{CONFIG}", f"{run.place}/"
+    results = [name for name in facts.files if name.startswith(own) and name != config]
     inputs = [config, *(name for name in facts.files if name.startswith(f"{INPUTS}/"))]
     manifest = run.manifest
     name = run.place.removeprefix(f"{RUNS}/")
@@ -172,13 +168,12 @@ def _refer(names: Sequence[str]) -> Any:
 
 
 def _describe_folder(place: str, about: str, facts: StudyFacts) -> Entity:
-    parts = [name for name in facts.files if name.startswith(f"{place}/")]
     return {
         "@id": f"{quote(place)}/",
         "@type": "Dataset",
         "name": PurePath(place).name,
         "description": about,
-        "hasPart": _refer(parts),
+        "hasPart": _refer([name for name in facts.files if name.startswith(f"{place}/")]),
     }
 
 
@@ -251,8 +246,8 @@ def write_readme(
 def _describe(manifest: Mapping[str, Any], status: Mapping[str, Any]) -> str:
     best = status.get("best_fitness")
     fitness = "" if best is None else f", best fitness {best:.6g}"
-    missions = status.get("missions")
-    return f"{manifest['command']}, seed {manifest['seed']}, {missions} missions{fitness}"
+    done = f"{status.get('missions')} missions{fitness}"
+    return f"{manifest['command']}, seed {manifest['seed']}, {done}"
 
 
 def _describe_code(code: RecordedCode) -> str:

@@ -94,18 +94,13 @@ def _parser() -> ArgumentParser:
     parser = console.CommandParser(
         NAME, description=ABOUT, epilog=STATUSES, formatter_class=RawDescriptionHelpFormatter
     )
-    parser.add_argument(
-        "folder", metavar="FOLDER", help="a run, an evaluation, a sweep or an archive"
-    )
-    parser.add_argument(
-        "overrides", nargs="*", metavar="executor.KEY=VALUE", help="settings of the executor"
-    )
-    parser.add_argument(
-        "--output",
-        metavar="NEW",
-        default=f"outputs/{datetime.now():%Y-%m-%d_%H-%M-%S}_reproduced",
-        help="folder of the new run; an interrupted run is continued (default: outputs/DATE...)",
-    )
+    about = "a run, an evaluation, a sweep or an archive"
+    parser.add_argument("folder", metavar="FOLDER", help=about)
+    about = "settings of the executor"
+    parser.add_argument("overrides", nargs="*", metavar="executor.KEY=VALUE", help=about)
+    default = f"outputs/{datetime.now():%Y-%m-%d_%H-%M-%S}_reproduced"
+    about = "folder of the new run; an interrupted run is continued (default: outputs/DATE...)"
+    parser.add_argument("--output", metavar="NEW", default=default, help=about)
     parser.add_argument("--config-dir", metavar="DIR", help="folder with your own parts")
     parser.add_argument("--version", action="version", version=f"{NAME} {read_origin().version}")
     return parser

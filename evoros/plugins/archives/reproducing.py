@@ -24,29 +24,19 @@ class Prepared:
     source: Path
     output: Path
     config_dir: Path | None
+    base: Path | None = None  # folder with the unpacked inputs of an archive
 
     def relocation(self, folder: Path) -> archives.Relocation:
         """Return the new paths of inputs that have moved since the run was recorded."""
-        return archives.NOWHERE
-
-    def compare(self) -> Diff:
-        """Compare the recorded runs with the new ones."""
-        return diff_runs(self.source, self.output)
-
-
-@dataclass(frozen=True)
-class PreparedArchive(Prepared):
-    """The runs of an archive whose inputs are unpacked in ``base``."""
-
-    base: Path
-
-    def relocation(self, folder: Path) -> archives.Relocation:
-        """Return the paths of the unpacked inputs."""
+        if self.base is None:
+            return archives.NOWHERE
         working = read_json(folder / MANIFEST)["working_directory"]
         return Layout({self.base / archives.INPUTS: archives.INPUTS}).relocation(working, {})
 
     def compare(self) -> Diff:
-        """Compare the recorded runs with the new runs in archived form."""
+        """Compare the recorded runs with the new ones, in archived form if they are archived."""
+        if self.base is None:
+            return diff_runs(self.source, self.output)
         with TemporaryDirectory(prefix="evoros-") as scratch:
             for source in folders_below(self.source, warn_left_out):
                 inner = source.relative_to(self.source)
@@ -57,15 +47,9 @@ class PreparedArchive(Prepared):
         recorded, places = read_json(source / MANIFEST), self.relocation(source)
         built = rebuild(folder, (), self.config_dir, warns=False)
         config = relocate_recorded(folder / CONFIG, places.relocate)
-        run = PortableRun(
-            folder,
-            built.experiment,
-            config.text,
-            config.values,
-            places,
-            recorded["working_directory"],
-            recorded.get(CONFIG_DIR),
-        )
+        working, own = recorded["working_directory"], recorded.get(CONFIG_DIR)
+        made = built.experiment, config.text, config.values
+        run = PortableRun(folder, *made, places, working, own)
         for name, content in run.files():
             archives.write_unpacked(to / name, content)
 
@@ -97,7 +81,7 @@ def prepare(source: Path, output: Path, config_dir: Path | None) -> Iterator[Pre
         named = (read_json(folder / MANIFEST).get(CONFIG_DIR) for folder in folders)
         own = next(filter(None, named), None)
         parts = base / own if own and config_dir is None else config_dir
-        yield PreparedArchive(runs, base / archives.RUNS / runs.relative_to(top), parts, base)
+        yield Prepared(runs, base / archives.RUNS / runs.relative_to(top), parts, base)
 
 
 def _require_inside(archive: Path, folder: Path) -> None:

@@ -14,8 +14,7 @@ from evoros.files.origin import read_origin, read_patch
 from evoros.files.resources import PACKAGE
 from evoros.storage.circumstances import OWN, normalize
 
-_OF_INSTALLER = ("INSTALLER", "REQUESTED", "RECORD", "direct_url.json")
-"""Metadata files that describe the installation rather than the package."""
+_OF_INSTALLER = ("INSTALLER", "REQUESTED", "RECORD", "direct_url.json")  # not of the package
 FOLDER = "software"
 
 

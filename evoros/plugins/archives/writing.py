@@ -47,8 +47,7 @@ from evoros.storage.layout import (
 )
 from evoros.storage.portable import PortableRun
 
-_SHORTEST = 8
-"""Length below which names and values of variables are treated as ordinary words."""
+_SHORTEST = 8  # length below which names and values of variables are treated as ordinary words
 LOCAL = "localhost"
 README = "README.md"
 
@@ -59,10 +58,7 @@ def is_telling(host: str) -> bool:
 
 
 class Secrets:
-    """Strings that must not occur in an archive, with descriptions.
-
-    ``harmless`` lists values that archives contain anyway, such as a commit.
-    """
+    """Strings that must not occur in an archive; ``harmless`` ones, such as a commit, may."""
 
     def __init__(
         self, paths: Iterable[Path], harmless: Collection[str], environment: Mapping[str, str]
@@ -145,20 +141,13 @@ class _Source:
 
 
 def write_archive(request: Request) -> int:
-    """Build all experiments, write the archive and return the number of files in it.
-
-    Raises:
-        InputError: a folder has no finished run, an input of a run has changed, a file contains a
-            secret or a path of this machine, or the archive cannot be written.
-    """
+    """Build all experiments, write the archive and return the number of files in it."""
     metadata.check_licence(request.licence)
     if request.output.exists():
         raise InputError(
             f"--output {request.output}: already exists; delete the file, or choose another"
         )
-    sources = [
-        _build(folder, place, request) for folder, place in list_places(request.folders).items()
-    ]
+    sources = [_build(*place, request) for place in list_places(request.folders).items()]
     files = _list_files(sources, request)
     try:
         folders = [archives.INPUTS, *(source.place for source in sources)]
@@ -232,15 +221,9 @@ def _list_content(
     for source in sources:
         places = _relocation(source, layout)
         config = relocate_recorded(source.folder / CONFIG, places.relocate)
-        run = PortableRun(
-            source.folder,
-            source.experiment,
-            config.text,
-            config.values,
-            places,
-            layout.place(source.working),
-            None if own is None else layout.place(own),
-        )
+        built = source.experiment, config.text, config.values
+        own_parts = None if own is None else layout.place(own)
+        run = PortableRun(source.folder, *built, places, layout.place(source.working), own_parts)
         yield from ((f"{source.place}/{name}", content) for name, content in run.files())
 
 

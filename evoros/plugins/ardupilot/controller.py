@@ -26,8 +26,7 @@ from evoros.controller.protocol import LAYER_ARGUMENTS, Briefing, Pilot
 from evoros.plugins.ardupilot.mavlink import RELEASED, GroundStation, accept, dialect
 from evoros.plugins.ardupilot.sitl import NO_PULSE, SitlFrames, share_core
 
-HOME = (42.0, -83.0)
-"""Latitude and longitude [deg] of the world's origin; the x axis points north."""
+HOME = (42.0, -83.0)  # latitude and longitude [deg] of the world's origin; the x axis points north
 METRES_PER_DEGREE = 111318.84502145034  # ArduPilot's value along a meridian
 MANUAL, AUTO = 0, 10
 CENTRE_US, SPAN_US = 1500, 500
@@ -72,8 +71,7 @@ class ArduPilotPilot:
         self._second = max(1, round(1.0 / settings.period_s))
         self._avoid_every = round(settings.avoidance_period_s / settings.period_s)
         rng = generator(str(briefing.seed), "avoidance")
-        avoidance = settings.avoidance
-        period = settings.avoidance_period_s
+        avoidance, period = settings.avoidance, settings.avoidance_period_s
         bound = start_rule(avoidance.rule, LAYER_ARGUMENTS, avoidance.start, robot, period, rng)
         self._rule = bound._replace(rule=compile_if_possible(bound.rule, LAYER))
         self._wish = np.zeros(COMMAND_SIZE)
@@ -81,12 +79,7 @@ class ArduPilotPilot:
         self._avoiding = False
 
     def warm_up(self) -> None:
-        """Bring the autopilot into AUTO mode, at rest at home and with nothing in sight.
-
-        Raises:
-            InputError: the autopilot does not arm, or rejects its route or a parameter.
-            PilotLost: the autopilot exited, or did not answer in time.
-        """
+        """Bring the autopilot into AUTO mode, at rest at home and with nothing in sight."""
         station, settings = self._station, self._settings
         self._frames.connect(settings.start_limit_s)
         self._frames.receive(settings.start_limit_s, None)
@@ -248,23 +241,16 @@ class ArduPilot(ardupilot_parameters.ArduPilotSettings):
 
     @contextmanager
     def launch(self, briefing: Briefing) -> Iterator[Pilot]:
-        """Start the autopilot for one mission, and bring it into AUTO mode.
-
-        Raises:
-            LaunchError: the autopilot cannot be started.
-            InputError: the autopilot does not arm, or rejects its route or a parameter.
-            PilotLost: the autopilot exited, or did not answer in time.
-        """
+        """Start the autopilot for one mission, and bring it into AUTO mode."""
         dialect()
-        parameters = ardupilot_parameters.derive_parameters(briefing, self.parameters) | dict(
-            self.parameters
-        )
+        derived = ardupilot_parameters.derive_parameters(briefing, self.parameters)
+        written = ardupilot_parameters.write_parameters({**derived, **self.parameters})
         starting = start_process(
             self._command(),
             isolate=self.isolate,
             environment=self.environment,
             sockets=SOCKETS,
-            files={PARAMETERS_FILE: ardupilot_parameters.write_parameters(parameters)},
+            files={PARAMETERS_FILE: written},
         )
         with (
             share_core(wanted=self.share_core),

@@ -25,22 +25,14 @@ DEGREES = 1e7
 
 @cache
 def dialect() -> Any:
-    """Return pymavlink's module with ArduPilot's messages.
-
-    Raises:
-        LaunchError: pymavlink is not installed.
-    """
+    """Return pymavlink's module with ArduPilot's messages."""
     with require_extra("ardupilot", "controller=ardupilot", LaunchError):
         from pymavlink.dialects.v20 import ardupilotmega
     return ardupilotmega
 
 
 def accept(process: OutsideProcess, listening: socket.socket, limit_s: float) -> socket.socket:
-    """Accept the connection from the autopilot's process.
-
-    Raises:
-        PilotLost: the process exited, or did not connect in time.
-    """
+    """Accept the connection from the autopilot's process."""
     waiting: list[socket.socket | OutsideProcess] = [listening, process]
     ready, _, _ = select.select(waiting, [], [], limit_s)
     if listening not in ready:
@@ -54,8 +46,7 @@ def accept(process: OutsideProcess, listening: socket.socket, limit_s: float) ->
 class GroundStation:
     """The autopilot's ground station, for use by one thread only.
 
-    Messages are exchanged while the autopilot waits for a state, so each message belongs to a known
-    frame.
+    It exchanges messages while the autopilot waits for a state, so each has a known frame.
     """
 
     def __init__(self, process: OutsideProcess, connection: socket.socket) -> None:
@@ -78,11 +69,7 @@ class GroundStation:
             self._connection.sendall(data)
 
     def read(self, time: float | None) -> None:
-        """Read the autopilot's messages at a mission ``time`` [s], or None before the mission.
-
-        Raises:
-            PilotLost: the autopilot has closed the connection.
-        """
+        """Read the autopilot's messages; ``time`` is the mission time [s], if it has started."""
         while True:
             try:
                 data = self._connection.recv(1 << 16, socket.MSG_DONTWAIT)

@@ -30,11 +30,9 @@ LAYOUTS = {
     for size, magic in ((struct.Struct("<HHI16H"), 18458), (struct.Struct("<HHI32H"), 29569))
 }
 """Layout (magic, rate [Hz], frame, widths [us]) and magic number of a packet, by its length."""
-WIDTHS = 3
-"""Index of the first pulse width in a packet."""
+WIDTHS = 3  # index of the first pulse width in a packet
 LONGEST = 4096
-LOOK_US = 50_000
-"""Interval [us] at which waiting for a packet checks that the process still runs."""
+LOOK_US = 50_000  # interval [us] at which waiting for a packet checks that the process still runs
 
 
 class SitlFrames:
@@ -51,13 +49,9 @@ class SitlFrames:
         self._speed = self._yaw_rate = math.nan
 
     def receive(self, limit_s: float, time: float | None) -> tuple[int, ...]:
-        """Wait for the next frame and return the widths of its servo pulses [us].
+        """Wait for the next frame, up to a wall-clock limit, and return its pulse widths [us].
 
         ``time`` is the mission time [s], None before the mission.
-
-        Raises:
-            PilotLost: the process exited, or sent no new frame within the wall-clock limit.
-            SimulationError: a packet is not a frame.
         """
         until = 0.0
         while True:
@@ -67,9 +61,8 @@ class SitlFrames:
                 now = monotonic()
                 until = until or now + limit_s
                 if not self._process.running() or now > until:
-                    raise self._process.lost(
-                        f"sent no servo outputs within {limit_s:g} s", time
-                    ) from None
+                    silence = f"sent no servo outputs within {limit_s:g} s"
+                    raise self._process.lost(silence, time) from None
                 continue
             layout, magic = LAYOUTS.get(len(data), (None, 0))
             if layout is None:
@@ -90,9 +83,8 @@ class SitlFrames:
                 _, address = self._udp.recvfrom(LONGEST, socket.MSG_PEEK)
             except BlockingIOError:
                 if not self._process.running() or monotonic() > until:
-                    raise self._process.lost(
-                        f"sent no servo outputs within {limit_s:g} s of its start"
-                    ) from None
+                    silence = f"sent no servo outputs within {limit_s:g} s of its start"
+                    raise self._process.lost(silence) from None
             else:
                 self._udp.connect(address)
                 return
@@ -135,11 +127,7 @@ class SitlFrames:
             return  # ``receive`` reports the missing process
 
     def check_widths(self, widths: Sequence[int], time: float) -> None:
-        """Require that a servo can follow each width [us], or that there is no pulse.
-
-        Raises:
-            SimulationError: a width is out of range.
-        """
+        """Require that a servo can follow each width [us], or that there is no pulse."""
         for width in widths:
             if width != NO_PULSE and not MIN_WIDTH_US <= width <= MAX_WIDTH_US:
                 raise self._unusable(f"a servo pulse of {width} us", time)
@@ -154,16 +142,14 @@ class SitlFrames:
 
 CLAIM = "\0evoros core {}"
 """An abstract Linux address, which needs no file and is released with the socket."""
-PROCESSOR = 36
-"""Index of the core in /proc/.../stat, counted after the name in parentheses."""
+PROCESSOR = 36  # index of the core in /proc/.../stat, counted after the name in parentheses
 
 
 @contextmanager
 def share_core(*, wanted: bool = True) -> Iterator[None]:
     """Pin this thread, and processes that it starts, to a core that no other mission uses.
 
-    Nothing changes if pinning is not ``wanted``, if all cores are taken, or if the system forbids
-    it.
+    If all cores are taken or the system forbids pinning, nothing changes.
     """
     allowed = os.sched_getaffinity(0) if wanted and hasattr(os, "sched_getaffinity") else set()
     claim = _claim_core(allowed)

@@ -37,13 +37,10 @@ from evoros.world.model import KEPT_WORLDS, World
 Point = tuple[float, float]
 Cell = tuple[int, int]  # row and column
 
-SIDE = 30
-"""Number of rows and number of columns."""
+SIDE = 30  # number of rows and number of columns
 CELL_M = 0.15
-FIRST_X_M, FIRST_Y_M = -4.425, 5.175
-"""Position of the centre of the first cell [m]."""
-REACH = 2
-"""Number of free cells that a robot needs on each side of the cell of its centre."""
+FIRST_X_M, FIRST_Y_M = -4.425, 5.175  # position of the centre of the first cell [m]
+REACH = 2  # number of free cells that a robot needs on each side of the cell of its centre
 _BIRTH, _SURVIVAL = 5, 2  # numbers of filled neighbours that fill a cell, and that keep it filled
 _STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
 
@@ -65,9 +62,8 @@ def _count_neighbours(cells: Cells) -> NDArray[np.int8]:
     """Count the filled cells among eight neighbours; cells beyond the outer rows are filled."""
     framed = np.pad(cells.astype(np.int8), ((0, 0), (0, 0), (1, 1)))
     framed = np.pad(framed, ((0, 0), (1, 1), (0, 0)), constant_values=1)
-    lines: NDArray[np.int8] = framed[:, :-2] + framed[:, 1:-1] + framed[:, 2:]
-    counts: NDArray[np.int8] = lines[:, :, :-2] + lines[:, :, 1:-1] + lines[:, :, 2:] - cells
-    return counts
+    lines = framed[:, :-2] + framed[:, 1:-1] + framed[:, 2:]
+    return np.asarray(lines[:, :, :-2] + lines[:, :, 1:-1] + lines[:, :, 2:] - cells)
 
 
 def find_free(cells: Cells) -> Cells:
@@ -106,9 +102,9 @@ def find_shortest(free: Cells, start: Point, goal: Point) -> list[Point]:
     lengths: dict[Cell, float] = {}
     before: dict[Cell, Cell | None] = {}
     entries = [(int(row), 0) for row in np.flatnonzero(free[:, 0])]
-    queue: list[tuple[float, Cell, Cell | None]] = []
-    for cell in entries:
-        heapq.heappush(queue, (math.dist(start, locate(*cell)), cell, None))
+    queue: list[tuple[float, Cell, Cell | None]]
+    queue = [(math.dist(start, locate(*cell)), cell, None) for cell in entries]
+    heapq.heapify(queue)
     while queue:
         length, cell, last = heapq.heappop(queue)
         if cell in lengths:
@@ -142,7 +138,7 @@ def _trace(before: dict[Cell, Cell | None], end: Cell) -> list[Point]:
     return way[::-1]
 
 
-def measure_way(way: list[Point]) -> float:
+def measure_way(way: Sequence[Sequence[float]]) -> float:
     """Return the length of a path [m]."""
     return math.fsum(math.dist(a, b) for a, b in pairwise(way))
 
@@ -151,8 +147,7 @@ PATHS = "path_files"
 _PATH_ORIGIN_M = (-4.575, 5.075)
 """Position of cell (0, 0) in a path file, as in the challenge's run.py."""
 WORLD_NAME = "barn"
-RADIUS_M, HEIGHT_M = 0.075, 1.0
-"""Size of each cylinder."""
+RADIUS_M, HEIGHT_M = 0.075, 1.0  # size of each cylinder
 WALL_COLUMNS = 34
 """Length, in cells, of the walls on both sides of the start, before the first column."""
 BATCH, MAX_BATCHES = 32, 2000
@@ -187,11 +182,7 @@ class BarnField:
         return _draw_world(self, draws)
 
     def draw_grid(self, draws: str) -> Cells:
-        """Draw the cells that contain a cylinder.
-
-        Raises:
-            InputError: no grid has a corridor.
-        """
+        """Draw the cells that contain a cylinder."""
         rng = generator(draws, f"barn {self.seed}")
         pairs = list(product(self.fill, self.smoothings))
         fill, smoothings = pairs[int(rng.integers(len(pairs)))]
@@ -217,8 +208,7 @@ def generate_barn(
     renew: bool = True,
 ) -> World:
     """Draw a world like BARN's; if ``renew``, each mission gets a different one."""
-    field = BarnField(course, fill, smoothings, seed)
-    return draw_example(field, renew, "generate_barn")
+    return draw_example(BarnField(course, fill, smoothings, seed), renew, "generate_barn")
 
 
 @lru_cache(maxsize=KEPT_WORLDS)
@@ -290,7 +280,7 @@ def load_barn(folder: str, course: Course) -> World:
     }
     if not found:
         raise InputError(
-            f"{folder}: no files world_N.world were found; clone "
+            f"{folder}: no files named world_N.world were found; clone "
             f"https://github.com/Daffan/the-barn-challenge, and give its folder "
             f"jackal_helper/worlds/BARN"
         )
@@ -330,5 +320,4 @@ def _measure_path(path: Path, course: Course) -> float:
         points = np.asarray(cells, dtype=np.float64).reshape(-1, 2) * CELL_M + _PATH_ORIGIN_M
     except (OSError, ValueError, TypeError) as error:
         raise InputError(f"{path}: not an array of cells ({error}); remove the file") from None
-    way = [course.home[:2], *points.tolist(), course.waypoints[-1]]
-    return math.fsum(math.dist(a, b) for a, b in pairwise(way))
+    return measure_way([course.home[:2], *points.tolist(), course.waypoints[-1]])

@@ -29,10 +29,8 @@ from evoros.executor.protocol import MISSING, RAISED, Answer, Call, Kept, Missin
 from evoros.executor.worker_handle import Limits, Worker
 from evoros.executor.worker_main import end_with
 
-MAX_BYTES = 64 * 2**20
-"""Maximum total size of the modules; a larger folder contains more than code."""
+MAX_BYTES = 64 * 2**20  # maximum total size of the modules; a larger folder contains more than code
 _OURS = ("evoros", "__main__")
-_NEVER = ("__pycache__",)
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
@@ -76,9 +74,8 @@ class UserModules:
                 ) from error
             if sum(map(len, self._files.values())) > MAX_BYTES:
                 raise InputError(
-                    f"{folder}: the modules sent to workers exceed "
-                    f"{MAX_BYTES >> 20} MiB with {file}; move your modules into a "
-                    f"separate folder"
+                    f"{folder}: the modules sent to workers exceed {MAX_BYTES >> 20} MiB with "
+                    f"{file}; move your modules into a separate folder"
                 )
 
     def _write(self) -> Shared:
@@ -119,7 +116,7 @@ def _list_files() -> Iterator[tuple[Path, Path]]:
 
 def _list_package(folder: Path) -> Iterator[Path]:
     for path in folder.iterdir():
-        if path.name.startswith(".") or path.name in _NEVER:
+        if path.name.startswith(".") or path.name == "__pycache__":
             continue
         if path.is_dir() and not path.is_symlink():
             yield from _list_package(path)
@@ -135,8 +132,7 @@ def _is_installed(file: Path) -> bool:
     return any(file.is_relative_to(sysconfig.get_path(name)) for name in ("stdlib", "platstdlib"))
 
 
-CLOSED_POOLS = 16
-"""Number of closed pools that are remembered."""
+CLOSED_POOLS = 16  # number of closed pools that are remembered
 
 
 @dataclass(frozen=True)
@@ -169,7 +165,7 @@ class _Slot:
     busy: threading.Lock = field(default_factory=threading.Lock)
 
     def end(self) -> None:
-        with suppress(Exception):  # another thread may have closed it
+        with suppress(Exception):  # another thread may have set the result
             self.closing.set_result(None)
         with self.busy:
             self.worker.stop()
@@ -234,8 +230,7 @@ class Companion:
             closing: Future[None] = Future()
             limits = request.limits
             worker = Worker(closing, limits.time_limit_s, limits.calls_per_worker, folders)
-            slot = _Slot(key, worker, closing)
-            self._slots[thread] = slot
+            slot = self._slots[thread] = _Slot(key, worker, closing)
         if before is not None:
             before.end()
         return slot

@@ -41,27 +41,20 @@ class Dask(Limits, Executor):
         if self.address is not None and self.workers:
             raise InputError(
                 f"executor.workers: must be null, not {self.workers}, if executor.address is set, "
-                f"because that cluster has its own workers; remove one of the two keys"
+                f"because the cluster at that address has its own workers; remove one of the keys"
             )
 
     @contextmanager
     def open(self) -> Iterator[Pool]:
-        """Connect to the scheduler, or start a local cluster.
-
-        Leaving the context ends all calls and the local cluster, if any.
-
-        Raises:
-            InputError: Dask is not installed.
-            RunStopped: no scheduler answers at the address.
-        """
+        """Connect to the scheduler or start a local cluster; leaving the context ends all calls."""
         with require_extra("dask", "executor=dask"):
             from evoros.plugins.clusters import dask_cluster
         with ExitStack() as stack:
             stack.enter_context(dask_cluster.silence())
             address = self.address
             if address is None:
-                workers = self.workers or available_cores()
-                address = stack.enter_context(dask_cluster.start_cluster(workers))
+                local = dask_cluster.start_cluster(self.workers or available_cores())
+                address = stack.enter_context(local)
             transport = stack.enter_context(dask_cluster.connect(address))
             pool = RemotePool(transport, self, shares_files=self.address is None)
             yield stack.enter_context(closing(pool))

@@ -84,11 +84,7 @@ def _read_address(address: str) -> str:
 
 @contextmanager
 def connect(address: str) -> Iterator[DaskTransport]:
-    """Connect to a scheduler.
-
-    Raises:
-        RunStopped: no scheduler answers.
-    """
+    """Connect to a scheduler; raise a RunStopped if none answers."""
     address = _read_address(address)
     try:
         client: Any = Client(  # type: ignore[no-untyped-call]

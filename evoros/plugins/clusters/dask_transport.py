@@ -35,14 +35,8 @@ class Sending:
 
     async def attempt(self, client: Any) -> RawAnswer:
         """Submit the call and wait for the answer."""
-        task = client.submit(
-            answer,
-            self.wanted,
-            self.request,
-            pure=False,
-            workers=self.nodes,
-            allow_other_workers=self.nodes is not None,
-        )
+        where = {"workers": self.nodes, "allow_other_workers": self.nodes is not None}
+        task = client.submit(answer, self.wanted, self.request, pure=False, **where)
         self.waiting = asyncio.ensure_future(client.gather(task, asynchronous=True))
         returned: RawAnswer = await self.waiting
         return returned
@@ -53,14 +47,10 @@ class Sending:
             self.waiting.cancel()
 
 
-CONNECT_S = 10.0
-"""Time limit [s] for a scheduler's first answer."""
-ANSWER_S = 60.0
-"""Time limit [s] for later answers, longer because the scheduler may be busy."""
-LOOK_S = 0.5
-"""Interval [s] at which the list of workers is requested."""
-ALONE_S = 10.0
-"""Time [s] after which calls that wait without any worker are reported."""
+CONNECT_S = 10.0  # time limit [s] for a scheduler's first answer
+ANSWER_S = 60.0  # time limit [s] for later answers, longer because the scheduler may be busy
+LOOK_S = 0.5  # interval [s] at which the list of workers is requested
+ALONE_S = 10.0  # time [s] after which calls that wait without any worker are reported
 
 
 def _ignore(loop: object, context: dict[str, Any]) -> None:
@@ -84,11 +74,7 @@ class DaskTransport:
         self._watcher = Thread(target=self._watch, daemon=True)
 
     def start(self) -> None:
-        """List the workers, and start tracking changes.
-
-        Raises:
-            RunStopped: the scheduler does not answer.
-        """
+        """List the workers, and start tracking changes."""
         self._look()
         if self._lost is not None:
             raise self._lost
@@ -102,11 +88,7 @@ class DaskTransport:
     def send(
         self, name: str, wanted: dict[str, str], request: bytes, node: str | None
     ) -> "Future[RawAnswer]":
-        """Send a call; see ``Transport``.
-
-        Raises:
-            RunStopped: the connection to the scheduler is lost.
-        """
+        """Send a call; see ``Transport``."""
         if self._lost is not None:
             raise self._lost
         nodes = None if node is None else [node]
@@ -171,9 +153,6 @@ class DaskTransport:
 
         Dask blames the loss of a worker on all calls that ran or waited there. Innocent calls
         succeed when they are retried one by one.
-
-        Raises:
-            WorkerLost: the call lost too many workers again.
         """
         with suppress(KilledWorker):
             return await self._persist(sending)
@@ -184,9 +163,9 @@ class DaskTransport:
                 times = error.allowed_failures + 1  # a lower bound, because Dask misses some losses
                 raise WorkerLost(
                     f"{sending.name}: lost, because at least {2 * times} Dask workers exited while "
-                    f"running it, {times} of them while no other call was suspected; read the "
-                    f"output of {error.last_worker.address}, and give the workers more memory if "
-                    f"it ran out"
+                    f"running it, {times} of them in a second attempt; read the output of the "
+                    f"worker {error.last_worker.address}, and give the workers more memory if they "
+                    f"ran out"
                 ) from error
 
     async def _persist(self, sending: Sending) -> RawAnswer:
@@ -209,10 +188,9 @@ class DaskTransport:
             before, alone_s = alone_s, alone_s + LOOK_S if self._out and not self.workers else 0.0
             if before < ALONE_S <= alone_s:
                 LOGGER.warning(
-                    "executor: no worker for missions has joined the Dask scheduler at %s; waiting "
-                    "for one (start it with: dask worker %s)",
-                    self._address,
-                    self._address,
+                    "executor: no worker for missions has joined the Dask scheduler at "
+                    "%(address)s; waiting for one (start it with: dask worker %(address)s)",
+                    {"address": self._address},
                 )
 
     def _look(self) -> None:

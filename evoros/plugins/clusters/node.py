@@ -32,10 +32,8 @@ from evoros.plugins.clusters.companion import Stop
 
 ENGINES = ("mujoco-core", "pybullet")
 """Packages that only some runs need; versions must agree if both sides have them installed."""
-ARITHMETIC = "arithmetic"
-LIBRARY = "C library"
-SAMPLES = 256
-"""Number of points at which evoros's elementary functions are compared."""
+ARITHMETIC, LIBRARY = "arithmetic", "C library"
+SAMPLES = 256  # number of points at which evoros's elementary functions are compared
 UNARY = (
     *(elementary.sin, elementary.cos, elementary.tan, elementary.atan, elementary.tanh),
     *(elementary.exp, elementary.expm1, elementary.sinh, elementary.cosh),
@@ -43,16 +41,11 @@ UNARY = (
 )
 _INVERSE = (elementary.asin, elementary.acos)  # compared on [0, 1]
 BINARY = (elementary.atan2, elementary.hypot, elementary.power)
-_DEVIATES = 10_000
-"""Sample size, large enough for the tails: one normal deviate in 4000, one exponential in 2200."""
-_LIBRARY_SAMPLES = 20_000
-"""Number of points for the C library, large because few values differ between processors."""
-REFUSED = -1
-"""Kind of an answer that states why this worker is unsuitable."""
-ATTEMPTS = 2
-"""Maximum number of attempts at a call if the companion is killed."""
-END_S = 1.0
-"""Time [s] that a companion's process has to exit after its connections close."""
+_DEVIATES = 10_000  # enough for the tails: one normal deviate in 4000, one exponential in 2200
+_LIBRARY_SAMPLES = 20_000  # many, because few values of the C library differ between processors
+REFUSED = -1  # kind of an answer that states why this worker is unsuitable
+ATTEMPTS = 2  # maximum number of attempts at a call if the companion is killed
+END_S = 1.0  # time [s] that a companion's process has to exit after its connections close
 SCRIPT = (
     "import sys; sys.path[:] = {path!r}; from evoros.plugins.clusters.companion import main; "
     "main({control}, {folder!r})"
@@ -144,9 +137,7 @@ class _Node:
             if self._companion is None or not self._companion.runs():
                 self._companion = _Companion()
             companion = self._companion
-        if (
-            getattr(self._thread, "companion", None) is not companion
-        ):  # first use, or a new companion
+        if getattr(self._thread, "companion", None) is not companion:  # unset, or replaced
             self._thread.companion, self._thread.connection = companion, companion.connect()
         connection: Connection = self._thread.connection
         return connection
@@ -174,10 +165,7 @@ def describe_environment() -> Mapping[str, str]:
 
 
 def list_differences(wanted: Mapping[str, str]) -> list[str]:
-    """Describe the differences between this process and the main process.
-
-    The C library is not compared, because only some missions depend on it.
-    """
+    """Describe how this process differs from the main process, apart from the C library."""
     here = describe_environment()
     return [
         f"{name} {here.get(name) or '(not installed)'}, not {value}"

@@ -15,8 +15,7 @@ from evoros.plugins.clusters.companion import Request, UserModules
 from evoros.plugins.clusters.node import REFUSED, describe_environment
 from evoros.terminal.log import LOGGER
 
-RawAnswer = tuple[int, bytes, bool, str]
-"""The result of ``node.answer``, and the worker's name."""
+RawAnswer = tuple[int, bytes, bool, str]  # result of ``node.answer``, and the worker's name
 
 
 class Transport(Protocol):
@@ -36,11 +35,7 @@ class Transport(Protocol):
         """
 
     def exclude(self, node: str, reason: str) -> None:
-        """Stop sending calls to an unsuitable worker, and log the reason.
-
-        Raises:
-            RunStopped: no worker is left.
-        """
+        """Log why a worker is unsuitable, and send it no calls; RunStopped if no worker is left."""
 
     def stop(self, pool: str) -> None:
         """Make the workers end the calls of a pool."""
@@ -97,10 +92,8 @@ class RemotePool:
     def _send(self, sent: _Sent, contents: tuple[Shared, ...], node: str | None) -> None:
         call, modules = sent.call, sent.modules
         archive = None if modules is None else modules.digest
-        digests = tuple(shared.digest for shared in call.shared)
-        request = Request(
-            self._name, self._limits, archive, call.name, call.payload, digests, contents
-        )
+        sent_call = call.name, call.payload, tuple(shared.digest for shared in call.shared)
+        request = Request(self._name, self._limits, archive, *sent_call, contents)
         try:
             raw = self._transport.send(call.name, self._wanted, pickle.dumps(request), node)
         except EvorosError as error:

@@ -80,7 +80,6 @@ def read_champion(record: Record) -> Champion:
     shown = loaded if loaded.exists() else folder / ROBOT
     urdf = read_tree(_parse_file(shown), str(shown))
     described = read_frames(robot, str(folder / ROBOT))  # the robot may have meshes
-    values = dict(_effective_values(record))
     ground = Pose(record.context.places[described.root][:3])
     return Champion(
         record=record,
@@ -89,7 +88,7 @@ def read_champion(record: Record) -> Champion:
         sensors=tuple(_read_sensors(record, urdf)),
         centre_m=_centre_of_mass(robot, described, ground),
         self_sights=read_table(folder / SELF_SIGHT, ("distance_m", "hidden_share")),
-        values=values,
+        values=dict(_effective_values(record)),
     )
 
 
@@ -117,7 +116,6 @@ def _read_sensors(record: Record, urdf: Urdf) -> Iterator[MountedSensor]:
         link = f"{prefix}{kind}_{row['sensor']}"
         if link not in urdf.poses:
             raise urdf.error(f"lacks the link {link} of a sensor", "restore the file")
-        body = urdf.visuals[link][:1]
         yield MountedSensor(
             link=link,
             type=kind,
@@ -125,15 +123,15 @@ def _read_sensors(record: Record, urdf: Urdf) -> Iterator[MountedSensor]:
             yaw_deg=row["yaw_deg"],
             pitch_deg=row["pitch_deg"],
             kind=kinds[kind],
-            size_m=_body_size(body[0]) if body else (0.0, 0.0, 0.0),
+            size_m=_body_size(urdf.visuals[link]),
         )
 
 
-def _body_size(shape: Shape) -> Triple:
-    """Return the side lengths [m] of a sensor's box; zeros for any other shape."""
-    if shape.kind != "box":
+def _body_size(shapes: Sequence[Shape]) -> Triple:
+    """Return the side lengths [m] of a sensor's body if it is a box, otherwise zeros."""
+    if not shapes or shapes[0].kind != "box":
         return 0.0, 0.0, 0.0
-    x, y, z = shape.size
+    x, y, z = shapes[0].size
     return x, y, z
 
 

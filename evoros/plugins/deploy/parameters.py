@@ -11,23 +11,19 @@ from evoros.controller import ardupilot_parameters
 from evoros.plugins.deploy.champion import Champion, MountedSensor, Triple
 from evoros.storage.figure_context import Beam, Signal
 
-INSTANCES = "123456789A"
-"""The characters by which parameter names number ArduPilot's range finders."""
+INSTANCES = "123456789A"  # characters that number range finders in ArduPilot's parameters
 _EIGHTH_DEG = 360.0 / ardupilot_parameters.OCTANTS
 _DIRECTIONS = (
     *("forward", "forward right", "right", "back right"),
     *("back", "back left", "left", "forward left"),
 )
 """The directions for values of ``RNGFNDn_ORIENT`` from 0, clockwise in top view."""
-_CONTROLLER = "evoros.plugins.ardupilot.controller.ArduPilot"
-_PARAMETERS = "controller.parameters."
+_ARDUPILOT = "evoros.plugins.ardupilot.controller.ArduPilot"
 CONTROLLER = "controller."
-PARAMETERS = "controller.parameters"
-"""Key of the parameters that an external program receives."""
+PARAMETERS = "controller.parameters"  # key of the parameters that an external program receives
 MAX_SPEED, STEERING_LIMIT = "robot.drive.max_speed_mps", "robot.drive.steering_limit_rad"
 """Drive keys that may evolve."""
-RANGE_TOPIC = "controller.topics.range"
-"""Key of the topic for a sensor's readings, which has a field for the sensor's name."""
+RANGE_TOPIC = "controller.topics.range"  # key of the topic of a sensor named in {sensor}
 _LAYERS = ("controller.avoidance.", "controller.avoidance_period_s")
 """Key prefixes of the avoidance layer; other keys are for starting ArduPilot, or are secret."""
 _SCALARS = (bool, int, float, str)
@@ -152,7 +148,7 @@ class RangeFinder:
 
 
 def _is_ardupilot(champion: Champion) -> bool:
-    return bool(champion.values.get("controller._target_") == _CONTROLLER)
+    return bool(champion.values.get("controller._target_") == _ARDUPILOT)
 
 
 def list_flown(champion: Champion) -> Iterator[str]:
@@ -164,15 +160,15 @@ def list_flown(champion: Champion) -> Iterator[str]:
         return
     evolved = {key for _, key, _ in champion.genes}
     for key, value in champion.values.items():
-        if key.startswith(_PARAMETERS) and value is not None:
-            name = key.removeprefix(_PARAMETERS)
+        if key.startswith(f"{PARAMETERS}.") and value is not None:
+            name = key.removeprefix(f"{PARAMETERS}.")
             yield f"{name} {value}" if key in evolved else f"# in the simulation: {name} {value}"
 
 
 def list_range_finders(sensors: Sequence[MountedSensor], origin_m: Triple) -> list[RangeFinder]:
     """Convert the first ten single-range sensors to range finders relative to ``origin_m``."""
-    pairs = zip(INSTANCES, list_single(sensors), strict=False)
-    return [_convert(instance, *mounted, origin_m) for instance, mounted in pairs]
+    single = zip(INSTANCES, list_single(sensors), strict=False)
+    return [_convert(instance, *mounted, origin_m) for instance, mounted in single]
 
 
 def list_single(sensors: Sequence[MountedSensor]) -> list[tuple[MountedSensor, Beam]]:
@@ -235,9 +231,8 @@ def _rows(finder: RangeFinder, metres: bool) -> Iterator[tuple[str, str]]:
     for axis, value in zip(ardupilot_parameters.AXES, finder.position_m, strict=True):
         yield axis, f"{value:.4f}"
     yield ardupilot_parameters.ORIENTATION, f"{finder.orientation}"
-    for limit, value in zip(
-        ardupilot_parameters.LIMITS, (finder.minimum_m, finder.maximum_m), strict=True
-    ):
+    limits = finder.minimum_m, finder.maximum_m
+    for limit, value in zip(ardupilot_parameters.LIMITS, limits, strict=True):
         text = f"{value:.3f}" if metres else f"{_centimetres(limit, value)}"
         yield ardupilot_parameters.name_limit(limit, metres), text
 

@@ -55,12 +55,7 @@ class PackageOptions:
             raise InputError("--license: must not be empty; name a licence, such as BSD-3-Clause")
 
 
-def name_package(robot: str) -> str:
-    """Return a valid ROS package name for a robot's champion."""
-    return f"{_simplify(robot)}_champion"
-
-
-def _simplify(name: str) -> str:
+def simplify(name: str) -> str:
     """Reduce a name to a letter followed by lower-case letters, digits and single underscores."""
     plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().lower()
     simple = re.sub(r"[^a-z0-9]+", "_", plain).strip("_")
@@ -71,11 +66,11 @@ def write_package(
     champion: Champion, options: PackageOptions, drawings: Mapping[str, bytes]
 ) -> tuple[dict[str, bytes], list[str]]:
     """Return a package's files by path, and notes on the work that remains for the user."""
-    name = _simplify(champion.name)
+    name = simplify(champion.name)
     meshes = MeshFiles(options.name)
     meshes.move(champion.robot)
-    clashes = [*list_clashes(champion.sensors), *list_hidden(champion)]
-    notes = [*clashes, *meshes.notes, *_list_left_out(champion)]
+    overlaps = [*list_clashes(champion.sensors), *list_hidden(champion)]
+    notes = [*overlaps, *meshes.notes, *_list_left_out(champion)]
     files = {f"urdf/{name}.urdf": etree.tostring(champion.robot, encoding="unicode") + "\n"}
     files |= _write_parameters(champion, options)
     values = {
@@ -98,12 +93,13 @@ def _render(template: str, values: Mapping[str, Any]) -> str:
 
 
 def _write_parameters(champion: Champion, options: PackageOptions) -> dict[str, str]:
-    controller = parameters.write_ros_file(
-        *parameters.controller_parameters(champion), [champion.title]
-    )
-    robot = parameters.write_ros_file(*parameters.robot_parameters(champion), [champion.title])
-    finders = parameters.list_range_finders(champion.sensors, _choose_origin(champion, options))
-    files = {"config/controller.yaml": controller, "config/robot.yaml": robot}
+    written = {
+        "config/controller.yaml": parameters.controller_parameters(champion),
+        "config/robot.yaml": parameters.robot_parameters(champion),
+    }
+    head = [champion.title]
+    files = {name: parameters.write_ros_file(*both, head) for name, both in written.items()}
+    finders = _list_finders(champion, options)
     for version, metres in (("4.7", True), ("4.6", False)):
         bound = "or later" if metres else "or earlier"
         head = [
@@ -132,9 +128,7 @@ def _describe(champion: Champion, options: PackageOptions) -> dict[str, Any]:
         "commands": _list_commands(champion),
         "topics": _list_topics(champion),
         "origin": _describe_origin(champion, options),
-        "finders": parameters.list_range_finders(
-            champion.sensors, _choose_origin(champion, options)
-        ),
+        "finders": _list_finders(champion, options),
         "describe_orientation": parameters.describe_orientation,
     }
 
@@ -157,14 +151,17 @@ def _describe_fitness(status: Mapping[str, Any]) -> str:
     return text if validated is None else f"{text}, and {validated:.3f} on fresh draws"
 
 
+def _list_finders(champion: Champion, options: PackageOptions) -> list[parameters.RangeFinder]:
+    return parameters.list_range_finders(champion.sensors, _choose_origin(champion, options))
+
+
 def _choose_origin(champion: Champion, options: PackageOptions) -> Triple:
     return options.imu_m or champion.centre_m or (0.0, 0.0, 0.0)
 
 
 def _describe_origin(champion: Champion, options: PackageOptions) -> str:
-    place = "({:.4f}, {:.4f}, {:.4f}) m in the robot's frame".format(
-        *_choose_origin(champion, options)
-    )
+    numbers = ", ".join(f"{value:.4f}" for value in _choose_origin(champion, options))
+    place = f"({numbers}) m in the robot's frame"
     if options.imu_m:
         return f"the autopilot at {place}"
     if champion.centre_m:

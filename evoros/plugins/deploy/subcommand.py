@@ -15,7 +15,7 @@ from evoros.base.errors import InputError
 from evoros.drive.rolling import shape_points
 from evoros.geometry.shapes import Pose, Shape
 from evoros.plugins.deploy.champion import Champion, MountedSensor, read_champion
-from evoros.plugins.deploy.ros_package import PackageOptions, name_package, write_package
+from evoros.plugins.deploy.ros_package import PackageOptions, simplify, write_package
 from evoros.storage.figure_context import Beam, Signal
 from evoros.terminal.log import LOGGER
 
@@ -36,9 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--name", metavar="PACKAGE", help=about)
     about = "maintainer of the package, NAME <ADDRESS>; default: unnamed"
     parser.add_argument("--maintainer", metavar="TEXT", help=about)
-    parser.add_argument(
-        "--license", metavar="NAME", help="licence of the package; default: unspecified"
-    )
+    about = "licence of the package; default: unspecified"
+    parser.add_argument("--license", metavar="NAME", help=about)
     about = "position of the autopilot in the robot's frame [m]; default: the centre of mass"
     parser.add_argument("--imu", nargs=3, type=float, metavar=("X", "Y", "Z"), help=about)
     parser.set_defaults(maintainer="unnamed <unnamed@example.com>", license="unspecified")
@@ -47,13 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Make the package for the champion of the named run, by default the best run."""
     _, champion = study.choose(options.run, read_champion)
-    robot = f"{champion.name} {options.agent or ''}"
-    chosen = PackageOptions(
-        name=name_package(robot) if options.name is None else options.name,
-        maintainer=options.maintainer,
-        license=options.license,
-        imu_m=_read_imu(options),
-    )
+    robot = simplify(f"{champion.name} {options.agent or ''}")
+    name = f"{robot}_champion" if options.name is None else options.name
+    chosen = PackageOptions(name, options.maintainer, options.license, _read_imu(options))
     files, notes = write_package(champion, chosen, _draw(champion))
     for note in notes:
         LOGGER.warning("%s", note)
@@ -129,12 +124,9 @@ def _describe_datum(wheels: Array) -> str:
     middle = abs(sides.min() + sides.max()) < _SAME_MM
     across = "midway between the wheels" if middle else "at y = 0 in the robot's frame"
     ahead = -float(wheels[:, 0].min())
-    if abs(ahead) < _SAME_MM:
-        along = "below the axle of the rearmost wheels"
-    else:
-        way = "ahead of" if ahead > 0.0 else "behind"
-        along = f"{round(abs(ahead), 1):g} mm {way} the axle of the rearmost wheels"
-    return f"on the ground, {across}, {along}"
+    along = f"{round(abs(ahead), 1):g} mm {'ahead of' if ahead > 0.0 else 'behind'}"
+    along = "below" if abs(ahead) < _SAME_MM else along
+    return f"on the ground, {across}, {along} the axle of the rearmost wheels"
 
 
 def _merge(values: list[float]) -> Iterator[float]:

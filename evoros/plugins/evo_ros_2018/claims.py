@@ -34,19 +34,15 @@ from evoros.base.arrays import Array
 from evoros.plugins.evo_ros_2018 import claims_designs
 from evoros.plugins.evo_ros_2018.claims_designs import RANDOM, SPATIAL, read_diversity
 
-_PROMINENCE_DEG = 3.0
-"""Prominence below which an extreme of the heading is a small correction, not a turning point."""
-_SETTLING = 1
-"""Number of turning points ignored after a waypoint or an avoidance, while the robot realigns."""
+_PROMINENCE_DEG = 3.0  # below it, an extreme of the heading is a correction, not a turning point
+_SETTLING = 1  # turning points ignored after a waypoint or an avoidance, while the robot realigns
 FIRST_ROBOT, HELP = own_claims.FIRST_ROBOT, own_claims.HELP
 NEEDS, FILES = own_claims.NEEDS, own_claims.FILES
-WEAVING = ".Serpentine"
-"""End of the class name of a navigation layer that weaves by design."""
+WEAVING = ".Serpentine"  # end of the class name of a navigation layer that weaves by design
 _NO_DESIGNS = pd.DataFrame(
     columns=[*DESIGN, "random", "strategy", "redundant", "closest_m", "kind", *HEADINGS_DEG]
 ).astype({"random": bool, "redundant": bool})
-EARLY = 15
-"""Number of generations in which the paper found most of the gains."""
+EARLY = 15  # number of generations in which the paper found most of the gains
 SWING_DEG = 60.0
 EARLY_TEXT = f"Most increases in fitness take place during the first {EARLY} generations"
 GAIN = {
@@ -75,9 +71,8 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     if options.claims is not None:
         return own_claims.make_product(study, options)
     check_thresholds(options)
-    study = study.select_finished(
-        *own_claims.READS, _read_champion_swings, read_diversity, read_gains
-    )
+    reads = *own_claims.READS, _read_champion_swings, read_diversity, read_gains
+    study = study.select_finished(*reads)
     pooled = _report_pooled(study)
     return own_claims.tabulate_findings(judge_claims(study, options), study, options, pooled)
 
@@ -163,8 +158,7 @@ def measure_swings(trajectory: pd.DataFrame, mode: int) -> list[float]:
 
 def _turning_points(yaw: Array) -> Array:
     extremes = [find_peaks(sign * yaw, prominence=_PROMINENCE_DEG)[0] for sign in (1, -1)]
-    turns: Array = yaw[np.sort(np.concatenate(extremes))]
-    return turns
+    return np.asarray(yaw[np.sort(np.concatenate(extremes))])
 
 
 def _read_champion_swings(record: Record) -> pd.DataFrame:
@@ -214,9 +208,8 @@ def judge_gain(table: pd.DataFrame, line: str) -> finding.Finding:
     why = f"total {gain.write()}"
     against = finding.Against(steady, logarithmic)
     if not gain.low > 0:
-        return claim.conclude(
-            NOTHING, len(known), (finding.UNKNOWN, f"{why}: a gain is not certain"), against
-        )
+        unknown = finding.UNKNOWN, f"{why}: a gain is not certain"
+        return claim.conclude(NOTHING, len(known), unknown, against)
     verdict = finding.require_replicates(finding.judge_above(share, steady), len(known))
     why += f"; a steady gain: {steady:.0%}, random designs: {logarithmic:.0%}"
     difference = Interval(*(bound - logarithmic for bound in astuple(share)))
@@ -266,10 +259,8 @@ def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> finding.
     why = f"{len(table)} swings; 95% of them up to {table.swing_deg.quantile(0.95):.0f} deg"
     verdict = finding.require_replicates(within, len(medians))
     if built_in:
-        verdict, why = (
-            finding.BUILT_IN,
-            f"the controller weaves by design (navigation=serpentine); {why}",
-        )
+        verdict = finding.BUILT_IN
+        why = f"the controller weaves by design (navigation=serpentine); {why}"
     return SWING.conclude(interval, len(medians), (verdict, why), finding.Against(SWING_DEG))
 
 

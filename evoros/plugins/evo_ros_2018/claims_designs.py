@@ -14,10 +14,8 @@ from evoros.analysis.tables.designs import place_candidates, read_generations
 from evoros.analysis.tables.records import Record
 from evoros.base.arrays import Array
 
-REDUNDANT = 0.6
-"""Share of champions with a redundant pair in the paper, six of ten."""
-MEDIUM = 0.64
-"""An A12 that counts as a medium effect (Vargha and Delaney, 2000)."""
+REDUNDANT = 0.6  # share of champions with a redundant pair in the paper, six of ten
+MEDIUM = 0.64  # A12 of a medium effect (Vargha and Delaney, 2000)
 NONE, RANDOM, SPATIAL = "none", "random", "spatial"
 """Kinds of failure, as choices of the group ``failure``."""
 
@@ -125,12 +123,10 @@ class Shares:
         """Return the finding on a claim; ``verdict`` applies if there are no random designs."""
         if self.p < small_samples.LEVEL and self.difference.value < 0:
             verdict = finding.NOT_SUPPORTED
-        judged = finding.require_beyond_random(
-            verdict, self.why, self.p < small_samples.LEVEL, self.difference
-        )
-        return claim.conclude(
-            self.champions, self.n, judged, finding.Against(bound, self.random, self.p)
-        )
+        rare = self.p < small_samples.LEVEL
+        judged = finding.require_beyond_random(verdict, self.why, rare, self.difference)
+        against = finding.Against(bound, self.random, self.p)
+        return claim.conclude(self.champions, self.n, judged, against)
 
 
 def _compare_shares(table: pd.DataFrame, kind: str, having: "pd.Series[bool]") -> Shares | None:
@@ -184,11 +180,8 @@ def judge_spread_within(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.F
         return WITHIN.lack(_missing_runs(mirrored, free))
     interval, other = small_samples.median_interval(ratios[0]), float(np.median(ratios[1]))
     p, effect = brunner_munzel(*ratios), a12_interval(*ratios)
-    verdict = (
-        finding.SUPPORTED
-        if p < small_samples.LEVEL and effect.value > 0.5
-        else finding.judge_above(effect, MEDIUM)
-    )
+    more = p < small_samples.LEVEL and effect.value > 0.5
+    verdict = finding.SUPPORTED if more else finding.judge_above(effect, MEDIUM)
     why = f"mirrored {other:.2f}; A12 {effect.write()}"
     return WITHIN.conclude(interval, len(ratios[0]), (verdict, why), finding.Against(other, p=p))
 
@@ -236,16 +229,14 @@ def relative_difference(
     value = mean_distance(one) / one_random - mean_distance(other) / other_random
     if min(len(one), len(other)) < 2:
         return small_samples.NOTHING
-    resampled = (
-        resample_mean_distance(one) / one_random - resample_mean_distance(other, 1) / other_random
-    )
+    first, second = resample_mean_distance(one), resample_mean_distance(other, 1)
     tail = small_samples.expand_tail(min(len(one), len(other)))
-    low, high = np.nanquantile(resampled, [tail, 1 - tail])
+    low, high = np.nanquantile(first / one_random - second / other_random, [tail, 1 - tail])
     return small_samples.Interval(float(value), float(low), float(high))
 
 
 def read_diversity(record: Record) -> pd.DataFrame:
-    """Read the mean distance between designs, with copies, in the first and last population."""
+    """Compute the mean distance between designs in the first and last population, with copies."""
     table = read_generations(record)
     first = table[table.generation == 0].drop_duplicates("id")
     pool = table[table.generation == table.generation.max()]
@@ -257,12 +248,9 @@ def read_diversity(record: Record) -> pd.DataFrame:
 
 def _diversity(candidates: pd.DataFrame, record: Record) -> float:
     placed = place_candidates(candidates, record)
-    profiles = features.compute_profiles(
-        placed.assign(run=record.name, treatment="", seed=record.seed)
-    )
+    named = placed.assign(run=record.name, treatment="", seed=record.seed)
+    profiles = features.compute_profiles(named)
     profiles.index = profiles.index.get_level_values("design")
     complete = profiles.reindex(candidates.id, fill_value=0.0)  # includes designs without sensors
-    counts = candidates.survived.to_numpy(int)
-    return mean_distance(
-        pairwise_distances(complete.loc[np.repeat(candidates.id.to_numpy(), counts)])
-    )
+    ids = np.repeat(candidates.id.to_numpy(), candidates.survived.to_numpy(int))
+    return mean_distance(pairwise_distances(complete.loc[ids]))

@@ -28,9 +28,7 @@ from evoros.storage.figure_context import FigureContext, Ring
 ONE_ROBOT = True
 HELP = "sensors destroyed by spatial damage centred at each sensor of a champion (Fig. 10)"
 NEEDS = "a run with spatial failure"
-FILES = {
-    "failure.csv": "a row for each pair of a sensor and the sensor at the centre of the damage",
-}
+FILES = {"failure.csv": "a row for each pair of a sensor and the sensor at the damage's centre"}
 PANEL_IN = 1.4  # minimum width of a panel
 MIN_RATIO = 0.65  # minimum ratio of a panel's height to its width
 LABEL_IN, LINE_IN, TICK_IN = 0.42, 0.11, 0.06  # width, height and distance of a sensor's label
@@ -81,11 +79,8 @@ def list_damage(sensors: pd.DataFrame, rings: Sequence[Ring]) -> pd.DataFrame:
     reach = np.searchsorted([ring.radius_m for ring in ordered], distance)
     radii = np.array([*(ring.radius_m for ring in ordered), math.nan])
     chances = np.array([*(ring.probability for ring in ordered), 0.0])
-    both = (
-        both.assign(distance_m=distance, radius_m=radii[reach], probability=chances[reach])
-        .drop(columns="pair")
-        .rename(columns={"pair_centre": "pair"})
-    )
+    both = both.assign(distance_m=distance, radius_m=radii[reach], probability=chances[reach])
+    both = both.drop(columns="pair").rename(columns={"pair_centre": "pair"})
     head = ["run", "treatment", "seed", "design", "centre", "pair", "sensor", "x_m", "y_m"]
     return both[[*head, "distance_m", "radius_m", "probability"]]
 

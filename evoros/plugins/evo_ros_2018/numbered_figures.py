@@ -21,8 +21,7 @@ FILES = {
     "figure_NN_NAME.csv": "the table of each figure",
 }
 OUTPUT = "paper"
-BASELINE, SPATIAL = "none", "spatial"
-"""The failures in the first and third of the paper's treatments."""
+BASELINE, SPATIAL = "none", "spatial"  # failures in the first and third of the paper's treatments
 Select = Callable[[Study], Study]
 
 
@@ -75,9 +74,8 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         try:
             product = _draw(figure, study, options)
         except InputError as error:
-            messages.append(
-                f"Fig. {figure.number} ({figure.shows}): left out: {single_line(error)}"
-            )
+            name = f"Fig. {figure.number} ({figure.shows})"
+            messages.append(f"{name}: left out: {single_line(error)}")
             continue
         name = f"figure_{figure.number:02d}_{figure.subcommand}"
         assert product.figure is not None  # _draw requires a figure

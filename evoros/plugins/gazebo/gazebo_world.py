@@ -102,9 +102,8 @@ def format_pose(pose: Pose) -> str:
 
 
 def _format_inertial(inertial: Inertial) -> str:
-    moments = format_numbers(inertial.moments).split()
-    mass, pose = format_numbers([inertial.mass]), format_pose(inertial.pose)
-    return _INERTIAL.format(*moments, mass=mass, pose=pose)
+    mass, *moments = format_numbers([inertial.mass, *inertial.moments]).split()
+    return _INERTIAL.format(*moments, mass=mass, pose=format_pose(inertial.pose))
 
 
 def _format_mesh(place: str, solid: Solid) -> str:
@@ -140,11 +139,7 @@ _TYPES = {"continuous": "revolute"} | {name: name for name in ("fixed", "revolut
 def format_robot(
     robot: Robot, index: int, frame: Pose, wheel_friction: float
 ) -> tuple[str, list[str]]:
-    """Return a robot's model with the root link at ``frame``, and the lines of its meshes.
-
-    Raises:
-        SimulationError: SDF lacks a type of joint.
-    """
+    """Return a robot's model with the root link at ``frame``, and the lines of its meshes."""
     drive, model = robot.drive, f"robot{index}"
     root = etree.fromstring(merge_fixed_links(robot.urdf_elements(), drive.caster_links).encode())
     urdf = read_tree(root, robot.name)
@@ -179,10 +174,8 @@ def _find_solids(
         return [Solid(SOLID, shape, shape.pose, CHASSIS_FRICTION) for shape in shapes]
     friction = wheel_friction if is_wheel else 0.0
     rounded = is_wheel and not skids(robot.drive)
-    solids = [
-        Solid(ROLLING, _round(shape) if rounded else shape, shape.pose, friction)
-        for shape in shapes
-    ]
+    turning = ((_round(shape) if rounded else shape, shape.pose) for shape in shapes)
+    solids = [Solid(ROLLING, shape, pose, friction) for shape, pose in turning]
     if link in robot.exposed_links:
         solids += [Solid(OBSTACLE, shape, shape.pose, CHASSIS_FRICTION) for shape in shapes]
     return solids
@@ -240,17 +233,12 @@ def hold_standing(world: World, robots: int) -> World:
 
 
 def _hold(body: Body) -> Body:
-    if body.mass is None or lowest_point(body) > GAP_M:
-        return body
-    return replace(body, mass=None, inertia=None)
+    stands = body.mass is not None and lowest_point(body) <= GAP_M
+    return replace(body, mass=None, inertia=None) if stands else body
 
 
 def describe_scene(robots: Sequence[PlacedRobot], world: World, settings: Settings) -> bytes:
-    """Return the body of the request to open robots in a world.
-
-    Raises:
-        SimulationError: SDF lacks the type of a robot's joint.
-    """
+    """Return the body of the request to open robots in a world."""
     sizes = () if world.crowd is None else world.crowd.sizes
     parts = [_format_walker(i, *size) for i, size in enumerate(sizes)]
     parts.append(_format_fixed([body for body in world.bodies if body.mass is None]))
@@ -284,16 +272,10 @@ def _set_down(robot: Robot, home: tuple[float, float, float, float], world: Worl
 
 def _format_fixed(bodies: Sequence[Body]) -> tuple[str, list[str]]:
     """Merge all fixed bodies into one model, because DART visits each model in every step."""
-    solids = [
-        Solid(
-            GROUND if body.is_ground else OBSTACLE,
-            shape,
-            pose,
-            min(body.friction, MAX_FRICTION),
-        )
-        for body in bodies
-        for shape, pose in body.placed
-    ]
+    solids = []
+    for body in bodies:
+        group, friction = GROUND if body.is_ground else OBSTACLE, min(body.friction, MAX_FRICTION)
+        solids += [Solid(group, shape, pose, friction) for shape, pose in body.placed]
     link, meshes = format_link("fixed", "link0", Pose(), None, solids)
     return f'<model name="fixed"><static>true</static>{link}</model>', meshes
 
@@ -320,7 +302,5 @@ def _format_walker(index: int, radius: float, height: float) -> tuple[str, list[
         f"<axis><xyz>{axis}</xyz></axis></joint>"
         for name, parent, child, axis in ends
     ]
-    return (
-        f'<model name="{model}">{format_pose(frame)}{carrier}{link}{"".join(joints)}</model>',
-        meshes,
-    )
+    parts = "".join([format_pose(frame), carrier, link, *joints])
+    return f'<model name="{model}">{parts}</model>', meshes

@@ -30,14 +30,12 @@ from evoros.terminal.activity import announce
 from evoros.world.model import World
 
 SOURCE = Path(__file__).with_name("gazebo_server.cc")
-PACKAGES = (
-    "g++ pkg-config libeigen3-dev libignition-physics-core-dev libignition-physics-sdf-dev "
-    "libignition-physics-mesh-dev libignition-physics5-dartsim-plugin5 libsdformat-dev"
+INSTALL = (
+    "install with `apt-get install --no-install-recommends g++ pkg-config libeigen3-dev "
+    "libignition-physics-core-dev libignition-physics-sdf-dev libignition-physics-mesh-dev "
+    "libignition-physics5-dartsim-plugin5 libsdformat-dev` on Debian 12"
 )
-"""Names of the packages on Debian 12."""
-INSTALL = f"install with `apt-get install --no-install-recommends {PACKAGES}` on Debian 12"
-WORDS = 300
-"""Maximum number of characters that errors quote from a compiler's message."""
+WORDS = 300  # maximum number of characters that errors quote from a compiler's message
 
 
 class Release(NamedTuple):
@@ -57,18 +55,12 @@ class Release(NamedTuple):
         return (self.physics, *parts, f"{self.plugin}-loader", self.common, self.sdformat)
 
 
+_OF_FORTRESS = "ignition-physics5", "ignition-common4", "ignition-plugin1", "sdformat12"
 RELEASES = (
     Release("Jetty", "gz-physics", "gz-common", "gz-plugin", "sdformat"),
     Release("Ionic", "gz-physics8", "gz-common6", "gz-plugin3", "sdformat15"),
     Release("Harmonic", "gz-physics7", "gz-common5", "gz-plugin2", "sdformat14"),
-    Release(
-        "Fortress",
-        "ignition-physics5",
-        "ignition-common4",
-        "ignition-plugin1",
-        "sdformat12",
-        ("-DEVOROS_IGNITION",),
-    ),
+    Release("Fortress", *_OF_FORTRESS, ("-DEVOROS_IGNITION",)),
 )
 """Supported releases, newest first; only Fortress is tested."""
 
@@ -158,19 +150,14 @@ class Operation(IntEnum):
 
 
 class GazeboServer:
-    """A client for use by one thread: it starts the server, sends requests and awaits answers.
+    """Starts the server, sends requests and awaits answers; for use by one thread.
 
     The server process has a private home folder, and exits whenever this process exits. Libraries
     may print to its standard output.
     """
 
     def __init__(self, program: Path, limit_s: float) -> None:
-        """Start the program; each answer may take up to ``limit_s`` of wall-clock time.
-
-        Raises:
-            InputError: the library cannot be used.
-            PilotLost: the program exited, or did not answer in time.
-        """
+        """Start the program; each answer may take up to ``limit_s`` of wall-clock time."""
         self.limit_s = limit_s
         with ExitStack() as stack:
             starting = start_pipes([str(program)], isolate=False, environment={})
@@ -196,9 +183,8 @@ class GazeboServer:
     ) -> Array:
         """Send a request about simulation ``number`` and return the values of the answer.
 
-        Raises:
-            SimulationError: the library rejects the request.
-            PilotLost: the process exited, or did not answer in time, at mission ``time`` [s].
+        ``time`` is the mission time [s], for messages. A SimulationError means that the library
+        rejects the request.
         """
         self._pipes.begin(self.limit_s, time)
         self._pipes.send(_REQUEST.pack(operation, number, steps, feeling, len(body)) + body)
@@ -217,8 +203,7 @@ class GazeboServer:
         return np.frombuffer(answer, offset=_ANSWER.size)
 
 
-KEPT = 4
-"""Number of cached simulations; the trials of a design return to the same worlds."""
+KEPT = 4  # number of cached simulations; the trials of a design return to the same worlds
 
 
 class Scene(NamedTuple):
@@ -251,12 +236,7 @@ class Engine:
             self._drop_oldest()
 
     def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Scene:
-        """Return a simulation at the start of a mission: a cached one after a reset, or a new one.
-
-        Raises:
-            SimulationError: Gazebo rejects a robot or the world.
-            PilotLost: the server exited or hangs.
-        """
+        """Return a simulation at the start of a mission: a cached one after reset, or a new one."""
         described = tuple((*describe_for_engine(robot), home) for robot, home in robots)
         sizes = () if world.crowd is None else world.crowd.sizes
         source = (described, world.bodies, world.gravity_mps2, settings, sizes)
@@ -264,8 +244,7 @@ class Engine:
         if number is not None:
             values = self._server.ask(Operation.RESET, number)
         else:
-            number = next(self._numbers)
-            values = self._open(number, robots, world, settings)
+            values = self._open(number := next(self._numbers), robots, world, settings)
         self._kept[source] = number
         while len(self._kept) > KEPT:
             self._drop_oldest()

@@ -45,10 +45,10 @@ class GazeboSight:
         parts: Sequence[tuple[int, slice]],
         bodies: slice,
     ) -> None:
-        """Map indices in answers to indices in the model's state.
+        """Prepare to copy the poses in the server's answers into the state of the MuJoCo model.
 
-        ``parts`` holds each robot's first index, where the pose starts, and the slice of the
-        robot's wheel and steering angles. ``bodies`` is the slice of the movable bodies' poses.
+        ``parts`` holds the index in an answer at which each robot's pose starts, and the slice of
+        the robot's wheel and steering angles. ``bodies`` is the slice of the movable bodies' poses.
         """
         self._model = model
         self._sights = [MujocoSight(model, robot, i) for i, robot in enumerate(robots)]
@@ -82,8 +82,7 @@ POSE, VELOCITY, TURNING, TOUCHED, ANGLES = slice(7), slice(7, 10), slice(10, 13)
 Pose x, y, z, w, i, j, k of the root link, velocities [m/s] and [rad/s], 1 after a contact since the
 last answer, and wheel and steering angles [rad].
 """
-BODY_SIZE = 7
-"""Size of a movable body's pose in an answer."""
+BODY_SIZE = 7  # size of a movable body's pose in an answer
 ROBOT, STEP, SHAPE, OTHER, AT = 0, 1, 2, 3, slice(4, 6)
 """A contact felt by a robot: robot, step, both shapes, and x, y [m] in the robot's frame."""
 FELT_SIZE = 6
@@ -240,16 +239,10 @@ IDLE: IdleEngines[Engine] = IdleEngines()
 @dataclass(frozen=True)
 @checked
 class Gazebo(Simulator):
-    """The simulator that uses Gazebo's physics.
-
-    Raises:
-        InputError: a value is out of range, or the library or a compiler is not installed.
-    """
+    """The simulator that uses Gazebo's physics."""
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.005  # [s]
-    wheel_friction: Annotated[float, POSITIVE] = (
-        1.0  # the smaller of this and the ground's friction applies
-    )
+    wheel_friction: Annotated[float, POSITIVE] = 1.0  # the ground's friction applies if smaller
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     answer_limit_s: Annotated[float, POSITIVE] = 60.0
     """Wall-clock limit [s] for a control period, and for opening a world."""
@@ -296,22 +289,14 @@ class Gazebo(Simulator):
 
     @contextmanager
     def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[GazeboSimulation]:
-        """Place each robot at its home pose.
-
-        Raises:
-            InputError: the server cannot be compiled.
-            LaunchError: the library's version differs from the main process's.
-            SimulationError: Gazebo rejects a robot or the world, or there are too many robots.
-            PilotLost: the server exited or hangs.
-        """
+        """Place each robot at its home pose."""
         check_number(robots)
         self._require_versions()
         settings = Settings(self.time_step, self.wheel_friction, self.steering_lag_s)
         held = hold_standing(world, len(robots)).with_crowd(world.crowd)
         alone = [robot for robot, _ in robots]
-        rays = None
-        if any(robot.beam_count for robot in alone):
-            rays = _models().prepare(robots, held, _RAYS)
+        sees = any(robot.beam_count for robot in alone)
+        rays = _models().prepare(robots, held, _RAYS) if sees else None
         with IDLE.take(lambda: Engine(compile_server(), self.answer_limit_s)) as engine:
             engine.limit(self.answer_limit_s)
             scene = engine.prepare(robots, held, settings)
@@ -320,5 +305,5 @@ class Gazebo(Simulator):
 
 @cache
 def _models() -> Models:
-    """Return this process's cache of ray-casting models, on which no result depends."""
+    """Return this process's cache of ray-casting models, which affects no result."""
     return Models(import_mujoco())

@@ -30,23 +30,14 @@ def import_driver() -> Any:
 
 
 def require_gpu(driver: Any) -> None:
-    """Require that the driver finds a GPU.
-
-    Raises:
-        DeviceError: there is no driver or no GPU.
-    """
+    """Raise a DeviceError unless the driver finds a GPU."""
     call_driver(driver, "cuInit", 0)
     if call_driver(driver, "cuDeviceGetCount") == 0:
         raise DeviceError("no GPU was found")
 
 
 def call_driver(driver: Any, name: str, *arguments: Any) -> Any:
-    """Call a driver function and return its result.
-
-    Raises:
-        DeviceFull: the GPU has too little memory.
-        DeviceError: the driver reports another error, or there is no driver.
-    """
+    """Call a driver function and return its result; every error is a DeviceError."""
     try:
         status, *results = getattr(driver, name)(*arguments)
     except Exception as error:  # a missing or old driver raises various exceptions
@@ -77,11 +68,7 @@ class CudaMemory:
 
 
 class Cuda:
-    """The first GPU visible to this process.
-
-    Raises:
-        DeviceError: there is no driver or no GPU.
-    """
+    """The first GPU visible to this process."""
 
     def __init__(self, driver: Any) -> None:
         require_gpu(driver)

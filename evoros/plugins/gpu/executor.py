@@ -45,11 +45,7 @@ class Joining:
         self._lock = Lock()
 
     def add(self, part: Part) -> "Future[Any]":
-        """Queue a part, and return the future for its answer.
-
-        Raises:
-            RuntimeError: the pool is closed.
-        """
+        """Queue a part, and return the future for its answer."""
         with self._lock:
             if self._closed:
                 raise RuntimeError("this pool is closed")
@@ -113,8 +109,7 @@ class Joining:
         self._fill()
 
 
-GPU, CPU = "gpu", "cpu"
-"""Devices: an NVIDIA GPU, or the CPU, which runs the same kernel in tests."""
+GPU, CPU = "gpu", "cpu"  # devices: an NVIDIA GPU, or the CPU, which runs the same kernel in tests
 ON_CPU, STOP = "cpu", "stop"
 """Fallbacks if the GPU cannot be used: run missions on the CPU, or stop the run."""
 
@@ -129,28 +124,18 @@ class GpuBatches:
     option: str = "executor=gpu"
 
     def open_device(self) -> "Device":
-        """Open the device in a worker.
-
-        Raises:
-            DeviceError: the device cannot be used.
-        """
+        """Open the device in a worker."""
         from evoros.compilation.device import Host  # LLVM takes long to import
         from evoros.plugins.gpu.cuda import Cuda, import_driver
 
         return Cuda(import_driver()) if self.device == GPU else Host()
 
     def give_up(self, reason: str) -> str:
-        """Return the message that missions run on the CPU because of ``reason``.
-
-        Raises:
-            RunStopped: ``fallback`` is ``STOP``.
-        """
+        """Return the message that missions run on the CPU, or raise it if ``fallback`` is STOP."""
         lack = f"executor.device=gpu: {reason}"
         if self.fallback == STOP:
-            raise RunStopped(
-                f"{lack}; resume when a GPU is usable, or with executor.fallback=cpu or "
-                f"executor=processes"
-            )
+            fix = "resume when a GPU is usable, or with executor.fallback=cpu or executor=processes"
+            raise RunStopped(f"{lack}; {fix}")
         return f"{lack}; missions run on the CPU, as with executor=processes"
 
 
@@ -170,12 +155,7 @@ class Gpu(Processes):
 
     @contextmanager
     def open(self) -> Iterator[Pool]:
-        """Start the workers.
-
-        Raises:
-            InputError: cuda-bindings is not installed.
-            RunStopped: there is no GPU, and ``fallback`` is ``STOP``.
-        """
+        """Start the workers."""
         batches = GpuBatches(self.device, self.missions, self.fallback)
         if self.device == GPU and (lack := _find_lack()):
             LOGGER.warning("%s", batches.give_up(lack))

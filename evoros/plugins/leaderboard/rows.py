@@ -33,14 +33,10 @@ SEARCH = (*GROUPS, "trials", "draws", "seed", "objectives", "descriptors", "trea
 """Keys, or key prefixes, that a search may choose."""
 TRIALS = "optimizer.validation_trials"
 """The only key of a search that the task fixes, because the score depends on it."""
-FREE = (*protocol.FREE, "figures", "record")
-"""Keys that do not affect missions."""
+FREE = (*protocol.FREE, "figures", "record")  # keys that do not affect missions
 HASHED = (
-    MISSIONS,
-    "generations/*.csv",
-    "champion/design.csv",
-    "champion/genes.csv",
-    "champion/certificate.json",
+    *(MISSIONS, "generations/*.csv"),
+    *("champion/design.csv", "champion/genes.csv", "champion/certificate.json"),
 )
 """The run's files that are included in a row's digest."""
 
@@ -150,12 +146,9 @@ def _list_overrides(folder: Path, config_dir: str | None) -> tuple[str, list[str
         if recorded.get(TRIALS, task_values[TRIALS]) != task_values[TRIALS]:
             strange[task].append(TRIALS)
         if not strange[task]:
-            groups = [
-                f"{group}={choices.get(group)}"
-                for group in GROUPS
-                if choices.get(group) != wanted.choices.get(group)
-            ]
-            return task, _add_values([f"experiment={task}", *groups], recorded, config_dir)
+            other = [group for group in GROUPS if choices.get(group) != wanted.choices.get(group)]
+            chosen = [f"{group}={choices.get(group)}" for group in other]
+            return task, _add_values([f"experiment={task}", *chosen], recorded, config_dir)
     nearest = min(strange, key=lambda task: len(strange[task]))
     raise InputError(
         f"{folder}: not the configuration of a task ({', '.join(TASKS)}); it differs from "
@@ -174,9 +167,7 @@ def _add_values(
         overrides = [*overrides, typed]
     left = list_differences(recorded, flatten(compose(overrides, config_dir=config_dir)), FREE)
     if left:
-        raise InputError(
-            f"{left[0]}: the overrides do not give this value; set the key with an override"
-        )
+        raise InputError(f"{left[0]}: no override gives this value; set the key with an override")
     return overrides
 
 

@@ -32,9 +32,8 @@ def leaderboard(arguments: Sequence[str]) -> int:
     parser = console.CommandParser(
         NAME, description=ABOUT, epilog=STATUSES, formatter_class=RawDescriptionHelpFormatter
     )
-    parser.add_argument(
-        "folders", nargs="*", metavar="FOLDER", help="folder of a finished run of a task"
-    )
+    about = "folder of a finished run of a task"
+    parser.add_argument("folders", nargs="*", metavar="FOLDER", help=about)
     parser.add_argument("--check", metavar="CSV", help="rerun the rows in this file instead")
     parser.add_argument("--known", metavar="CSV", help="with --check: a file with rows to skip")
     parser.add_argument("--config-dir", "-cd", metavar="DIR", help="folder with your own search")
@@ -58,9 +57,8 @@ def _check(file: Path, known: Path | None) -> int:
             continue
         problem = _find_difference(row)
         if problem:
-            status = console.report_error(
-                NAME, f"{file}: line {line} ({row.name}): {problem}", console.DIFFERENT
-            )
+            message = f"{file}: line {line} ({row.name}): {problem}"
+            status = console.report_error(NAME, message, console.DIFFERENT)
         else:
             console.print_result(f"line {line} ({row.name}): reproduced")
     return status

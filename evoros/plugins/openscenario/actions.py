@@ -28,11 +28,9 @@ class Action(BaseAction):  # type: ignore[misc]
         """Store the simulation and prepare the action."""
         simulation = self.get_simulation(kwargs)
         if not isinstance(simulation, Simulation):
-            raise ActionError(
-                f"{self.name}: needs --simulation evoros.plugins.openscenario:Simulation, or a "
-                f"subclass, not {type(simulation).__name__}",
-                action=self,
-            )
+            needed = "--simulation evoros.plugins.openscenario:Simulation, or a subclass"
+            found = type(simulation).__name__
+            raise ActionError(f"{self.name}: needs {needed}, not {found}", action=self)
         self.simulation = simulation
         self._attempt(self.prepare)
 
@@ -84,9 +82,8 @@ class Wait(Action):
         if self.holds():
             return Status.SUCCESS
         if self.mission.is_over:
-            return self.fail(
-                f"the mission has ended ({self.mission.ended}) at {self.mission.time_s:g} s"
-            )
+            ended = self.mission.ended
+            return self.fail(f"the mission has ended ({ended}) at {self.mission.time_s:g} s")
         return Status.RUNNING
 
 
@@ -237,11 +234,8 @@ def select_sensors(robot: Robot, text: str) -> list[int]:
     types = [mount.sensor for mount in robot.mounts]
     chosen: set[int] = set()
     for word in text.replace(",", " ").split():
-        found = [
-            number
-            for number, name in enumerate(types)
-            if word in (ALL, name) or (word.isdecimal() and int(word) == number)
-        ]
+        numbers = [int(word)] if word.isdecimal() else []
+        found = [n for n, name in enumerate(types) if word in (ALL, name) or n in numbers]
         chosen.update(found)
         if not found:
             chosen.clear()
@@ -258,14 +252,10 @@ def select_sensors(robot: Robot, text: str) -> list[int]:
 def _smallest_reading(robot: Robot, readings: Array, numbers: Sequence[int], channel: str) -> float:
     """Return the minimum reading in the channels with this prefix; NaN if all are silent."""
     sensors = robot.mounted_sensors()
-    values = [
-        float(value)
-        for number in numbers
-        for value, kind in zip(
-            readings[robot.layout[number]], sensors[number].channels, strict=True
-        )
-        if kind.name.startswith(channel)
-    ]
+    values = []
+    for number in numbers:
+        pairs = zip(readings[robot.layout[number]], sensors[number].channels, strict=True)
+        values += [float(value) for value, kind in pairs if kind.name.startswith(channel)]
     if not values:
         names = [kind.name for number in numbers for kind in sensors[number].channels]
         raise InputError(

@@ -73,11 +73,8 @@ def build_failure(overrides: tuple[str, ...], config_dir: str | None) -> Failure
 
 
 def _build(overrides: tuple[str, ...], config_dir: str | None) -> tuple[Experiment, object]:
-    (job,) = (
-        job
-        for job in Jobs(overrides, False, config_dir, EVALUATE, read_like)
-        if isinstance(job, Job)
-    )
+    jobs = Jobs(overrides, False, config_dir, EVALUATE, read_like)
+    (job,) = (job for job in jobs if isinstance(job, Job))
     return job.config.build(), job.config.designs
 
 

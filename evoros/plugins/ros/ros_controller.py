@@ -33,23 +33,14 @@ TOPICS = Rule(
 
 def name_topics(goal: str) -> dict[str, str]:
     """Return the usual topic for each role."""
-    return {
-        "command": "/cmd_vel",
-        "goal": goal,
-        "mode": "/mode",
-        "odometry": "/odom",
-        "range": f"/{SENSOR}",
-        "route": "/route",
-    }
+    usual = "/cmd_vel", goal, "/mode", "/odom", f"/{SENSOR}", "/route"
+    return dict(zip(ROLES, usual, strict=True))
 
 
 @dataclass(frozen=True, kw_only=True)
 @checked
 class RosController(LineController):
-    """A controller that starts ROS nodes and a bridge to the mission for each mission.
-
-    The bridge is a script that runs in ``python``, an interpreter with ROS.
-    """
+    """Starts ROS nodes, and a bridge to them that runs in ``python``, for each mission."""
 
     bridge: ClassVar[str]  # name of the bridge's script
     python: Annotated[str, TEXT] = "/usr/bin/python3"
@@ -66,12 +57,7 @@ class RosController(LineController):
         object.__setattr__(self, "files", tuple(dict.fromkeys(files)))
 
     def launch(self, briefing: Briefing) -> AbstractContextManager[Pilot]:
-        """Start the bridge and the nodes for one mission.
-
-        Raises:
-            LaunchError: the bridge does not start, or rejects the briefing.
-            PilotLost: the nodes were not ready in time.
-        """
+        """Start the bridge and the nodes for one mission."""
         robot = briefing.robot
         kept = ("nodes", "frame", "twist", "answer", "isolate", "start_limit_s", "answer_limit_s")
         options = {

@@ -42,8 +42,7 @@ _LOCK = Lock()  # jobs of a sweep run in threads, and share experiments and pare
 class Mlflow(Observer):
     """Sends runs to the MLflow server or database at ``tracking_uri``.
 
-    ``tracking_uri`` None means the variable MLFLOW_TRACKING_URI if set, otherwise
-    ``outputs/mlflow.db``.
+    By default, this is the variable MLFLOW_TRACKING_URI if set, otherwise ``outputs/mlflow.db``.
     """
 
     tracking_uri: Annotated[str | None, TEXT] = None
@@ -150,9 +149,8 @@ class _Connection:
         runs = self._find(tag, value)
         if runs:
             return runs[0]
-        made = self.client.create_run(
-            self.experiment, _to_ms(started_s), {**tags, tag: value}, run_name=name
-        )
+        described = _to_ms(started_s), {**tags, tag: value}
+        made = self.client.create_run(self.experiment, *described, run_name=name)
         first = self._find(tag, value)[0]
         if first.info.run_id != made.info.run_id:  # another process created it first
             self.client.delete_run(made.info.run_id)

@@ -14,8 +14,7 @@ from evoros.observers.protocol import ObservedEnd, ObservedRun, Observer, Send
 
 DIGEST, CONFIGURATION = "evoros/digest", "configuration"
 """Tags of text: the digest of a run's end once written, and the configuration."""
-SHOWN_BYTES = 100_000
-"""Maximum size [bytes] of a champion's file that is shown."""
+SHOWN_BYTES = 100_000  # maximum size [bytes] of a champion's file that is shown
 
 
 @dataclass(frozen=True)
@@ -120,10 +119,7 @@ class _Events:
 
 
 def _read_records(content: bytes) -> Iterator[bytes]:
-    """Yield the complete records of an event file.
-
-    A record consists of a length, the length's checksum, the content, and the content's checksum.
-    """
+    """Yield the complete records of an event file: length, checksum, content, checksum."""
     place = 0
     while place + 12 <= len(content):
         (length,) = struct.unpack_from("<Q", content, place)

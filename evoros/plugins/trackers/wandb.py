@@ -23,11 +23,10 @@ FOREIGN = "WANDB_RUN_ID", "WANDB_SWEEP_ID", "WANDB_RESUME", "WANDB_RUN_GROUP", "
 """Variables by which a sweep's agent names a single run; they would override arguments."""
 FILE_HEADER, HEADER, BLOCK = 7, 7, 32768
 """Sizes [bytes] of a log's file header, piece header, and block."""
-PIECES, LAST_PIECES = (1, 2, 3, 4), (1, 4)
-"""Kinds of pieces, and kinds that end a record."""
+PIECES, LAST_PIECES = (1, 2, 3, 4), (1, 4)  # kinds of pieces, and kinds that end a record
+QUIET = "silent", "disable_git", "disable_job_creation", "x_disable_meta", "x_disable_stats"
 PATIENCE_S = 30.0
-NOTE = "evoros.json"
-"""File in a completed offline run that describes what the run contains."""
+NOTE = "evoros.json"  # file in a completed offline run that describes what the run contains
 
 
 @dataclass(frozen=True)
@@ -57,10 +56,7 @@ class Wandb(Observer):
 
 
 class _OfflineRun:
-    """An offline run, which replaces an earlier session's once there is more to write.
-
-    ``wandb sync`` therefore finds each run exactly once, and complete.
-    """
+    """An offline run, which replaces an earlier session's, so that ``wandb sync`` finds one."""
 
     def __init__(self, project: str, folder: Path, run_id: str) -> None:
         self.project, self.folder, self.id = project, folder, run_id
@@ -106,15 +102,7 @@ class _OfflineRun:
             group=run.group,
             config=dict(run.parameters),
             reinit="create_new",
-            settings=wandb.Settings(
-                console="off",
-                silent=True,
-                save_code=False,
-                disable_git=True,
-                disable_job_creation=True,
-                x_disable_meta=True,
-                x_disable_stats=True,
-            ),
+            settings=wandb.Settings(console="off", save_code=False, **dict.fromkeys(QUIET, True)),
         )
 
     def close(self) -> None:

@@ -14,7 +14,7 @@ from evoros.terminal.console import CommandParser, print_result, reports_errors
 
 NAME = "evoros watch"
 ABOUT = """Shows runs, evaluations and sweeps on a live browser page, without writing files. The
-printed address works only on this machine and contains a secret; Ctrl-C ends the page."""
+printed address works only on this machine and contains a secret; press Ctrl-C to stop."""
 LAST_PORT = 65535
 
 
@@ -24,8 +24,8 @@ def watch(arguments: Sequence[str]) -> int:
     options = _parser().parse(arguments)
     if not 0 <= options.port <= LAST_PORT:
         raise InputError(
-            f"--port: must be from 1 to {LAST_PORT}, not {options.port}; choose another port, or "
-            f"leave --port out"
+            f"--port: must be from 0 (any free port) to {LAST_PORT}, not {options.port}; choose "
+            f"another port, or leave --port out"
         )
     _serve([expand_home(folder) for folder in options.folders], options.port)
 
@@ -44,7 +44,7 @@ def _serve(paths: Sequence[Path], port: int) -> NoReturn:
     watcher.look()
     Thread(target=server.serve_forever, daemon=True).start()
     print_result(server.address)
-    print_result("Open this address in a browser on this machine. Ctrl-C ends the page.")
+    print_result("Open this address in a browser on this machine; press Ctrl-C to stop.")
     try:
         watcher.run()
     finally:
@@ -62,6 +62,6 @@ def _parser() -> CommandParser:
     parser = CommandParser(NAME, description=ABOUT)
     about = "a run, an evaluation or a sweep, which need not exist yet"
     parser.add_argument("folders", nargs="+", metavar="FOLDER", help=about)
-    about = "port of the page (default: any free port)"
+    about = "port of the page (default: 0, any free port)"
     parser.add_argument("--port", type=int, default=0, metavar="N", help=about)
     return parser

@@ -16,8 +16,7 @@ from evoros.base.errors import EvorosError, single_line
 from evoros.session.replay import replay_in_plane
 from evoros.terminal.console import DONE, INPUT
 
-PROCESSOR_S = 60
-"""CPU time [s] after which the kernel kills the process."""
+PROCESSOR_S = 60  # CPU time [s] after which the kernel kills the process
 
 
 def main() -> int:
@@ -33,21 +32,13 @@ def main() -> int:
 
 
 def fly_best(record: Record) -> ShownDesign:
-    """Rerun the missions that the player shows for the best design.
-
-    Raises:
-        InputError: the run is finished, has no generation yet, or is not planar.
-    """
+    """Rerun the missions that the player shows for the best design of an unfinished planar run."""
     design = find_shown(record)
     if design is None:
         record.require_finished()
-        raise EvorosError(
-            f"{record.path}: the run is finished, so the champion's missions are recorded"
-        )
-    first = {
-        find_key(row): row
-        for row in (find_first_mission(record.run, design, name) for name in record.context.courses)
-    }
+        raise EvorosError(f"{record.path}: the run is finished, so its missions are recorded")
+    rows = (find_first_mission(record.run, design, name) for name in record.context.courses)
+    first = {find_key(row): row for row in rows}
     flown = {
         key: ShownMission(first[key], trajectory, world, f"{record.name}/{key[2]}")
         for key, world, trajectory in replay_in_plane(record.run, list(first))

@@ -26,14 +26,10 @@ class Look:
     """A snapshot of the runs and evaluations."""
 
     overviews: tuple[Overview, ...]
-    empty: tuple[Path, ...]
-    """Folders that contain no run yet."""
-    stamps: tuple[object, ...]
-    """Values that are equal in two snapshots if the figures would be the same."""
-    log: tuple[str, ...]
-    """The last lines of all logs, ordered by date."""
-    names: Mapping[Path, str]
-    """Short names for the runs."""
+    empty: tuple[Path, ...]  # folders that contain no run yet
+    stamps: tuple[object, ...]  # equal in two snapshots if the figures would be the same
+    log: tuple[str, ...]  # last lines of all logs, ordered by date
+    names: Mapping[Path, str]  # short names for the runs
 
 
 @dataclass
@@ -60,16 +56,10 @@ class Folders:
         found = {path: _find(path) for path in self.paths}
         runs = list(dict.fromkeys(run for below in found.values() for run in below))
         overviews, names = tuple(map(self._survey, runs)), name_runs(runs)
-        return Look(
-            overviews,
-            tuple(path for path, below in found.items() if not below),
-            tuple(
-                (run.path, run.state, *(_stamp(run.path / name) for name in FIGURES_OF))
-                for run in overviews
-            ),
-            tuple(self._read_logs(names)),
-            names,
-        )
+        empty = tuple(path for path, below in found.items() if not below)
+        files = [[_stamp(run.path / name) for name in FIGURES_OF] for run in overviews]
+        stamps = zip(((run.path, run.state) for run in overviews), files, strict=True)
+        return Look(overviews, empty, tuple(stamps), tuple(self._read_logs(names)), names)
 
     def _survey(self, run: Path) -> Overview:
         """Read a run's state, which may change without its file while the run is in progress."""
@@ -99,10 +89,8 @@ def name_runs(runs: Sequence[Path]) -> dict[Path, str]:
     names = shorten_names(runs)
     words = {run: name.split("_") for run, name in names.items()}
     common = set.intersection(*map(set, words.values())) if len(words) > 1 else set()
-    short = {
-        run: "_".join(word for word in words[run] if word not in common) or name
-        for run, name in names.items()
-    }
+    rare = {run: "_".join(w for w in words[run] if w not in common) for run in names}
+    short = {run: rare[run] or name for run, name in names.items()}
     return short if len(set(short.values())) == len(short) else names
 
 

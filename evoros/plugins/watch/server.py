@@ -25,8 +25,7 @@ from evoros.plugins.watch.folders import Look
 from evoros.session.status import COLUMNS, Overview, list_cells, write_clock
 from evoros.storage.layout import FINISHED, RUNNING
 
-WORDS = ("run", "state")
-"""Columns without numbers."""
+WORDS = ("run", "state")  # columns without numbers
 SCRIPT = frame.read_scripts([*SCRIPTS, "live"])
 POLICY = frame.write_policy(SCRIPT, "'self'")
 HTML, JSON = "text/html; charset=utf-8", "application/json"
@@ -87,7 +86,7 @@ def _make(kind: str, text: str) -> Content:
 
 
 def render_progress(look: Look, trouble: str) -> Markup:
-    """Render the section ``progress``; ``trouble`` is the reason for missing figures."""
+    """Render the section on progress; ``trouble`` is the reason for missing figures."""
     runs = look.overviews
     heads = [(name, name not in WORDS) for name in ("run", *COLUMNS)]
     table = frame.Table(heads, [(look.names[run.path], *list_cells(run)) for run in runs])
@@ -136,12 +135,9 @@ def _list_tiles(
 
 
 HOST = "127.0.0.1"
-NAMES = (HOST, "localhost")
-"""Accepted host names; a malicious page that uses DNS rebinding would have another name."""
-AT_ONCE = 32
-"""Maximum number of simultaneous connections."""
-SILENT_S = 20.0
-"""Time [s] after which a silent connection is closed."""
+NAMES = (HOST, "localhost")  # accepted host names; a page that rebinds DNS has another name
+AT_ONCE = 32  # maximum number of simultaneous connections
+SILENT_S = 20.0  # time [s] after which a silent connection is closed
 HEADERS = {
     "Cache-Control": "no-store",
     "Cross-Origin-Opener-Policy": "same-origin",
@@ -200,10 +196,8 @@ def open_server(port: int, token: str, give: Callable[[], Contents]) -> Server:
     try:
         return Server(port, token, give)
     except OSError as error:
-        raise InputError(
-            f"--port: {port} cannot be opened ({error.strerror}); choose another port, or leave "
-            f"--port out"
-        ) from error
+        fix = "choose another port, or leave --port out"
+        raise InputError(f"--port: {port} cannot be opened ({error.strerror}); {fix}") from error
 
 
 class _Handler(BaseHTTPRequestHandler):

@@ -34,22 +34,19 @@ from evoros.terminal.log import withhold_messages
 PLANE = ["evoros.simulator.planar.Planar"]
 PATIENCE_S = 120.0
 Key = tuple[Path, int]  # folder and design
-LOOK_S = 2.0
-"""Interval [s] between two snapshots."""
-IDLE_S = 30.0
-"""Time [s] without requests after which nothing is read."""
-SHARE = 0.01
-"""Maximum fraction of the processors' time that drawing may take from runs."""
+LOOK_S = 2.0  # interval [s] between two snapshots
+IDLE_S = 30.0  # time [s] without requests after which nothing is read
+SHARE = 0.01  # maximum fraction of the processors' time that drawing may take from runs
 MOST_REASONS = 3
-FIRST = ("Progress", "Player", "Figures")
-"""Sections at the top of the page."""
+FIRST = ("Progress", "Player", "Figures")  # sections at the top of the page
 
 
 @dataclass
 class Flights:
     """Reruns the missions of the best design in the best unfinished run, whenever it changes.
 
-    Only the code of locked runs is executed, because this machine executes that code anyway.
+    Only runs that this user has in progress on this machine are rerun, because their code is
+    executed here anyway.
     """
 
     _flown: dict[Key, Markup] = field(default_factory=dict)
@@ -83,14 +80,8 @@ class Flights:
             self._process.wait()
 
     def _fly(self, record: Record, key: Key) -> None:
-        command = [
-            sys.executable,
-            "-m",
-            "evoros.plugins.watch.flight",
-            str(record.path),
-            record.name,
-        ]
-        pipe = subprocess.PIPE
+        program = [sys.executable, "-m", "evoros.plugins.watch.flight"]
+        command, pipe = [*program, str(record.path), record.name], subprocess.PIPE
         with subprocess.Popen(command, stdout=pipe, stderr=pipe, encoding="utf-8") as self._process:
             if self._closed:
                 self._process.kill()
@@ -202,9 +193,8 @@ class Watcher:
     def _draw_parts(self, page: Page) -> dict[str, server.Content]:
         first = {name: page.sections.get(name, Markup()) for name in FIRST}
         kept = {name: part for name, part in first.items() if part or name == FIRST[0]}
-        return server.draw_parts(
-            replace(page, title=self._title, sections={**kept, **page.sections})
-        )
+        page = replace(page, title=self._title, sections={**kept, **page.sections})
+        return server.draw_parts(page)
 
     def _make_page(self, look: Look) -> Page:
         paths = [path for path in self.folders.paths if path not in look.empty]

@@ -22,8 +22,7 @@ VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
 MEETS: dict[int, tuple[int, int]] = {GROUND: (0, 4), FIXED: (0, 3), MOVABLE: (2, 3), ROBOT: (1, 0)}
 """(contype, conaffinity) of each group."""
 MEETS_ROBOTS = (0, 1)  # contype and conaffinity of the walkers
-ROBOT_BIT = 8
-"""Type bit of the first of several robots; each further robot uses the next bit."""
+ROBOT_BIT = 8  # type bit of the first of several robots; each further robot uses the next bit
 
 MAX_FRICTION = 1.0
 """Maximum friction coefficient of a body.

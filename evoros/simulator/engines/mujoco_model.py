@@ -19,8 +19,7 @@ from evoros.simulator.engines.walking import GAP_M
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
-KEPT = 4
-"""Number of cached models; each trial runs one design in every world."""
+KEPT = 4  # number of cached models; each trial runs one design in every world
 
 IMPEDANCE = (0.999, 0.9999, 1e-4, 0.5, 2.0)
 """Impedance of contacts and motors (``solimp``).

@@ -30,8 +30,7 @@ MOTOR_INERTIA = 1e6
 """Inertia [kg m2] of a motor's rotor, so large that loads do not affect the rotor's rate."""
 
 
-ROOT_JOINT = "evoros root"
-"""Name of the root link's free joint."""
+ROOT_JOINT = "evoros root"  # name of the root link's free joint
 
 
 class Making(NamedTuple):

@@ -18,8 +18,7 @@ from evoros.simulator.engines.teams import Frame, read_command, share_arrays
 from evoros.simulator.engines.walking import GAP_M, EngineWalkers
 from evoros.walkers.crowd import Crowd
 
-MAX_RAYS = 16_383
-"""Maximum number of rays in one call of ``rayTestBatch``."""
+MAX_RAYS = 16_383  # maximum number of rays in one call of ``rayTestBatch``
 
 
 class Span(NamedTuple):

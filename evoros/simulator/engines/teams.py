@@ -16,8 +16,7 @@ from evoros.world.floors import ground_height
 from evoros.world.model import World
 
 Frame = tuple[tuple[float, ...], tuple[float, ...]]  # position [m], quaternion (x, y, z, w)
-MAX_ROBOTS = 16
-"""Maximum number of robots; each uses one bit of an engine's collision masks."""
+MAX_ROBOTS = 16  # maximum number of robots; each uses one bit of an engine's collision masks
 
 
 class Share(NamedTuple):

@@ -15,8 +15,7 @@ from evoros.walkers.motion import walk
 
 _PLAN = NOTHING(A1, A1, A2, F8, A2)
 _REPORT = NOTHING(A1, A1)
-GAP_M = 1e-3
-"""Gap [m] between walkers and the ground."""
+GAP_M = 1e-3  # gap [m] between walkers and the ground
 
 
 class EngineWalkers:

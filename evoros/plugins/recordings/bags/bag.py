@@ -28,8 +28,7 @@ from evoros.plugins.recordings.bags.messages import (
 )
 from evoros.plugins.recordings.bags.missions import RecordedMission, add_missions, choose_missions
 
-TEMPLATE = Path(__file__).with_name("foxglove.json")
-"""The panels of the layout, without topics."""
+TEMPLATE = Path(__file__).with_name("foxglove.json")  # panels of the layout, without topics
 SHOWN = (
     "visualization_msgs/msg/MarkerArray",
     "nav_msgs/msg/Path",
@@ -60,7 +59,12 @@ def make_layout(topics: Sequence[Topic], robot_frame: str, agents: Sequence[str]
     shown = ["/robot_description", *(topic.name for topic in topics if topic.type in SHOWN)]
     panels["3D!scene"]["followTf"] = robot_frame
     panels["3D!scene"]["topics"] = {name: {"visible": True} for name in shown}
-    panels["3D!scene"]["layers"] |= {name: _show_agent(name) for name in agents}
+    layers = panels["3D!scene"]["layers"]
+    agent = layers.pop("agent")
+    for name in agents:
+        topic, prefix = f"/{name}/robot_description", f"{name}/"
+        new = {"instanceId": name, "label": name, "topic": topic, "framePrefix": prefix}
+        layers[name] = {**agent, **new}
     panels["Plot!ranges"]["paths"] = _paths(ranges)
     panels["Plot!motion"]["paths"] = _paths({**_of_all(MOTION, agents), **moved})
     panels["StateTransitions!mode"]["paths"] = _paths(states)
@@ -83,20 +87,6 @@ def _of_all(series: Mapping[str, str], agents: Sequence[str]) -> dict[str, str]:
     return {**series, **others}
 
 
-def _show_agent(name: str) -> Mapping[str, Any]:
-    return {
-        "instanceId": name,
-        "layerId": "foxglove.Urdf",
-        "label": name,
-        "visible": True,
-        "frameLocked": True,
-        "sourceType": "topic",
-        "topic": f"/{name}/robot_description",
-        "framePrefix": f"{name}/",
-        "displayMode": "auto",
-    }
-
-
 def _paths(series: Mapping[str, str]) -> list[Mapping[str, Any]]:
     return [
         {"value": path, "label": label, "enabled": True, "timestampMethod": "receiveTime"}
@@ -105,8 +95,7 @@ def _paths(series: Mapping[str, str]) -> list[Mapping[str, Any]]:
 
 
 FRAMES, FIXED_FRAMES = "/tf", "/tf_static"
-_OF_ALL = (FRAMES, FIXED_FRAMES, "/obstacles", WALKERS.name)
-"""Topics that all robots share."""
+_OF_ALL = (FRAMES, FIXED_FRAMES, "/obstacles", WALKERS.name)  # topics that all robots share
 _FRAME_FIELDS = ("frame_id", "child_frame_id")
 WORST_MISSION = True
 HELP = "recorded missions as rosbags, with a layout for Foxglove"
@@ -128,8 +117,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options for the missions and the message definitions."""
     add_missions(parser)
     about = (
-        f"ROS 2 distribution of the message definitions; jazzy also suits iron and later; "
-        f"default: {DISTRO}"
+        "ROS 2 distribution of the message definitions; jazzy (default) also suits iron and later"
     )
     parser.add_argument("--distro", choices=("humble", "jazzy"), help=about)
 
@@ -144,9 +132,8 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     files = {LAYOUT: layout.encode()}
     for mission in missions:
         files |= _write(mission, options.format, options.distro or DISTRO)
-    return Product(
-        messages=[f"{record.name}: {write_count(len(missions), 'mission')}"], files=files
-    )
+    message = f"{record.name}: {write_count(len(missions), 'mission')}"
+    return Product(messages=[message], files=files)
 
 
 def _write(mission: RecordedMission, kind: str, distro: str) -> dict[str, bytes]:
@@ -177,8 +164,11 @@ def _list_team_messages(mission: RecordedMission, goal: str) -> list[Message]:
         heard = list_messages(other, goal)
         messages += [_place(name, message) for message in heard if message.topic != "/obstacles"]
     fixed = [message for message in messages if message.topic == FIXED_FRAMES]
+    # A latched topic retains only the last message, so one message holds all fixed frames.
+    frames = [frame for message in fixed for frame in message.content["transforms"]]
     moving = [message for message in messages if message.topic != FIXED_FRAMES]
-    return sorted([_join(fixed), *moving], key=lambda message: message.stamp_ns)
+    joined = fixed[0]._replace(content={"transforms": frames})
+    return sorted([joined, *moving], key=lambda message: message.stamp_ns)
 
 
 def _place(name: str, message: Message) -> Message:
@@ -198,9 +188,3 @@ def _rename_frames(name: str, content: Any) -> Any:
     if isinstance(content, list):
         return [_rename_frames(name, value) for value in content]
     return content
-
-
-def _join(messages: Sequence[Message]) -> Message:
-    """Join fixed frames in one message, because a latched topic retains only the last one."""
-    transforms = [transform for m in messages for transform in m.content["transforms"]]
-    return messages[0]._replace(content={"transforms": transforms})

@@ -20,8 +20,7 @@ from evoros.storage.figure_context import Beam, Signal
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
-Content = Mapping[str, Any]
-"""A message's fields by name; missing fields are zero or empty."""
+Content = Mapping[str, Any]  # a message's fields by name; missing fields are zero or empty
 
 
 class Topic(NamedTuple):
@@ -49,8 +48,7 @@ _WITHOUT_HEADER = (SWITCH, NUMBERS)
 _NO_ORIENTATION = (-1.0, *(0.0,) * 8)
 CUBE, _SPHERE, CYLINDER, TRIANGLE_LIST = 1, 2, 3, 11
 FIXED, _MOVABLE, WALKER = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42), (0.85, 0.45, 0.15)
-START_NS = 1_000_000_000
-"""Time stamp [ns] of the start of a mission, because ROS treats stamp 0 as unset."""
+START_NS = 1_000_000_000  # stamp [ns] of a mission's start, because ROS treats 0 as unset
 WORLD_FRAME = "odom"
 _SAME_TIME = 1e-6  # fraction of a period below which times count as equal
 
@@ -78,8 +76,7 @@ def list_topics(mission: RecordedMission, goal: str) -> list[Topic]:
 
 def list_messages(mission: RecordedMission, goal: str) -> list[Message]:
     """List a mission's messages in order of their stamps; see ``list_topics``."""
-    goals = _aim(mission, goal)
-    messages = [*_describe(mission), *goals, *_move(mission), *_decide(mission)]
+    messages = [*_describe(mission), *_aim(mission, goal), *_move(mission), *_decide(mission)]
     messages += _show_walkers(mission)
     times = mission.trajectory["time_s"].to_numpy(float)
     for sensor in mission.sensors:
@@ -94,9 +91,7 @@ def to_stamp(time_s: float) -> int:
 
 def _describe(mission: RecordedMission) -> Iterator[Message]:
     yield Message(START_NS, "/robot_description", {"data": mission.urdf})
-    fixed = [
-        _transform(START_NS, joint.parent, joint.child, joint.origin) for joint in mission.joints
-    ]
+    fixed = [_transform(START_NS, j.parent, j.child, j.origin) for j in mission.joints]
     yield Message(START_NS, "/tf_static", {"transforms": fixed})
     header = _header(START_NS, WORLD_FRAME)
     markers = [{"header": header, **marker} for marker in _list_markers(mission.world)]
@@ -154,10 +149,9 @@ def _decide(mission: RecordedMission) -> Iterator[Message]:
 
 
 def _measure(sensor: RecordedSensor, times: Array) -> Iterator[Message]:
-    """Yield each reading of a sensor once, stamped with the sampling time.
+    """Yield each reading once, stamped with its sampling time, which may precede the record's.
 
-    A record contains each sensor's latest reading, which may be older than the record. No sensor
-    samples at the end of the mission.
+    No sensor samples at the end of the mission.
     """
     period = sensor.kind.period_s
     samples = np.floor(times / period + _SAME_TIME)
@@ -225,7 +219,7 @@ def _list_markers(world: World) -> Iterator[Mapping[str, Any]]:
 
 
 def mark_walker(walker: WalkerTrack, record: int) -> Mapping[str, Any]:
-    """Return a walker's marker at a record, without a header."""
+    """Return the marker, without a header, that shows a walker at one record of its track."""
     x, y = walker.places[record].tolist()
     place = {"position": _vector((x, y, walker.height_m / 2)), "orientation": {"w": 1.0}}
     cylinder = _geometry(Shape("cylinder", (walker.radius_m, walker.height_m)))

@@ -34,8 +34,7 @@ from evoros.storage.verification import read_text
 from evoros.terminal.log import LOGGER
 from evoros.world.model import World
 
-_LARGEST = 1e9
-"""Upper limit of numbers in a mission, which must fit into messages."""
+_LARGEST = 1e9  # upper limit of numbers in a mission, which must fit into messages
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +101,7 @@ class _Files(NamedTuple):
     mission: str
     trajectory: Path
     described: Path  # description of the robot with its sensors
-    loaded: Path  # description that engines load; None if it is ``described``
+    loaded: Path  # description that engines load, if it differs from ``described``
 
 
 def _assemble(
@@ -174,9 +173,8 @@ def list_rows(
     """Yield a design's rows of ``missions.csv`` in order, by default the champion's."""
     missions = record.run.missions
     if design is None:
-        design = int(
-            tracks.find_champion_mission(record.run, next(iter(record.context.courses)))["design"]
-        )
+        world = next(iter(record.context.courses))
+        design = int(tracks.find_champion_mission(record.run, world)["design"])
     chosen = missions[missions["design"] == design]
     for column, wanted in (("generation", generation), ("trial", trial)):
         if wanted is not None:

@@ -27,8 +27,7 @@ with require_extra("bags", "evoros analyze bag"):
 
 DISTROS = {"humble": Stores.ROS2_HUMBLE, "jazzy": Stores.ROS2_JAZZY}
 """Message definitions by distribution; jazzy's also suit iron, kilted and later releases."""
-METADATA_VERSION: Literal[8] = 8
-"""The latest version of rosbag2 that humble can read."""
+METADATA_VERSION: Literal[8] = 8  # latest version of rosbag2 that humble can read
 OTHER_TYPES = {
     "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
     "ackermann_msgs/msg/AckermannDrive": "float32 steering_angle\n"
@@ -46,10 +45,8 @@ def write_mcap(
     """Return the files of a rosbag2 for one of ``DISTROS``: the metadata and the MCAP file."""
     store = _complete(DISTROS[distro])
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / name
-        writer = rosbag2.Writer(
-            path, version=METADATA_VERSION, storage_plugin=rosbag2.StoragePlugin.MCAP
-        )
+        path, plugin = Path(folder) / name, rosbag2.StoragePlugin.MCAP
+        writer = rosbag2.Writer(path, version=METADATA_VERSION, storage_plugin=plugin)
         writer.set_compression(rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
         qualities = [{"offered_qos_profiles": [_quality(topic.latched)]} for topic in topics]
         _write(writer, store, store.serialize_cdr, topics, qualities, messages)
@@ -115,9 +112,8 @@ def _quality(latched: bool) -> Qos:
 def _build(store: Typestore, name: str, content: Mapping[str, Any]) -> Any:
     """Build a message; fields missing from ``content`` become zero or empty."""
     fields = store.fielddefs[name][1]
-    return store.types[name](
-        **{field: _fill(store, kind, content.get(field)) for field, kind in fields}
-    )
+    values = {field: _fill(store, kind, content.get(field)) for field, kind in fields}
+    return store.types[name](**values)
 
 
 def _fill(store: Typestore, kind: Any, value: Any) -> Any:

@@ -48,8 +48,7 @@ from evoros.plugins.recordings.video.surfaces import Surface
 from evoros.world.standing import standing_obstacles
 
 _EVOLUTION = "evolution"
-_FAN_M = 0.5
-"""Length [m] at which a sensor's fan is cut off, because the full range would hide the robot."""
+_FAN_M = 0.5  # length at which a fan is cut off; the full range would hide the robot
 _NAMES = {"recorded": "best", "validated": "best, validated", "mean": "mean"}
 APPLICATION = "evoros"
 _BEHIND_M, _ABOVE_M = 3.5, 2.2  # initial eye position relative to the robot
@@ -148,9 +147,8 @@ def _show_evolution(top: Entities, record: Record, urdf: str, most_faces: int) -
     fans = {design: _draw(rows) for design, rows in sensors.groupby("design")}
     shown = [fans.get(design, []) for design in bests["id"]]
     strips = [fan for design in shown for fan in design]
-    columns = rr.LineStrips3D.columns(
-        strips=strips, colors=[CLEAR] * len(strips), radii=[LINE] * len(strips)
-    )
+    colours, radii = [CLEAR] * len(strips), [LINE] * len(strips)
+    columns = rr.LineStrips3D.columns(strips=strips, colors=colours, radii=radii)
     sizes = [len(design) for design in shown]
     scene.below("sensors").show_over_generations(generations, columns.partition(sizes))
     texts = [_describe(row, record) for row in bests.to_dict("records")]
@@ -174,11 +172,9 @@ def _draw(sensors: pd.DataFrame) -> list[Array]:
 
 
 def _describe(row: Mapping[Hashable, Any], record: Record) -> str:
-    champion = int(record.run.champion["design"].iloc[0])
-    named = " (the champion)" if row["id"] == champion else ""
-    return (
-        f"Generation {row['generation']}: design {row['id']}{named}, fitness {row['fitness']:.4g}"
-    )
+    design, champion = row["id"], int(record.run.champion["design"].iloc[0])
+    named = " (the champion)" if design == champion else ""
+    return f"Generation {row['generation']}: design {design}{named}, fitness {row['fitness']:.4g}"
 
 
 def show_mission(
@@ -200,11 +196,8 @@ def _show_member(
     robot = ShownRobot(mission.loaded_urdf, most_faces)
     times = mission.trajectory["time_s"].to_numpy(float)
     motion = interpolate(mission.trajectory, times, robot.tree)
-    effects = mission.context.failure.effects
-    faults = [
-        ShownFault(sensor, time, effects.get(name, ENDS))
-        for sensor, time, name in list_failures(mission.row)
-    ]
+    effects, failures = mission.context.failure.effects, list_failures(mission.row)
+    faults = [ShownFault(sensor, time, effects.get(name, ENDS)) for sensor, time, name in failures]
     count = len(mission.sensors)
     ended, errors = flag_ends(times, count, faults), measure_errors(times, count, faults)
     records = np.arange(len(times))
@@ -249,11 +242,9 @@ def _show_world(top: Entities, mission: RecordedMission) -> None:
     places = mission.trajectory[["x_m", "y_m"]].to_numpy(float)
     points = np.vstack([places, mission.route, [mission.world.course.home[:2]]])
     low, high = points.min(axis=0) - _AROUND_M, points.max(axis=0) + _AROUND_M
-    corners = np.array(
-        [[x, y, -_BELOW_M] for x, y in (low, (high[0], low[1]), high, (low[0], high[1]))]
-    )
-    triangles = corners[[[0, 1, 2], [0, 2, 3]]]
-    ground = Surface.from_triangles(triangles, np.tile(GROUND, (2, 1)))
+    around = (low, (high[0], low[1]), high, (low[0], high[1]))
+    corners = np.array([[x, y, -_BELOW_M] for x, y in around])
+    ground = Surface.from_triangles(corners[[[0, 1, 2], [0, 2, 3]]], np.tile(GROUND, (2, 1)))
     top.below("ground").show(to_mesh(ground))
     bodies = standing_obstacles(mission.world)
     for name, colour, movable in (("fixed", FIXED, False), ("movable", MOVABLE, True)):
@@ -284,6 +275,5 @@ def _show_course(top: Entities, mission: RecordedMission) -> None:
 
 def _circle(x: float, y: float, radius: float) -> Array:
     angles = np.linspace(0.0, 2 * math.pi, 49)
-    return np.stack(
-        [x + radius * np.cos(angles), y + radius * np.sin(angles), 0.0 * angles], axis=1
-    )
+    ring = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
+    return np.asarray([x, y, 0.0] + radius * ring)

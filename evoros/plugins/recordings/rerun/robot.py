@@ -19,8 +19,7 @@ from evoros.plugins.recordings.video.sensors import SILENT_M, FieldOfView, Shown
 from evoros.plugins.recordings.video.surfaces import Surface
 from evoros.storage.figure_context import Beam
 
-TIME, GENERATION = "mission_time", "generation"
-"""Names of the recording's timelines."""
+TIME, GENERATION = "mission_time", "generation"  # names of the recording's timelines
 
 
 class Entities(NamedTuple):
@@ -70,17 +69,13 @@ def to_mesh(surface: Surface, painted: bool = True) -> rr.Mesh3D:
 
 def find_changes(*columns: Array | Pixels) -> list[int]:
     """Return the indices of the first row and of each row in which a column (n, ...) changes."""
-    whole = np.hstack(
-        [np.asarray(column, dtype=float).reshape(len(column), -1) for column in columns]
-    )
+    whole = np.hstack([np.asarray(c, dtype=float).reshape(len(c), -1) for c in columns])
     same = (whole[1:] == whole[:-1]) | (np.isnan(whole[1:]) & np.isnan(whole[:-1]))
     return [0, *(np.flatnonzero(~same.all(axis=1)) + 1).tolist()]
 
 
-MOST_RAYS = 32
-"""Approximate maximum number of rays shown for a scan."""
-LINE = -1.0
-"""Radius of lines; negative values are in points on the screen."""
+MOST_RAYS = 32  # approximate maximum number of rays shown for a scan
+LINE = -1.0  # radius of lines; negative values are in points on the screen
 _ARC = 7  # points on the arc of a fan
 MARK = (220, 30, 30)
 _ABOVE_M = 0.1  # height of a marker above the sensor
@@ -119,14 +114,12 @@ def show_links(
 ) -> None:
     """Show some of a robot's links; links not in ``moving`` remain at their initial poses."""
     for link in links:
-        surface, (x, y, z) = robot.surfaces[link], robot.tree.poses[link].position
+        surface, pose = robot.surfaces[link], robot.tree.poses[link]
         if len(surface.normals):
-            turn = robot.tree.poses[link].quaternion
             top.below(link).show(to_mesh(surface, painted))
             if link not in moving:  # static data would override the motion
-                top.below(link).show(
-                    rr.Transform3D(translation=(x, y, z), quaternion=rr.Quaternion(xyzw=turn))
-                )
+                turn = rr.Quaternion(xyzw=pose.quaternion)
+                top.below(link).show(rr.Transform3D(translation=pose.position, quaternion=turn))
 
 
 def _move_links(robot: ShownRobot, motion: Motion) -> dict[str, Array]:
@@ -215,9 +208,8 @@ def _plot(top: Entities, sensor: RecordedSensor, times: Array) -> None:
         values, names = np.fmin.reduce(sensor.readings, axis=1)[:, None], [f"{sensor.link} [m]"]
     else:
         values = sensor.readings
-        names = [
-            f"{sensor.link} {name} [{unit}]".replace(" []", "") for name, unit in kind.channels
-        ]
+        channels = [f"{name} [{unit}]".replace(" []", "") for name, unit in kind.channels]
+        names = [f"{sensor.link} {channel}" for channel in channels]
     top.show(rr.SeriesLines(names=names))
     changes = find_changes(values)
     columns = rr.Scalars.columns(scalars=values[changes].ravel())

@@ -10,13 +10,10 @@ from evoros.plugins.recordings.bags.missions import add_missions, choose_mission
 WORST_MISSION = True
 HELP = "recorded missions and the best designs of all generations, for the Rerun viewer"
 NEEDS = "a run or an evaluation that recorded trajectories, and the package rerun-sdk"
-FILES = {
-    "rerun.rrd": "a recording for `rerun rerun.rrd`, with a layout of the views",
-}
+FILES = {"rerun.rrd": "a recording for `rerun rerun.rrd`, with a layout of the views"}
 FORMATS: dict[str, str] = {}
 OUTPUT = "rerun"
-MAX_BYTES = 20_000_000
-"""Maximum size [bytes] that the viewer opens without a delay."""
+MAX_BYTES = 20_000_000  # maximum size [bytes] that the viewer opens without a delay
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,8 +31,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         raise InputError(
             f"{record.path}: the recording of {len(missions)} missions takes "
             f"{len(content) / 1e6:.0f} MB, but the limit is {MAX_BYTES / 1e6:.0f} MB; choose fewer "
-            f"missions with --world, "
-            f"--generation or --trial"
+            f"missions with --world, --generation or --trial"
         )
     count = write_count(len(missions), "mission")
     message = f"{record.name}: {count}, {len(content) / 1e6:.1f} MB"

@@ -30,8 +30,7 @@ Pixels = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
 NEAR_M = 0.05  # distance below which points are not drawn
-# chase camera: behind the robot, above it, looking at a point ahead
-BACK_M, UP_M, AHEAD_M = (2.3, 1.9, 0.7)
+BACK_M, UP_M, AHEAD_M = 2.3, 1.9, 0.7  # place of the chase camera, and point that it looks at
 CHASE_FOV_DEG, OVERHEAD_FOV_DEG = 50.0, 14.0  # overhead nearly parallel, so that walls hide little
 
 
@@ -66,8 +65,7 @@ class Camera:
         width, height = self.size
         focus = self.pixels_per_radian
         screen = np.array([[focus, 0, -width / 2], [0, -focus, -height / 2], [0, 0, -1.0]])
-        matrix: Array = screen @ self.view[:3]
-        return matrix
+        return np.asarray(screen @ self.view[:3])
 
     @property
     def light(self) -> Array:
@@ -77,16 +75,14 @@ class Camera:
 
     def plane(self, frame: Array) -> Array:
         """Return the projection (3, 3) of points (x, y, 1) in the x-y plane of a frame (4, 4)."""
-        matrix: Array = self.pixels @ frame[:, [0, 1, 3]]
-        return matrix
+        return np.asarray(self.pixels @ frame[:, [0, 1, 3]])
 
 
 def chase_camera(x: float, y: float, yaw: float, size: tuple[int, int]) -> Camera:
     """Return a camera behind and above a robot at x, y [m] with the heading ``yaw`` [rad]."""
     forward, place = np.array([np.cos(yaw), np.sin(yaw), 0.0]), np.array([x, y, 0.0])
     eye = place - BACK_M * forward + [0.0, 0.0, UP_M]
-    up = np.array([0.0, 0.0, 1.0])
-    return Camera(eye, place + AHEAD_M * forward, up, CHASE_FOV_DEG, size)
+    return Camera(eye, place + AHEAD_M * forward, np.eye(3)[2], CHASE_FOV_DEG, size)
 
 
 def overhead_camera(low: ArrayLike, high: ArrayLike, size: tuple[int, int]) -> Camera:
@@ -96,8 +92,7 @@ def overhead_camera(low: ArrayLike, high: ArrayLike, size: tuple[int, int]) -> C
     shown = max(depth, width * size[1] / size[0])
     height = shown / 2.0 / np.tan(np.radians(OVERHEAD_FOV_DEG) / 2.0)
     eye, target = np.array([x, y, height]), np.array([x, y, 0.0])
-    up = np.array([0.0, 1.0, 0.0])
-    return Camera(eye, target, up, OVERHEAD_FOV_DEG, size)
+    return Camera(eye, target, np.eye(3)[1], OVERHEAD_FOV_DEG, size)
 
 
 def to_matrix(pose: Pose) -> Array:
@@ -108,8 +103,7 @@ def to_matrix(pose: Pose) -> Array:
 
 
 def _normalize(vector: Array) -> Array:
-    unit: Array = vector / np.linalg.norm(vector)
-    return unit
+    return np.asarray(vector / np.linalg.norm(vector))
 
 
 @dataclass(frozen=True)
@@ -117,9 +111,7 @@ def _normalize(vector: Array) -> Array:
 class RenderOptions:
     """The options of a video or picture of a mission."""
 
-    camera: Annotated[str, one_of(*CAMERAS)] = (
-        "chase"  # chase: from behind the robot; above: the whole course
-    )
+    camera: Annotated[str, one_of(*CAMERAS)] = "chase"  # behind the robot, or above the course
     size: Annotated[tuple[int, int], SIZE] = (854, 480)  # width, height
     fps: Annotated[float, POSITIVE] = 25.0  # pictures per second of video
     speed: Annotated[float, POSITIVE] = 10.0  # mission time per video time
@@ -138,13 +130,11 @@ def sample_times(trajectory: pd.DataFrame, options: RenderOptions) -> Array:
     start, end = max(options.start_s, first), min(options.end_s, last)
     if start > end:
         raise InputError(
-            f"from {options.start_s:g} s: the mission already ends at {last:g} s; start the video "
-            f"earlier"
+            f"from {options.start_s:g} s: the mission ends at {last:g} s; start the video earlier"
         )
     step = options.speed / options.fps
     count = math.ceil((end - start) / step - 1e-9) + 1
-    times: Array = np.minimum(start + step * np.arange(count), end)
-    return times
+    return np.asarray(np.minimum(start + step * np.arange(count), end))
 
 
 def place_cameras(

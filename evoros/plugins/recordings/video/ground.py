@@ -94,13 +94,8 @@ class Ground:
         )
         inverse = np.linalg.inv(camera.plane(np.eye(4)) @ to_metres)
         data = (inverse / inverse[2, 2]).ravel()[:8].tolist()
-        view = self._picture.transform(
-            camera.size,
-            Image.Transform.PERSPECTIVE,
-            data,
-            Image.Resampling.BILINEAR,
-            fillcolor=FLOOR,
-        )
+        kind, smooth = Image.Transform.PERSPECTIVE, Image.Resampling.BILINEAR
+        view = self._picture.transform(camera.size, kind, data, smooth, fillcolor=FLOOR)
         fog = Image.fromarray(_fog(camera)[:, None]).resize(camera.size)
         view.paste(HORIZON, mask=fog)
         return view
@@ -140,8 +135,7 @@ def _fog(camera: Camera) -> Pixels:
     if depth.min() > FOG_M[0]:  # overhead camera
         return np.zeros(height, np.uint8)
     share = np.clip((depth - FOG_M[0]) / (FOG_M[1] - FOG_M[0]), 0.0, 1.0)
-    fog: Pixels = np.round(255 * share).astype(np.uint8)
-    return fog
+    return np.asarray(np.round(255 * share).astype(np.uint8))
 
 
 def _shadow(covered: Array, top_m: float) -> Array:

@@ -45,7 +45,7 @@ class Motion(NamedTuple):
 
 
 def interpolate(trajectory: pd.DataFrame, times: Array, robot: Urdf) -> Motion:
-    """Interpolate poses linearly at times (n,) [s]; wheels steer and turn so that they roll."""
+    """Interpolate poses linearly at times (n,) [s], and find the joint angles of rolling wheels."""
     check_poses(trajectory)
     # The end of the mission adds a record, possibly at the time of the previous one.
     distinct = trajectory.drop_duplicates("time_s", keep="last")
@@ -172,9 +172,7 @@ class FilmedMission:
     context: FigureContext
     faults: Sequence[ShownFault] = ()
     failed_parts: Sequence[tuple[float, str]] = ()  # time [s] and part name
-    near_m: float | None = (
-        None  # range below which readings are marked; None: half of each sensor's range
-    )
+    near_m: float | None = None  # range at which readings are marked; None: half of the maximum
     others: Sequence[OtherRobot] = ()
     walkers: Sequence[WalkerTrack] = ()
 
@@ -189,7 +187,6 @@ def read_mission(record: Record, world: str | None) -> tuple[str, FilmedMission]
         )
     mission = place_trajectory(record, name, _read_trajectory(record, name))
     track = read_track(record.run, context, name)
-    faults = _list_faults(track, context.failure.effects)
     others = [
         OtherRobot(_read_trajectory(other, name), _read_urdf(other), other.context)
         for other in list_robots(record)
@@ -197,7 +194,7 @@ def read_mission(record: Record, world: str | None) -> tuple[str, FilmedMission]
     ]
     return name, replace(
         mission,
-        faults=list(faults),
+        faults=list(_list_faults(track, context.failure.effects)),
         failed_parts=list(_list_failed_parts(track)),
         others=others,
         walkers=read_walkers(record, name),
@@ -229,9 +226,8 @@ def _read_trajectory(record: Record, world: str) -> pd.DataFrame:
 
 
 def _read_urdf(record: Record) -> str:
-    names = (ROBOT_AS_LOADED, "robot.urdf")
-    loaded, described = (record.run.champion_file(name, record.agent) for name in names)
-    return read_text(loaded if loaded.exists() else described)
+    loaded = record.run.champion_file(ROBOT_AS_LOADED, record.agent)
+    return read_text(loaded if loaded.exists() else loaded.with_name("robot.urdf"))
 
 
 def _list_faults(track: pd.DataFrame, effects: Mapping[str, str]) -> Iterator[ShownFault]:

@@ -126,8 +126,7 @@ def _clip_to_front(corners: Array) -> Array:
     return np.asarray(points[:, :2] / points[:, 2:])
 
 
-CUT_M = 0.6
-"""Height [m] at which obstacles are cut off; taller obstacles would hide the robot."""
+CUT_M = 0.6  # height [m] at which obstacles are cut off; taller obstacles would hide the robot
 FIXED, MOVABLE = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42)
 _THIN_M = 1e-4  # thickness below which a cut polyhedron is shown whole
 _OVERSAMPLING = 2  # rendered pixels per picture pixel in each direction
@@ -161,16 +160,14 @@ class Renderer:
         """Return the picture (h, w, 3) for a time index."""
         motions = [self.motion, *(other.motion for other in self.others)]
         for robot, motion in zip(self.scene.robots, motions, strict=True):
-            frame = _frame(motion, index)
             joints = {name: float(angles[index]) for name, angles in motion.joints.items()}
-            robot.move(frame, joints)
+            robot.move(_frame(motion, index), joints)
         self.scene.move_walkers([places[index] for places in self.walkers])
         for sensor, colour in zip(self.sensors, self.colour_sensors(index), strict=True):
             red, green, blue = (part / 255 for part in colour)
             self.scene.robots[0].paint(sensor.link, (red, green, blue))
         self._extend_track(index, camera)
-        floor = self._project_floor(index, camera)
-        picture, depth = self._render_solids(floor, camera)
+        picture, depth = self._render_solids(self._project_floor(index, camera), camera)
         for fan in self._make_fans(index, _frame(self.motion, index)):
             _blend_fan(picture, depth, camera, fan)
         return np.clip(np.round(picture), 0, 255).astype(np.uint8)
@@ -242,11 +239,8 @@ def paint_ground(world: World, track: Array) -> Ground:
 
 def shape_walkers(walkers: Sequence[WalkerTrack]) -> list[Shape]:
     """Return the walkers as cylinders on the ground, cut off at ``CUT_M``."""
-    heights = [min(walker.height_m, CUT_M) for walker in walkers]
-    return [
-        Shape("cylinder", (walker.radius_m, height), Pose((0.0, 0.0, height / 2)))
-        for walker, height in zip(walkers, heights, strict=True)
-    ]
+    sizes = [(walker.radius_m, min(walker.height_m, CUT_M)) for walker in walkers]
+    return [Shape("cylinder", size, Pose((0.0, 0.0, size[1] / 2))) for size in sizes]
 
 
 def cut_obstacles(world: World) -> list[tuple[Body, Shade]]:
@@ -291,8 +285,7 @@ def _cut_polyhedron(shape: Shape, pose: Pose) -> Shape:
 def find_goals(world: World, places: Array, visited: NDArray[np.int64]) -> Array:
     """Return the next waypoint (n, 2) [m] at each record; NaN after the last.
 
-    The direction is not recorded, so it is inferred from the waypoint that the robot approached
-    first.
+    The unrecorded direction follows from the waypoint that the robot approached first.
     """
     first = places[: int(np.count_nonzero(visited == 0)) + 1]
     routes = [world.course.route(forward) for forward in (True, False)]

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from itertools import chain, repeat
+from itertools import chain, islice, repeat
 from pathlib import Path
 from typing import NamedTuple
 
@@ -33,11 +33,10 @@ _FILL = types.void(
     types.Array(types.uint8, 3, "C"),
 )
 UNPAINTED = (0.6, 0.6, 0.6)  # default colour
-MOST_FACES = 24_000
-"""Approximate maximum number of triangles, to which a robot's meshes are coarsened."""
-_MIN_FACES = 400  # minimum number for a mesh
-# first cell size as a fraction of the mesh's extent, and growth factor per step
-_FINEST, _COARSER = (1 / 400, 1.25)
+MOST_FACES, _MIN_FACES = 24_000, 400
+"""Maximum number of triangles for a robot, approximately, and minimum for each of its meshes."""
+_FINEST, _COARSER = 1 / 400, 1.25
+"""Size of the first cells that are joined, as a fraction of a mesh's extent, and their growth."""
 
 
 class Picture(NamedTuple):
@@ -204,8 +203,7 @@ def make_surfaces(
 def _show_shapes(tree: Urdf, link: str, colours: Sequence[Colour]) -> Surface:
     shapes = tree.visuals[link]
     painted = chain(colours, repeat(colours[-1] if colours else UNPAINTED))
-    shown = [colour for _, colour in zip(shapes, painted, strict=False)]
-    return Surface.from_shapes(shapes, shown)
+    return Surface.from_shapes(shapes, list(islice(painted, len(shapes))))
 
 
 def _show(visual: Element, colour: Colour, most: int) -> Surface:

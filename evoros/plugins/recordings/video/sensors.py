@@ -17,8 +17,7 @@ from evoros.plugins.recordings.video.mission import Flags
 from evoros.sensor.protocol import CONTACT, RAY_DEG
 from evoros.storage.figure_context import Beam
 
-SILENT_M = 0.3
-"""Length of a silent sensor's fan."""
+SILENT_M = 0.3  # length of a silent sensor's fan
 
 
 @dataclass(frozen=True)
@@ -75,10 +74,7 @@ def _level(pose: Pose, half_rad: float) -> Pose:
 
 
 def classify_sensors(sensors: Sequence[ShownSensor], ended: Flags, index: int) -> list[Colour]:
-    """Return the colour of each sensor's state in a picture.
-
-    ``ended`` (n, sensors) is True after a sensor's readings have ended.
-    """
+    """Return the colour of each sensor's state in a picture; ``ended`` (n, sensors) is a flag."""
     return [
         FAILED if has_ended else sensor.classify(index)
         for sensor, has_ended in zip(sensors, ended[index], strict=True)
@@ -92,11 +88,8 @@ def colour_sensors(
 
     ``errors`` (n, sensors) is the proportion of the error's colour, from 0 to 1.
     """
-    states = classify_sensors(sensors, ended, index)
-    return [
-        _mix(state, ERRING, float(share))
-        for state, share in zip(states, errors[index], strict=True)
-    ]
+    states = zip(classify_sensors(sensors, ended, index), errors[index], strict=True)
+    return [_mix(state, ERRING, float(share)) for state, share in states]
 
 
 def _mix(one: Colour, other: Colour, share: float) -> Colour:

@@ -18,9 +18,7 @@ ONE_ROBOT = IN_VIEW = True  # show one robot with its sensors, and the other rob
 WORST_MISSION = True
 HELP = "a video of one of the champion's missions, with its sensor readings"
 NEEDS = "a finished run, or an evaluation, that recorded trajectories"
-FILES = {
-    "video.mp4": "the video",
-}
+FILES = {"video.mp4": "the video"}
 FORMATS: dict[str, str] = {}
 _OPTION_NAMES = {"start_s": "--from", "end_s": "--to"}
 """Options whose names differ from the fields of ``RenderOptions``."""
@@ -32,13 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--world", metavar="NAME", help="this world instead of the first one")
     about = "view from behind the robot (chase), or of the whole course (above); default: chase"
     parser.add_argument("--camera", choices=CAMERAS, default="chase", help=about)
-    parser.add_argument(
-        "--speed",
-        type=float,
-        default=10.0,
-        metavar="N",
-        help="speed relative to real time; default: 10",
-    )
+    about = "speed relative to real time; default: 10"
+    parser.add_argument("--speed", type=float, default=10.0, metavar="N", help=about)
     about = "frames per second of video; default: 25"
     parser.add_argument("--fps", type=float, default=25.0, metavar="N", help=about)
     about = "size in pixels, even numbers; default: 854x480"

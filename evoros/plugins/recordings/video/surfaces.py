@@ -40,24 +40,17 @@ class Surface:
     @classmethod
     def from_shapes(cls, shapes: Sequence[Shape], colours: Sequence[Colour]) -> "Surface":
         """Create a surface from shapes in their body's frame, with one colour per shape."""
-        parts = [
-            triangulate(shape) @ shape.pose.rotation.T + shape.pose.position for shape in shapes
-        ]
-        counts = [len(part) for part in parts]
-        painted = np.repeat(np.reshape(colours, (-1, 3)), counts, axis=0)
+        parts = [triangulate(s) @ s.pose.rotation.T + s.pose.position for s in shapes]
+        painted = np.repeat(np.reshape(colours, (-1, 3)), list(map(len, parts)), axis=0)
         return cls.from_triangles(np.concatenate([np.empty((0, 3, 3)), *parts]), painted)
 
     @property
     def triangles(self) -> Array:
         """The corners (t, 3, 3) [m] of the triangles."""
-        corners: Array = self.corners[:, :3].reshape(-1, 3, 3)
-        return corners
+        return self.corners[:, :3].reshape(-1, 3, 3)
 
     def face(self, eye: Array, frame: Array) -> "Surface":
-        """Flip the triangles of an open surface that face away from the eye.
-
-        ``eye`` (3,) [m] is in the world frame, and ``frame`` (4, 4) is the surface's frame.
-        """
+        """Flip an open surface's triangles that face away from ``eye`` (3,) [m], in the world."""
         if not self.is_open:
             return self
         place = frame[:3, :3].T @ (eye - frame[:3, 3])
@@ -83,8 +76,7 @@ def triangulate(shape: Shape) -> Array:
     if shape.kind == "heightfield":
         return _triangulate_heights(shape)
     solid = convex_polyhedron(tuple(map(tuple, _list_corners(shape).tolist())))
-    triangles: Array = solid.corners[solid.triangles]
-    return triangles
+    return np.asarray(solid.corners[solid.triangles])
 
 
 def _list_corners(shape: Shape) -> Array:

@@ -18,14 +18,12 @@ COMMANDS = {
     "AckermannDriveStamped": ("drive",),
 }
 """The path to the command in each type of message that commands the robot."""
-STEADY = 10
-"""Number of consecutive checks that must find all nodes at rest before the mission starts.
+STEADY, PAUSE_S = 10, 0.005
+"""Number of checks in a row that must find all nodes at rest before a mission, and their interval.
 
 One check is not enough, because a node that sleeps during its start also appears to be at rest.
 """
-PAUSE_S = 0.005  # pause between checks while nodes start
-OWN_SHARE = 0.8
-"""Fraction of a wall-clock limit after which this process exits by itself and gives a reason."""
+OWN_SHARE = 0.8  # fraction of a wall-clock limit after which this process exits with a reason
 
 
 class Tick(NamedTuple):
@@ -65,7 +63,7 @@ class Conversation:
         self.refuse(why)
 
     def refuse(self, why: str) -> NoReturn:
-        """Reject the mission and exit. ``why`` is one line: key or node, rule, value, fix."""
+        """Reject the mission in one line, and exit."""
         self._send({"refused": why})
         os._exit(0)
 
@@ -120,10 +118,10 @@ class Wheels:
 
 
 def ros_time(time: float) -> tuple[int, int]:
-    """Convert a mission time [s] to seconds and nanoseconds, rounded to the nearest nanosecond.
+    """Convert a mission time [s] to seconds and nanoseconds.
 
-    A mission starts at 1 s, because ROS treats time 0 as unset. A timer of 0.1 s would miss a tick
-    if the clock were one nanosecond short.
+    A mission starts at 1 s, because ROS treats time 0 as unset. A clock that is one nanosecond
+    short would make a timer miss a tick.
     """
     return divmod(round((1.0 + time) * 1e9), 10**9)
 
@@ -157,15 +155,11 @@ class Schedule:
 
 
 def check_publisher(topic: str, names: list[str], kind: str, kinds: tuple[str, ...]) -> None:
-    """Require that a topic has a single publisher, with messages of one of these types.
-
-    Raises:
-        ValueError: there are several publishers, or the type is not in ``kinds``.
-    """
+    """Raise a ValueError unless a topic has one publisher, with messages of one of ``kinds``."""
     if len(names) > 1:
         raise ValueError(
             f"{topic}: must have one publisher, not {len(names)} ({', '.join(names)}), "
-            f"because the last message counts; remap the topic in all nodes but one"
+            f"because only the latest message is used; remap the topic in all nodes but one"
         )
     if kind.rpartition("/")[2] not in kinds:
         raise ValueError(

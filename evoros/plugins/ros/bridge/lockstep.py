@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import shlex
+import subprocess
+import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 from .conversation import OWN_SHARE, Conversation, Modes, Wheels, end
-from .nodes import Nodes
 from .rest import Hidden, Rest
 
 NO_COMMAND = (
@@ -40,6 +42,58 @@ def fly_mission(
     os._exit(0)  # does not wait for ROS threads
 
 
+class Nodes:
+    """The processes that the commands started, in the order of the commands."""
+
+    def __init__(
+        self,
+        commands: list[list[str]],
+        environment: dict[str, str],
+        completed: list[list[str]] | None = None,
+    ) -> None:
+        """Start all commands, in the form ``completed`` if given; messages quote ``commands``.
+
+        ``python3`` in a command or in a node's shebang line resolves to this process's Python.
+        """
+        self._commands = commands
+        path = os.pathsep.join([os.path.dirname(sys.executable), environment.get("PATH", "")])
+        self._processes = [
+            subprocess.Popen(command, env={**environment, "PATH": path}, stdin=subprocess.DEVNULL)
+            for command in completed or commands
+        ]
+
+    def ended(self) -> str | None:
+        """Describe a process that has exited, if any."""
+        for process, command in zip(self._processes, self._commands):
+            status = process.poll()
+            if status is not None:
+                how = f"with status {status}" if status >= 0 else f"on signal {-status}"
+                return f"the node {shlex.join(command)} exited {how}"
+        return None
+
+    def place(self, pid: int) -> int | None:
+        """Return the index of the command that started this process or an ancestor of it."""
+        places = {process.pid: index for index, process in enumerate(self._processes)}
+        while pid > 1:
+            if pid in places:
+                return places[pid]
+            pid = _parent(pid)
+        return None
+
+    def others(self, places: Collection[int | None]) -> list[str]:
+        """Return the commands whose indices are not in ``places``."""
+        commands = enumerate(self._commands)
+        return [shlex.join(command) for index, command in commands if index not in places]
+
+
+def _parent(pid: int) -> int:
+    try:
+        with open(f"/proc/{pid}/stat", "rb") as file:
+            return int(file.read().rpartition(b")")[2].split()[1])
+    except OSError:
+        return 0
+
+
 class Crew:
     """The user's nodes and their commands; the nodes must keep running and come to rest."""
 
@@ -63,9 +117,10 @@ class Crew:
     def require_start(self, until: float, missing: Callable[[], str | None]) -> None:
         """Reject the mission after a monotonic time [s], and name what is missing."""
         if time.monotonic() > until:
+            limit = f"{self.options['start_limit_s']:g} s"
             self._conversation.refuse(
-                f"controller.nodes: {missing() or self.unrest()}, after "
-                f"{self.options['start_limit_s']:g} s; correct the nodes, or raise start_limit_s"
+                f"controller.nodes: not ready after {limit}, because {missing() or self.unrest()}; "
+                f"correct the nodes, or raise start_limit_s"
             )
 
     def require_nodes(self) -> None:
@@ -80,7 +135,7 @@ class Crew:
             end(self.unrest())
 
     def unrest(self) -> str:
-        """Name the nodes that are still busy."""
+        """Name the busy nodes."""
         return f"the nodes did not come to rest: {'; '.join(self.rest.working())}"
 
     def answer(self, commands: Sequence[Any]) -> None:

@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING, Any
 from xmlrpc.client import Fault, ServerProxy
 
 from .conversation import COMMANDS, OWN_SHARE, PAUSE_S, STEADY, Conversation, end
-from .lockstep import NO_COMMAND, Crew, fly_mission
-from .nodes import Nodes
+from .lockstep import NO_COMMAND, Crew, Nodes, fly_mission
 from .rest import Rest
 
 if TYPE_CHECKING:
@@ -40,12 +39,7 @@ NEEDED = ("rospy", "rosmaster", "geometry_msgs", "nav_msgs", "sensor_msgs", "ros
 
 
 def start_nodes(briefing: dict[str, Any], until: float) -> Nodes:
-    """Start the master and the user's nodes.
-
-    Raises:
-        OSError: a command cannot be executed.
-        ValueError: ROS does not support a parameter's value.
-    """
+    """Start the master and the user's nodes; see ``Crew`` for the errors."""
     options = briefing["ros"]
     try:
         environment = _start_master(options["isolate"], until)
@@ -151,7 +145,7 @@ def main() -> None:
 
 
 def _start_master(isolated: bool, until: float) -> dict[str, str]:
-    """Start a master as a separate process; return the environment with which nodes find it.
+    """Start a master, and return the environment with which nodes find it.
 
     A master in this process would compete for the interpreter lock. ``until`` is a monotonic time
     [s].

@@ -19,8 +19,8 @@ from rosgraph.masterapi import Master, MasterException
 from rosgraph.network import read_ros_handshake_header, write_ros_handshake_header
 
 from .conversation import Tick, check_publisher
+from .lockstep import Nodes
 from .messages import Messages
-from .nodes import Nodes
 
 NAME = "/evoros"  # name of this process in the graph
 HEADER_BYTES = 4096
@@ -34,11 +34,7 @@ def join() -> None:
 
 
 def ask_node(address: str, method: str, *arguments: Any) -> Any:
-    """Call a method of a node.
-
-    Raises:
-        OSError: the node is gone.
-    """
+    """Call a method of a node; raise an OSError if the node is gone or refuses."""
     answer: Any = getattr(ServerProxy(address), method)(NAME, *arguments)
     status, why, value = answer
     if status != 1:
@@ -50,12 +46,7 @@ class Incoming:
     """The messages from one publisher, which the bridge fetches without a thread."""
 
     def __init__(self, topic: str, publisher: str, kind: str) -> None:
-        """Connect to the publisher's node.
-
-        Raises:
-            OSError: the node does not accept the connection.
-            ValueError: this Python lacks the message type.
-        """
+        """Connect to the publisher's node; raise a ValueError if the message type is unknown."""
         self._topic = topic
         self._class: Any = roslib.message.get_message_class(kind)
         if self._class is None:
@@ -74,11 +65,7 @@ class Incoming:
         return bool(select.select([self._socket], [], [], limit_s)[0])
 
     def fetch(self) -> list[Any]:
-        """Return the messages that have arrived.
-
-        Raises:
-            ConnectionError: the node has closed the connection.
-        """
+        """Return the messages that have arrived; raise a ConnectionError if the node has gone."""
         messages = []
         self._receive()
         while len(self._received) >= 4:
@@ -147,11 +134,7 @@ class Graph:
             return f"a node does not answer: {error}"
 
     def publisher(self, topic: str, kinds: tuple[str, ...]) -> tuple[str, str] | None:
-        """Return the address and message type of the node that publishes on a topic.
-
-        Raises:
-            ValueError: there are several nodes, or the type is not in ``kinds``.
-        """
+        """Return the address and message type of a topic's publisher; see ``check_publisher``."""
         names = self._published.get(topic, [])
         if not names:
             return None
@@ -185,8 +168,8 @@ class Graph:
             return f"{others[0]} has started no node"
         if not self._published.get(command_topic):
             return f"no node publishes on {command_topic}"
-        topics = {publisher.resolved_name for publisher in self._publishers}
-        topics -= {"/clock"}  # every node subscribes to the clock
+        # Every node subscribes to the clock.
+        topics = {publisher.resolved_name for publisher in self._publishers} - {"/clock"}
         if not any(self._subscribed.get(topic) for topic in topics):
             return f"no node subscribes to {', '.join(sorted(topics))}"
         return None

@@ -12,8 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from .conversation import COMMANDS, OWN_SHARE, PAUSE_S, STEADY, Conversation, end
-from .lockstep import NO_COMMAND, Crew, fly_mission
-from .nodes import Nodes
+from .lockstep import NO_COMMAND, Crew, Nodes, fly_mission
 from .rest import Rest
 from .ros2_start import (
     complete,
@@ -39,12 +38,7 @@ a third of a second.
 
 
 def start_nodes(briefing: dict[str, Any]) -> Nodes:
-    """Start the user's nodes.
-
-    Raises:
-        OSError: a command cannot be executed.
-        ValueError: ROS does not support a parameter's value.
-    """
+    """Start the user's nodes; see ``Crew`` for the errors."""
     commands = briefing["ros"]["nodes"]
     write_parameters(briefing)
     return Nodes(commands, dict(os.environ), complete(commands, topic_names(briefing)))

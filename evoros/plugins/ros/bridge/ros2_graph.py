@@ -89,16 +89,16 @@ class Outlet:
         return [publisher.topic_name for publisher in self._publishers.values()]
 
     def missing(self) -> str | None:
-        """Return a message about a connection or node that the group still lacks, or None."""
+        """Describe a connection or node that the group still lacks, if any."""
         if self._commands and self._listening(CLOCK) < len(self._commands):
             names = " or ".join(shlex.join(command) for command in self._commands)
             return (
-                f"{names} has started no node that follows simulated time; give the nodes the "
-                f"parameter file of evoros, which is passed to a launch file as {{parameters}}"
+                f"{names} has started no node that follows simulated time (the nodes need the "
+                f"parameter file of evoros, which is passed to a launch file as {{parameters}})"
             )
         for topic, publisher in self._publishers.items():
             if publisher.get_subscription_count() != self._listening(topic):
-                return f"a node does not connect to {topic}; subscribe with reliable, volatile QoS"
+                return f"a node does not connect to {topic} (its QoS must be reliable and volatile)"
         return None
 
     def _listening(self, topic: str) -> int:
@@ -109,11 +109,7 @@ class Incoming:
     """The messages from one publisher, which the bridge fetches without a thread."""
 
     def __init__(self, node: Any, topic: str, publisher: Any) -> None:
-        """Subscribe to the topic with the publisher's reliability.
-
-        Raises:
-            ValueError: this Python lacks the message type.
-        """
+        """Subscribe with the publisher's reliability; raise a ValueError if the type is unknown."""
         kind = publisher.topic_type
         package, _, name = kind.replace("/msg/", "/").partition("/")
         try:
@@ -174,7 +170,7 @@ class Graph:
         return None
 
     def unanswered(self) -> str | None:
-        """Ask each node for a parameter; return a message about one that has not answered, or None.
+        """Ask each node for a parameter; describe a node that has not answered, if any.
 
         This process knows its connections to a node, but only an answer proves that the node knows
         them. A node learns of connections in the order of their creation, and the client that asks
@@ -187,7 +183,7 @@ class Graph:
             services = self._node.get_service_names_and_types_by_node(name, namespace)
             asked = f"{place}/get_parameters" in dict(services)
             if asked and not self._has_answered(place):
-                return f"the node {place} does not answer; make the node spin"
+                return f"the node {place} does not answer (it must spin)"
         return None
 
     def _listeners(self) -> set[tuple[str, str]]:
@@ -215,10 +211,8 @@ class Graph:
     ) -> Incoming | None:
         """Connect to the node that publishes on a topic; None if there is none.
 
-        An existing connection ``connected`` is kept, but a second publisher may still appear.
-
-        Raises:
-            ValueError: there are several publishers, or the type is not in ``kinds``.
+        An existing connection ``connected`` is kept, but a second publisher may still appear; see
+        ``check_publisher``.
         """
         publishers = self._node.get_publishers_info_by_topic(topic)
         names = sorted(publisher.node_name for publisher in publishers)

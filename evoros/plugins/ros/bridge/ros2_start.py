@@ -15,33 +15,11 @@ PARAMETERS, PLACEHOLDER = "parameters.yaml", "{parameters}"
 ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY")
 """Variables that lead to nodes on other machines, or that newer variables have replaced."""
 BEFORE_RANGES = ("foxy", "galactic", "humble")  # they lack ROS_AUTOMATIC_DISCOVERY_RANGE
-FAST, PROFILE = "rmw_fastrtps", "local.xml"
-LOCAL = """<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
-  <transport_descriptors>
-    <transport_descriptor>
-      <transport_id>local</transport_id>
-      <type>UDPv4</type>
-      <interfaceWhiteList><address>127.0.0.1</address></interfaceWhiteList>
-      <maxInitialPeersRange>32</maxInitialPeersRange>
-    </transport_descriptor>
-  </transport_descriptors>
-  <participant profile_name="local" is_default_profile="true">
-    <rtps>
-      <builtin>
-        <initialPeersList>
-          <locator><udpv4><address>127.0.0.1</address></udpv4></locator>
-        </initialPeersList>
-      </builtin>
-      <userTransports><transport_id>local</transport_id></userTransports>
-      <useBuiltinTransports>false</useBuiltinTransports>
-    </rtps>
-  </participant>
-</profiles>
-"""
-"""A profile that keeps Fast DDS on this machine.
+FAST = "rmw_fastrtps"
+PROFILE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "local.xml")
+"""The profile keeps Fast DDS on this machine, but out of shared memory.
 
-It excludes shared memory, whose files would remain after a kill. ROS's own setting for localhost
-always uses shared memory.
+Files in shared memory would remain after a kill; ROS's setting for localhost always uses them.
 """
 FIRST_PORT, PORTS_PER_DOMAIN, DOMAINS = 7400, 250, 101  # DDS ports below Linux's ephemeral ports
 
@@ -100,11 +78,7 @@ def complete(commands: list[list[str]], topics: list[str]) -> list[list[str]]:
 
 
 def write_parameters(briefing: dict[str, Any]) -> None:
-    """Write the parameter file for all nodes.
-
-    Raises:
-        ValueError: ROS 2 does not support a value.
-    """
+    """Write the parameter file for all nodes; raise a ValueError if ROS 2 lacks a value's type."""
     parameters = {
         **{name: _checked(name, value) for name, value in briefing["parameters"].items()},
         "use_sim_time": True,
@@ -159,8 +133,7 @@ def _checked(name: str, value: Any) -> Any:
 def set_environment(isolated: bool) -> object:
     """Isolate the nodes; return an object that must exist as long as the nodes.
 
-    Raises:
-        OSError: no domain is free.
+    An OSError means that no domain is free.
     """
     for name in ELSEWHERE:
         os.environ.pop(name, None)
@@ -169,10 +142,8 @@ def set_environment(isolated: bool) -> object:
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_HOME=folder, ROS_LOG_DIR=folder)
     old = os.environ.get("ROS_DISTRO") in BEFORE_RANGES
     if not isolated and os.environ.get("RMW_IMPLEMENTATION", FAST).startswith(FAST):
-        with open(PROFILE, "w", encoding="utf-8") as file:
-            file.write(LOCAL)
         for name in ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE"):
-            os.environ[name] = os.path.join(folder, PROFILE)
+            os.environ[name] = PROFILE
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"  # the profile restricts it
     elif old:
         os.environ["ROS_LOCALHOST_ONLY"] = "1"

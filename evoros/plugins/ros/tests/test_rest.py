@@ -12,7 +12,7 @@ from busy import busy_cores
 from helpers import ROOT
 
 from evoros.bridge.process import start_process
-from evoros.plugins.ros.bridge.watched_thread import WatchedThread, tells_places
+from evoros.plugins.ros.bridge.rest import WatchedThread, tells_places
 
 SCRIPTS = ROOT / "evoros" / "plugins" / "ros" / "bridge"
 RING = ROOT / "tests" / "nodes" / "rest_ring.py"

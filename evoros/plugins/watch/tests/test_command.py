@@ -23,7 +23,10 @@ from evoros.terminal.console import INTERRUPTED, STOPPED
         (["watch", "new", "--prot=1"], "unexpected argument --prot=1"),
         (["watch", "new", "--once"], "--once: an option of evoros status; evoros watch has"),
         (["watch", "new", "--port=x"], "--port: invalid int value: 'x'"),
-        (["watch", "new", "--port=70000"], "--port: must be from 1 to 65535, not 70000"),
+        (
+            ["watch", "new", "--port=70000"],
+            "--port: must be from 0 (any free port) to 65535, not 70000",
+        ),
         (["watch", "new", "--port=PORT"], "Address already in use"),
     ],
 )
