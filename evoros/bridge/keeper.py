@@ -84,8 +84,7 @@ def main() -> None:
 def start(order: dict[str, Any], ports: dict[str, int]) -> tuple[int, int, str | None]:
     """Start the command; return the child to watch, a pipe with its status, and a folder to remove.
 
-    Raises:
-        OSError: the command cannot be executed, or its environment cannot be created.
+    An OSError means that the command cannot be executed, or that its environment cannot be created.
     """
     failure, failing = os.pipe()
     status, reporting = os.pipe()

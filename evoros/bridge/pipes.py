@@ -39,11 +39,7 @@ class Pipes:
         self._limit_s, self._until, self._time = limit_s, monotonic() + limit_s, time
 
     def send(self, data: bytes) -> None:
-        """Send bytes.
-
-        Raises:
-            PilotLost: the process exited or did not read in time.
-        """
+        """Send bytes; raise a PilotLost if the process exited or did not read in time."""
         while data:
             try:
                 data = data[os.write(self._sending, data) :]
@@ -55,11 +51,7 @@ class Pipes:
                     raise self.process.lost("ended", self._time) from None
 
     def receive(self, size: int) -> bytes:
-        """Wait for 1 to ``size`` bytes.
-
-        Raises:
-            PilotLost: the process exited or did not answer in time.
-        """
+        """Wait for 1 to ``size`` bytes; raise a PilotLost if the process exited or is too slow."""
         self._wait(self._readable, "did not answer within")
         try:
             data = os.read(self._receiving, size)
@@ -92,24 +84,16 @@ class Pipes:
 def start_pipes(
     command: Sequence[str], *, isolate: bool, environment: Mapping[str, str]
 ) -> Iterator[Pipes]:
-    """Start a command with two pipes; leaving the context kills the command and its descendants.
-
-    Raises:
-        LaunchError: see ``start_process``.
-    """
+    """Start a command with two pipes; see ``start_process``."""
     with ExitStack() as stack:
         reading, sending = os.pipe()
         receiving, writing = os.pipe()
         for descriptor in (sending, receiving):
             stack.callback(os.close, descriptor)
-        names = {READ_FROM: str(reading), WRITE_TO: str(writing)}
+        told = {**environment, READ_FROM: str(reading), WRITE_TO: str(writing)}
+        kept = reading, writing
         try:
-            starting = start_process(
-                command,
-                isolate=isolate,
-                environment={**environment, **names},
-                pass_fds=(reading, writing),
-            )
+            starting = start_process(command, isolate=isolate, environment=told, pass_fds=kept)
             process = stack.enter_context(starting)
         finally:
             os.close(reading)
@@ -124,11 +108,9 @@ class LineConversation:
         self._pipes, self.process = pipes, pipes.process
 
     def ask(self, line: bytes, limit_s: float, time: float | None = None) -> bytes:
-        """Send a line and return the answer, without newlines; ``time`` is the mission's time [s].
+        """Send a line and return the answer, without newlines, within a wall-clock limit [s].
 
-        Raises:
-            PilotLost: the process exited, or did not answer within the wall-clock limit [s].
-            SimulationError: the answer has several lines, or a line that is too long.
+        ``time`` is the mission's time [s]. Several lines, or a long line, are a SimulationError.
         """
         self._pipes.begin(limit_s, time)
         if self._pipes.has_come():  # unexpected output after the last answer

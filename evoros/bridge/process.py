@@ -98,13 +98,8 @@ def start_process(
             f"a controller in its own process needs Linux, not {sys.platform}; use a controller "
             "with layers, such as rover, or a Linux machine or container"
         )
-    order: dict[str, Any] = {
-        "command": list(command),
-        "isolate": isolate,
-        "pass": list(pass_fds),
-        "sockets": dict(sockets or {}),
-        "files": dict(files or {}),
-    }
+    order: dict[str, Any] = {"command": list(command), "isolate": isolate, "pass": list(pass_fds)}
+    order |= {"sockets": dict(sockets or {}), "files": dict(files or {})}
     ours, theirs = socket.socketpair()
     with ExitStack() as stack:
         log = stack.enter_context(TemporaryFile(buffering=0))
@@ -201,7 +196,7 @@ def _explain(program: str, isolated: bool, news: Mapping[str, Any]) -> LaunchErr
     if news.get("command"):
         return LaunchError(
             f"{program}: must be a program that this system can execute ({why}); correct the path, "
-            f"the permissions or the first line"
+            f"the permissions or the script's #! line"
         )
     if isolated:
         return LaunchError(

@@ -54,8 +54,7 @@ def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str,
         "CRUISE_THROTTLE": EVEN_THROTTLE,
         "WP_RADIUS": 0.5 * briefing.acceptance_m,
         "TURN_RADIUS": 1.0 / curvature,
-        # Fraction of full lock per turn rate; with ArduPilot's default of 0.2, slow robots turn too
-        # wide.
+        # Fraction of full lock per turn rate; ArduPilot's default, 0.2, is too low for slow robots.
         "ATC_STR_RAT_FF": 1.0 / (speed * curvature),
         # ArduPilot divides the lateral acceleration by at least 1 m/s, even for slower robots.
         "PSC_VEL_P": min(max(1.0 / speed, DEFAULT_GAIN), GREATEST_GAIN),
@@ -137,19 +136,11 @@ class ArduPilotSettings(LiveController):
     def __post_init__(self) -> None:
         object.__setattr__(self, "binary", split_command([self.binary])[0])
         if self.localization:
-            raise checks.invalid(
-                self,
-                "localization",
-                list(self.localization),
-                "must be empty, because the autopilot estimates its own pose",
-                "choose controller/localization=exact",
-            )
-        count = round(self.avoidance_period_s / self.period_s)
-        if count < 1 or abs(count * self.period_s - self.avoidance_period_s) > 1e-9:
-            raise checks.invalid(
-                self,
-                "avoidance_period_s",
-                self.avoidance_period_s,
-                f"must be a whole multiple of period_s ({self.period_s:g} s)",
-                f"set it to {max(1, count) * self.period_s:g}",
-            )
+            rule = "must be empty, because the autopilot estimates the pose itself"
+            fix = "choose controller/localization=exact"
+            raise checks.invalid(self, "localization", list(self.localization), rule, fix)
+        period, count = self.avoidance_period_s, round(self.avoidance_period_s / self.period_s)
+        if count < 1 or abs(count * self.period_s - period) > 1e-9:
+            rule = f"must be a whole multiple of period_s ({self.period_s:g} s)"
+            fix = f"set it to {max(1, count) * self.period_s:g}"
+            raise checks.invalid(self, "avoidance_period_s", period, rule, fix)

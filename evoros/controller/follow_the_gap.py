@@ -72,13 +72,9 @@ class FollowTheGap(Layer):
         check_order(self, "min_speed_mps", "speed_mps")
 
     def start(self, robot: Robot, period: float, rng: Generator) -> tuple[Parameters, Memory]:
-        """Return the parameters, with the directions of the robot's readings.
-
-        Raises:
-            InputError: ``range_m`` exceeds the range of a sensor, which would then block its
-                direction even when it sees nothing.
-        """
+        """Return the parameters, with the directions of the robot's readings."""
         require_reach(self, self.range_m, robot)
+        yaws = [yaw if math.isnan(yaw) else wrap(yaw) for yaw in robot.channel_yaws()]
         parameters = Parameters(
             range=self.range_m,
             radius=self.radius_m,
@@ -88,9 +84,7 @@ class FollowTheGap(Layer):
             slow=self.min_speed_mps,
             slowing=self.slowing_m,
             full_lock=robot.drive.steering_limit,
-            yaws=np.array(
-                [yaw if math.isnan(yaw) else wrap(yaw) for yaw in robot.channel_yaws()], dtype=float
-            ),
+            yaws=np.array(yaws, dtype=float),
         )
         return parameters, Memory(np.zeros(DIRECTIONS))
 
@@ -168,9 +162,8 @@ def choose(parameters: Parameters, free: Array, goal: float, nearest: float) -> 
                 best = abs(near - goal)
                 weight = max(nearest, 0.001)
                 middle = 0.5 * (low + high)
-                heading = (weight * near + parameters.centring * middle) / (
-                    weight + parameters.centring
-                )
+                total = weight + parameters.centring
+                heading = (weight * near + parameters.centring * middle) / total
             first = -1
     return heading
 

@@ -44,7 +44,7 @@ COMMAND = Rule(
 @dataclass(frozen=True, kw_only=True)
 @checked
 class LineController(LiveController):
-    """Runs a command for each mission and exchanges a line with it at each decision."""
+    """Starts a program for each mission, and exchanges one line with it at each decision."""
 
     period_s: Annotated[float, POSITIVE] = 0.1
     modes: Annotated[Sequence[str], MODES] = ("driving",)
@@ -65,12 +65,7 @@ class LineController(LiveController):
     def fly(
         self, command: Sequence[str], briefing: Briefing, told: Mapping[str, Any] | None = None
     ) -> Iterator[Pilot]:
-        """Start a command for one mission and brief it; ``told`` is added to the first line.
-
-        Raises:
-            LaunchError: the command cannot be started, or refuses the briefing.
-            PilotLost: the command was not ready in time.
-        """
+        """Start a command for one mission and brief it; ``told`` is added to the first line."""
         starting = start_pipes(command, isolate=self.isolate, environment=self.environment)
         with starting as pipes:
             conversation = LineConversation(pipes)
@@ -154,9 +149,7 @@ class LinePilot:
 
 
 def _group(readings: Array, parts: Sequence[slice]) -> list[Any]:
-    return [
-        readings[part] if part.stop - part.start > 1 else readings[part.start] for part in parts
-    ]
+    return [readings[p] if p.stop - p.start > 1 else readings[p.start] for p in parts]
 
 
 def _quote(answer: bytes) -> str:
@@ -174,10 +167,8 @@ def split_command(command: Sequence[str]) -> list[str]:
     program = words[0] if "/" in words[0] else shutil.which(words[0]) or words[0]
     if "/" in program or _is_file(program):
         program = str(Path(program).absolute())
-    return [
-        program,
-        *(str(Path(word).absolute()) if _is_file(word) else word for word in words[1:]),
-    ]
+    rest = (str(Path(word).absolute()) if _is_file(word) else word for word in words[1:])
+    return [program, *rest]
 
 
 def _is_file(word: str) -> bool:
@@ -204,10 +195,5 @@ class Program(LineController):
         object.__setattr__(self, "files", list_files(command, self.files))
 
     def launch(self, briefing: Briefing) -> AbstractContextManager[Pilot]:
-        """Start the program for one mission.
-
-        Raises:
-            LaunchError: the program cannot be started, or refuses the briefing.
-            PilotLost: the program was not ready in time.
-        """
+        """Start the program for one mission."""
         return self.fly(self.command, briefing)

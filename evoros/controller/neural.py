@@ -71,16 +71,16 @@ class Neural(Controller):
         if self.weights is None:
             object.__setattr__(self, "weights", (0.0,) * count)
         elif len(self.weights) != count:
-            rule = f"must be {count} numbers for a network of this size"
-            raise checks.invalid(
-                self, "weights", f"{len(self.weights)} numbers", rule, "use null for zeros"
+            rule, given = (
+                f"must be {count} numbers for this network",
+                f"{len(self.weights)} numbers",
             )
+            raise checks.invalid(self, "weights", given, rule, "use null for zeros")
 
     @property
     def _listed(self) -> list[network.Weight]:
-        return network.list_weights(
-            self.sectors, self.hidden, self.symmetric, self.recurrent, self.waypoint
-        )
+        kind = self.symmetric, self.recurrent, self.waypoint
+        return network.list_weights(self.sectors, self.hidden, *kind)
 
     @property
     def evolved(self) -> Mapping[str, EvolvedValue]:
@@ -107,20 +107,16 @@ class Neural(Controller):
         if self.speed_mps > fastest:
             rule = f"must be at most the robot's maximum speed, {fastest:g}"
             raise checks.invalid(self, "speed_mps", self.speed_mps, rule, "lower it")
-        shares = network.share_sectors(
-            robot.channel_yaws(), self.sectors, math.radians(self.span_deg)
-        )
+        span = math.radians(self.span_deg)
         limits = [
             min(self.range_m, channel.high)  # reading of a sensor when nothing is in range
             for sensor in robot.mounted_sensors()
             for channel in sensor.channels
         ]
-        hidden, steering, speed = network.split_weights(
-            self.weights or (), self.hidden, self.symmetric
-        )
+        weights = self.weights or ()
+        hidden, steering, speed = network.split_weights(weights, self.hidden, self.symmetric)
         if not self.waypoint:
-            # zero weights for the bearing
-            hidden = np.insert(hidden, 1 + self.sectors, 0.0, axis=1)
+            hidden = np.insert(hidden, 1 + self.sectors, 0.0, axis=1)  # weights of the bearing
         return network.Parameters(
             symmetric=self.symmetric,
             recurrent=self.recurrent,
@@ -132,7 +128,7 @@ class Neural(Controller):
             fast=fastest,
             full_lock=robot.drive.steering_limit,
             limits=np.array(limits, dtype=float),
-            shares=shares,
+            shares=network.share_sectors(robot.channel_yaws(), self.sectors, span),
             hidden=hidden,
             steering=steering,
             speed=speed,

@@ -8,11 +8,10 @@ from numpy.random import Generator
 
 from evoros.base import elementary
 from evoros.base.arrays import DRIVE_SPEED, STEERING, TO_X, TO_Y, YAW, Array, X, Y
-from evoros.base.checks import POSITIVE, Rule, checked, is_number
+from evoros.base.checks import POSITIVE, checked
 from evoros.controller.protocol import Layer
+from evoros.controller.weighted_voting import HALF_TURN
 from evoros.robot.model import Robot
-
-AMPLITUDES = Rule("an angle from 0 to less than 180 deg", lambda v: is_number(v) and 0 <= v < 180)
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,7 @@ class Serpentine(Layer):
 
     mode = "navigating"
     speed_mps: Annotated[float, POSITIVE] = 0.29
-    amplitude_deg: Annotated[float, AMPLITUDES] = 30.0
+    amplitude_deg: Annotated[float, HALF_TURN] = 30.0
     period_s: Annotated[float, POSITIVE] = 9.7
     gain: Annotated[float, POSITIVE] = 1.5
 

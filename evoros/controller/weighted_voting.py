@@ -14,7 +14,9 @@ from evoros.controller.protocol import Layer
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import sees
 
-HALF_TURN = Rule("an angle from 0 to less than 180 deg", lambda v: is_number(v) and 0 <= v < 180)
+HALF_TURN = Rule(
+    "an angle of at least 0 and less than 180 deg", lambda v: is_number(v) and 0 <= v < 180
+)
 # [rad]: a mount at exactly ``ahead_deg`` counts as ahead, despite the rounding of its yaw
 ROUNDING = 1e-9
 
@@ -52,12 +54,7 @@ class WeightedVoting(Layer):
         last: Array  # 1 for each sensor's last reading, else 0
 
     def start(self, robot: Robot, period: float, rng: Generator) -> Parameters:
-        """Return the parameters, with the vote of each reading.
-
-        Raises:
-            InputError: ``range_m`` exceeds the range of a sensor, which would then vote even when
-                it sees nothing.
-        """
+        """Return the parameters, with the vote of each reading."""
         require_reach(self, self.range_m, robot)
         ahead = math.radians(self.ahead_deg) + ROUNDING
         votes = [
@@ -107,10 +104,7 @@ class WeightedVoting(Layer):
 
 
 def require_reach(layer: object, range_m: float, robot: Robot) -> None:
-    """Reject a ``range_m`` beyond the range of a sensor.
-
-    A sensor that sees nothing reports its ``range_max_m``.
-    """
+    """Reject a ``range_m`` beyond a sensor's ``range_max_m``, the reading if it sees nothing."""
     ranges = [sensor.range_max_m for sensor in robot.mounted_sensors() if sees(sensor)]
     shortest = min(ranges, default=math.inf)
     if range_m > shortest:

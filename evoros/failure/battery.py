@@ -27,15 +27,14 @@ class BatteryFailure(Failure):
     drive_j_per_m: Annotated[float, NOT_NEGATIVE] = 60.0
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Constant)  # applied to the speed
 
+    parts: ClassVar[Sequence[str]] = ("battery",)
+
     def __post_init__(self) -> None:
         if self.idle_w == 0 and self.drive_j_per_m == 0:
             raise invalid(self, "idle_w", self.idle_w, "must be above 0 if drive_j_per_m is 0")
-
-    parts: ClassVar[Sequence[str]] = ("battery",)
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
         """Return the fault that starts when this mission's charge is used up."""
         charge = max(self.charge_wh + self.sd_wh * float(rng.standard_normal()), 0.0)
         trigger = Trigger.by_use(charge * JOULES, self.idle_w, self.drive_j_per_m)
-        (part,) = self.parts
-        return (Fault(self.effect, np.zeros(1), "", DRIVE, trigger, part, (DRIVE_SPEED,)),)
+        return (Fault(self.effect, np.zeros(1), "", DRIVE, trigger, self.parts[0], (DRIVE_SPEED,)),)

@@ -36,11 +36,7 @@ class ExhaustiveFailure(SystematicFailure):
         return sum(self._count(sensors, size) for size in self._sizes(sensors))
 
     def state_case(self, sensors: int, number: int) -> Case:
-        """Return the case with this number, counted from 0.
-
-        Raises:
-            ValueError: the number exceeds the number of cases.
-        """
+        """Return the case with this number, counted from 0."""
         for size in self._sizes(sensors):
             count = self._count(sensors, size)
             if number < count:

@@ -6,23 +6,18 @@ from typing import Annotated
 
 from numpy.random import Generator
 
-from evoros.base.checks import NOT_NEGATIVE, Rule, checked, invalid
+from evoros.base.checks import NOT_NEGATIVE, WHOLE, Rule, checked, invalid
 from evoros.base.errors import InputError
 from evoros.failure.protocol import Case, Failure, Fault, make_faults
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
 
 SENSORS = Rule(
-    "a list of distinct whole numbers of at least 0",
-    lambda v: (
-        isinstance(v, list | tuple)
-        and all(isinstance(i, int) and not isinstance(i, bool) and i >= 0 for i in v)
-        and len(set(v)) == len(v)
-    ),
+    "a list of distinct non-negative whole numbers",
+    lambda v: isinstance(v, list | tuple) and all(map(WHOLE.holds, v)) and len(set(v)) == len(v),
 )
-
 TIMES = Rule(
-    "a number of at least 0, or a list of these",
+    "a non-negative number, or a list of these",
     lambda v: all(map(NOT_NEGATIVE.holds, v if isinstance(v, list | tuple) else [v])),
 )
 

@@ -13,16 +13,7 @@ from numpy.random import Generator
 from evoros.base.arrays import Array
 from evoros.base.checks import ask, sequence_of
 from evoros.base.errors import InputError
-from evoros.filter.protocol import (
-    COMMAND,
-    DRIVE,
-    POSE,
-    READINGS,
-    SIGNALS,
-    STRENGTH,
-    Channels,
-    Filter,
-)
+from evoros.filter.protocol import READINGS, SIGNALS, Channels, Filter
 
 INTACT = "intact"  # text of the case in which no sensor fails
 MODEL, NOMINAL, SCREENED, CONFIRMED = "model", "nominal", "screened", "confirmed"
@@ -44,11 +35,7 @@ class Case:
 
     @classmethod
     def parse(cls, text: str) -> "Case":
-        """Read a case from its ``text``.
-
-        Raises:
-            ValueError: the text is not a case.
-        """
+        """Read a case from its ``text``; raise a ValueError if the text is not a case."""
         parts = [] if text == INTACT else [part.split("@") for part in text.split(" ")]
         return cls.of((int(sensor), float(time)) for sensor, time in parts)
 
@@ -114,15 +101,8 @@ def is_timed(trigger: Trigger) -> bool:
 
 
 NEVER = math.inf  # onset [s] of a fault that does not occur
-
-
-PARTS: Mapping[str, str] = {
-    READINGS: "sensors",
-    POSE: "localization",
-    COMMAND: "commands",
-    DRIVE: "drive",
-    STRENGTH: "wheels",
-}
+_PARTS = "sensors", "localization", "commands", "drive", "wheels"
+PARTS: Mapping[str, str] = dict(zip(SIGNALS, _PARTS, strict=True))
 """Default names of failed parts, keyed by the signal that the fault affects."""
 
 
@@ -177,13 +157,9 @@ _FAULTS = sequence_of(Fault, "faults")
 def draw_faults(
     failure: Failure, channels: Channels, rng: Generator, earlier: Sequence[Fault] = ()
 ) -> tuple[Fault, ...]:
-    """Draw the faults of a mission, and number them after a robot's ``earlier`` ones.
+    """Draw and check the faults of a mission, and number them after a robot's ``earlier`` ones.
 
     ``channels`` has one value per sensor.
-
-    Raises:
-        InputError: a fault has an unknown signal, the wrong number of onsets, or
-            a part that its model does not declare.
     """
     faults: tuple[Fault, ...] = ask("failure", failure.draw, _FAULTS, channels, rng)
     for fault in faults:
@@ -192,11 +168,7 @@ def draw_faults(
 
 
 def make_faults(failure: Failure, case: Case, sensors: int) -> tuple[Fault, ...]:
-    """Return the fault of a case in a robot with ``sensors`` sensors; none if none fails.
-
-    Raises:
-        InputError: the failure model has no effect.
-    """
+    """Return the fault of a case in a robot with ``sensors`` sensors; none if none fails."""
     if failure.effect is None:
         raise InputError(
             f"failure: a failure model with cases must set effect; add effect to {failure!r}"
@@ -218,10 +190,9 @@ def number_faults(faults: Sequence[Fault], earlier: Sequence[Fault] = ()) -> tup
 def _check_fault(fault: Fault, failure: Failure, sensors: int) -> None:
     name = type(failure).__name__
     if fault.signal not in SIGNALS:
-        signals = ", ".join(SIGNALS)
         raise InputError(
             f"failure: {name} drew a fault of the unknown signal {fault.signal!r}; draw faults "
-            f"of {signals} only"
+            f"of {', '.join(SIGNALS)} only"
         )
     onset, count = np.asarray(fault.onset), sensors if fault.signal == READINGS else 1
     if onset.shape != (count,) or onset.dtype.kind != "f" or np.isnan(onset).any():

@@ -15,10 +15,7 @@ from evoros.filter.protocol import GROWS, Channels, Filter, require_pose
 @dataclass(frozen=True)
 @checked
 class PoseDrift(Filter):
-    """Moves and turns the pose steadily after the onset.
-
-    The yaw is not wrapped to [-pi, pi].
-    """
+    """Moves and turns the pose steadily after the onset, without wrapping the yaw."""
 
     name = "PoseDrift"
     effect = GROWS

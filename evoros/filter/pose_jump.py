@@ -12,18 +12,13 @@ from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, NUMBER, checked
 from evoros.filter.protocol import Channels, Filter, require_pose
 
-INSTEAD = (
-    "use it with failure=localization or in the controller's localization; otherwise, use bias"
-)
+INSTEAD = "use it with failure=localization or in controller.localization; otherwise, use bias"
 
 
 @dataclass(frozen=True)
 @checked
 class PoseJump(Filter):
-    """Moves the pose by a distance and turns it by an angle after the onset.
-
-    The yaw is not wrapped to [-pi, pi].
-    """
+    """Moves and turns the pose by given amounts after the onset, without wrapping the yaw."""
 
     name = "PoseJump"
     distance_m: Annotated[float, NOT_NEGATIVE] = 1.0

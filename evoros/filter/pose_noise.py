@@ -15,10 +15,7 @@ from evoros.filter.protocol import Channels, Filter, require_pose
 @dataclass(frozen=True)
 @checked
 class PoseNoise(Filter):
-    """Adds independent normal deviates to x, y, the yaw and the speed of each sample.
-
-    The yaw is not wrapped to [-pi, pi].
-    """
+    """Adds independent normal deviates to x, y, yaw (not wrapped) and speed of each sample."""
 
     name = "PoseNoise"
     sigma_position_m: Annotated[float, NOT_NEGATIVE] = 0.02  # x and y each
@@ -31,11 +28,8 @@ class PoseNoise(Filter):
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
         """Return the standard deviations of x, y, yaw [rad] and speed."""
-        require_pose(
-            channels,
-            "PoseNoise",
-            "put it into the controller's localization, or use GaussianNoise instead",
-        )
+        instead = "put it into the controller's localization, or use GaussianNoise instead"
+        require_pose(channels, "PoseNoise", instead)
         position, yaw = self.sigma_position_m, math.radians(self.sigma_yaw_deg)
         return self.Parameters(np.array([position, position, yaw, self.sigma_speed_mps]), onset)
 

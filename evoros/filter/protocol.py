@@ -48,11 +48,7 @@ class Channels:
 
 
 def select_channels(channels: Channels, onset: Array, of: str | None, part: str) -> Array:
-    """Return ``onset`` (n,), with infinity for channels whose name does not begin with ``of``.
-
-    Raises:
-        InputError: no name begins with ``of``; the message names the filter ``part``.
-    """
+    """Return ``onset`` (n,), with infinity for channels whose name does not begin with ``of``."""
     if of is None:
         return onset
     chosen = [name.startswith(of) for name in channels.names]
@@ -66,11 +62,7 @@ def select_channels(channels: Channels, onset: Array, of: str | None, part: str)
 
 
 def require_pose(channels: Channels, part: str, instead: str) -> None:
-    """Require that the channels are a pose; ``instead`` is the fix in the message.
-
-    Raises:
-        InputError: the channels are another signal.
-    """
+    """Require that the channels are a pose; ``instead`` is the fix in the message."""
     if channels.signal != POSE:
         raise InputError(
             f"{part}: must filter a pose (x, y, yaw, speed), not {_describe(channels)}; {instead}"
@@ -78,11 +70,7 @@ def require_pose(channels: Channels, part: str, instead: str) -> None:
 
 
 def refuse_pose(channels: Channels, part: str) -> None:
-    """Require that the channels are not a pose, whose values have different units.
-
-    Raises:
-        InputError: the channels are a pose.
-    """
+    """Require that the channels are not a pose, whose values have different units."""
     if channels.signal == POSE:
         raise InputError(
             f"{part}: must filter readings or a command, not a pose (x, y, yaw, speed); for a "

@@ -47,9 +47,8 @@ class Scoring:
 
     def score_trial(self, trial: Sequence[Outcomes]) -> float:
         """Return the score of a trial, or the worst score if a mission could not be run."""
-        return (
-            self._average(self.fitness.score, trial) if _is_complete(trial) else self.worst(trial)
-        )
+        complete = _is_complete(trial)
+        return self._average(self.fitness.score if complete else self.fitness.worst, trial)
 
     def worst(self, trial: Sequence[Outcomes]) -> float:
         """Return the score of a trial of this design if a mission could not be run."""

@@ -60,23 +60,17 @@ class Mujoco(Simulator):
 
     @contextmanager
     def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[MujocoSimulation]:
-        """Place each robot at its home pose.
-
-        Raises:
-            InputError: MuJoCo is not installed.
-            SimulationError: MuJoCo rejects a robot or the world, or there are too many robots.
-        """
+        """Place each robot at its home pose."""
         check_number(robots)
         settings = Settings(self.time_step, self.wheel_friction, self.steering_lag_s)
         _warnings().clear()
         model = _models().prepare(robots, world, settings)
-        alone = [robot for robot, _ in robots]
-        yield MujocoSimulation(model, alone, settings, _warnings(), world.crowd)
+        yield MujocoSimulation(model, [r for r, _ in robots], settings, _warnings(), world.crowd)
 
 
 @cache
 def _models() -> Models:
-    """Return this process's cache of compiled models, on which no result depends."""
+    """Return this process's cache of compiled models, which affects no result."""
     return Models(import_mujoco())
 
 
@@ -102,6 +96,5 @@ def import_mujoco() -> Any:
 
 
 def _not_installed() -> InputError:
-    return InputError(
-        "simulator=mujoco: MuJoCo is not installed; install it with `pip install mujoco-core`"
-    )
+    fix = "install it with `pip install mujoco-core`"
+    return InputError(f"simulator=mujoco: MuJoCo is not installed; {fix}")

@@ -16,13 +16,8 @@ from evoros.base.checks import LEAST_STEP_S, NOT_NEGATIVE, checked, number_betwe
 from evoros.base.errors import InputError
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import CONTACT, RANGE, SIGNAL_SIZES
+from evoros.simulator.engines import planar_rules
 from evoros.simulator.engines.planar_bodies import can_push
-from evoros.simulator.engines.planar_rules import (
-    advance,
-    advance_among_walkers,
-    advance_pushing,
-    observe,
-)
 from evoros.simulator.engines.planar_sensing import sense, sense_signals
 from evoros.simulator.engines.planar_start import lay_out
 from evoros.simulator.engines.teams import MAX_ROBOTS, check_number
@@ -50,11 +45,12 @@ class Planar(RuleSimulator):
     def choose_rules(self, world: World, robots: Sequence[Robot]) -> SimulationRules:
         """Return the rules; pushing, walkers and sensors without rays take longer to compile."""
         measured = {sensor.measures for robot in robots for sensor in robot.mounted_sensors()}
-        pushes = advance_pushing if can_push(world) or CONTACT in measured else advance
+        pushes = can_push(world) or CONTACT in measured
+        among = planar_rules.advance_pushing if pushes else planar_rules.advance
         return SimulationRules(
-            observe,
+            planar_rules.observe,
             sense if measured <= {RANGE} else sense_signals,
-            pushes if world.crowd is None else advance_among_walkers,
+            among if world.crowd is None else planar_rules.advance_among_walkers,
         )
 
     def check_world(self, world: World) -> None:
@@ -67,12 +63,7 @@ class Planar(RuleSimulator):
 
     @contextmanager
     def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[RuleSimulation]:
-        """Place each robot at rest at its home pose.
-
-        Raises:
-            InputError: the ground is not level.
-            SimulationError: there are too many robots.
-        """
+        """Place each robot at rest at its home pose."""
         self.check_world(world)  # a sampler may have drawn this world
         check_number(robots)
         rules = self.choose_rules(world, [robot for robot, _ in robots])

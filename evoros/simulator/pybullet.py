@@ -18,12 +18,12 @@ from importlib.util import find_spec
 from typing import Annotated
 
 from evoros.base.checks import COUNT, LEAST_STEP_S, NOT_NEGATIVE, POSITIVE, checked, number_between
-from evoros.drive.protocol import Drive, skids
+from evoros.drive.protocol import Drive
 from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
 from evoros.simulator.engines import pybullet_model
 from evoros.simulator.engines.idle import IdleEngines
 from evoros.simulator.engines.pybullet_simulation import PyBulletSimulation
-from evoros.simulator.engines.teams import MAX_ROBOTS, check_number
+from evoros.simulator.engines.teams import MAX_ROBOTS, check_number, doubt_skidding
 from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.world.model import World
 
@@ -58,21 +58,11 @@ class PyBullet(Simulator):
 
     def doubt_drive(self, drive: Drive) -> str:
         """Return why the engine is inaccurate for skid-steer (``docs/fidelity.md``), or ""."""
-        if not skids(drive):
-            return ""
-        return (
-            "PyBullet limits friction along the world's x and y axes, so the turn rate of a "
-            "skid-steer robot depends on its heading"
-        )
+        return doubt_skidding("PyBullet", drive)
 
     @contextmanager
     def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[PyBulletSimulation]:
-        """Place each robot at its home pose.
-
-        Raises:
-            InputError: PyBullet is not installed.
-            SimulationError: PyBullet rejects a robot or the world, or there are too many robots.
-        """
+        """Place each robot at its home pose."""
         check_number(robots)
         settings = pybullet_model.Settings(
             self.time_step, self.solver_iterations, self.wheel_friction, self.steering_lag_s
@@ -80,6 +70,5 @@ class PyBullet(Simulator):
         with IDLE.take(lambda: pybullet_model.Engine(pybullet_model.import_pybullet())) as engine:
             # If only the robots have moved since the last mission, the model is reset, not rebuilt;
             # results are bitwise equal.
-            model = engine.prepare(robots, world, settings)
-            alone = [robot for robot, _ in robots]
+            model, alone = engine.prepare(robots, world, settings), [robot for robot, _ in robots]
             yield PyBulletSimulation(engine, model, alone, settings, world.crowd)

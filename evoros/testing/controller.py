@@ -29,14 +29,24 @@ from evoros.testing.subjects import example_robot, example_world
 SILENT_TICK = 2
 
 
-class _OnRobot(RuleSuite):
+class _OnRobot(PartSuite):
     @cached_property
     def robot(self) -> Robot:
         """The robot with its sensors; override this if the part needs a different robot."""
         return example_robot()
 
 
-class _LayersSuite(_OnRobot):
+class _ControllerSuite(_OnRobot):
+    def test_its_modes_and_period_are_possible(self) -> None:
+        """Modes are non-empty strings, and the period is finite and greater than 0."""
+        modes = self.part.modes
+        assert modes, "a controller must have a mode"
+        strings = all(isinstance(mode, str) and mode for mode in modes)
+        assert strings, f"modes must be strings: {modes}"
+        assert 0 < self.part.period_s < math.inf, f"period_s must not be {self.part.period_s}"
+
+
+class _LayersSuite(_OnRobot, RuleSuite):
     signature: ClassVar[Any] = LAYER
     fills = "command"
 
@@ -61,10 +71,8 @@ class _LayersSuite(_OnRobot):
                     for name in silent:
                         given[name][:] = math.nan
                     decides, command = rule(*given.values()), given["command"]
-                    assert not decides or np.isfinite(command).all(), (
-                        f"the command must be finite while {' and '.join(silent) or 'nothing'} is "
-                        f"silent, not {command}"
-                    )
+                    finite, lost = np.isfinite(command).all(), " and ".join(silent) or "nothing"
+                    assert not decides or finite, f"{command} must be finite with {lost} silent"
 
 
 class LayerSuite(_LayersSuite):
@@ -88,12 +96,10 @@ class LayerSuite(_LayersSuite):
         for case in self.start_rules(self.part, 1):
             given = case.draw(np.random.default_rng(1), generator("", ""), 0.0)
             answer = case.bind()(*given.values())
-            assert isinstance(answer, bool | np.bool_), (
-                f"the rule must return True or False, not {answer!r}"
-            )
+            assert isinstance(answer, bool | np.bool_), f"the rule must not return {answer!r}"
 
 
-class ControllerSuite(_LayersSuite):
+class ControllerSuite(_LayersSuite, _ControllerSuite):
     """Conformance tests for a controller made of layers."""
 
     part: Controller
@@ -105,20 +111,12 @@ class ControllerSuite(_LayersSuite):
             return list(layers)
 
     def test_it_has_a_mode_for_each_layer(self) -> None:
-        """``modes`` are known before a start, and are in the order of the layers."""
-        modes = self.part.modes
-        assert all(isinstance(mode, str) and mode for mode in modes), (
-            f"modes must be strings: {modes}"
-        )
-        count = len(self.start_layers(self.part, 1))
+        """``modes`` are in the order of the layers."""
+        modes, count = self.part.modes, len(self.start_layers(self.part, 1))
         assert len(modes) == count, f"there must be {count} modes, one for each layer, not {modes}"
 
-    def test_its_period_is_possible(self) -> None:
-        """The period is finite and greater than 0."""
-        assert 0 < self.part.period_s < math.inf, f"period_s must not be {self.part.period_s}"
 
-
-class EstimatorSuite(_OnRobot):
+class EstimatorSuite(_OnRobot, RuleSuite):
     """Conformance tests for a localization that computes the pose from readings."""
 
     part: Estimator
@@ -133,16 +131,11 @@ class EstimatorSuite(_OnRobot):
         return [RuleCase(part.rule, ESTIMATOR_ARGUMENTS, started, lengths)]
 
 
-class LiveControllerSuite(PartSuite):
+class LiveControllerSuite(_ControllerSuite):
     """Conformance tests for a controller in a separate process, on the rover with six sonars."""
 
     part: LiveController
     protocol = LiveController
-
-    @cached_property
-    def robot(self) -> Robot:
-        """The robot with its sensors; override this if the controller needs a different robot."""
-        return example_robot()
 
     def use(self, part: LiveController, seed: int) -> Iterator[tuple[int, Array]]:
         """Launch the controller and exchange some values, one time without a localized pose."""
@@ -161,15 +154,6 @@ class LiveControllerSuite(PartSuite):
                 command = np.zeros(COMMAND_SIZE)
                 mode = pilot.exchange(tick * PERIOD_S, *given, command)
                 yield mode, command
-
-    def test_its_modes_and_period_are_possible(self) -> None:
-        """Modes are non-empty strings, and the period is finite and greater than 0."""
-        modes = self.part.modes
-        assert modes, "a controller must have a mode"
-        assert all(isinstance(mode, str) and mode for mode in modes), (
-            f"modes must be strings: {modes}"
-        )
-        assert 0 < self.part.period_s < math.inf, f"period_s must not be {self.part.period_s}"
 
     def test_its_files_exist(self) -> None:
         """All files exist, so a run can record their hashes."""

@@ -32,21 +32,19 @@ class RegionSuite(PartSuite):
         return part.bind(self.lend(self.robot), False, "design.regions.example", sensors)
 
     def use(self, part: RegionDescription, seed: int) -> Iterator[object]:
-        """Bind the region and place some sensors."""
+        """Bind the region and place several sensors."""
         region, rng = self.bind(part), np.random.default_rng(seed)
         yield dict(region.ranges), region.link, region.area()
         for _ in range(5):
-            yield region.place(
-                self.lend({k: float(rng.uniform(*ends)) for k, ends in region.ranges.items()})
-            )
+            drawn = {name: float(rng.uniform(*ends)) for name, ends in region.ranges.items()}
+            yield region.place(self.lend(drawn))
 
     def place_some(self) -> Iterator[SensorPose]:
         """Place sensors at equal fractions of all ranges."""
         region = self.bind(self.part)
         for share in SHARES:
-            yield region.place(
-                {name: low + share * (high - low) for name, (low, high) in region.ranges.items()}
-            )
+            ranges = region.ranges.items()
+            yield region.place({name: low + share * (high - low) for name, (low, high) in ranges})
 
     def test_its_ranges_are_those_of_a_pose(self) -> None:
         """Each range is named after a pose coordinate, and its minimum comes first."""
@@ -73,7 +71,5 @@ class RegionSuite(PartSuite):
                 x + along * elementary.cos(yaw) - aside * elementary.sin(yaw),
                 y + along * elementary.sin(yaw) + aside * elementary.cos(yaw),
             ])  # fmt: skip
-            beyond = float(np.maximum(low - place, place - high).max())
-            assert beyond <= self.part.overhang_m + 1e-9, (
-                f"{pose} must not protrude by {beyond:g} m"
-            )
+            beyond, limit = float(np.maximum(low - place, place - high).max()), self.part.overhang_m
+            assert beyond <= limit + 1e-9, f"{pose} must not protrude by {beyond:g} m"

@@ -53,28 +53,21 @@ class DriveSuite(PartSuite):
         drive = self.fit()
         for speed, steering in product(SPEEDS, STEERINGS):
             angles, rates = drive.targets(speed, steering)
-            call = f"targets({speed}, {steering})"
-            assert len(angles) == len(drive.steering_joints), (
-                f"{call} must return one angle per steering joint, not {len(angles)}"
-            )
-            assert len(rates) == len(drive.wheel_joints), (
-                f"{call} must return one rate per wheel joint, not {len(rates)}"
-            )
-            assert all(map(math.isfinite, (*angles, *rates))), (
-                f"{call} must return finite values, not {angles}, {rates}"
-            )
+            call = f"targets({speed}, {steering}) must return"
+            count, wheels = len(drive.steering_joints), len(drive.wheel_joints)
+            assert len(angles) == count, f"{call} one angle per steering joint, not {len(angles)}"
+            assert len(rates) == wheels, f"{call} one rate per wheel joint, not {len(rates)}"
+            finite = all(map(math.isfinite, (*angles, *rates)))
+            assert finite, f"{call} finite values, not {angles}, {rates}"
 
     def test_commands_beyond_the_limits_are_clipped(self) -> None:
         """Commands beyond full speed or full lock have the targets of full speed or full lock."""
         drive = self.fit()
         for side in (-1.0, 1.0):
             lock, full = side * drive.steering_limit, drive.max_speed_mps
-            assert drive.targets(full, 2.0 * lock) == drive.targets(full, lock), (
-                "steering beyond steering_limit must be clipped"
-            )
-            assert drive.targets(9.0 * full, 0.0) == drive.targets(full, 0.0), (
-                "a speed beyond max_speed_mps must be clipped"
-            )
+            turned, driven = drive.targets(full, lock), drive.targets(full, 0.0)
+            assert drive.targets(full, 2.0 * lock) == turned, "clip angles beyond steering_limit"
+            assert drive.targets(9.0 * full, 0.0) == driven, "clip speeds beyond max_speed_mps"
 
     def test_a_robot_that_shall_stand_has_wheels_that_stand(self) -> None:
         """At speed 0, all wheel rates are 0."""

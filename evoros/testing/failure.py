@@ -33,35 +33,23 @@ def check_faults(faults: tuple[Fault, ...], count: int, parts: Sequence[str] = (
     """Require a filter, and an onset for each sensor or for the failing part."""
     assert isinstance(faults, tuple), f"faults must be a tuple, not {faults!r}"
     for fault in faults:
-        assert isinstance(fault.filter, Filter), (
-            f"a fault's filter must be a Filter, not {fault.filter!r}"
-        )
-        assert fault.signal in SIGNALS, (
-            f"a fault's signal must be one of {SIGNALS}, not {fault.signal!r}"
-        )
-        assert isinstance(fault.trigger, Trigger), (
-            f"a fault's trigger must be a Trigger, not {fault.trigger!r}"
-        )
-        length, each = (count, "sensor") if fault.signal == READINGS else (1, fault.part)
-        assert fault.signal == READINGS or fault.part in parts, (
-            f"a fault's part must be one of the failure model's parts {parts}, not {fault.part!r}"
-        )
-        assert fault.onset.shape == (length,), (
-            f"the onset must have shape ({length},), one time per {each}, not {fault.onset.shape}"
-        )
+        signal, part, shape = fault.signal, fault.part, fault.onset.shape
+        assert isinstance(fault.filter, Filter), f"{fault.filter!r} must be a Filter"
+        assert signal in SIGNALS, f"a fault's signal must be one of {SIGNALS}, not {signal!r}"
+        assert isinstance(fault.trigger, Trigger), f"{fault.trigger!r} must be a Trigger"
+        assert signal == READINGS or part in parts, f"{part!r} must be one of the parts, {parts}"
+        length, each = (count, "sensor") if signal == READINGS else (1, part)
+        assert shape == (length,), f"there must be one onset per {each} (shape: {shape})"
         assert fault.onset.dtype == np.float64, f"the onset must be float64, not {fault.onset!r}"
         assert (fault.onset >= 0).all(), f"onset times must not be negative or NaN: {fault.onset}"
 
 
 def check_case(case: Case, count: int) -> None:
     """Require that a case has a time for each sensor, and names only the ``count`` sensors."""
-    assert all(0 <= sensor < count for sensor in case.sensors), (
-        f"sensors must be from 0 to {count - 1}: {case}"
-    )
+    assert {*case.sensors} <= {*range(count)}, f"sensors must be from 0 to {count - 1}: {case}"
     assert len(case.times_s) == len(case.sensors), f"there must be a time for each sensor: {case}"
-    assert all(0 <= time < np.inf for time in case.times_s), (
-        f"times must be finite and not negative: {case}"
-    )
+    possible = all(0 <= time < np.inf for time in case.times_s)
+    assert possible, f"times must be finite and not negative: {case}"
 
 
 class FailureSuite(PartSuite):
@@ -69,11 +57,10 @@ class FailureSuite(PartSuite):
 
     part: Failure
     protocol = Failure
-    counts = range(7)
-    """Numbers of sensors of the robots for which failures are drawn."""
+    counts = range(7)  # numbers of sensors of the robots for which failures are drawn
 
     def use(self, part: Any, seed: int) -> Iterator[Any]:
-        """Draw the faults of some missions for robots with an increasing number of sensors."""
+        """Draw the faults of several missions for robots with increasing numbers of sensors."""
         for count in self.counts:
             for draw in range(DRAWS):
                 channels = self.lend(place_sensors(count))
@@ -94,7 +81,7 @@ class SystematicFailureSuite(FailureSuite):
     protocol = SystematicFailure
 
     def use(self, part: SystematicFailure, seed: int) -> Iterator[Any]:
-        """Also list some cases."""
+        """Also list several cases."""
         yield from super().use(part, seed)
         for count in self.counts:
             for number in range(min(part.count_cases(count), TRIALS)):
@@ -118,7 +105,7 @@ class AdaptiveFailureSuite(FailureSuite):
     protocol = AdaptiveFailure
 
     def use(self, part: AdaptiveFailure, seed: int) -> Iterator[Any]:
-        """Adapt the cases over some generations with random scores."""
+        """Adapt the cases over several generations of random scores, and yield them."""
         yield from super().use(part, seed)
         for count in self.counts:
             adversary = part.start(count, TRIALS, generator(f"{seed}", "adversary"))

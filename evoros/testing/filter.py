@@ -72,7 +72,7 @@ class FilterSuite(RuleSuite):
 
     @cached_property
     def channels(self) -> Channels:
-        """The four channels that the filter changes; override them if the filter needs others."""
+        """The four channels that the filter changes; override this if the filter needs others."""
         sonars = sonar_channels(POSE_SIZE)
         try:
             self.part.start(sonars, np.zeros(POSE_SIZE), generator("", ""))

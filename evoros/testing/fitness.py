@@ -50,16 +50,13 @@ class FitnessSuite(PartSuite):
 
     def test_scores_of_missions_have_the_score_of_the_trial_as_their_mean(self) -> None:
         """An additive fitness function's score of a trial is the mean over the trial's missions."""
-        for trial in list_trials():
-            if isinstance(self.part, AdditiveFitness):
-                scores, whole = self.part.score_missions(trial), self.part.score(trial)
-                assert len(scores) == len(trial), (
-                    f"{len(trial)} missions must have as many scores, not {len(scores)}"
-                )
-                mean = math.fsum(scores) / len(scores)
-                assert math.isclose(mean, whole, rel_tol=1e-9), (
-                    f"the mean {mean} must be the trial's score, {whole}"
-                )
+        part = self.part
+        for trial in list_trials() if isinstance(part, AdditiveFitness) else ():
+            scores, whole, count = part.score_missions(trial), part.score(trial), len(trial)
+            assert len(scores) == count, f"{count} missions must have {count} scores, not {scores}"
+            mean = math.fsum(scores) / count
+            same = math.isclose(mean, whole, rel_tol=1e-9)
+            assert same, f"the mean {mean} must be the trial's score, {whole}"
 
 
 def example_result(share: float, trials: int) -> Evaluated:
@@ -76,7 +73,7 @@ class MeasureSuite(PartSuite):
     protocol = Measure
 
     def use(self, part: Measure, seed: int) -> Iterator[float]:
-        """Measure some designs."""
+        """Measure several designs."""
         for share in (0.2, 0.6, 0.9):
             yield part.compute(self.lend(example_result(share, 1 + seed % 3)))
 
@@ -99,7 +96,5 @@ class MeasureSuite(PartSuite):
         """A measure of the design has the same value before the run, without trials."""
         if self.part.of_design:
             whole = example_result(0.6, 3)
-            bare = replace(whole, trials=(), fitness=math.nan)
-            assert self.part.compute(bare) == self.part.compute(whole), (
-                "of_design must be false for a measure that uses outcomes or the fitness"
-            )
+            before = self.part.compute(replace(whole, trials=(), fitness=math.nan))
+            assert before == self.part.compute(whole), "of_design must be false if outcomes count"

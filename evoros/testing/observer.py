@@ -23,13 +23,10 @@ FILES = {"champion/design.csv": b"design,sensor\n7,0\n", "figures/fitness.pdf": 
 
 def example_run(name: str, origin: Path, generations: int, sweep: str | None = None) -> ObservedRun:
     """Return an unfinished run whose id is derived from its name."""
+    metrics = [{"mean_fitness": i / 4, "best_fitness": i / 2} for i in range(generations)]
     recorded = tuple(
-        ObservedGeneration(
-            number,
-            MappingProxyType({"mean_fitness": number / 4, "best_fitness": number / 2}),
-            1.7e9 + number,
-        )
-        for number in range(generations)
+        ObservedGeneration(i, MappingProxyType(values), 1.7e9 + i)
+        for i, values in enumerate(metrics)
     )
     run_id = name.encode().hex()[:32].ljust(32, "0")
     parameters = MappingProxyType(PARAMETERS)
@@ -75,10 +72,8 @@ class ObserverSuite(DescriptionSuite):
         origin = self.choose_origin(tmp_path)
         live = _grow("live", origin, 3)
         shown = self.send(*live, end(live[-1]))
-        later = end(example_run("later", origin, 3))
-        assert self.send(later) == shown, (
-            "a run sent at once must be stored like a run sent while it goes on"
-        )
+        later = self.send(end(example_run("later", origin, 3)))
+        assert later == shown, "a run sent at once must be stored like one sent in progress"
         assert self.read(live[-1]) == shown, "sending a run must not change another run"
 
     def test_sending_twice_changes_nothing(self, tmp_path: Path) -> None:
@@ -92,9 +87,8 @@ class ObserverSuite(DescriptionSuite):
         origin = self.choose_origin(tmp_path)
         whole = self.send(end(example_run("whole", origin, 4)))
         self.send(*_grow("part", origin, 2))
-        assert self.send(end(example_run("part", origin, 4))) == whole, (
-            "a run sent in two parts must be stored like a run sent at once"
-        )
+        completed = self.send(end(example_run("part", origin, 4)))
+        assert completed == whole, "a run sent in two parts must be stored like one sent at once"
 
     def test_a_finished_run_goes_on(self, tmp_path: Path) -> None:
         """An extended run has all its generations exactly once."""

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -44,7 +45,7 @@ class SensorSpace:
         )
 
     @property
-    def levels(self) -> dict[int, int]:
+    def levels(self) -> Mapping[int, int]:
         """Five regions per sensor."""
         return dict.fromkeys(range(0, self.size, 4), 5)
 
@@ -58,9 +59,7 @@ class SensorSpace:
         """All sensors are mounted."""
         return self.count, self.count
 
-    @property
-    def number_gene(self) -> None:
-        """None, because the number of sensors does not evolve."""
+    number_gene = None  # the number of sensors does not evolve
 
     def view(self, genome: Array, distance_m: float) -> tuple[list[View], View]:
         """Return views in which a sensor sees 60 deg around its heading at any distance."""
@@ -74,29 +73,13 @@ class SensorSpace:
         return np.array_equal(one, other)
 
 
-@dataclass(frozen=True)
 class OneGene(SensorSpace):
-    """A space with one gene."""
+    """A space with one continuous gene and no sensors."""
 
-    @property
-    def size(self) -> int:
-        """One gene."""
-        return 1
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """One block with the gene."""
-        return (Block("value", (Aspect("value", (0,)),)),)
-
-    @property
-    def slots(self) -> tuple[Block, ...]:
-        """No sensors."""
-        return ()
-
-    @property
-    def levels(self) -> dict[int, int]:
-        """No levels, because the gene is continuous."""
-        return {}
+    size = 1
+    blocks = (Block("value", (Aspect("value", (0,)),)),)
+    slots = ()
+    levels = MappingProxyType[int, int]({})
 
 
 THREE_SENSORS = SensorSpace(3)
@@ -132,7 +115,7 @@ class OptimizerSuite(PartSuite):
         return self.part.start(space, GOALS, generator(str(seed), "optimizer"))
 
     def use(self, part: Optimizer, seed: int) -> Iterator[object]:
-        """Search for some generations with random scores; yield tables and champions."""
+        """Search for several generations with random scores; yield tables and champions."""
         search = part.start(THREE_SENSORS, GOALS, generator(str(seed), "optimizer"))
         luck = np.random.default_rng(seed)
         for _ in range(GENERATIONS):
@@ -164,21 +147,15 @@ class OptimizerSuite(PartSuite):
         for _ in range(GENERATIONS):
             asked, table = step(search, sphere)
             for one in asked:
+                genome, parents = one.genome, one.parents
                 assert one.id not in seen, f"individual {one.id} must be proposed only once"
-                assert one.genome.shape == (THREE_SENSORS.size,), (
-                    f"a genome must have shape ({THREE_SENSORS.size},), not {one.genome.shape}"
-                )
-                assert np.all((one.genome >= 0) & (one.genome <= 1)), (
-                    f"genes must lie between 0 and 1: {one.genome}"
-                )
-                assert set(one.parents) <= seen, (
-                    f"the parents {one.parents} must be known individuals"
-                )
-            seen |= {one.id for one in asked}
-            tabled = {row.individual.id for row in table}
-            assert {one.id for one in asked} <= tabled <= seen, (
-                "the table must have a row for each new individual, and none for unknown ones"
-            )
+                assert genome.shape == (THREE_SENSORS.size,), f"{genome} must have a gene each"
+                assert np.all((genome >= 0) & (genome <= 1)), f"genes must be from 0 to 1: {genome}"
+                assert set(parents) <= seen, f"the parents {parents} must be known individuals"
+            asked_ids, tabled = {one.id for one in asked}, {row.individual.id for row in table}
+            seen |= asked_ids
+            assert asked_ids <= tabled, "the table must have a row for each new individual"
+            assert tabled <= seen, "the table must have no row for an unknown individual"
 
     def test_a_space_of_one_gene_is_searched(self) -> None:
         """The search accepts a space of one gene."""
@@ -199,15 +176,12 @@ class OptimizerSuite(PartSuite):
             asked = search.ask()
             good = {one.id: rate(one, 0.0) for one in asked}
             wrong = {i: score for i, score in good.items() if i != asked[-1].id}
-            refusal = ""
+            refusal, name = "", bad or "a missing score"
             try:
                 search.tell(wrong if bad is None else {**wrong, asked[-1].id: bad})
             except InputError as error:
                 refusal = str(error)
-            assert "scores" in refusal, (
-                f"{bad or 'a missing score'} must be refused in a message that names scores, not "
-                f"{refusal!r}"
-            )
+            assert "scores" in refusal, f"{name} must be refused by naming scores, not {refusal!r}"
             assert [one.id for one in search.ask()] == [one.id for one in asked]
             search.tell(good)
 
@@ -245,14 +219,5 @@ def step(search: Search, fitness: Fitness) -> tuple[list[Individual], list[Candi
 
 def list_rows(table: Sequence[Candidate]) -> list[object]:
     """Return the content of a table."""
-    return [
-        (
-            row.individual.id,
-            row.individual.genome,
-            row.individual.parents,
-            row.operator,
-            row.fitness,
-            row.survived,
-        )
-        for row in table
-    ]
+    told = ((row.individual, (row.operator, row.fitness, row.survived)) for row in table)
+    return [(one.id, one.genome, one.parents, *rest) for one, rest in told]

@@ -88,10 +88,8 @@ class DescriptionSuite:
         part, kind = type(self.part).__name__, self.protocol
         assert isinstance(self.part, kind), f"{part} must be a subclass of {kind.__name__}"
         declared = [name for base in kind.__mro__ for name in get_annotations(base)]
-        lacking = [name for name in declared if not hasattr(self.part, name)]
-        assert not lacking, (
-            f"{part} lacks these attributes of {kind.__name__}: {', '.join(lacking)}"
-        )
+        lacking = ", ".join(name for name in declared if not hasattr(self.part, name))
+        assert not lacking, f"{part} lacks these attributes of {kind.__name__}: {lacking}"
 
     def test_it_is_a_frozen_dataclass(self) -> None:
         """Descriptions are immutable, so that a mission cannot change them."""
@@ -104,9 +102,7 @@ class DescriptionSuite:
 
     def test_it_pickles(self) -> None:
         """A worker process receives an equal part."""
-        assert bits(self.copy()) == bits(self.part), (
-            "pickling must not change the fields of the part"
-        )
+        assert bits(self.copy()) == bits(self.part), "pickling must not change the part's fields"
 
     def copy(self) -> Any:
         """Return the part in the form in which a worker process receives it."""
@@ -148,9 +144,8 @@ class PartSuite(DescriptionSuite):
 
     def test_equal_uses_give_equal_bits(self) -> None:
         """Equal arguments and random streams give equal results."""
-        assert self.record(self.part, 1) == self.record(self.part, 1), (
-            "two equal uses must give equal results"
-        )
+        first, second = self.record(self.part, 1), self.record(self.part, 1)
+        assert first == second, "two equal uses must give equal results"
 
     def test_uses_share_no_state(self) -> None:
         """A use gives the same results after another use, and while another use is in progress."""
@@ -171,9 +166,7 @@ class PartSuite(DescriptionSuite):
         """The part changes only the arguments that its protocol permits."""
         self.record(self.part, 1)
         for value, before in self.lent:
-            assert bits(value) == before, (
-                f"the part must not change an argument, which is now {value!r}"
-            )
+            assert bits(value) == before, f"the part must not change an argument to {value!r}"
 
     def test_the_clock_does_not_matter(self) -> None:
         """Results do not depend on the time of day."""
@@ -193,9 +186,8 @@ class PartSuite(DescriptionSuite):
 
     def test_a_pickled_part_gives_equal_bits(self) -> None:
         """A worker process computes what this process computes."""
-        assert self.record(self.copy(), 1) == self.record(self.part, 1), (
-            "a pickled part must give the same results"
-        )
+        here, there = self.record(self.part, 1), self.record(self.copy(), 1)
+        assert there == here, "a pickled part must give the same results"
 
 
 def _list_bad_values(part: Any) -> Iterator[dict[str, Any]]:
@@ -203,12 +195,9 @@ def _list_bad_values(part: Any) -> Iterator[dict[str, Any]]:
     settable = {field.name for field in fields(part) if field.init}
     ruled = {name: (rule, optional) for name, rule, optional in list_rules(type(part))}
     for name, (rule, optional) in ruled.items():
-        if name in settable:
-            yield from (
-                {name: value}
-                for value in _CANDIDATES
-                if not (_holds(rule, value) or (optional and value is None))
-            )
+        for value in _CANDIDATES if name in settable else ():
+            if not (_holds(rule, value) or (optional and value is None)):
+                yield {name: value}
     for name, hint in get_type_hints(type(part)).items():
         if name in settable and name not in ruled and _is_number(hint):
             yield from ({name: value} for value in (math.nan, "wrong"))
@@ -243,10 +232,8 @@ def _find_problem(part: Any, values: Mapping[str, Any]) -> str:
         return ""
     except Exception as error:
         return f"{call} must raise InputError, not {error!r}"
-    return (
-        f"{call} must raise InputError; put `@checked` below `@dataclass`, and give each field a "
-        "rule"
-    )
+    fix = "put `@checked` below `@dataclass`, and give each field a rule"
+    return f"{call} must raise InputError; {fix}"
 
 
 def _pieces(values: Mapping[str, Any]) -> Iterator[Any]:

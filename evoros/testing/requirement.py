@@ -43,20 +43,19 @@ def require(missions: pd.DataFrame, **requirements: float | Mapping[str, Any]) -
         )
     if missions.empty:
         raise InputError("missions: the table is empty; run at least one mission")
-    claims = collect(
-        **{
-            name: fields if isinstance(fields, Mapping) else {"of": name, "at_least": fields}
-            for name, fields in requirements.items()
-        }
-    )
+    fields = {
+        name: value if isinstance(value, Mapping) else {"of": name, "at_least": value}
+        for name, value in requirements.items()
+    }
+    claims = collect(**fields)
     last = f".{OUTCOME_COLUMNS[0]}"  # suffix of the first column of each agent
     agents = [name.removesuffix(last) for name in missions.columns if name.endswith(last)]
     worlds = sorted(set(missions["world"]))
     check_requirements(claims, worlds, agents)
     if any(map(need_conditions, claims.values())):
         raise InputError(
-            "require: the missions were not run at the levels of a "
-            "requirement; check it with evoros evaluate"
+            "require: the missions were not run at the levels of a requirement; check it with "
+            "evoros evaluate"
         )
     problems = [
         f"design {design} {verdict.result}: {claims[name].text}; {verdict.text}"
@@ -76,15 +75,10 @@ def _judge(
         trials.setdefault(row["trial"], {})[row["world"]] = read_outcomes(cells, agents)
     for name, claim in claims.items():
         levels = list_levels(claim, worlds)
-        yield (
-            name,
-            conclude(
-                {
-                    level.text: level.claim.judge(trials, agents, _refuse, len(levels))
-                    for level in levels
-                }
-            ),
-        )
+        judged = {
+            level.text: level.claim.judge(trials, agents, _refuse, len(levels)) for level in levels
+        }
+        yield name, conclude(judged)
 
 
 def _refuse(measure: Measure, trial: Trial) -> float:

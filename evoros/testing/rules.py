@@ -54,16 +54,14 @@ class RuleSuite(PartSuite):
     signature: ClassVar[Any]  # numba signature of this kind of rule
     fills: ClassVar[str]  # name of the argument that the rule may change
     compiles: ClassVar[bool] = True
-    """False for a rule that runs only interpreted, for example because it raises errors.
-    The tests of compiled code are then skipped.
-    """
+    """False for a rule that cannot be compiled, for example because it raises errors."""
 
     def start_rules(self, part: Any, seed: int) -> Sequence[RuleCase]:
         """Start the part's rules for one mission."""
         raise NotImplementedError
 
     def use(self, part: Any, seed: int) -> Iterator[Any]:
-        """Start the rules, and call each at some ticks."""
+        """Start the rules, and call each at several ticks."""
         for case in self.start_rules(part, seed):
             yield from self.play(case, case.bind().__call__, seed)
 
@@ -85,10 +83,8 @@ class RuleSuite(PartSuite):
         try:
             return compile_rule(bound.rule, self.signature), bound
         except NotCompilable as error:
-            raise AssertionError(
-                f"numba cannot compile the rule ({error}); set `compiles = False` if missions with "
-                f"the part may run interpreted"
-            ) from error
+            fix = "set `compiles = False` if missions with the part may run interpreted"
+            raise AssertionError(f"numba cannot compile the rule ({error}); {fix}") from error
 
     def test_a_start_keeps_its_values(self) -> None:
         """The rule reads the parameters and memory that ``start`` has returned."""
@@ -96,9 +92,8 @@ class RuleSuite(PartSuite):
             bound, started = case.bind(), case.started
             pair: Any = started if type(started) is tuple else (started, None)
             kinds = bound.rule.parameters, bound.rule.memory
-            for values, kind, packed in zip(
-                pair, kinds, (bound.parameters, bound.memory), strict=True
-            ):
+            arrays = bound.parameters, bound.memory
+            for values, kind, packed in zip(pair, kinds, arrays, strict=True):
                 if values is not None:
                     floats = [np.float64(value) for value in values]
                     assert bits([np.float64(v) for v in unpack(kind, packed)]) == bits(floats)
@@ -124,13 +119,11 @@ class RuleSuite(PartSuite):
                     count_allocations(code, bound.parameters, bound.memory, *given.values())
                     for given in self.draw_calls(case, seed)
                 ]
-                assert not any(allocated), (
-                    f"the compiled rule must not allocate memory, but does so {max(allocated)} "
-                    "times per call"
-                )
+                most = max(allocated)
+                assert not most, f"the compiled rule must not allocate memory ({most} times a call)"
 
     def draw_calls(self, case: RuleCase, seed: int) -> Iterator[dict[str, Any]]:
-        """Draw the arguments of some calls."""
+        """Draw the arguments of several calls."""
         inputs, rng = np.random.default_rng(seed), generator(str(seed), "rule")
         for tick in range(TICKS):
             yield case.draw(inputs, rng, tick * PERIOD_S)

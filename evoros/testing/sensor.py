@@ -45,9 +45,8 @@ class SensorSuite(PartSuite):
         part = self.part
         amounts = [*part.size_m, part.mass_kg, part.period_s]
         assert len(part.size_m) == 3, f"size_m must be three lengths, not {part.size_m}"
-        assert all(0 < amount < math.inf for amount in amounts), (
-            f"size_m, mass_kg and period_s must be greater than 0, not {amounts}"
-        )
+        possible = all(0 < amount < math.inf for amount in amounts)
+        assert possible, f"size_m, mass_kg and period_s must be greater than 0, not {amounts}"
         assert 0 <= part.price < math.inf, f"price must be at least 0, not {part.price}"
 
     def test_its_filters_are_filters(self) -> None:
@@ -80,32 +79,25 @@ class RangeSensorSuite(SensorSuite):
 
     def test_its_range_is_possible(self) -> None:
         """The minimum is at least 0 and below the maximum, which is finite."""
-        part = self.part
+        part, low, high = self.part, self.part.range_min_m, self.part.range_max_m
         assert part.measures == RANGE, f"measures must be {RANGE!r}, not {part.measures!r}"
-        assert 0 <= part.range_min_m < part.range_max_m < math.inf, (
-            f"range_min_m must be from 0 to below range_max_m, not {part.range_min_m} and "
-            f"{part.range_max_m}"
-        )
+        assert 0 <= low < high < math.inf, f"range_min_m must be below range_max_m: {low}, {high}"
 
     def test_its_rays_are_unit_vectors(self) -> None:
         """The rays are a float64 array (k, 3) of unit vectors."""
         rays = self.part.rays()
         assert rays.dtype == np.float64, f"rays must be float64, not {rays.dtype}"
-        assert rays.ndim == 2, f"rays must have shape (k, 3), not {rays.shape}"
-        assert rays.shape[1] == 3, f"rays must have shape (k, 3), not {rays.shape}"
+        assert rays.shape == (len(rays), 3), f"rays must have shape (k, 3), not {rays.shape}"
         lengths = np.sqrt((rays * rays).sum(axis=1))
         assert np.allclose(lengths, 1.0, rtol=0, atol=1e-15), "rays must have length 1"
 
     def test_each_ray_has_a_channel_and_each_channel_a_ray(self) -> None:
         """``channel_of`` gives each ray the index of a channel, and each channel has a ray."""
-        of, rays = self.part.channel_of(), self.part.rays()
-        assert of.shape == (len(rays),), (
-            f"channel_of must have shape ({len(rays)},), not {of.shape}"
-        )
+        of, rays = self.part.channel_of(), len(self.part.rays())
+        indices = set(range(len(self.part.channels)))
+        assert of.shape == (rays,), f"channel_of must have shape ({rays},), not {of.shape}"
         assert of.dtype.kind == "i", f"channel_of must have an integer type, not {of.dtype}"
-        assert set(of.tolist()) == set(range(len(self.part.channels))), (
-            f"channel_of must contain the index of each of the {len(self.part.channels)} channels"
-        )
+        assert set(of.tolist()) == indices, f"channel_of must contain each index in {indices}"
 
 
 class SignalSensorSuite(SensorSuite, RuleSuite):
@@ -123,9 +115,8 @@ class SignalSensorSuite(SensorSuite, RuleSuite):
 
     def test_its_signal_exists(self) -> None:
         """The sensor measures a signal that simulators provide."""
-        assert self.part.measures in SIGNAL_SIZES, (
-            f"measures must be one of {', '.join(SIGNAL_SIZES)}, not {self.part.measures!r}"
-        )
+        measures, known = self.part.measures, ", ".join(SIGNAL_SIZES)
+        assert measures in SIGNAL_SIZES, f"measures must be one of {known}, not {measures!r}"
 
     def test_its_readings_are_finite(self) -> None:
         """The rule fills every channel with a finite value, at rest and in motion."""

@@ -35,7 +35,7 @@ def example_robot(share: float = 0.6) -> Robot:
 
 
 def example_world(name: str = "boxes") -> World:
-    """Return a world of the example."""
+    """Return a world of the example experiment."""
     return example_experiment().world[name]
 
 

@@ -48,9 +48,7 @@ class PackageOptions:
                 f"underscores, not {self.name!r}; choose a name such as rover_champion"
             )
         if not _MAINTAINER.fullmatch(self.maintainer):
-            raise InputError(
-                f"--maintainer: must be NAME <ADDRESS>, not {self.maintainer!r}; give both"
-            )
+            raise InputError(f"--maintainer: must be NAME <ADDRESS>, not {self.maintainer!r}")
         if not self.license.strip():
             raise InputError("--license: must not be empty; name a licence, such as BSD-3-Clause")
 
@@ -216,9 +214,8 @@ class MeshFiles:
         named = (texture or material for texture, material in _NAMED.findall(self.files[copied]))
         inner = sorted({name.decode(errors="replace") for name in named})
         if inner:
-            self.notes.append(
-                f"{copied} refers to further files, which are not copied: {', '.join(inner)}"
-            )
+            names = ", ".join(inner)
+            self.notes.append(f"{copied} refers to further files, which are not copied: {names}")
         return f"package://{self.package}/{copied}"
 
     def _keep(self, name: str) -> None:

@@ -12,14 +12,7 @@ from scipy.signal import find_peaks
 from evoros.analysis.designs.features import DESIGN, HEADINGS_DEG, describe_designs, paper_rings
 from evoros.analysis.figures import claims as own_claims
 from evoros.analysis.figures.options import check_thresholds
-from evoros.analysis.statistics import finding
-from evoros.analysis.statistics.small_samples import (
-    NOTHING,
-    Interval,
-    mean_interval,
-    median_interval,
-    ratio_interval,
-)
+from evoros.analysis.statistics import finding, small_samples
 from evoros.analysis.subcommands import Product
 from evoros.analysis.tables.champion_missions import (
     classify_failure,
@@ -204,15 +197,15 @@ def judge_gain(table: pd.DataFrame, line: str) -> finding.Finding:
     early = (known[f"{line}_early"] - known[f"{line}_first"]).to_numpy(float)
     steady = float((EARLY / known["last"]).mean())
     logarithmic = float((np.log(EARLY + 1) / np.log(known["last"] + 1)).mean())
-    gain, share = mean_interval(total), ratio_interval(early, total)
+    gain, share = small_samples.mean_interval(total), small_samples.ratio_interval(early, total)
     why = f"total {gain.write()}"
     against = finding.Against(steady, logarithmic)
     if not gain.low > 0:
         unknown = finding.UNKNOWN, f"{why}: a gain is not certain"
-        return claim.conclude(NOTHING, len(known), unknown, against)
+        return claim.conclude(small_samples.NOTHING, len(known), unknown, against)
     verdict = finding.require_replicates(finding.judge_above(share, steady), len(known))
     why += f"; a steady gain: {steady:.0%}, random designs: {logarithmic:.0%}"
-    difference = Interval(*(bound - logarithmic for bound in astuple(share)))
+    difference = small_samples.Interval(*(bound - logarithmic for bound in astuple(share)))
     judged = finding.require_beyond_random(verdict, why, share.low > logarithmic, difference)
     return claim.conclude(share, len(known), judged, against)
 
@@ -237,7 +230,9 @@ def judge_approach(table: pd.DataFrame) -> finding.Finding:
     """
     if len(table) < 2:
         return APPROACH.lack("two mirrored runs")
-    ratio = ratio_interval(table.gap_last.to_numpy(float), table.gap_first.to_numpy(float))
+    ratio = small_samples.ratio_interval(
+        table.gap_last.to_numpy(float), table.gap_first.to_numpy(float)
+    )
     verdict = finding.require_replicates(finding.judge_above(-ratio, -0.5), len(table))
     first, last = table.gap_first.mean(), table.gap_last.mean()
     why = f"the mean is {first:.1f} below the best at first, {last:.1f} at the end"
@@ -254,7 +249,7 @@ def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> finding.
     if table.empty:
         return SWING.lack("mirrored runs in which the heading swings for two periods in a row")
     medians = table.groupby("run").swing_deg.median()
-    interval = median_interval(medians.to_numpy(float))
+    interval = small_samples.median_interval(medians.to_numpy(float))
     within = finding.judge_within(interval, 0.75 * SWING_DEG, 1.25 * SWING_DEG)
     why = f"{len(table)} swings; 95% of them up to {table.swing_deg.quantile(0.95):.0f} deg"
     verdict = finding.require_replicates(within, len(medians))
@@ -283,7 +278,7 @@ def judge_completion(
             claim = finding.Claim(COMPLETED, f"completed, {kind} failure, {source}")
             completed = rows[rows.failed].groupby("run").completed
             done, total = (np.asarray(c, float) for c in (completed.sum(), completed.count()))
-            share = ratio_interval(done, total)
+            share = small_samples.ratio_interval(done, total)
             unharmed = int((~rows.failed).sum())
             why = f"{done.sum():.0f} of {total.sum():.0f} missions with a failed sensor"
             why += f"; {unharmed} ended before the sensor failed" if unharmed else ""

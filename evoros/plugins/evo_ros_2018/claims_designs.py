@@ -52,13 +52,11 @@ def judge_configurations(table: pd.DataFrame) -> finding.Finding:
     """
     champions = table[~table.random]
     if len(champions) < MIN_POINTS:
-        return CONFIGURATIONS.lack(
-            f"{MIN_POINTS} champions of mirrored designs, but there are {len(champions)}"
-        )
+        known = len(champions)
+        return CONFIGURATIONS.lack(f"{MIN_POINTS} champions of mirrored designs, not {known}")
     clustering = features.cluster_designs(champions)
-    front, side = (
-        int((champions.strategy == name).sum()) for name in (features.FRONT, features.SIDE)
-    )
+    names = (features.FRONT, features.SIDE)
+    front, side = (int((champions.strategy == name).sum()) for name in names)
     strategies = champions.groupby(clustering.labels).strategy.first()
     if clustering.real:
         two = clustering.count == 2 and strategies.nunique() == 2

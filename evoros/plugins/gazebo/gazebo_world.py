@@ -21,9 +21,9 @@ from evoros.geometry.footprint import height_points, lowest_point
 from evoros.geometry.polyhedron import convex_polyhedron, joint_moments
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
-from evoros.simulator.engines.mujoco_bodies import MAX_FRICTION, scalar_first
+from evoros.simulator.engines.mujoco_bodies import scalar_first
 from evoros.simulator.engines.mujoco_model import Settings
-from evoros.simulator.engines.teams import home_frame
+from evoros.simulator.engines.teams import CHASSIS_FRICTION, MAX_FRICTION, home_frame
 from evoros.simulator.engines.walking import GAP_M as WALKER_GAP_M
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.floors import ground_height
@@ -129,7 +129,6 @@ def _triangulate(field: Shape) -> tuple[Array, NDArray[np.intp]]:
     return points.reshape(-1, 3), np.concatenate([lower, upper])
 
 
-CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
 LIGHT = Inertial(1e-6, Pose(), (1e-9, 1e-9, 1e-9, 0.0, 0.0, 0.0))
 """Inertia of a massless link, because DART requires positive masses."""
 

@@ -17,17 +17,17 @@ import numpy as np
 from evoros.base.arrays import CONTACT, Array
 from evoros.base.checks import LEAST_STEP_S, NOT_NEGATIVE, POSITIVE, checked, number_between
 from evoros.base.errors import InputError, LaunchError
-from evoros.drive.protocol import Drive, find_targets, skids
+from evoros.drive.protocol import Drive, find_targets
 from evoros.geometry.shapes import Pose, normalize
 from evoros.plugins.gazebo.gazebo_world import hold_standing
 from evoros.plugins.gazebo.server import Engine, Operation, Scene, compile_server, find_library
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
+from evoros.simulator.engines import teams
 from evoros.simulator.engines.idle import IdleEngines
 from evoros.simulator.engines.mujoco_model import Model, Models, Settings, count_movable
 from evoros.simulator.engines.mujoco_rays import MujocoSight
 from evoros.simulator.engines.rigid_signals import Motion, RigidSignals, fill_state
-from evoros.simulator.engines.teams import MAX_ROBOTS, check_number, read_command, share_arrays
 from evoros.simulator.engines.walking import EngineWalkers
 from evoros.simulator.mujoco import import_mujoco
 from evoros.simulator.protocol import PlacedRobot, Simulator
@@ -117,7 +117,7 @@ class GazeboSimulation:
         if rays is not None:
             starts = [(v.start, v.angles) for v in self._vehicles]
             self._sight = GazeboSight(rays, robots, starts, self._bodies)
-        self._turns = list(zip(self._vehicles, share_arrays(robots), strict=True))
+        self._turns = list(zip(self._vehicles, teams.share_arrays(robots), strict=True))
         self._feels = any(vehicle.signals.feels for vehicle in self._vehicles)
         self._commands = np.zeros(sum(vehicle.joints for vehicle in self._vehicles))
 
@@ -148,7 +148,7 @@ class GazeboSimulation:
         at = 0
         for vehicle, share in self._turns:
             part = self._commands[at : at + vehicle.joints]
-            vehicle.follow(read_command(command, share), part)
+            vehicle.follow(teams.read_command(command, share), part)
             at += vehicle.joints
         steps = round(duration / self._time_step)
         body = self._commands.tobytes()
@@ -252,7 +252,7 @@ class Gazebo(Simulator):
     """Versions of the system libraries on this machine; workers may be on other machines."""
     packages = ("mujoco-core",)
     measures = (RANGE, *SIGNAL_SIZES)
-    max_robots = MAX_ROBOTS
+    max_robots = teams.MAX_ROBOTS
     has_walkers = True
     weakens_wheels = True
 
@@ -280,17 +280,12 @@ class Gazebo(Simulator):
 
     def doubt_drive(self, drive: Drive) -> str:
         """Return why skid steering is inaccurate at any time step, or ""."""
-        if not skids(drive):
-            return ""
-        return (
-            "Gazebo's DART limits friction along two axes of the world, so the rate at which a "
-            "skid-steer robot turns depends on its heading"
-        )
+        return teams.doubt_skidding("Gazebo's DART", drive)
 
     @contextmanager
     def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[GazeboSimulation]:
         """Place each robot at its home pose."""
-        check_number(robots)
+        teams.check_number(robots)
         self._require_versions()
         settings = Settings(self.time_step, self.wheel_friction, self.steering_lag_s)
         held = hold_standing(world, len(robots)).with_crowd(world.crowd)

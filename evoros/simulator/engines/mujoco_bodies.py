@@ -9,6 +9,7 @@ import numpy as np
 from evoros.base.arrays import length
 from evoros.geometry.polyhedron import convex_polyhedron, joint_moments
 from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.simulator.engines.teams import MAX_FRICTION
 from evoros.world.model import World
 
 # Groups of shapes in the engine, which determine what rays see.
@@ -24,15 +25,7 @@ MEETS: dict[int, tuple[int, int]] = {GROUND: (0, 4), FIXED: (0, 3), MOVABLE: (2,
 MEETS_ROBOTS = (0, 1)  # contype and conaffinity of the walkers
 ROBOT_BIT = 8  # type bit of the first of several robots; each further robot uses the next bit
 
-MAX_FRICTION = 1.0
-"""Maximum friction coefficient of a body.
-
-Many worlds have coefficients of 100, which have no effect in Gazebo, because Gazebo uses the
-smaller of two coefficients. In MuJoCo, they must not outweigh the wheels' coefficient.
-"""
-
 BELOW_M = 1.0  # depth [m] of solid below the lowest point of a height field
-
 
 CENTRED: dict[str, Any] = {"ipos": [0, 0, 0], "iquat": [1, 0, 0, 0], "explicitinertial": True}
 """An inertia that is expressed in the frame of its body.
@@ -82,8 +75,7 @@ def add_walkers(spec: Any, library: Any, sizes: Iterable[tuple[float, float]]) -
     """Add a walker for each (radius, height) [m]; only the caller moves the walkers."""
     for index, (radius, height) in enumerate(sizes):
         walker = spec.worldbody.add_body(name=name_walker(index), mocap=True)
-        cylinder = Shape("cylinder", (radius, height))
-        posed = [(Pose(), cylinder)]
+        posed = [(Pose(), Shape("cylinder", (radius, height)))]
         (name,) = add_shapes(spec, library, walker, name_walker(index), MOVABLE, posed)
         spec.geom(name).contype, spec.geom(name).conaffinity = MEETS_ROBOTS
 
@@ -150,8 +142,7 @@ def _shape_arguments(
 
 def _upright(plane: Shape) -> Pose:
     normal = np.array(plane.size) / length(np.array(plane.size))
-    side = np.eye(3)[int(np.abs(normal).argmin())]
-    x = np.cross(side, normal)
+    x = np.cross(np.eye(3)[int(np.abs(normal).argmin())], normal)
     x /= length(x)
     rotation = np.column_stack([x, np.cross(normal, x), normal])
     return Pose.from_matrix((0.0, 0.0, 0.0), rotation)

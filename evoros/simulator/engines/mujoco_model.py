@@ -100,11 +100,7 @@ class Models:
         self._kept.clear()
 
     def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Model:
-        """Return the model in the state in which a mission starts.
-
-        Raises:
-            SimulationError: MuJoCo rejects a robot or the world.
-        """
+        """Return the model in the state in which a mission starts."""
         described = tuple(describe_for_engine(robot) for robot, _ in robots)
         sizes = () if world.crowd is None else world.crowd.sizes
         source = (described, world.bodies, world.gravity_mps2, settings, sizes)
@@ -140,15 +136,13 @@ def compile_model(
     bond = {"solref": [2 * settings.time_step, 1.0], "solimp": IMPEDANCE}
     gain = lag_gain(settings.time_step, settings.steering_lag_s)
     slides, skidding = {**bond, "solreffriction": mujoco_bodies.SLIDING}, {**bond, **SKIDDING}
-    mujoco_bodies.add_ground_pairs(
-        spec, mujoco_bodies.add_bodies(spec, library, world), slides, bond
-    )
+    soles = mujoco_bodies.add_bodies(spec, library, world)
+    mujoco_bodies.add_ground_pairs(spec, soles, slides, bond)
     for i, (robot, _) in enumerate(robots):
         making = Making(settings.wheel_friction, gain, bond, _prefix(robots, i), _masks(robots, i))
         soles = add_robot(spec, library, robot, making)
-        mujoco_bodies.add_ground_pairs(
-            spec, soles, slides, skidding if skids(robot.drive) else bond
-        )
+        rolls = skidding if skids(robot.drive) else bond
+        mujoco_bodies.add_ground_pairs(spec, soles, slides, rolls)
     sizes = () if world.crowd is None else world.crowd.sizes
     mujoco_bodies.add_walkers(spec, library, sizes)
     model = spec.compile()
@@ -166,9 +160,8 @@ def _masks(robots: Sequence[PlacedRobot], index: int) -> tuple[int, int]:
     types, meets = mujoco_bodies.MEETS[mujoco_bodies.ROBOT]
     if len(robots) == 1:
         return types, meets
-    return types | mujoco_bodies.ROBOT_BIT << index, meets | sum_others(
-        mujoco_bodies.ROBOT_BIT, index, len(robots)
-    )
+    bit = mujoco_bodies.ROBOT_BIT
+    return types | bit << index, meets | sum_others(bit, index, len(robots))
 
 
 def _find_parts(model: Any, robot: Robot, prefix: str) -> Parts:

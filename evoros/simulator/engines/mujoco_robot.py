@@ -15,21 +15,10 @@ from evoros.formats.urdf.parts import Joint, read_origin, read_tensor, read_valu
 from evoros.formats.urdf.tree import Urdf, read_tree
 from evoros.geometry.shapes import Shape
 from evoros.robot.model import Robot
-from evoros.simulator.engines.mujoco_bodies import (
-    CENTRED,
-    MEETS,
-    ROBOT,
-    Sole,
-    add_shapes,
-    scalar_first,
-)
+from evoros.simulator.engines import mujoco_bodies
+from evoros.simulator.engines.teams import CHASSIS_FRICTION
 
-CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
-
-MOTOR_INERTIA = 1e6
-"""Inertia [kg m2] of a motor's rotor, so large that loads do not affect the rotor's rate."""
-
-
+MOTOR_INERTIA = 1e6  # [kg m2] of a motor's rotor, so that loads do not affect the rotor's rate
 ROOT_JOINT = "evoros root"  # name of the root link's free joint
 
 
@@ -41,15 +30,11 @@ class Making(NamedTuple):
     bond: dict[str, Any]  # contact parameters of the coupling between motors and joints
     prefix: str = ""  # prefix of the robot's names
     # contype and conaffinity of the links that collide with obstacles
-    masks: tuple[int, int] = MEETS[ROBOT]
+    masks: tuple[int, int] = mujoco_bodies.MEETS[mujoco_bodies.ROBOT]
 
 
-def add_robot(spec: Any, library: Any, robot: Robot, making: Making) -> list[Sole]:
-    """Add a robot with its root link at the origin; return the shapes that can touch the ground.
-
-    Raises:
-        SimulationError: the engine does not support a joint's type.
-    """
+def add_robot(spec: Any, library: Any, robot: Robot, making: Making) -> list[mujoco_bodies.Sole]:
+    """Add a robot with its root link at the origin; return the shapes that can touch the ground."""
     drive = robot.drive
     root = etree.fromstring(merge_fixed_links(robot.urdf_elements(), drive.caster_links).encode())
     urdf = read_tree(root, robot.name)
@@ -70,26 +55,22 @@ def add_robot(spec: Any, library: Any, robot: Robot, making: Making) -> list[Sol
         masks = None if covered else making.masks
         names = _add_link(spec, library, bodies[link], shapes, link in rolling, masks)
         friction = rolling.get(link, CHASSIS_FRICTION)
-        soles += [Sole(name, friction, link in rolling) for name in names]
+        soles += [mujoco_bodies.Sole(name, friction, link in rolling) for name in names]
     return soles
 
 
 def _add_tree(
     spec: Any, library: Any, urdf: Urdf, driven: Collection[str], prefix: str
 ) -> dict[str, Any]:
-    root = spec.worldbody.add_body(
-        name=prefix + urdf.root, sleep=library.mjtSleepPolicy.mjSLEEP_NEVER
-    )
+    awake = library.mjtSleepPolicy.mjSLEEP_NEVER
+    root = spec.worldbody.add_body(name=prefix + urdf.root, sleep=awake)
     root.add_joint(name=prefix + ROOT_JOINT, type=library.mjtJoint.mjJNT_FREE)
     bodies, frontier = {urdf.root: root}, [urdf.root]
     while frontier:
         name = frontier.pop()
         for joint in urdf.children_of(name):
-            child = bodies[name].add_body(
-                name=prefix + joint.child,
-                pos=joint.origin.position,
-                quat=scalar_first(joint.origin),
-            )
+            pose = {"pos": joint.origin.position, "quat": mujoco_bodies.scalar_first(joint.origin)}
+            child = bodies[name].add_body(name=prefix + joint.child, **pose)
             if joint.type != "fixed":
                 _add_joint(child, library, joint, joint.name in driven, prefix)
             bodies[joint.child] = child
@@ -123,11 +104,9 @@ def _add_joint(body: Any, library: Any, joint: Joint, driven: bool, prefix: str)
 
 
 def _add_rotor(spec: Any, library: Any, joint: str) -> str:
-    name = rotor_of(joint)
-    moments = [MOTOR_INERTIA] * 3
-    rotor = spec.worldbody.add_body(
-        mass=1.0, inertia=moments, **CENTRED, sleep=library.mjtSleepPolicy.mjSLEEP_NEVER
-    )
+    name, awake = rotor_of(joint), library.mjtSleepPolicy.mjSLEEP_NEVER
+    inertia = [MOTOR_INERTIA] * 3
+    rotor = spec.worldbody.add_body(mass=1.0, inertia=inertia, **mujoco_bodies.CENTRED, sleep=awake)
     rotor.add_joint(name=name, type=library.mjtJoint.mjJNT_HINGE, axis=[0.0, 0.0, 1.0])
     return name
 
@@ -145,12 +124,8 @@ def _add_wheel_motor(
     The torque is transmitted by friction between joint and rotor, which the engine solves together
     with the contacts. An actuator would need a gain, and would oscillate at its torque limit.
     """
-    tendon = spec.add_tendon(
-        name=joint,
-        frictionloss=effort,
-        solref_friction=bond["solref"],
-        solimp_friction=bond["solimp"],
-    )
+    friction = {"solref_friction": bond["solref"], "solimp_friction": bond["solimp"]}
+    tendon = spec.add_tendon(name=joint, frictionloss=effort, **friction)
     tendon.wrap_joint(joint, 1.0)
     tendon.wrap_joint(_add_rotor(spec, library, joint), -1.0)
 
@@ -196,7 +171,7 @@ def _add_link(
         return []
     names: list[str] = []
     if masks is not None:
-        names = add_shapes(spec, library, body, body.name, ROBOT, posed)
+        names = mujoco_bodies.add_shapes(spec, library, body, body.name, mujoco_bodies.ROBOT, posed)
         for name in names:
             spec.geom(name).contype, spec.geom(name).conaffinity = masks
             spec.add_sensor(  # detects the contacts of a shape
@@ -207,7 +182,8 @@ def _add_link(
                 intprm=[1, 0, 1],  # report whether there is any contact
             )
     if rolls:
-        names = add_shapes(spec, library, body, f"{body.name} rolling", ROBOT, posed)
+        name, group = f"{body.name} rolling", mujoco_bodies.ROBOT
+        names = mujoco_bodies.add_shapes(spec, library, body, name, group, posed)
         for name in names:
             spec.geom(name).contype = 0
     return names

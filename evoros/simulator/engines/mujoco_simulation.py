@@ -95,11 +95,7 @@ class MujocoSimulation:
             model.place_walkers(self._walkers.places)
 
     def observe(self, state: Array) -> None:
-        """Fill ``state`` with the base links' true states, and any contact since the last call.
-
-        Raises:
-            SimulationError: the engine has warned that it cannot simulate something.
-        """
+        """Fill ``state`` with the base links' true states, and any contact since the last call."""
         grave = [line for line in self._warnings if not line.startswith(HARMLESS)]
         if grave:
             raise SimulationError(self._name_place(f"MuJoCo: {' '.join(grave[0].split())}"))

@@ -17,7 +17,7 @@ from lxml import etree
 from evoros.geometry.footprint import lowest_point
 from evoros.geometry.polyhedron import convex_polyhedron, joint_moments
 from evoros.geometry.shapes import Body, Pose, Shape, Vector
-from evoros.simulator.engines.teams import Frame
+from evoros.simulator.engines.teams import MAX_FRICTION, Frame
 from evoros.world.model import World
 from evoros.world.standing import GAP_M
 
@@ -81,15 +81,9 @@ def _create_single(bullet: Any, shape: Shape) -> int:
 
 def _shape_arguments(bullet: Any, shape: Shape) -> dict[str, Any]:
     size = shape.size
-    kinds = {
-        "box": bullet.GEOM_BOX,
-        "cylinder": bullet.GEOM_CYLINDER,
-        "sphere": bullet.GEOM_SPHERE,
-        "plane": bullet.GEOM_PLANE,
-        "convex": bullet.GEOM_MESH,
-    }
+    kind = "mesh" if shape.kind == "convex" else shape.kind
     return {
-        "shapeTypes": kinds[shape.kind],
+        "shapeTypes": getattr(bullet, f"GEOM_{kind.upper()}"),
         "halfExtents": [edge / 2 for edge in size] if shape.kind == "box" else [0, 0, 0],
         "radii": size[0] if shape.kind in ("sphere", "cylinder") else 0.0,
         "lengths": size[1] if shape.kind == "cylinder" else 0.0,
@@ -133,10 +127,8 @@ def _format_urdf(urdf: str, folder: Path) -> str:
     root = etree.fromstring(urdf.encode())
     for index, element in enumerate(root.iter("convex")):
         numbers = iter([float(word) for word in str(element.get("corners")).split()])
-        path = folder / f"{index}.obj"
-        path.write_text(
-            _format_obj(tuple(zip(numbers, numbers, numbers, strict=True))), encoding="utf-8"
-        )
+        corners, path = tuple(zip(numbers, numbers, numbers, strict=True)), folder / f"{index}.obj"
+        path.write_text(_format_obj(corners), encoding="utf-8")
         element.tag = "mesh"
         del element.attrib["corners"]
         element.set("filename", str(path))
@@ -164,15 +156,6 @@ Rays miss polyhedra with a smaller margin. With the engine's default, 1 mm, rays
 hit it centimetres too early.
 """
 UPWARDS = 0.1  # minimum upward component of the normal at a contact that supports a body
-
-
-MAX_FRICTION = 1.0
-"""Maximum friction coefficient of a body.
-
-Many worlds have coefficients of 100, which have no effect in Gazebo, because Gazebo uses the
-smaller of two coefficients. Bullet multiplies the two, so a coefficient of 100 would make wheels
-grip far too well.
-"""
 
 
 def add_body(bullet: Any, body: Body) -> list[int]:

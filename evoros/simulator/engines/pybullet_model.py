@@ -11,14 +11,7 @@ from typing import Any, NamedTuple
 
 from evoros.base.errors import InputError, SimulationError, single_line
 from evoros.drive.protocol import skids
-from evoros.simulator.engines.pybullet_bodies import (
-    ROBOT_BIT,
-    add_body,
-    add_walker,
-    find_falling,
-    measure_radius,
-    wake,
-)
+from evoros.simulator.engines import pybullet_bodies as bodies
 from evoros.simulator.engines.pybullet_robot import Groups, LoadedRobot, load_robot
 from evoros.simulator.engines.teams import Frame, describe_for_engine, home_frame, sum_others
 from evoros.simulator.protocol import PlacedRobot
@@ -120,11 +113,7 @@ class Engine:
         self._built_from = None
 
     def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Model:
-        """Return the model in its initial state: reset if possible, otherwise rebuilt.
-
-        Raises:
-            SimulationError: PyBullet rejects a robot or the world.
-        """
+        """Return the model in its initial state: reset if possible, otherwise rebuilt."""
         described = tuple((*describe_for_engine(robot), home) for robot, home in robots)
         surroundings = world.bodies, world.gravity_mps2, world.course.end_on_collision
         source = described, surroundings, settings, _list_sizes(world)
@@ -141,14 +130,13 @@ class Engine:
         self.bullet.setTimeStep(settings.time_step)  # a mission may have reduced the time step
         self._reset(self._model.robots)
         for body in self._model.falling:
-            wake(self.bullet, body)
+            bodies.wake(self.bullet, body)
         return self._model
 
     def _disturbed(self, model: Model) -> bool:
         """Return True if a body other than a robot has moved since the build, or is unsupported.
 
-        A body can move without being touched: the engine wakes it when a robot comes near, and it
-        settles.
+        The engine wakes a body when a robot comes near, so it can settle without being touched.
         """
         bullet = self.bullet
         return bool(model.falling) or any(
@@ -192,17 +180,17 @@ class Engine:
         if any(skids(robot.drive) for robot, _ in robots):
             # The engine's default friction on a sliding wheel does not act against the slip.
             bullet.setPhysicsEngineParameter(enableConeFriction=0)
-        bodies = [(body_id, body) for body in world.bodies for body_id in add_body(bullet, body)]
-        movable = {body_id: body for body_id, body in bodies if body.mass is not None}
+        added = [(i, body) for body in world.bodies for i in bodies.add_body(bullet, body)]
+        movable = {body_id: body for body_id, body in added if body.mass is not None}
         frames = {body_id: bullet.getBasePositionAndOrientation(body_id) for body_id in movable}
-        ground = frozenset(body_id for body_id, body in bodies if body.is_ground)
-        falling = find_falling(bullet, world, movable)
+        ground = frozenset(body_id for body_id, body in added if body.is_ground)
+        falling = bodies.find_falling(bullet, world, movable)
         # A mission that ends at the first contact pushes nothing.
         pushing = falling or not world.course.end_on_collision
-        watched = {body_id: measure_radius(bullet, body_id) for body_id in movable if pushing}
+        watched = {i: bodies.measure_radius(bullet, i) for i in movable if pushing}
         loaded = tuple(self._load(robots, index, world, settings) for index in range(len(robots)))
         sizes = _list_sizes(world)
-        walkers = {add_walker(bullet, *size): index for index, size in enumerate(sizes)}
+        walkers = {bodies.add_walker(bullet, *size): index for index, size in enumerate(sizes)}
         return Model(loaded, ground, frames, falling, watched, walkers)
 
     def _load(
@@ -226,4 +214,5 @@ def _list_sizes(world: World) -> tuple[tuple[float, float], ...]:
 def _group(robots: Sequence[PlacedRobot], index: int) -> Groups:
     if len(robots) == 1:
         return Groups()
-    return Groups(ROBOT_BIT << index, sum_others(ROBOT_BIT, index, len(robots)))
+    others = sum_others(bodies.ROBOT_BIT, index, len(robots))
+    return Groups(bodies.ROBOT_BIT << index, others)

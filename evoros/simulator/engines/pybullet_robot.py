@@ -9,18 +9,10 @@ from lxml.etree import _Element as Element
 from evoros.drive.protocol import Drive, skids
 from evoros.formats.urdf.elements import merge_fixed_links
 from evoros.robot.model import Robot
-from evoros.simulator.engines.pybullet_bodies import (
-    FIXED,
-    GROUND,
-    MOVABLE,
-    RAY,
-    ROBOT,
-    VISIBLE,
-    load_urdf,
-)
-from evoros.simulator.engines.teams import Frame
+from evoros.simulator.engines import pybullet_bodies as bodies
+from evoros.simulator.engines.teams import CHASSIS_FRICTION, Frame
 
-CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
+UNDAMPED = {"linearDamping": 0, "angularDamping": 0, "jointDamping": 0}
 
 
 @dataclass(frozen=True)
@@ -63,11 +55,7 @@ def load_robot(
     wheel_friction: float,
     groups: Groups = Groups(),  # noqa: B008 - immutable
 ) -> LoadedRobot:
-    """Load the robot at the frame of its base link.
-
-    Raises:
-        pybullet.error: the engine rejects the robot.
-    """
+    """Load the robot with its base link at ``frame``."""
     drive = robot.drive
     # URDF_MERGE_FIXED_LINKS would lose the origin of the chassis's inertia.
     flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_IGNORE_VISUAL_SHAPES
@@ -75,7 +63,7 @@ def load_robot(
     if _rolls_on_cylinders(elements, drive):
         flags |= bullet.URDF_USE_IMPLICIT_CYLINDER
     urdf = merge_fixed_links(elements, drive.caster_links)
-    body = load_urdf(bullet, urdf, frame, flags)
+    body = bodies.load_urdf(bullet, urdf, frame, flags)
     joints = _read_joints(bullet, body)
     steering, steering_forces = _motors(joints, drive.steering_joints)
     wheels, wheel_forces = _motors(joints, drive.wheel_joints)
@@ -93,7 +81,7 @@ def load_robot(
         wheel_forces=wheel_forces,
         start=bullet.multiplyTransforms(*frame, *center),
         to_base=bullet.invertTransform(*center),
-        seen=VISIBLE | groups.others,
+        seen=bodies.VISIBLE | groups.others,
     )
 
 
@@ -156,18 +144,12 @@ def _set_up_links(
     covered = rolling.keys() - exposed
     links = range(-1, len(joints))
     for link in links:
-        group, meets = ROBOT, GROUND
+        group, meets = bodies.ROBOT, bodies.GROUND
         if link not in covered:
-            group, meets = ROBOT | groups.bit, GROUND | FIXED | MOVABLE | groups.others
-            meets |= RAY if groups.bit else 0
+            group, meets = bodies.ROBOT | groups.bit, bodies.VISIBLE | groups.others
+            meets |= bodies.RAY if groups.bit else 0
         bullet.setCollisionFilterGroupMask(body, link, group, meets)
-        bullet.changeDynamics(
-            body,
-            link,
-            lateralFriction=rolling.get(link, CHASSIS_FRICTION),
-            linearDamping=0,
-            angularDamping=0,
-            jointDamping=0,
-        )
+        friction = rolling.get(link, CHASSIS_FRICTION)
+        bullet.changeDynamics(body, link, lateralFriction=friction, **UNDAMPED)
     shapes = (link for link in links if bullet.getCollisionShapeData(body, link))
     return tuple(link for link in shapes if link not in covered)

@@ -98,14 +98,12 @@ def _batches(robot: Robot, bullet: Any, to_base: Frame) -> list[Batch]:
     position, quaternion = to_base
     rotation = np.array(bullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
     batches: list[Batch] = []
-    turned = _turn_rays(robot, rotation)
-    for beam, directions in zip(sensor_beams(robot), turned, strict=True):
+    for beam, directions in zip(sensor_beams(robot), _turn_rays(robot, rotation), strict=True):
         origin = product(rotation, beam.origin) + position
         ends = origin + beam.range_max * directions
         if not batches or len(batches[-1].starts) + len(ends) > MAX_RAYS:
             batches.append(Batch([], [], []))
-        batch = batches[-1]
-        first = len(batch.starts)
+        batch, first = batches[-1], len(batches[-1].starts)
         limits = beam.range_min, beam.range_max, beam.clear_range
         batch.spans.append(Span(first, first + len(ends), *limits))
         batch.starts.extend([origin.tolist()] * len(ends))
@@ -182,10 +180,7 @@ at a time and sinks.
 """
 
 NEAR_STEPS = 2.0
-"""Distance from a body within which steps are fine.
-
-It is a multiple of the distance that the robot can travel in a normal step.
-"""
+"""Distance from a body within which steps are fine, in the robot's longest normal steps."""
 
 
 class PyBulletSimulation:

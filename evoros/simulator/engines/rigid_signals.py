@@ -106,5 +106,4 @@ def solve_rolling(drive: Drive) -> Array:
     turning = speed * elementary.tan(steering) / drive.wheelbase_m * drive.turn_ratio
     rates = np.column_stack((ahead / speed, (left - ahead) / turning))
     rates[steered] = 0.0
-    solution: Array = np.linalg.pinv(rates)
-    return solution
+    return np.asarray(np.linalg.pinv(rates))

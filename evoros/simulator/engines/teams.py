@@ -9,6 +9,7 @@ import numpy as np
 from evoros.base import elementary
 from evoros.base.arrays import COMMAND_SIZE, STATE_SIZE, STRENGTH_SIZE, Array, length, product
 from evoros.base.errors import SimulationError
+from evoros.drive.protocol import Drive, skids
 from evoros.geometry.shapes import Pose
 from evoros.robot.model import Robot
 from evoros.simulator.protocol import PlacedRobot
@@ -52,13 +53,16 @@ def sum_others(bit: int, index: int, count: int) -> int:
 
 
 def check_number(robots: Sequence[PlacedRobot]) -> None:
-    """Require a number of robots that engines can simulate.
-
-    Raises:
-        SimulationError: there are no robots, or too many.
-    """
+    """Require a number of robots that engines can simulate."""
     if not 1 <= len(robots) <= MAX_ROBOTS:
         raise SimulationError(f"a world can have 1 to {MAX_ROBOTS} robots, not {len(robots)}")
+
+
+def doubt_skidding(engine: str, drive: Drive) -> str:
+    """Return why an engine with a friction pyramid is inaccurate for a drive, or ""."""
+    cause = f"{engine} limits friction along the world's x and y axes"
+    effect = "the turn rate of a skid-steer robot depends on its heading"
+    return f"{cause}, so {effect}" if skids(drive) else ""
 
 
 def describe_for_engine(robot: Robot) -> tuple[Any, ...]:
@@ -80,6 +84,13 @@ def name_robot(index: int, robot: Robot) -> str:
     return f"robot {index} ({robot.name})"
 
 
+CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
+MAX_FRICTION = 1.0
+"""Maximum friction coefficient of a body.
+
+Many worlds have coefficients of 100, which have no effect in Gazebo, because Gazebo uses the
+smaller of two coefficients. In other engines, wheels would grip far too well.
+"""
 MAX_POINTS = 12  # maximum number of outline points at which the ground's slope is sampled
 
 
@@ -95,9 +106,8 @@ def home_frame(robot: Robot, home: tuple[float, float, float, float], world: Wor
     if world.is_level:
         return level
     corners = robot.outline[:: -(-len(robot.outline) // MAX_POINTS)]
-    points = np.array(
-        [(x, y), *((x + cos * a - sin * b, y + sin * a + cos * b) for a, b in corners)]
-    )
+    around = ((x + cos * a - sin * b, y + sin * a + cos * b) for a, b in corners)
+    points = np.array([(x, y), *around])
     heights = [(px, py, ground_height(world.bodies, (px, py))) for px, py in points.tolist()]
     ground = np.array([(px - x, py - y, h) for px, py, h in heights if h is not None])
     if len(ground) < 3:

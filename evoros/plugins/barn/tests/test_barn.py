@@ -183,7 +183,7 @@ def test_trial_n_drives_in_file_n(tmp_path: Path) -> None:
 
 
 def test_a_folder_without_worlds_and_a_bad_path_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no files world_N\.world were found"):
+    with pytest.raises(InputError, match=r"no files named world_N\.world were found"):
         load_barn(str(tmp_path), crossing())
     (tmp_path / "world_0.world").write_text(field().draw_world("a").sdf)
     (tmp_path / PATHS).mkdir()

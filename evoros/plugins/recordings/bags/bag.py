@@ -13,19 +13,7 @@ from typing import Any
 from evoros.analysis.subcommands import Product
 from evoros.analysis.tables.study import Study
 from evoros.base.errors import InputError, write_count
-from evoros.plugins.recordings.bags.messages import (
-    IMU,
-    RANGE,
-    SCAN,
-    SWITCH,
-    TWIST,
-    WALKERS,
-    WORLD_FRAME,
-    Message,
-    Topic,
-    list_messages,
-    list_topics,
-)
+from evoros.plugins.recordings.bags import messages as ros
 from evoros.plugins.recordings.bags.missions import RecordedMission, add_missions, choose_missions
 
 TEMPLATE = Path(__file__).with_name("foxglove.json")  # panels of the layout, without topics
@@ -33,7 +21,7 @@ SHOWN = (
     "visualization_msgs/msg/MarkerArray",
     "nav_msgs/msg/Path",
     "geometry_msgs/msg/PoseStamped",
-    SCAN,
+    ros.SCAN,
 )
 """Message types shown in the 3D view, in addition to the frames and the robot."""
 MOTION = {
@@ -49,11 +37,11 @@ TWIST_FIELDS = {"twist.linear.x": "speed [m/s]", "twist.angular.z": "yaw rate [r
 STATES = {"/mode.data": "mode", "/contact.data": "contact"}
 
 
-def make_layout(topics: Sequence[Topic], robot_frame: str, agents: Sequence[str] = ()) -> str:
+def make_layout(topics: Sequence[ros.Topic], robot_frame: str, agents: Sequence[str] = ()) -> str:
     """Return the Foxglove layout for bags with these topics."""
-    ranges = _find_series(topics, {RANGE: {"range": ""}})
-    moved = _find_series(topics, {IMU: IMU_FIELDS, TWIST: TWIST_FIELDS})
-    states = {**_of_all(STATES, agents), **_find_series(topics, {SWITCH: {"data": ""}})}
+    ranges = _find_series(topics, {ros.RANGE: {"range": ""}})
+    moved = _find_series(topics, {ros.IMU: IMU_FIELDS, ros.TWIST: TWIST_FIELDS})
+    states = {**_of_all(STATES, agents), **_find_series(topics, {ros.SWITCH: {"data": ""}})}
     layout: dict[str, Any] = json.loads(TEMPLATE.read_text())
     panels = layout["configById"]
     shown = ["/robot_description", *(topic.name for topic in topics if topic.type in SHOWN)]
@@ -72,7 +60,7 @@ def make_layout(topics: Sequence[Topic], robot_frame: str, agents: Sequence[str]
 
 
 def _find_series(
-    topics: Sequence[Topic], fields: Mapping[str, Mapping[str, str]]
+    topics: Sequence[ros.Topic], fields: Mapping[str, Mapping[str, str]]
 ) -> dict[str, str]:
     """Return the label of each field that is plotted; ``fields`` describes the message types."""
     return {
@@ -95,7 +83,7 @@ def _paths(series: Mapping[str, str]) -> list[Mapping[str, Any]]:
 
 
 FRAMES, FIXED_FRAMES = "/tf", "/tf_static"
-_OF_ALL = (FRAMES, FIXED_FRAMES, "/obstacles", WALKERS.name)  # topics that all robots share
+_OF_ALL = (FRAMES, FIXED_FRAMES, "/obstacles", ros.WALKERS.name)  # topics that all robots share
 _FRAME_FIELDS = ("frame_id", "child_frame_id")
 WORST_MISSION = True
 HELP = "recorded missions as rosbags, with a layout for Foxglove"
@@ -116,9 +104,7 @@ GOALS = {"mcap": "/goal_pose", "ros1": "/move_base_simple/goal"}
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options for the missions and the message definitions."""
     add_missions(parser)
-    about = (
-        "ROS 2 distribution of the message definitions; jazzy (default) also suits iron and later"
-    )
+    about = "ROS 2 distribution of the message definitions; jazzy (default) suits iron and later"
     parser.add_argument("--distro", choices=("humble", "jazzy"), help=about)
 
 
@@ -146,22 +132,22 @@ def _write(mission: RecordedMission, kind: str, distro: str) -> dict[str, bytes]
     return write_mcap(name, topics, messages, distro)
 
 
-def _list_team_topics(mission: RecordedMission, goal: str) -> list[Topic]:
+def _list_team_topics(mission: RecordedMission, goal: str) -> list[ros.Topic]:
     others = [
         topic._replace(name=f"/{name}{topic.name}")
         for name, other in mission.others.items()
-        for topic in list_topics(other, goal)
+        for topic in ros.list_topics(other, goal)
         if topic.name not in _OF_ALL
     ]
-    return [*list_topics(mission, goal), *others]
+    return [*ros.list_topics(mission, goal), *others]
 
 
-def _list_team_messages(mission: RecordedMission, goal: str) -> list[Message]:
-    messages = list_messages(mission, goal)
+def _list_team_messages(mission: RecordedMission, goal: str) -> list[ros.Message]:
+    messages = ros.list_messages(mission, goal)
     if not mission.others:
         return messages
     for name, other in mission.others.items():
-        heard = list_messages(other, goal)
+        heard = ros.list_messages(other, goal)
         messages += [_place(name, message) for message in heard if message.topic != "/obstacles"]
     fixed = [message for message in messages if message.topic == FIXED_FRAMES]
     # A latched topic retains only the last message, so one message holds all fixed frames.
@@ -171,7 +157,7 @@ def _list_team_messages(mission: RecordedMission, goal: str) -> list[Message]:
     return sorted([joined, *moving], key=lambda message: message.stamp_ns)
 
 
-def _place(name: str, message: Message) -> Message:
+def _place(name: str, message: ros.Message) -> ros.Message:
     """Return an agent's message, with the agent's name prefixed to topic and frames."""
     topic = message.topic if message.topic in _OF_ALL else f"/{name}{message.topic}"
     return message._replace(topic=topic, content=_rename_frames(name, message.content))
@@ -181,7 +167,7 @@ def _rename_frames(name: str, content: Any) -> Any:
     if isinstance(content, Mapping):
         return {
             key: f"{name}/{value}"
-            if key in _FRAME_FIELDS and value != WORLD_FRAME
+            if key in _FRAME_FIELDS and value != ros.WORLD_FRAME
             else _rename_frames(name, value)
             for key, value in content.items()
         }

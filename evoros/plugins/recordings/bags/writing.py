@@ -12,16 +12,7 @@ from evoros.base.errors import require_extra
 from evoros.plugins.recordings.bags.messages import Message, Topic
 
 with require_extra("bags", "evoros analyze bag"):
-    from rosbags import rosbag1, rosbag2
-    from rosbags.interfaces import (
-        Nodetype,
-        Qos,
-        QosDurability,
-        QosHistory,
-        QosLiveliness,
-        QosReliability,
-        QosTime,
-    )
+    from rosbags import interfaces, rosbag1, rosbag2
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     from rosbags.typesys.store import Typestore
 
@@ -94,16 +85,16 @@ def _complete(collection: Stores) -> Typestore:
     return store
 
 
-def _quality(latched: bool) -> Qos:
-    never = QosTime(9223372036, 854775807)
-    return Qos(
-        history=QosHistory.KEEP_LAST,
+def _quality(latched: bool) -> interfaces.Qos:
+    never, durability = interfaces.QosTime(9223372036, 854775807), interfaces.QosDurability
+    return interfaces.Qos(
+        history=interfaces.QosHistory.KEEP_LAST,
         depth=1 if latched else 10,
-        reliability=QosReliability.RELIABLE,
-        durability=QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
+        reliability=interfaces.QosReliability.RELIABLE,
+        durability=durability.TRANSIENT_LOCAL if latched else durability.VOLATILE,
         deadline=never,
         lifespan=never,
-        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness=interfaces.QosLiveliness.AUTOMATIC,
         liveliness_lease_duration=never,
         avoid_ros_namespace_conventions=False,
     )
@@ -118,11 +109,11 @@ def _build(store: Typestore, name: str, content: Mapping[str, Any]) -> Any:
 
 def _fill(store: Typestore, kind: Any, value: Any) -> Any:
     node, description = kind
-    if node == Nodetype.BASE:
+    if node == interfaces.Nodetype.BASE:
         return _ZERO.get(description[0], 0) if value is None else value
-    if node == Nodetype.NAME:
+    if node == interfaces.Nodetype.NAME:
         return _build(store, description, value or {})
     (node, inner), size = description
-    if node == Nodetype.BASE:
+    if node == interfaces.Nodetype.BASE:
         return np.zeros(size, dtype=inner[0]) if value is None else np.array(value, dtype=inner[0])
     return [_build(store, inner, item) for item in value or ()]

@@ -33,14 +33,8 @@ from evoros.plugins.recordings.rerun.robot import (
     show_sensor,
     to_mesh,
 )
+from evoros.plugins.recordings.video import mission as film
 from evoros.plugins.recordings.video.captions import CLEAR
-from evoros.plugins.recordings.video.mission import (
-    ShownFault,
-    find_near,
-    flag_ends,
-    interpolate,
-    measure_errors,
-)
 from evoros.plugins.recordings.video.renderer import FIXED, MOVABLE
 from evoros.plugins.recordings.video.scene import MOST_FACES, WALKER, ShownRobot
 from evoros.plugins.recordings.video.sensors import colour_sensors, make_views
@@ -75,7 +69,7 @@ def record_study(record: Record, missions: Sequence[RecordedMission]) -> bytes:
         robots = sum(1 + len(mission.others) for mission in missions)
         most_faces = min(MOST_FACES, _ALL_FACES // (robots + 1))
         for mission in missions:
-            show_mission(top.below(mission.name), mission, find_near(record), most_faces)
+            show_mission(top.below(mission.name), mission, film.find_near(record), most_faces)
         if not record.run.evaluates:
             _show_evolution(top.below(_EVOLUTION), record, missions[0].loaded_urdf, most_faces)
         stream.flush()
@@ -195,11 +189,13 @@ def _show_member(
 ) -> None:
     robot = ShownRobot(mission.loaded_urdf, most_faces)
     times = mission.trajectory["time_s"].to_numpy(float)
-    motion = interpolate(mission.trajectory, times, robot.tree)
+    motion = film.interpolate(mission.trajectory, times, robot.tree)
     effects, failures = mission.context.failure.effects, list_failures(mission.row)
-    faults = [ShownFault(sensor, time, effects.get(name, ENDS)) for sensor, time, name in failures]
+    faults = [
+        film.ShownFault(sensor, time, effects.get(name, ENDS)) for sensor, time, name in failures
+    ]
     count = len(mission.sensors)
-    ended, errors = flag_ends(times, count, faults), measure_errors(times, count, faults)
+    ended, errors = film.flag_ends(times, count, faults), film.measure_errors(times, count, faults)
     records = np.arange(len(times))
     shown = list(make_views(robot.tree, mission.sensors, records, near_m))
     painted = [colour_sensors(shown, ended, errors, i) for i in records.tolist()]
@@ -215,7 +211,7 @@ def _show_member(
     _tell_events(top.below("events"), mission, faults)
 
 
-def _tell_events(top: Entities, mission: RecordedMission, faults: list[ShownFault]) -> None:
+def _tell_events(top: Entities, mission: RecordedMission, faults: list[film.ShownFault]) -> None:
     rows, names = mission.trajectory, (NONE, *mission.context.modes)
     changes = find_changes(rows["mode"].to_numpy(float))
     events = [(float(rows["time_s"].iloc[i]), names[int(rows["mode"].iloc[i])]) for i in changes]

@@ -74,9 +74,8 @@ def _draw_states(
     draw.text((x, middle), "sensors", _INK, font, anchor="lm")
     x += draw.textlength("sensors", font) + 0.6 * em
     for sensor, colour in enumerate(states):
-        draw.rounded_rectangle(
-            (x, middle - 0.72 * em, x + 1.44 * em, middle + 0.72 * em), 3, colour
-        )
+        square = (x, middle - 0.72 * em, x + 1.44 * em, middle + 0.72 * em)
+        draw.rounded_rectangle(square, 3, colour)
         draw.text((x + 0.72 * em, middle), str(sensor), _PAPER, font, anchor="mm")
         x += 1.7 * em
     return x

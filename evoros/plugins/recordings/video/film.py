@@ -13,6 +13,7 @@ from PIL import Image
 from evoros.analysis.tables.readings import read_sensors
 from evoros.analysis.tables.records import read_record
 from evoros.base.errors import require_extra
+from evoros.plugins.recordings.video import renderer as rendering
 from evoros.plugins.recordings.video.camera import (
     Pixels,
     RenderOptions,
@@ -29,14 +30,6 @@ from evoros.plugins.recordings.video.mission import (
     measure_errors,
     place_trajectory,
 )
-from evoros.plugins.recordings.video.renderer import (
-    Other,
-    Renderer,
-    cut_obstacles,
-    find_goals,
-    paint_ground,
-    shape_walkers,
-)
 from evoros.plugins.recordings.video.scene import Scene
 from evoros.plugins.recordings.video.sensors import make_views
 from evoros.storage.reading import Run
@@ -52,14 +45,15 @@ def film(mission: FilmedMission, options: RenderOptions | None = None) -> Iterat
     check_poses(mission.trajectory)
     options = options or RenderOptions()
     urdfs = [mission.urdf, *(other.urdf for other in mission.others)]
-    scene = Scene(urdfs, cut_obstacles(mission.world), shape_walkers(mission.walkers))
+    obstacles, walkers = rendering.cut_obstacles(mission.world), mission.walkers
+    scene = Scene(urdfs, obstacles, rendering.shape_walkers(walkers))
     robot, *others = (shown.tree for shown in scene.robots)
     times = sample_times(mission.trajectory, options)
     sensors = read_sensors(mission.trajectory, robot.poses, mission.context, "robot.urdf")
     motion = interpolate(mission.trajectory, times, robot)
     places = mission.trajectory[["x_m", "y_m"]].to_numpy(float)
-    goals = find_goals(mission.world, places, mission.trajectory["visited"].to_numpy(int))
-    renderer = Renderer(
+    goals = rendering.find_goals(mission.world, places, mission.trajectory["visited"].to_numpy(int))
+    renderer = rendering.Renderer(
         scene,
         motion,
         list(make_views(robot, sensors, motion.record, mission.near_m)),
@@ -67,15 +61,12 @@ def film(mission: FilmedMission, options: RenderOptions | None = None) -> Iterat
         measure_errors(times, len(sensors), mission.faults),
         goals[motion.record],
         mission.context,
-        paint_ground(mission.world, places),
+        rendering.paint_ground(mission.world, places),
         [
-            Other(interpolate(other.trajectory, times, tree), other.context.parts)
+            rendering.Other(interpolate(other.trajectory, times, tree), other.context.parts)
             for other, tree in zip(mission.others, others, strict=True)
         ],
-        [
-            np.stack([np.interp(times, w.time_s, column) for column in w.places.T], axis=1)
-            for w in mission.walkers
-        ],
+        [np.stack([np.interp(times, w.time_s, c) for c in w.places.T], axis=1) for w in walkers],
     )
     cameras = place_cameras(motion, mission.world, places, options)
     captions = make_captions(mission, motion, options)

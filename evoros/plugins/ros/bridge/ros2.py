@@ -11,17 +11,10 @@ import time
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from . import ros2_start as launch
 from .conversation import COMMANDS, OWN_SHARE, PAUSE_S, STEADY, Conversation, end
 from .lockstep import NO_COMMAND, Crew, Nodes, fly_mission
 from .rest import Rest
-from .ros2_start import (
-    complete,
-    group,
-    set_environment,
-    takes_arguments,
-    topic_names,
-    write_parameters,
-)
 
 if TYPE_CHECKING:
     from . import ros2_graph
@@ -40,8 +33,9 @@ a third of a second.
 def start_nodes(briefing: dict[str, Any]) -> Nodes:
     """Start the user's nodes; see ``Crew`` for the errors."""
     commands = briefing["ros"]["nodes"]
-    write_parameters(briefing)
-    return Nodes(commands, dict(os.environ), complete(commands, topic_names(briefing)))
+    launch.write_parameters(briefing)
+    completed = launch.complete(commands, launch.topic_names(briefing))
+    return Nodes(commands, dict(os.environ), completed)
 
 
 class Mission:
@@ -52,7 +46,7 @@ class Mission:
         self._conversation, briefing = conversation, conversation.briefing
         try:
             # held until this process exits
-            self._claim = set_environment(briefing["ros"]["isolate"])
+            self._claim = launch.set_environment(briefing["ros"]["isolate"])
         except OSError as error:
             conversation.refuse(f"controller: this system cannot run ROS 2 missions ({error})")
         self._crew = Crew(conversation, rest, lambda: start_nodes(briefing))
@@ -61,9 +55,8 @@ class Mission:
         messages = import_module(".messages", __package__)
         self._messages: Messages = messages.Messages(briefing, graph.stamp)
         topics = self._options["topics"]
-        self._graph: ros2_graph.Graph = graph.Graph(
-            group(self._options["nodes"]), self._messages.kinds(), (topics["goal"], topics["route"])
-        )
+        groups, kept = launch.group(self._options["nodes"]), (topics["goal"], topics["route"])
+        self._graph: ros2_graph.Graph = graph.Graph(groups, self._messages.kinds(), kept)
         self._commands: ros2_graph.Incoming | None = None
         self._reports: ros2_graph.Incoming | None = None  # mode reports
 
@@ -95,7 +88,8 @@ class Mission:
         return self._graph.unanswered()
 
     def _steady(self) -> bool:
-        alone = len(self._options["nodes"]) == 1 and takes_arguments(self._options["nodes"][0])
+        first, *others = self._options["nodes"]
+        alone = not others and launch.takes_arguments(first)
         for _ in range(STEADY):
             if not self._crew.rest.wait(1.0):
                 return False
