@@ -5,4 +5,4 @@ from evoros.plugins.clusters import dask_transport
 
 __all__ = ["main"]
 
-dask_transport.CONNECT_S = 2.0  # before evoros imports ``dask_cluster``, which takes it from there
+dask_transport.CONNECT_S = 2.0

@@ -82,10 +82,7 @@ def main() -> None:
 
 
 def start(order: dict[str, Any], ports: dict[str, int]) -> tuple[int, int, str | None]:
-    """Start the command; return the child to watch, a pipe with its status, and a folder to remove.
-
-    An OSError means that the command cannot be executed, or that its environment cannot be created.
-    """
+    """Start the command; return the child to watch, its status pipe, and a folder to remove."""
     failure, failing = os.pipe()
     status, reporting = os.pipe()
     folder = None if order["isolate"] else make_folder()

@@ -87,11 +87,6 @@ def start_process(
     ``files`` maps the names of files in the folder to their contents. The command inherits the
     descriptors ``pass_fds``. The command's processes and files are removed even if this process is
     killed.
-
-    Raises:
-        LaunchError: the system is not Linux or does not allow namespaces, or the command cannot be
-            executed.
-        PilotLost: the keeper was killed before the command started.
     """
     if sys.platform != "linux":
         raise LaunchError(
@@ -125,7 +120,6 @@ def start_process(
 def _start_keeper(
     control: socket.socket, pass_fds: Sequence[int], environment: Mapping[str, str], log: IO[bytes]
 ) -> "subprocess.Popen[bytes]":
-    """Start the keeper in a new session, which signals from the terminal do not reach."""
     inherited = {name: value for name, value in os.environ.items() if name not in PERSONAL}
     return subprocess.Popen(
         [sys.executable, "-E", "-s", "-S", str(KEEPER), str(control.fileno())],
@@ -171,11 +165,7 @@ def _list_residents(home: str) -> Iterator[int]:
 
 
 def _receive(control: socket.socket, sockets: int = 0) -> tuple[dict[str, Any], list[int]]:
-    """Receive a line of news, and up to ``sockets`` descriptors; empty if the keeper exited.
-
-    The next line stays in the socket, because the command may exit before the news of its start is
-    read.
-    """
+    """Receive one line of news, and up to ``sockets`` descriptors; empty if the keeper exited."""
     data, descriptors = b"", []
     while not data.endswith(b"\n"):
         try:

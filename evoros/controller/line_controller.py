@@ -82,7 +82,6 @@ class LineController(LiveController):
 
 
 def _is_plain(value: object) -> bool:
-    """Return True if JSON can represent a value."""
     if isinstance(value, Mapping):
         return all(isinstance(key, str) for key in value) and all(map(_is_plain, value.values()))
     if isinstance(value, list | tuple):
@@ -158,11 +157,7 @@ def _quote(answer: bytes) -> str:
 
 
 def split_command(command: Sequence[str]) -> list[str]:
-    """Split a command into words, and make the paths of existing files absolute.
-
-    The paths must be absolute because a command starts in an empty folder. A word counts as a path
-    if it contains a slash or a dot and the file exists.
-    """
+    """Split a command into words, and make existing paths absolute for its empty folder."""
     words = shlex.split(command) if isinstance(command, str) else list(command)
     program = words[0] if "/" in words[0] else shutil.which(words[0]) or words[0]
     if "/" in program or _is_file(program):

@@ -1,8 +1,4 @@
-"""A small neural network that computes steering and speed from readings, bearing and speed.
-
-Readings are grouped into sectors. The rule and its helpers allocate nothing and use only the
-elementary functions of evoros.
-"""
+"""A small neural network that computes steering and speed from sectors, bearing and speed."""
 
 import math
 from collections.abc import Sequence

@@ -20,8 +20,7 @@ A_LAYER = instance_of(Layer, "a controller layer (a subclass of evoros.parts.Lay
 class Rover(Controller):
     """Two layers: ``avoidance`` decides if it sees an obstacle, and ``navigation`` otherwise.
 
-    The entries of ``localization`` change the pose that both layers see, in order. Without entries,
-    the pose is exact.
+    The entries of ``localization`` change, in order, the pose that both see, otherwise exact.
     """
 
     avoidance: Annotated[Layer, A_LAYER]

@@ -18,10 +18,7 @@ FAILURES = mapping_of(Failure, "failures")
 @dataclass(frozen=True)
 @checked
 class CombinedFailure(Failure):
-    """Several named failures, drawn independently; a sensor may have several faults.
-
-    The faults act in the order of the mapping.
-    """
+    """Several named failures, drawn independently, which act in the order of the mapping."""
 
     failures: Annotated[Mapping[str, Failure], FAILURES] = field(default_factory=dict)
 
@@ -41,11 +38,7 @@ class CombinedFailure(Failure):
         return tuple(dict.fromkeys(parts))
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return the faults of all failures; each fault's name begins with the failure's name.
-
-        Each failure's generator is made from one common draw and the failure's name, so adding a
-        failure never shifts the draws of another.
-        """
+        """Return all faults, each named after its failure, whose draws no other failure shifts."""
         key = rng.bytes(16).hex()
         return tuple(
             replace(fault, name=f"{name}.{fault.name}")

@@ -33,9 +33,7 @@ class RandomFailure(Failure):
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
         """Return one fault with the onsets of all chosen sensors; none if there are no sensors.
 
-        The number of draws does not depend on the number of sensors. With the same generator, all
-        robots get the same times, and robots with the same number of sensors also get the same
-        choices.
+        The number of draws does not depend on the robot, so equal generators give equal times.
         """
         onset = np.full(channels.size, math.inf)
         intact = list(range(channels.size))

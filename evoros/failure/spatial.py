@@ -47,8 +47,7 @@ class SpatialFailure(Failure):
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
         """Return one fault with the onsets of all sensors hit; none if there are no sensors.
 
-        The draws do not depend on the positions of the sensors, so robots with the same generator
-        receive the same impact.
+        With the same generator, all robots receive the same impact.
         """
         choice, share = rng.random(), rng.random()
         luck = rng.random(channels.size)

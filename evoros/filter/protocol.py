@@ -79,11 +79,8 @@ def refuse_pose(channels: Channels, part: str) -> None:
 
 
 def _describe(channels: Channels) -> str:
-    if channels.signal == READINGS:
-        return f"{channels.size} readings"
-    if channels.signal == STRENGTH:
-        return "the strength of wheels (left, right)"
-    return "a command (speed, steering)"
+    names = {READINGS: f"{channels.size} readings", STRENGTH: "wheel strengths (left, right)"}
+    return names.get(channels.signal, "a command (speed, steering)")
 
 
 class Held(NamedTuple):

@@ -81,10 +81,7 @@ class Scoring:
     def score_trials(
         self, missions: Sequence[Mission], outcomes: Mapping[MissionKey, Outcomes]
     ) -> list[float]:
-        """Return the score of each trial over its worlds, in the order of the missions.
-
-        A trial with a mission that could not be run has the worst score.
-        """
+        """Return the score of each trial over its worlds, in the order of the missions."""
         return [float(self.score_trial(trial)) for trial in list_trials(missions, outcomes)]
 
     def compute_fitness(

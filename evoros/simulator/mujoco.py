@@ -1,7 +1,4 @@
-"""Deterministic rigid-body physics in MuJoCo, run in this process without a display.
-
-``docs/simulation.md`` explains the settings.
-"""
+"""Deterministic rigid-body physics in MuJoCo; ``docs/simulation.md`` explains the settings."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -31,8 +28,7 @@ MOST_MOVABLE = 5000
 class Mujoco(Simulator):
     """The MuJoCo simulator.
 
-    With the default step, open-loop manoeuvres differ by at most 0.2 % from manoeuvres with a step
-    of 2.5 ms.
+    By default, open-loop manoeuvres differ by at most 0.2 % from those with a step of 2.5 ms.
     """
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.01  # [s]
@@ -70,7 +66,6 @@ class Mujoco(Simulator):
 
 @cache
 def _models() -> Models:
-    """Return this process's cache of compiled models, which affects no result."""
     return Models(import_mujoco())
 
 

@@ -119,14 +119,10 @@ A_SIMULATOR = Rule(
 )
 
 
+# Parameters, memory, and the arguments of the method of ``Simulation``.
 ObserveRule: TypeAlias = Callable[[Array, Array, Array], None]
-"""(parameters, memory, state): see ``Simulation.observe``."""
-
 SenseRule: TypeAlias = Callable[[Array, Array, Array], None]
-"""(parameters, memory, signals): see ``Simulation.sense``."""
-
 AdvanceRule: TypeAlias = Callable[[Array, Array, Array, float], None]
-"""(parameters, memory, command, duration [s]): see ``Simulation.advance``."""
 
 
 class SimulationRules(NamedTuple):

@@ -38,8 +38,7 @@ IDLE: IdleEngines[pybullet_model.Engine] = IdleEngines()
 class PyBullet(Simulator):
     """The PyBullet simulator.
 
-    With default settings, open-loop manoeuvres and pushed bodies differ by at most 2 % from those
-    with a step of 2.5 ms and 50 solver iterations.
+    By default, manoeuvres differ by at most 2 % from steps of 2.5 ms with 50 solver iterations.
     """
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.025  # [s]

@@ -38,10 +38,7 @@ def play(
     seed: int = 0,
     channels: Channels | None = None,
 ) -> Array:
-    """Return a filter's output, computed tick by tick, in the shape of the recording.
-
-    The values are sonar readings unless ``channels`` says otherwise.
-    """
+    """Return a filter's output, tick by tick, for a recording of sonars or other ``channels``."""
     ticks, count = recording.shape
     channels = channels or sonar_channels(count)
     rng = generator(str(seed), part.name)

@@ -51,7 +51,9 @@ class FitnessSuite(PartSuite):
     def test_scores_of_missions_have_the_score_of_the_trial_as_their_mean(self) -> None:
         """An additive fitness function's score of a trial is the mean over the trial's missions."""
         part = self.part
-        for trial in list_trials() if isinstance(part, AdditiveFitness) else ():
+        if not isinstance(part, AdditiveFitness):
+            return
+        for trial in list_trials():
             scores, whole, count = part.score_missions(trial), part.score(trial), len(trial)
             assert len(scores) == count, f"{count} missions must have {count} scores, not {scores}"
             mean = math.fsum(scores) / count

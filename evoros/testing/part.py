@@ -191,7 +191,6 @@ class PartSuite(DescriptionSuite):
 
 
 def _list_bad_values(part: Any) -> Iterator[dict[str, Any]]:
-    """Yield values that break the rule of a field, and NaN for plain numbers."""
     settable = {field.name for field in fields(part) if field.init}
     ruled = {name: (rule, optional) for name, rule, optional in list_rules(type(part))}
     for name, (rule, optional) in ruled.items():

@@ -38,11 +38,11 @@ class Layout:
         because paths from that parent contain the user's name.
         """
         given = dict.fromkeys(folders)
-        tops = [one for one in given if not any(_is_inside(one, other) for other in given)]
+        tops = [one for one in given if not any(other in one.parents for other in given)]
         if not tops:
             return cls({})
         base = Path(os.path.commonpath(tops))
-        if len(base.parts) > 1 and (home is None or not _is_inside(home, base)):
+        if len(base.parts) > 1 and (home is None or base not in home.parents):
             return cls({path: _join(INPUTS, path.relative_to(base)) for path in (base, *given)})
         places: dict[Path, str] = {}
         for top in tops:
@@ -75,10 +75,6 @@ class Layout:
         named = {str(path): place for path, place in self.places.items() if len(path.parts) > 1}
         inside = {path: os.path.relpath(place, working) for path, place in named.items()}
         return Relocation({**others, **inside})
-
-
-def _is_inside(path: Path, other: Path) -> bool:
-    return path != other and path.is_relative_to(other)
 
 
 def _join(place: str, rest: Path) -> str:

@@ -58,8 +58,7 @@ class Prepared:
 def prepare(source: Path, output: Path, config_dir: Path | None) -> Iterator[Prepared]:
     """Prepare a folder or an archive for rerunning its runs.
 
-    An archive's inputs are unpacked into ``output``, which is the current folder inside the
-    context, so that relative paths in configurations are valid.
+    An archive's inputs are unpacked into ``output``, the current folder within the context.
     """
     archive = archives.find_archive(source)
     if archive is None:
@@ -85,7 +84,6 @@ def prepare(source: Path, output: Path, config_dir: Path | None) -> Iterator[Pre
 
 
 def _require_inside(archive: Path, folder: Path) -> None:
-    """Require that the paths in a manifest stay within the archive's inputs."""
     manifest = read_json(folder / MANIFEST)
     for key in ("working_directory", CONFIG_DIR):
         path = PurePosixPath(manifest.get(key) or archives.INPUTS)
@@ -97,7 +95,6 @@ def _require_inside(archive: Path, folder: Path) -> None:
 
 
 def _unpack_inputs(archive: Path, base: Path) -> None:
-    """Unpack the inputs, unless an interrupted reproduction has already done this."""
     base.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(prefix=f".{base.name}.", dir=base.parent) as scratch:
         archives.unpack(archive, lambda name: name.startswith(f"{archives.INPUTS}/"), Path(scratch))

@@ -84,10 +84,7 @@ def _list_versions(manifests: Iterable[Mapping[str, Any]]) -> dict[str, str]:
 
 
 def _write_hashes(versions: Mapping[str, str]) -> bytes:
-    """Return a CSV table of packages, with hashes of those installed in the recorded version.
-
-    A hash is the SHA-256 of the file names and file hashes that pip recorded.
-    """
+    """Return a CSV table of packages, with hashes of those installed in the recorded version."""
     table = io.StringIO()
     rows = [(name, version, _hash(name, version)) for name, version in versions.items()]
     csv.writer(table, lineterminator="\n").writerows([("package", "version", "sha256"), *rows])

@@ -102,7 +102,7 @@ class Secrets:
 
 
 def _match(text: str) -> bytes:
-    """Return the pattern for a string; a path does not match the beginning of a longer name."""
+    """Return the pattern for a string; a path does not match the start of a longer name."""
     pattern = re.escape(os.fsencode(text))
     return rb"(?<![\w.-])" + pattern + rb"(?![\w-])" if os.path.isabs(text) else pattern
 
@@ -120,8 +120,6 @@ class Request:
 
 @dataclass(frozen=True)
 class _Source:
-    """A rebuilt run or evaluation, and the user's files that building it has read."""
-
     folder: Path
     place: str  # path in the archive
     manifest: Mapping[str, Any]
@@ -228,7 +226,6 @@ def _list_content(
 
 
 def _list_figures(folders: Sequence[Path]) -> Iterator[tuple[str, bytes]]:
-    """Yield the figures of whole sweeps, which are in the same folder as the runs."""
     for top in folders:
         for file in sorted((top / "figures").glob("[!.]*")):
             if not archives.is_run(top) and file.is_file() and not file.is_symlink():

@@ -44,10 +44,7 @@ def accept(process: OutsideProcess, listening: socket.socket, limit_s: float) ->
 
 
 class GroundStation:
-    """The autopilot's ground station, for use by one thread only.
-
-    It exchanges messages while the autopilot waits for a state, so each has a known frame.
-    """
+    """The autopilot's ground station, which exchanges messages while the autopilot waits."""
 
     def __init__(self, process: OutsideProcess, connection: socket.socket) -> None:
         self._process, self._connection = process, connection

@@ -168,7 +168,7 @@ def share_core(*, wanted: bool = True) -> Iterator[None]:
 
 
 def _claim_core(allowed: set[int]) -> tuple[int, socket.socket] | None:
-    """Claim a core, preferably the current one, because the system spreads busy processes."""
+    """Claim a core, preferably the current one: the system spreads busy processes."""
     present = _find_core() if len(allowed) > 1 else None
     if present is None:
         return None

@@ -81,7 +81,6 @@ def has_corridor(free: Cells) -> bool:
 
 
 def _largest(regions: NDArray[np.int64], column: int) -> int:
-    """Return the number of the largest region with a cell in a column; 0 if there is none."""
     sizes = np.bincount(regions.ravel())
     present = [number for number in dict.fromkeys(regions[:, column].tolist()) if number]
     return max(present, key=lambda number: int(sizes[number]), default=0)

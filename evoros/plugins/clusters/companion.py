@@ -35,10 +35,7 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 class UserModules:
-    """The modules that this process has imported from the user's folders, and neighbouring ones.
-
-    Files are read only once, so that a run keeps its initial code.
-    """
+    """The user's modules that this process has imported, and their neighbours, each read once."""
 
     def __init__(self) -> None:
         self._lock = Lock()
@@ -94,7 +91,7 @@ def unpack_modules(archive: bytes, folder: Path) -> list[str]:
 
 
 def _list_files() -> Iterator[tuple[Path, Path]]:
-    """Yield (folder on ``sys.path``, file) for each file to send that is imported from there."""
+    """Yield the files to send, each with the folder on ``sys.path`` that it is imported from."""
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
         top = name.partition(".")[0]
@@ -157,8 +154,6 @@ class Stop:
 
 @dataclass
 class _Slot:
-    """A thread's process, which serves one pool and one version of the user's modules."""
-
     key: tuple[str, bytes | None]
     worker: Worker
     closing: "Future[None]"
@@ -247,11 +242,7 @@ class Companion:
 
 
 def main(control: int, folder: str) -> None:
-    """Serve the worker's threads, whose sockets are received through the socket ``control``.
-
-    Standard input is a pipe whose other end only the worker holds. This process leads a process
-    group.
-    """
+    """Serve the worker's threads, whose sockets arrive through ``control``, until stdin closes."""
     end_with(sys.stdin.fileno())
     companion = Companion(Path(folder))
     with socket.socket(fileno=control) as threads:

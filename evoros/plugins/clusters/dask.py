@@ -48,13 +48,13 @@ class Dask(Limits, Executor):
     def open(self) -> Iterator[Pool]:
         """Connect to the scheduler or start a local cluster; leaving the context ends all calls."""
         with require_extra("dask", "executor=dask"):
-            from evoros.plugins.clusters import dask_cluster
+            from evoros.plugins.clusters import dask_transport
         with ExitStack() as stack:
-            stack.enter_context(dask_cluster.silence())
+            stack.enter_context(dask_transport.silence())
             address = self.address
             if address is None:
-                local = dask_cluster.start_cluster(self.workers or available_cores())
+                local = dask_transport.start_cluster(self.workers or available_cores())
                 address = stack.enter_context(local)
-            transport = stack.enter_context(dask_cluster.connect(address))
+            transport = stack.enter_context(dask_transport.connect(address))
             pool = RemotePool(transport, self, shares_files=self.address is None)
             yield stack.enter_context(closing(pool))

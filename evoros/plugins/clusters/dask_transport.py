@@ -1,17 +1,25 @@
-"""A transport that sends calls through dask.distributed."""
+"""A transport that sends calls through dask.distributed, and the clusters that it connects to."""
 
 import asyncio
-from collections.abc import Callable, Coroutine
+import json
+import logging
+import tempfile
+import warnings
+from collections.abc import Callable, Coroutine, Iterator
 from concurrent.futures import Future
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from threading import Event, Lock, Thread
+from time import monotonic, sleep
 from typing import Any
 
-from distributed import KilledWorker, get_worker
+import dask
+from distributed import Client, KilledWorker, LocalCluster, get_worker
 from distributed.client import FutureCancelledError
 
-from evoros.base.errors import RunStopped, WorkerLost, single_line
+from evoros.base.errors import RunStopped, WorkerLost, shell_line, single_line
+from evoros.executor.worker_main import end_with_main_process
 from evoros.plugins.clusters import node
 from evoros.plugins.clusters.remote import RawAnswer
 from evoros.terminal.log import LOGGER
@@ -204,11 +212,7 @@ class DaskTransport:
         self._in_loop(self._free_stranded)
 
     def _free_stranded(self) -> None:
-        """Resubmit calls if all workers to which they were sent have left.
-
-        A scheduler that had no workers for a while would keep such a call for the old workers,
-        although any worker may run it.
-        """
+        """Resubmit calls whose workers have all left; a scheduler may keep them for old workers."""
         for sending in self._out:
             if sending.nodes and self._threads.keys().isdisjoint(sending.nodes):
                 sending.stranded = True
@@ -241,3 +245,90 @@ class DaskTransport:
     def _in_loop(self, function: Callable[[], None]) -> None:
         with suppress(RuntimeError):  # the loop is closed, so nothing waits
             self._loop.call_soon_threadsafe(function)
+
+
+LOCAL_SETTINGS = {
+    "distributed.scheduler.worker-ttl": "60s",  # so that a stopped worker is replaced
+    "distributed.worker.memory.terminate": False,  # calls run in separate processes
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.target": False,
+}
+
+
+@contextmanager
+def silence() -> Iterator[None]:
+    """Keep Dask's messages off the terminal; evoros reports each error in one line."""
+    names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
+    levels = {logging.getLogger(name): logging.getLogger(name).level for name in names}
+    for logger in levels:
+        logger.setLevel(logging.CRITICAL + 1)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module="distributed")
+        try:
+            yield
+        finally:
+            for logger, level in levels.items():
+                logger.setLevel(level)
+
+
+@contextmanager
+def start_cluster(workers: int) -> Iterator[str]:
+    """Start a cluster of worker processes on this machine; yield the scheduler's address."""
+    with (
+        tempfile.TemporaryDirectory(prefix="evoros-dask-") as folder,
+        dask.config.set(LOCAL_SETTINGS),
+        LocalCluster(  # type: ignore[no-untyped-call]
+            n_workers=workers,
+            threads_per_worker=1,
+            host="127.0.0.1",
+            dashboard_address=None,
+            worker_dashboard_address=None,
+            memory_limit=0,
+            local_directory=folder,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        connect(cluster.scheduler_address) as transport,
+    ):
+        transport.run_everywhere(end_with_main_process)
+        yield cluster.scheduler_address
+
+
+def _read_address(address: str) -> str:
+    if "://" in address:
+        return address
+    end = monotonic() + CONNECT_S
+    while True:
+        try:
+            return str(json.loads(Path(address).expanduser().read_bytes())["address"])
+        except (OSError, ValueError, KeyError, TypeError) as error:  # missing or incomplete
+            if monotonic() > end:
+                raise RunStopped(
+                    f"executor.address: {address} is not a scheduler file "
+                    f"({single_line(error)}); start a scheduler: "
+                    f"{shell_line('dask', 'scheduler', '--scheduler-file', address)}"
+                ) from error
+            sleep(0.1)
+
+
+@contextmanager
+def connect(address: str) -> Iterator[DaskTransport]:
+    """Connect to a scheduler; raise a RunStopped if none answers."""
+    address = _read_address(address)
+    try:
+        client: Any = Client(  # type: ignore[no-untyped-call]
+            address, timeout=CONNECT_S, set_as_default=False, name="evoros"
+        )
+    except (OSError, TimeoutError, ValueError, ImportError) as error:
+        raise RunStopped(
+            f"executor.address: no Dask scheduler answers at {address} ({single_line(error)}); "
+            f"start one there (dask scheduler), or set executor.address to a running scheduler"
+        ) from error
+    transport = DaskTransport(client, address)
+    try:
+        transport.start()
+        yield transport
+    finally:
+        transport.close()
+        with suppress(Exception):  # the scheduler may be gone
+            client.close(timeout=5)

@@ -71,14 +71,12 @@ def stop(pool: str) -> None:
 
 
 class _Companion:
-    """The companion process, which always ends together with this process."""
-
     def __init__(self) -> None:
         self._folder = TemporaryDirectory(prefix="evoros-modules-", ignore_cleanup_errors=True)
         self._control, control = socket.socketpair()
         script = SCRIPT.format(path=sys.path, control=control.fileno(), folder=self._folder.name)
         with control:
-            self._process = subprocess.Popen(
+            self.process = subprocess.Popen(
                 [sys.executable, "-c", script],
                 env={**os.environ, **dict.fromkeys(ONE_THREAD, "1")},
                 stdin=subprocess.PIPE,  # closed when this process ends
@@ -87,11 +85,7 @@ class _Companion:
             )
 
     def runs(self) -> bool:
-        return self._process.poll() is None
-
-    def await_end(self) -> None:
-        with suppress(subprocess.TimeoutExpired):
-            self._process.wait(END_S)
+        return self.process.poll() is None
 
     def connect(self) -> Connection:
         ours, theirs = socket.socketpair()
@@ -116,7 +110,8 @@ class _Node:
             except (EOFError, OSError) as error:
                 reason = error
                 if self._companion is not None:
-                    self._companion.await_end()
+                    with suppress(subprocess.TimeoutExpired):
+                        self._companion.process.wait(END_S)
                 self._thread.companion = None
         name = pickle.loads(request).name
         lost = WorkerLost(

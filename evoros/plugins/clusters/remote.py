@@ -43,8 +43,6 @@ class Transport(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class _Sent:
-    """A call sent to a worker, and the future that receives the answer."""
-
     call: Call
     modules: Shared | None
     future: "Future[Any]" = field(default_factory=Future)

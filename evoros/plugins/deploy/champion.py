@@ -128,7 +128,6 @@ def _read_sensors(record: Record, urdf: Urdf) -> Iterator[MountedSensor]:
 
 
 def _body_size(shapes: Sequence[Shape]) -> Triple:
-    """Return the side lengths [m] of a sensor's body if it is a box, otherwise zeros."""
     if not shapes or shapes[0].kind != "box":
         return 0.0, 0.0, 0.0
     x, y, z = shapes[0].size

@@ -49,7 +49,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     robot = simplify(f"{champion.name} {options.agent or ''}")
     name = f"{robot}_champion" if options.name is None else options.name
     chosen = PackageOptions(name, options.maintainer, options.license, _read_imu(options))
-    files, notes = write_package(champion, chosen, _draw(champion))
+    figure = draw_mounting(plan_mounting(champion))
+    drawings = {f"drawing/mounting.{kind}": render(figure, kind) for kind in ("pdf", "png")}
+    files, notes = write_package(champion, chosen, drawings)
     for note in notes:
         LOGGER.warning("%s", note)
     message = f"{champion.title}, with {len(champion.sensors)} sensors"
@@ -63,11 +65,6 @@ def _read_imu(options: argparse.Namespace) -> tuple[float, float, float] | None:
     if not all(map(math.isfinite, options.imu)):
         raise InputError(f"--imu: must be three finite numbers, not {x} {y} {z}; give metres")
     return x, y, z
-
-
-def _draw(champion: Champion) -> dict[str, bytes]:
-    figure = draw_mounting(plan_mounting(champion))
-    return {f"drawing/mounting.{kind}": render(figure, kind) for kind in ("pdf", "png")}
 
 
 def plan_mounting(champion: Champion) -> MountingPlan:
@@ -117,7 +114,6 @@ def _list_solids(champion: Champion, sensors: set[str], wheels: set[str]) -> Ite
 
 
 def _describe_datum(wheels: Array) -> str:
-    """Describe the origin of the robot's frame relative to the wheel centres (n, 3) [mm]."""
     if not len(wheels):
         return "the origin of the robot's frame, which lies on the ground"
     sides = wheels[:, 1]

@@ -211,7 +211,6 @@ def judge_gain(table: pd.DataFrame, line: str) -> finding.Finding:
 
 
 def _advise(table: pd.DataFrame, line: str) -> str:
-    """Name the runs that are needed to judge early gains, and the longest run."""
     needed = f"two mirrored runs of {EARLY + 2} generations or more, {line}"
     if table.empty:
         return needed
@@ -290,7 +289,6 @@ def judge_completion(
 
 
 def _random_rate(drawn: pd.DataFrame | None, kind: str) -> float:
-    """Return the share of missions with a failed sensor that random designs completed."""
     if drawn is None or drawn.empty:
         return np.nan
     rows = drawn[(drawn.kind == kind) & drawn.failed]

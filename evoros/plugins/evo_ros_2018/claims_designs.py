@@ -128,7 +128,6 @@ class Shares:
 
 
 def _compare_shares(table: pd.DataFrame, kind: str, having: "pd.Series[bool]") -> Shares | None:
-    """Compare the champions and random designs for a kind of failure; None without champions."""
     champions = having[(table.kind == kind) & ~table.random]
     drawn = having[(table.kind == kind) & table.random]
     if champions.empty:
@@ -220,10 +219,7 @@ def resample_mean_distance(distances: Array, stream: int = 0) -> Array:
 def relative_difference(
     one: Array, one_random: float, other: Array, other_random: float
 ) -> small_samples.Interval:
-    """Return the spread of ``one`` minus the spread of ``other``, relative to random designs.
-
-    Spreads are mean ``pairwise_distances``; the bootstrap interval is expanded for few designs.
-    """
+    """Return the difference between two mean distances, each relative to random designs."""
     value = mean_distance(one) / one_random - mean_distance(other) / other_random
     if min(len(one), len(other)) < 2:
         return small_samples.NOTHING

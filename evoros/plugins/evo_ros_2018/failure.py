@@ -63,10 +63,7 @@ def _read_sensors(record: Record, study: Study) -> pd.DataFrame:
 
 
 def list_damage(sensors: pd.DataFrame, rings: Sequence[Ring]) -> pd.DataFrame:
-    """List, for each pair of sensors, the probability that one fails if the other is hit.
-
-    ``docs/analysis.md`` describes the columns; lengths are in the robot's frame.
-    """
+    """List, for each pair of sensors, the probability that one fails if the other is hit."""
     both = sensors.merge(
         sensors[["x_m", "y_m", "z_m", "sensor", "pair"]].rename(columns={"sensor": "centre"}),
         how="cross",
@@ -117,7 +114,6 @@ def draw_failure(
 
 
 def _fit_window(table: pd.DataFrame, reach: float, panel_in: float) -> Window:
-    """Return the window around the sensors and rings, with room for labels on both sides."""
     x_low, x_high = table.x_m.min() - reach - 0.01, table.x_m.max() + reach + 0.01
     aside = float(table.y_m.abs().max())
     y = max(aside + reach + 0.01, aside / (1 - 2 * (LABEL_IN + TICK_IN) / panel_in))

@@ -27,8 +27,6 @@ Select = Callable[[Study], Study]
 
 @dataclass(frozen=True)
 class _PaperFigure:
-    """A figure of the paper: its number, the subcommand that draws it, and the runs to use."""
-
     number: int
     subcommand: str
     shows: str  # the paper's caption

@@ -31,11 +31,7 @@ from evoros.world.model import KEPT_WORLDS, World
 from evoros.world.standing import GAP_M
 
 GROUND, OBSTACLE, SOLID, ROLLING, WALKER = "ground", "obstacle", "solid", "rolling", "walker"
-"""Names of the server's collision groups.
-
-Solid shapes collide with obstacles, walkers and the ground; rolling shapes collide only with the
-ground.
-"""
+"""Collision groups of the server: rolling shapes collide only with the ground, solid with all."""
 
 _GEOMETRY = {
     "box": "<box><size>{} {} {}</size></box>",
@@ -107,7 +103,6 @@ def _format_inertial(inertial: Inertial) -> str:
 
 
 def _format_mesh(place: str, solid: Solid) -> str:
-    """Return the line that describes a mesh: its place, pose, vertices and triangles."""
     if solid.shape.kind == "heightfield":
         vertices, triangles = _triangulate(solid.shape)
     else:
@@ -163,11 +158,7 @@ def format_robot(
 def _find_solids(
     robot: Robot, link: str, shapes: Collection[Shape], is_wheel: bool, wheel_friction: float
 ) -> list[Solid]:
-    """Return the collision shapes of a link.
-
-    Each shape of an exposed wheel or caster occurs twice, once for the ground and once for
-    obstacles.
-    """
+    """Return a link's collision shapes, twice on exposed wheels: for the ground and obstacles."""
     casters = robot.drive.caster_links
     if not is_wheel and link not in casters:
         return [Solid(SOLID, shape, shape.pose, CHASSIS_FRICTION) for shape in shapes]
@@ -181,10 +172,7 @@ def _find_solids(
 
 
 def _round(shape: Shape) -> Shape:
-    """Return a wheel as a sphere.
-
-    A cylinder would touch the ground with one edge, which makes turning radii wrong by up to 11 %.
-    """
+    """Return a wheel as a sphere; a cylinder's edge makes turning radii wrong by up to 11 %."""
     return Shape("sphere", shape.size[:1], shape.pose) if shape.kind == "cylinder" else shape
 
 
@@ -254,9 +242,9 @@ def describe_scene(robots: Sequence[PlacedRobot], world: World, settings: Settin
 
 
 def _set_down(robot: Robot, home: tuple[float, float, float, float], world: World) -> Pose:
-    """Return the pose of the root link at a home, with the wheels on the ground.
+    """Return the root link's pose with the wheels on the ground.
 
-    If dropped, a robot would sink into the ground, and DART would take seconds to lift it out.
+    A robot that is dropped would sink into the ground, and DART would lift it out for seconds.
     """
     x, y, _, yaw = home
     (px, py, pz), (qx, qy, qz, qw) = home_frame(robot, (x, y, 0.0, yaw), world)

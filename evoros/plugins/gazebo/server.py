@@ -100,10 +100,7 @@ def _call(*command: str) -> "subprocess.CompletedProcess[str]":
 
 
 def compile_server() -> Path:
-    """Return the path of the compiled server; other processes wait for the one that compiles.
-
-    The file name includes a hash of the source code and the libraries.
-    """
+    """Return the path of the compiled server; other processes wait for the one that compiles."""
     library = find_library()
     recipe = (SOURCE.read_text(encoding="utf-8"), *library.versions.values(), *library.arguments)
     key = hashlib.sha256("\0".join(recipe).encode()).hexdigest()[:16]
@@ -183,8 +180,7 @@ class GazeboServer:
     ) -> Array:
         """Send a request about simulation ``number`` and return the values of the answer.
 
-        ``time`` is the mission time [s], for messages. A SimulationError means that the library
-        rejects the request.
+        ``time`` is the mission time [s], for messages.
         """
         self._pipes.begin(self.limit_s, time)
         self._pipes.send(_REQUEST.pack(operation, number, steps, feeling, len(body)) + body)

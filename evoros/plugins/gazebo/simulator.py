@@ -300,5 +300,4 @@ class Gazebo(Simulator):
 
 @cache
 def _models() -> Models:
-    """Return this process's cache of ray-casting models, which affects no result."""
     return Models(import_mujoco())

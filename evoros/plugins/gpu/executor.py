@@ -34,7 +34,7 @@ class Part:
 class Joining:
     """A queue of parts, which are joined into one call as soon as a worker is free.
 
-    A call has at most one part of each run, because a run makes one part per worker.
+    A run makes one part per worker, so a call has at most one part of each run.
     """
 
     def __init__(self, pool: Pool, batches: Batches) -> None:
@@ -67,7 +67,6 @@ class Joining:
             self._send(parts)
 
     def _take(self) -> list[Part]:
-        """Return the parts of the next call, or an empty list if no worker is free."""
         parts: list[Part] = []
         share = 0.0
         with self._lock:
@@ -179,8 +178,6 @@ def _find_lack() -> str:
 
 @dataclass(frozen=True)
 class _Batching:
-    """A pool whose workers run missions in batches."""
-
     pool: Pool
     batches: Batches
     joining: Joining

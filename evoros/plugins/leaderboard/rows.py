@@ -121,7 +121,7 @@ def _describe_certificate(certificate: Mapping[str, Any]) -> tuple[str, str, str
 def hash_run(folder: Path) -> str:
     """Return a digest of the files that a run's configuration determines.
 
-    The seals of missions are excluded, because they depend even on keys that affect no outcome.
+    The missions' seals are excluded, because they depend even on keys that affect no outcome.
     """
     files = sorted(path for pattern in HASHED for path in folder.glob(pattern))
     whole = hashlib.sha256()
@@ -135,7 +135,6 @@ def hash_run(folder: Path) -> str:
 
 
 def _list_overrides(folder: Path, config_dir: str | None) -> tuple[str, list[str]]:
-    """Return the task of a run, and the overrides that compose its configuration."""
     recorded = flatten(read_recorded(folder / CONFIG))
     choices = read_json(folder / MANIFEST).get("choices", {})
     strange: dict[str, list[str]] = {}

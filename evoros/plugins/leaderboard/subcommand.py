@@ -55,8 +55,7 @@ def _check(file: Path, known: Path | None) -> int:
     for line, row in enumerate(read_rows(file), 2):
         if row in left_out:
             continue
-        problem = _find_difference(row)
-        if problem:
+        if problem := _find_difference(row):
             message = f"{file}: line {line} ({row.name}): {problem}"
             status = console.report_error(NAME, message, console.DIFFERENT)
         else:

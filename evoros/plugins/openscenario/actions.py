@@ -88,8 +88,6 @@ class Wait(Action):
 
 
 class _Reading(Wait):
-    """An action that uses the minimum reading of given sensors."""
-
     sensors: str
     channel = ""
 

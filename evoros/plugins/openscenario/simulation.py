@@ -113,7 +113,7 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
 
     def reset(self, overrides: str = "", config_dir: str = "", trial: int = 0) -> None:
         """Open the mission of the next scenario, and run it up to time 0."""
-        self._leave()
+        self.shutdown()
         self.command, self.problem, self._folder = None, "", None
         try:
             self._config_dir = config_dir or None
@@ -185,9 +185,6 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
 
     def shutdown(self) -> None:
         """Record and close the last mission."""
-        self._leave()
-
-    def _leave(self) -> None:
         try:
             if self._folder and self._setting and self._mission and not self.problem:
                 self._record(self._setting, self._mission, Path(self._folder))

@@ -90,7 +90,7 @@ class Mlflow(Observer):
 
 @contextmanager
 def _lock_folder(folder: Path | None) -> Iterator[None]:
-    """Keep other processes, such as a launcher's jobs, from creating the database now."""
+    """Keep other processes, such as a launcher's jobs, from creating the same database."""
     if folder is None:
         yield
         return
@@ -104,8 +104,6 @@ def _lock_folder(folder: Path | None) -> Iterator[None]:
 
 
 class _Connection:
-    """A connection to a run in MLflow, and the content that MLflow already has."""
-
     def __init__(self, client: Any, experiment: str) -> None:
         self.client, self.experiment = client, experiment
         self.id = ""  # MLflow's run id

@@ -21,7 +21,12 @@ LAST_PORT = 65535
 @reports_errors(NAME)
 def watch(arguments: Sequence[str]) -> int:
     """Serve the page until Ctrl-C."""
-    options = _parser().parse(arguments)
+    parser = CommandParser(NAME, description=ABOUT)
+    about = "a run, an evaluation or a sweep, which need not exist yet"
+    parser.add_argument("folders", nargs="+", metavar="FOLDER", help=about)
+    about = "port of the page (default: 0, any free port)"
+    parser.add_argument("--port", type=int, default=0, metavar="N", help=about)
+    options = parser.parse(arguments)
     if not 0 <= options.port <= LAST_PORT:
         raise InputError(
             f"--port: must be from 0 (any free port) to {LAST_PORT}, not {options.port}; choose "
@@ -56,12 +61,3 @@ def _serve(paths: Sequence[Path], port: int) -> NoReturn:
 def _terminate(*_: object) -> NoReturn:
     """Stop as on Ctrl-C, so that no process is left running."""
     raise EvorosError("terminated by a signal")
-
-
-def _parser() -> CommandParser:
-    parser = CommandParser(NAME, description=ABOUT)
-    about = "a run, an evaluation or a sweep, which need not exist yet"
-    parser.add_argument("folders", nargs="+", metavar="FOLDER", help=about)
-    about = "port of the page (default: 0, any free port)"
-    parser.add_argument("--port", type=int, default=0, metavar="N", help=about)
-    return parser

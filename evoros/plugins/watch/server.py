@@ -1,7 +1,4 @@
-"""The page and its server, which serves only this machine and requires a secret in the URL.
-
-The page detects changed parts by comparing digests.
-"""
+"""The page and its server, which serves only this machine and requires a secret in the URL."""
 
 import hashlib
 import json

@@ -97,7 +97,6 @@ class Flights:
 
 
 def _write_notes(flown: Sequence[str], obstacles: Mapping[Record, str]) -> Iterator[str]:
-    """Yield notes on rerun missions, and on the first run whose missions are not rerun."""
     if flown:
         yield f"Missions repeated for this page, because the run keeps none: {', '.join(flown)}."
     for record, reason in obstacles.items():
@@ -223,6 +222,5 @@ class Watcher:
 
 
 def _processor_s() -> float:
-    """Return the CPU time [s] of this thread and of child processes that have exited."""
     times = os.times()
     return time.thread_time() + times.children_user + times.children_system

@@ -15,10 +15,9 @@ E = TypeVar("E", bound=_Engine)
 
 
 class IdleEngines(Generic[E]):
-    """Engines that wait for their next mission; more than one only if missions were nested.
+    """Engines that wait for their next mission, in this process but not in forked ones.
 
-    Results do not depend on idle engines, because missing engines are recreated. A forked process
-    does not use its parent's engines.
+    There are several only if missions were nested. No result depends on them.
     """
 
     def __init__(self) -> None:

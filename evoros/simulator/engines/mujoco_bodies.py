@@ -28,10 +28,7 @@ ROBOT_BIT = 8  # type bit of the first of several robots; each further robot use
 BELOW_M = 1.0  # depth [m] of solid below the lowest point of a height field
 
 CENTRED: dict[str, Any] = {"ipos": [0, 0, 0], "iquat": [1, 0, 0, 0], "explicitinertial": True}
-"""An inertia that is expressed in the frame of its body.
-
-Without this setting, the engine would add the body's position twice.
-"""
+"""An inertia in the frame of its body, whose position the engine would otherwise add twice."""
 
 
 SLIDING = (0.1, 1.0)

@@ -37,21 +37,13 @@ with slip speed up to 0.2 m/s, which keeps the wheels on the ground. As a side e
 creeps at 1 cm/s on a slope of 0.1 rad.
 """
 
-TOLERANCE = 1e-12
-"""Solver tolerance, which the engine scales by the mean inertia, dominated by the rotors."""
+TOLERANCE = 1e-12  # of the solver; the engine scales it by the mean inertia, mostly the rotors'
 
 FEW_MOVABLE = 1000
-"""Maximum number of movable bodies for the engine's default memory reserve, 1.8 GB.
-
-The default reserve grows with the square of the number of bodies (6.4 GB for 2,000), so evoros
-sets a smaller reserve for more bodies.
-"""
+"""Maximum number of movable bodies for the default memory reserve, 1.8 GB; 2,000 need 6.4 GB."""
 
 MEMORY, MEMORY_PER_BODY, MEMORY_PER_PAIR = 1 << 26, 1 << 16, 8
-"""Terms of the smaller reserve [bytes]: constant, per movable body, and per pair.
-
-Boxes at rest use 8,000 bytes per body and 4 per pair.
-"""
+"""Terms of evoros's smaller reserve [bytes]; boxes at rest use 8,000 per body and 4 per pair."""
 
 
 class Settings(NamedTuple):

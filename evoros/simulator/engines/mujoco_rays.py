@@ -81,7 +81,6 @@ class MujocoRays:
         self._read(self._hits, self._ends, self.low, self._high, ranges)
 
     def _cast_from_inside(self, sensor: Sensor) -> None:
-        """Cast the rays of a sensor again, ignoring the shapes that contain the sensor."""
         rays, groups = sensor.rays, self._engine.geom_group
         before = groups.copy()
         turned, normals = self._turned[rays], self._normals[rays]

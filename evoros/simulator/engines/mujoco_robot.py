@@ -131,10 +131,7 @@ def _add_wheel_motor(
 
 
 def _add_servo(spec: Any, library: Any, joint: str, gain: float, bond: dict[str, Any]) -> None:
-    """Make a joint follow the angle of its rotor, which an actuator turns toward the target.
-
-    The actuator moves only the rotor, by ``angle += gain * (target - angle)`` in each step.
-    """
+    """Make a joint follow its rotor, which turns by ``gain * (target - angle)`` in each step."""
     rotor = _add_rotor(spec, library, joint)
     spec.add_equality(
         name=joint,
@@ -162,9 +159,8 @@ def _add_link(
 ) -> list[str]:
     """Add the collision shapes of a link; return the names of those that touch the ground.
 
-    ``masks`` is None if obstacles cannot touch the link. Each shape of an exposed wheel or caster
-    is added twice, for the ground and for obstacles, so that the engine's contact sensors can tell
-    these contacts apart at no cost.
+    ``masks`` is None if obstacles cannot touch the link. Exposed wheels and casters have each shape
+    twice, so that contact sensors can tell contacts with obstacles from those with the ground.
     """
     posed = [(shape.pose, shape) for shape in shapes]
     if not posed:

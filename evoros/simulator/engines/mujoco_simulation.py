@@ -64,10 +64,7 @@ GROUND, OBSTACLE, WALKER = -1, -2, -3
 
 
 class MujocoSimulation:
-    """The robots of a MuJoCo model in their world.
-
-    Functions of the engine and views of its state are bound once, because lookups cost time.
-    """
+    """The robots of a MuJoCo model in their world."""
 
     def __init__(
         self,

@@ -144,16 +144,12 @@ RAY, ROBOT, GROUND, FIXED, MOVABLE = 1, 2, 4, 8, 16
 VISIBLE = GROUND | FIXED | MOVABLE
 MOVING = RAY | ROBOT | MOVABLE
 ROBOT_BIT = 32
-"""Group of the first of several robots; each further robot has the next bit.
-
-Robots collide with each other but not with themselves.
-"""
+"""Group of the first of several robots, which collide with one another; the others' bits follow."""
 
 MARGIN_M = 1e-4
 """Collision margin [m] of fixed polyhedra.
 
-Rays miss polyhedra with a smaller margin. With the engine's default, 1 mm, rays that graze a floor
-hit it centimetres too early.
+Rays miss polyhedra with less; with the default, 1 mm, grazing rays hit floors centimetres early.
 """
 UPWARDS = 0.1  # minimum upward component of the normal at a contact that supports a body
 

@@ -134,10 +134,7 @@ class Engine:
         return self._model
 
     def _disturbed(self, model: Model) -> bool:
-        """Return True if a body other than a robot has moved since the build, or is unsupported.
-
-        The engine wakes a body when a robot comes near, so it can settle without being touched.
-        """
+        """Return True if a body has moved since the build, even by itself, or is unsupported."""
         bullet = self.bullet
         return bool(model.falling) or any(
             bullet.getBasePositionAndOrientation(body) != frame

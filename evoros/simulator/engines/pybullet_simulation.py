@@ -160,11 +160,7 @@ class BulletSignals(RigidSignals):
 def find_touches(
     bullet: Any, robot: LoadedRobot, ground: Collection[int]
 ) -> Iterator[tuple[int, Any]]:
-    """Yield (link, engine contact point) for each contact of a robot with an obstacle.
-
-    The engine lists points of all nearby bodies. Only points with a force or an overlap count as
-    contacts.
-    """
+    """Yield (link, contact point) for each contact with an obstacle: a force or an overlap."""
     for link in robot.touching:
         for point in bullet.getContactPoints(robot.body, -1, link, -2):
             if point[2] not in ground and (point[8] <= 0.0 or point[9] > 0.0):

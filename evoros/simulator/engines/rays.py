@@ -123,10 +123,7 @@ axis.
 """
 PART_SIZE = SHAPE + OBSTACLE_SIZE
 PART, BEAM, FIRST_RAY, END_RAY = range(4)
-"""Columns of a beam that may see a part.
-
-Index of the part; index of the beam; first ray; end of its rays.
-"""
+"""Columns of a beam that may see a part: indices of the part, beam, first ray, and end of rays."""
 PAIR_SIZE = 4
 
 

@@ -19,10 +19,7 @@ GAP_M = 1e-3  # gap [m] between walkers and the ground
 
 
 class EngineWalkers:
-    """Walkers whose positions the engine updates in each of its steps.
-
-    During a control period, they react to the robots' poses at the start of the period.
-    """
+    """Walkers that move in each step, and react to the robots' poses at each period's start."""
 
     def __init__(self, crowd: Crowd, robots: Sequence[Robot], time_step: float) -> None:
         self._parameters, self._memory = crowd.parameters, crowd.memory.copy()

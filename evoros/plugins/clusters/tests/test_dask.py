@@ -31,10 +31,10 @@ from evoros.base.errors import InputError, RunStopped, WorkerLost
 from evoros.cli.main import evoros
 from evoros.executor.protocol import ONE_THREAD, pack_call
 from evoros.executor.worker_handle import Limits
-from evoros.plugins.clusters import dask_cluster
+from evoros.plugins.clusters import dask_transport
 from evoros.plugins.clusters.companion import Request
 from evoros.plugins.clusters.dask import Dask
-from evoros.plugins.clusters.dask_cluster import connect
+from evoros.plugins.clusters.dask_transport import connect
 from evoros.plugins.clusters.node import describe_environment
 from evoros.terminal.console import DONE, STOPPED
 
@@ -137,7 +137,7 @@ def test_nobody_at_the_address_is_told_in_one_line(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(dask_cluster, "CONNECT_S", 1.0)
+    monkeypatch.setattr(dask_transport, "CONNECT_S", 1.0)
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
     address = f"executor.address=tcp://127.0.0.1:{port}"
@@ -158,7 +158,7 @@ def test_a_scheduler_is_found_by_its_file(
 ) -> None:
     with Dask(str(started.folder / "scheduler.json")).open() as pool:
         assert pool.submit(square, 6).result(LIMIT_S) == 36
-    monkeypatch.setattr(dask_cluster, "CONNECT_S", 0.5)
+    monkeypatch.setattr(dask_transport, "CONNECT_S", 0.5)
     with (
         pytest.raises(RunStopped, match=r"none\.json is not a scheduler file"),
         Dask(str(tmp_path / "none.json")).open(),

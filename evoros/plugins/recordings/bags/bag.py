@@ -62,7 +62,6 @@ def make_layout(topics: Sequence[ros.Topic], robot_frame: str, agents: Sequence[
 def _find_series(
     topics: Sequence[ros.Topic], fields: Mapping[str, Mapping[str, str]]
 ) -> dict[str, str]:
-    """Return the label of each field that is plotted; ``fields`` describes the message types."""
     return {
         f"{topic.name}.{field}": f"{topic.name.removeprefix('/')} {words}".rstrip()
         for topic in topics
@@ -158,7 +157,6 @@ def _list_team_messages(mission: RecordedMission, goal: str) -> list[ros.Message
 
 
 def _place(name: str, message: ros.Message) -> ros.Message:
-    """Return an agent's message, with the agent's name prefixed to topic and frames."""
     topic = message.topic if message.topic in _OF_ALL else f"/{name}{message.topic}"
     return message._replace(topic=topic, content=_rename_frames(name, message.content))
 

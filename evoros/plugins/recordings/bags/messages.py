@@ -138,7 +138,7 @@ def _show_walkers(mission: RecordedMission) -> Iterator[Message]:
 
 
 def _decide(mission: RecordedMission) -> Iterator[Message]:
-    """Yield commands and modes, except for the last record, at which nothing is decided."""
+    """Yield commands and modes; the robot decides nothing at the last record."""
     names = (NONE, *mission.context.modes)
     for row in mission.trajectory.iloc[:-1].to_dict("records"):
         stamp = to_stamp(row["time_s"])
@@ -149,10 +149,7 @@ def _decide(mission: RecordedMission) -> Iterator[Message]:
 
 
 def _measure(sensor: RecordedSensor, times: Array) -> Iterator[Message]:
-    """Yield each reading once, stamped with its sampling time, which may precede the record's.
-
-    No sensor samples at the end of the mission.
-    """
+    """Yield each reading once, stamped with its sampling time, before the end of the mission."""
     period = sensor.kind.period_s
     samples = np.floor(times / period + _SAME_TIME)
     samples[-1] = math.ceil(times[-1] / period - _SAME_TIME) - 1
@@ -228,7 +225,6 @@ def mark_walker(walker: WalkerTrack, record: int) -> Mapping[str, Any]:
 
 
 def _geometry(shape: Shape) -> Mapping[str, Any]:
-    """Return a marker's type, size and points, in the shape's frame."""
     if shape.kind == "convex":
         solid = convex_polyhedron(shape.corners)
         points = solid.corners[solid.triangles.ravel()].tolist()

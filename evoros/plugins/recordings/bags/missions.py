@@ -96,8 +96,6 @@ def read_mission(record: Record, row: "pd.Series[str]") -> RecordedMission:
 
 
 class _Files(NamedTuple):
-    """A mission's name and files."""
-
     mission: str
     trajectory: Path
     described: Path  # description of the robot with its sensors

@@ -64,7 +64,7 @@ def _write(
     qualities: Sequence[Mapping[str, Any]],
     messages: Sequence[Message],
 ) -> None:
-    """Write messages to a bag; ``qualities`` are additional arguments for each connection."""
+    """Write messages to a bag; ``qualities`` holds more arguments for each connection."""
     with writer:
         connections = {
             topic.name: writer.add_connection(topic.name, topic.type, typestore=store, **quality)

@@ -56,10 +56,7 @@ AGENTS = "agents"
 
 
 def record_study(record: Record, missions: Sequence[RecordedMission]) -> bytes:
-    """Return the content of a recording.
-
-    Equal runs give equal data, but the library assigns new ids to rows and views each time.
-    """
+    """Return a recording: equal data for equal runs, but the library's ids differ each time."""
     # Properties would contain the time of day.
     stream = rr.RecordingStream(APPLICATION, recording_id=record.name, send_properties=False)
     with tempfile.TemporaryDirectory() as folder:

@@ -202,7 +202,6 @@ def draw_fan(reach: float, half_rad: float) -> Array:
 
 
 def _plot(top: Entities, sensor: RecordedSensor, times: Array) -> None:
-    """Plot a sensor's readings; a scan is reduced to its minimum range."""
     kind = sensor.kind
     if isinstance(kind, Beam):
         values, names = np.fmin.reduce(sensor.readings, axis=1)[:, None], [f"{sensor.link} [m]"]

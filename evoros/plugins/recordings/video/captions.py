@@ -19,8 +19,7 @@ def _rgb(name: str) -> Colour:
     return red, green, blue
 
 
-CLEAR, NEAR, FAILED = _rgb(BLUE), _rgb(VERMILLION), (70, 70, 70)
-ERRING = _rgb(PURPLE)
+CLEAR, NEAR, ERRING, FAILED = _rgb(BLUE), _rgb(VERMILLION), _rgb(PURPLE), (70, 70, 70)
 _INK, _PAPER, _OPACITY = (30, 30, 30), (255, 255, 255), 0.8
 
 

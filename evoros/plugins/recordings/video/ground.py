@@ -65,7 +65,6 @@ class Ground:
         self._picture.paste(TRACK, corner, whole)
 
     def _draw_mask(self, points: Array, width_m: float) -> tuple[Pixel, Image.Image]:
-        """Return the top left pixel of a line's mask, and the mask."""
         corner, mask = self._make_mask(points, width_m, _SMOOTH)
         width = max(1, round(width_m * self.scale * _SMOOTH))
         pixels = self._to_pixels(points, corner, _SMOOTH)

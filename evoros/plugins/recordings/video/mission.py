@@ -231,7 +231,6 @@ def _read_urdf(record: Record) -> str:
 
 
 def _list_faults(track: pd.DataFrame, effects: Mapping[str, str]) -> Iterator[ShownFault]:
-    """Yield the sensor faults in a track; ``effects`` maps fault names to kinds."""
     columns = ("time_s", "failed_sensors", "failed_by")
     for time, sensors, names in zip(*(track[name] for name in columns), strict=True):
         for sensor, name in zip(str(sensors).split(";"), str(names).split(";"), strict=True):

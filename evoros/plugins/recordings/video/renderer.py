@@ -97,7 +97,6 @@ def _reach_at(u: Floats, v: Floats, fan: Fan) -> Floats:
 
 
 def _bounding_box(plane: Array, fan: Fan, size: tuple[int, int]) -> tuple[slice, slice] | None:
-    """Return the rows and columns that contain the fan; None if the fan is invisible."""
     angles = np.linspace(-fan.half_rad, fan.half_rad, _ARC)
     # The margin allows for the bulge of the arc between the sampled points.
     reach = (1.04 if fan.half_rad > 1.0 else 1.03) * float(fan.reach_m.max())
@@ -184,7 +183,6 @@ class Renderer:
         self.ground.extend_track(points, width)
 
     def _make_fans(self, index: int, robot: Array) -> list[Fan]:
-        """Return the fans in drawing order, the most important last."""
         fans: list[tuple[int, Fan]] = []
         states = classify_sensors(self.sensors, self.ended, index)
         colours = self.colour_sensors(index)
@@ -285,7 +283,7 @@ def _cut_polyhedron(shape: Shape, pose: Pose) -> Shape:
 def find_goals(world: World, places: Array, visited: NDArray[np.int64]) -> Array:
     """Return the next waypoint (n, 2) [m] at each record; NaN after the last.
 
-    The unrecorded direction follows from the waypoint that the robot approached first.
+    The waypoint that the robot approached first tells the direction of the route.
     """
     first = places[: int(np.count_nonzero(visited == 0)) + 1]
     routes = [world.course.route(forward) for forward in (True, False)]

@@ -82,7 +82,7 @@ def _bound(corners: Array, size: tuple[int, int]) -> NDArray[np.int64]:
 def _fill(
     weights: Array, boxes: NDArray[np.int64], colours: Pixels, nearness: Floats, picture: Pixels
 ) -> None:
-    """Draw triangles into the pixels in which ``nearness`` (h, w) is lower."""
+    """Draw triangles into the pixels at which they are nearest; update ``nearness`` (h, w)."""
     for t in range(len(weights)):
         first, second, third = weights[t]
         for row in range(boxes[t, 1], boxes[t, 3]):

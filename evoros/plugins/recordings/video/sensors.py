@@ -84,10 +84,7 @@ def classify_sensors(sensors: Sequence[ShownSensor], ended: Flags, index: int) -
 def colour_sensors(
     sensors: Sequence[ShownSensor], ended: Flags, errors: Array, index: int
 ) -> list[Colour]:
-    """Return each sensor's colour in a picture, a mix of the colours of its state and error.
-
-    ``errors`` (n, sensors) is the proportion of the error's colour, from 0 to 1.
-    """
+    """Mix the colours of each sensor's state and error; ``errors`` (n, sensors) is from 0 to 1."""
     states = zip(classify_sensors(sensors, ended, index), errors[index], strict=True)
     return [_mix(state, ERRING, float(share)) for state, share in states]
 

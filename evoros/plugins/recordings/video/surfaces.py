@@ -67,10 +67,7 @@ class Surface:
 
 
 def triangulate(shape: Shape) -> Array:
-    """Return the triangles (t, 3, 3) [m] of a shape, in the shape's frame; a plane has none.
-
-    Corners are in counter-clockwise order, as seen from outside or above.
-    """
+    """Return a shape's triangles (t, 3, 3) [m], counter-clockwise from outside; a plane: none."""
     if shape.kind == "plane":
         return np.empty((0, 3, 3))
     if shape.kind == "heightfield":
@@ -109,6 +106,5 @@ def _triangulate_heights(shape: Shape) -> Array:
 
 
 def _thin(length: int) -> list[int]:
-    """Return at most ``MAX_SIDE`` evenly spaced indices, including both ends."""
     count = min(length, MAX_SIDE)
     return [round(i * (length - 1) / (count - 1)) for i in range(count)]

@@ -18,11 +18,8 @@ COMMANDS = {
     "AckermannDriveStamped": ("drive",),
 }
 """The path to the command in each type of message that commands the robot."""
-STEADY, PAUSE_S = 10, 0.005
-"""Number of checks in a row that must find all nodes at rest before a mission, and their interval.
-
-One check is not enough, because a node that sleeps during its start also appears to be at rest.
-"""
+STEADY = 10  # checks in a row that must find all nodes at rest; a node may sleep while it starts
+PAUSE_S = 0.005  # pause between checks while nodes start
 OWN_SHARE = 0.8  # fraction of a wall-clock limit after which this process exits with a reason
 
 
@@ -118,11 +115,8 @@ class Wheels:
 
 
 def ros_time(time: float) -> tuple[int, int]:
-    """Convert a mission time [s] to seconds and nanoseconds.
-
-    A mission starts at 1 s, because ROS treats time 0 as unset. A clock that is one nanosecond
-    short would make a timer miss a tick.
-    """
+    """Convert a mission time [s] to seconds and nanoseconds; the mission starts at 1 s."""
+    # ROS treats time 0 as unset. A clock one nanosecond short would make a timer miss a tick.
     return divmod(round((1.0 + time) * 1e9), 10**9)
 
 

@@ -79,8 +79,7 @@ class WatchedThread:
     def waits(self, tells_places: bool) -> bool:
         """Return True if the thread is waiting for an external event or has exited.
 
-        Without ``tells_places``, the system call is read before the state. A PermissionError
-        contains the name of the file that cannot be read.
+        Without ``tells_places``, the system call is read before the state.
         """
         place = os.pread(self._place, PLACE_BYTES, 0) if tells_places else b""
         if place and place == self._known_place:
@@ -126,10 +125,7 @@ class WatchedThread:
 
 
 def tells_places() -> bool:
-    """Return True if the kernel names where threads wait, and stops when they are woken.
-
-    This needs Linux 5.16 or later, built with the names of kernel functions.
-    """
+    """Return True if the kernel (5.16 or later) names where threads wait until they are woken."""
     version = re.match(r"(\d+)\.(\d+)", os.uname().release)
     if version is None or tuple(map(int, version.groups())) < (5, 16):
         return False

@@ -88,7 +88,6 @@ class Mission:
         return self._missing() is None
 
     def _missing(self) -> str | None:
-        """Connect to the nodes that publish commands and modes; describe a missing connection."""
         self._crew.require_nodes()
         missing = self._graph.missing(self._command)
         if missing is not None:
@@ -131,7 +130,6 @@ class Mission:
             end(str(error))
 
     def _require_command(self, until: float) -> None:
-        """Wait for a command, and then until the nodes are at rest again."""
         while not self._incoming[self._command].wait(PAUSE_S):
             self._crew.require_nodes()
             if time.monotonic() > until:
@@ -145,11 +143,7 @@ def main() -> None:
 
 
 def _start_master(isolated: bool, until: float) -> dict[str, str]:
-    """Start a master, and return the environment with which nodes find it.
-
-    A master in this process would compete for the interpreter lock. ``until`` is a monotonic time
-    [s].
-    """
+    """Start a master in another process, and return the environment with which nodes find it."""
     port = PORT if isolated else _free_port()
     folder = os.getcwd()
     environment = {name: value for name, value in os.environ.items() if name != "ROS_HOSTNAME"}

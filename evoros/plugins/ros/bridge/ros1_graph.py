@@ -188,7 +188,6 @@ class Graph:
         return None
 
     def _connections(self) -> dict[tuple[str, str], int]:
-        """Return the number of incoming connections by node and topic."""
         count: dict[tuple[str, str], int] = {}
         for name in {name for names in self._subscribed.values() for name in names}:
             connections = ask_node(self._addresses[name], "getBusInfo")

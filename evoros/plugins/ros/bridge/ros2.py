@@ -23,11 +23,7 @@ if TYPE_CHECKING:
 NEEDED = ("rclpy", "geometry_msgs", "nav_msgs", "sensor_msgs", "rosgraph_msgs")
 ADVICE = ", and source /opt/ros/DISTRIBUTION/setup.bash before running evoros"
 GRAPH_PAUSE_S, LOOK_S = 0.05, 0.0002
-"""Pauses between checks [s].
-
-Only the nodes know the connections between them, and Fast DDS repeats lost discovery messages after
-a third of a second.
-"""
+"""Pauses between checks [s]; Fast DDS repeats lost discovery messages after a third of a second."""
 
 
 def start_nodes(briefing: dict[str, Any]) -> Nodes:

@@ -187,10 +187,7 @@ class Graph:
         return None
 
     def _listeners(self) -> set[tuple[str, str]]:
-        """Return the name and namespace of each node that subscribes to this process.
-
-        The graph first learns a node's services, then its connections, then its name.
-        """
+        """Return the name and namespace of each node that subscribes to this process."""
         topics = [topic for outlet in self.outlets for topic in outlet.names()]
         listening = [self._node.get_subscriptions_info_by_topic(topic) for topic in topics]
         return {(node.node_name, node.node_namespace) for nodes in listening for node in nodes}

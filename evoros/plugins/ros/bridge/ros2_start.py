@@ -1,8 +1,4 @@
-"""The commands, parameters and environment of the ROS 2 nodes.
-
-This module uses only the standard library, because the nodes start before this process imports
-rclpy.
-"""
+"""The commands, parameters and environment of the ROS 2 nodes, for use before rclpy is imported."""
 
 from __future__ import annotations
 
@@ -131,10 +127,7 @@ def _checked(name: str, value: Any) -> Any:
 
 
 def set_environment(isolated: bool) -> object:
-    """Isolate the nodes; return an object that must exist as long as the nodes.
-
-    An OSError means that no domain is free.
-    """
+    """Isolate the nodes; return an object that must exist as long as the nodes."""
     for name in ELSEWHERE:
         os.environ.pop(name, None)
     folder = os.getcwd()
@@ -153,7 +146,6 @@ def set_environment(isolated: bool) -> object:
 
 
 def _free_domain() -> tuple[int, object]:
-    """Return an unused domain, and the socket that reserves the domain."""
     for shift in range(DOMAINS):
         domain = 1 + (os.getpid() + shift) % DOMAINS
         claim = socket.socket(socket.AF_UNIX)
