@@ -37,7 +37,7 @@ with slip speed up to 0.2 m/s, which keeps the wheels on the ground. As a side e
 creeps at 1 cm/s on a slope of 0.1 rad.
 """
 
-TOLERANCE = 1e-12  # tolerance of the solver, relative to the mean inertia, mostly the rotors'
+TOLERANCE = 1e-12  # tolerance of the solver, relative to a mean inertia that rotors dominate
 
 FEW_MOVABLE = 1000
 """Maximum number of movable bodies for the default memory reserve, 1.8 GB; 2,000 need 6.4 GB."""
