@@ -179,7 +179,7 @@ def test_a_robot_that_the_engine_cannot_load_is_told_with_another_engine(
     def load_nothing(bullet: Any, urdf: str, frame: Any, flags: int) -> int:
         return int(bullet.loadURDF("/no/such/file.urdf", *frame))
 
-    monkeypatch.setattr("evoros.simulator.engines.pybullet_robot.load_urdf", load_nothing)
+    monkeypatch.setattr("evoros.simulator.engines.pybullet_bodies.load_urdf", load_nothing)
     assert_mujoco_opens_what_is_refused(experiment, r"robot erle_rover \(Cannot load URDF file.\)")
 
 
@@ -189,7 +189,7 @@ def test_a_world_that_the_engine_cannot_build_is_told_with_another_engine(
     def add_nothing(bullet: Any, body: Body) -> list[int]:
         return [bullet.loadURDF("/no/such/file.urdf")]
 
-    monkeypatch.setattr("evoros.simulator.engines.pybullet_model.add_body", add_nothing)
+    monkeypatch.setattr("evoros.simulator.engines.pybullet_bodies.add_body", add_nothing)
     assert_mujoco_opens_what_is_refused(experiment, r"the world 'boxes' \(")
 
 
