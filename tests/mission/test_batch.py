@@ -74,8 +74,8 @@ NEEDED = {
     **{f"failure/onset={name}": ["failure=drive"] for name in kinds("failure/onset")},
 }
 """What a choice needs to be complete."""
-USERS = {"robot=own"}
-"""Choices that read a user's files."""
+LEFT_OUT = {"robot=own", *(f"failure={name}" for name in ("adversarial", "exhaustive", "given"))}
+"""A choice that reads a user's files, and those that draw what another one draws."""
 ON_CPU = {f"controller={name}" for name in ("ardupilot", "program", "ros1", "ros2")}
 ON_CPU |= {f"simulator={name}" for name in ("gazebo", "mujoco", "physics", "pybullet")}
 """Choices whose missions have no kernel."""
@@ -86,7 +86,7 @@ def choose(group: str) -> dict[str, Experiment]:
     chosen = {}
     for name in kinds(group):
         choice, place = f"{group}={name}", PLACES.get(group, group)
-        if choice not in USERS:
+        if choice not in LEFT_OUT:
             chosen[choice] = experiment_of(LONG, f"{place}={name}", *NEEDED.get(choice, []))
     return chosen
 

@@ -22,9 +22,8 @@ OPTIMIZER = ("population_size=3", "generations=2", "validation_trials=1")
 TINY = (*SMALL, *(f"optimizer.{setting}" for setting in OPTIMIZER))
 NOISE = "+filter@controller.localization.noise=pose_noise"
 CASES = {
-    "generated": ("experiment=yard", "failure=random"),
     "team": ("experiment=two_rovers", "failure=spatial", "controller=rover_l1", NOISE),
-    "reckoning": ("experiment=reckoning", "failure=combined"),
+    "reckoning": ("experiment=reckoning", "failure=combined", "world=generated"),
     "lidar": ("experiment=lidar", "failure=random"),
     "rooms": ("experiment=rooms",),
 }
