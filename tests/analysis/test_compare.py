@@ -1,6 +1,5 @@
 """Champions are validated by what flew under their conditions; treatments are compared by it."""
 
-import io
 import json
 import shutil
 from collections.abc import Iterator
@@ -22,7 +21,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.drawing.style import save
 from evoros.analysis.figures.compare import _report_conditions, draw_comparison
 from evoros.analysis.statistics.comparison import compare_treatments, conclude
 from evoros.analysis.statistics.small_samples import holm, median_interval
@@ -448,15 +446,3 @@ def test_very_many_comparisons_are_left_to_the_table() -> None:
 def test_without_any_validation_there_is_one_panel() -> None:
     figure = drawn(runs_of(FIVE).assign(validated=nan))
     assert [axes.get_xlabel() for axes in figure.axes] == ["recorded fitness"]
-
-
-@pytest.mark.slow
-def test_the_same_runs_in_any_order_give_the_same_bytes() -> None:
-    def saved(runs: pd.DataFrame) -> bytes:
-        file = io.BytesIO()
-        save(drawn(runs), file, "svg")
-        return file.getvalue()
-
-    runs = runs_of(FIVE)
-    mixed = runs.iloc[[4, 3, 2, 1, 0, *range(5, 15)]]
-    assert saved(runs) == saved(mixed)

@@ -26,6 +26,7 @@ DOCUMENTS = (
     "worlds",
     "architecture",
     "agents",
+    "evaluation",
     "sensors",
     "python",
     "search",
@@ -68,7 +69,12 @@ def test_every_key_of_a_file_is_in_its_section_with_its_value(choice: str) -> No
 
 COMPOSING = ("evoros", "evoros evaluate", "evoros resume")
 COMMANDS = sorted(
-    {line for name in DOCUMENTS for line in commands(name) if split_command(line)[0] in COMPOSING}
+    {
+        line
+        for name in DOCUMENTS
+        for line in commands(name)
+        if split_command(line)[0] in COMPOSING and "like=" not in line
+    }
 )
 
 
@@ -81,8 +87,8 @@ def test_the_commands_compose_and_build(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))  # the user's own folder is added to it
     if line.startswith("evoros resume"):
-        overrides = parse_options(shlex.split(line)[3:]).overrides
-        allowed = ("executor", "executor.workers", "optimizer.generations", "trials")
+        overrides = parse_options(shlex.split(line, comments=True)[3:]).overrides
+        allowed = ("executor", "executor.workers", "optimizer.generations", "trials", "controls")
         assert all(override.partition("=")[0] in allowed for override in overrides)
     else:
         next(iter(composed(line))).build()  # of a sweep its first job

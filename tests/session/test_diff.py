@@ -218,8 +218,3 @@ def test_what_cannot_be_compared_is_one_line(
     monkeypatch.chdir(tmp_path / "empty")
     assert diff([str(run) if name == "RUN" else name for name in names]) == INPUT
     assert capsys.readouterr().err.count("\n") == 1
-
-
-def test_help_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    assert diff(["--help"]) == DONE
-    assert "evoros diff [-h] [--version] A B" in capsys.readouterr().out

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from documents import split_command
 from helpers import (
     OPTION,
     ROOT,
@@ -26,9 +25,8 @@ from helpers import (
 
 import evoros
 from evoros.base.errors import InputError
-from evoros.cli.command import evaluate, parse_options
+from evoros.cli.command import evaluate
 from evoros.config.compose import compose
-from evoros.config.jobs import Job, Jobs
 from evoros.design.design import Design
 from evoros.dispatch import dispatcher
 from evoros.evolution.experiment import Experiment
@@ -540,18 +538,3 @@ def test_columns_fields_and_files_are_documented(whole: Path) -> None:
     assert documented("status.json", "field") == list(status)
     assert set(documented("The folder", "file")) == {path.name for path in whole.iterdir()}
     assert documented("Designs", "column") == list(DESIGN_COLUMNS)
-
-
-def commands() -> list[str]:
-    text = (ROOT / "docs" / "evaluation.md").read_text()
-    return re.findall(r"^evoros (?!resume|analyze)(?!.*like=).*$", text, re.M)
-
-
-@pytest.mark.parametrize("line", [line for line in commands() if "like=" not in line])
-def test_the_commands_of_the_document_build(line: str) -> None:
-    name, *arguments = split_command(line)
-    options = parse_options(arguments)
-    primary = {"evoros": "config", "evoros evaluate": "evaluate"}[name]
-    for job in Jobs(options.overrides, options.multirun, None, primary):
-        assert isinstance(job, Job), job
-        job.config.build()
