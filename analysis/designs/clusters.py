@@ -54,10 +54,8 @@ def find_clusters(points: Array, draws: int = DRAWS) -> Clusters:
     Ward's method uses Euclidean distances; silhouettes follow Rousseeuw (1987), J. Comput. Appl.
     Math. 20, 53-65. The clouds without clusters are uniform in a box along the principal components
     of the points and have the same covariance (the reference of the gap statistic: Tibshirani et
-    al. 2001, J. R. Stat. Soc. B 63, 411-423). The number of clusters in a cloud is chosen in the
-    same way. Uniform clouds are used because they split better than other clouds without clusters.
-    To this test, points along a curve look clustered, so a single varying quantity must map to a
-    line in the coordinates. The order of the points does not matter.
+    al. 2001, J. R. Stat. Soc. B 63, 411-423). To this test, points along a curve look clustered, so
+    a single varying quantity must map to a line in the coordinates.
     """
     n = len(points)
     if n < MIN_POINTS or not np.ptp(points, axis=0).any():
@@ -100,8 +98,7 @@ def cut_best(points: Array) -> tuple[float, NDArray[np.int64]]:
 def _cuts(tree: Array) -> list[NDArray[np.int64]]:
     """Cut a tree from ``linkage`` into 2 to ``MAX_CLUSTERS`` clusters, numbered from 1.
 
-    With merges at equal distances, SciPy's ``fcluster`` may return fewer clusters. ``fcluster`` and
-    ``cut_tree`` take ten times as long, which would dominate the time for many small clouds.
+    SciPy's ``fcluster`` and ``cut_tree`` take ten times as long, which would dominate the time.
     """
     n = len(tree) + 1
     members = {node: [node] for node in range(n)}  # points by node, in ascending order

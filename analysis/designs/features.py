@@ -71,9 +71,8 @@ def _openings(sensors: pd.DataFrame) -> Array:
 def compute_directions(profiles: pd.DataFrame) -> Array:
     """Return quantiles (n, ``QUANTILES``) of covered headings' angles [deg] from straight ahead.
 
-    Left and right are equivalent; a blind design has 180 everywhere. The Euclidean distance of two
-    rows, divided by the root of ``QUANTILES``, is the Wasserstein distance of order 2. If all
-    sensors rotate together, these points move along a line, whereas profiles move along a curve.
+    Left and right are equivalent; a blind design has 180 everywhere. If all sensors rotate
+    together, these points move along a line, whereas profiles move along a curve.
     """
     values = profiles.to_numpy(float)
     mirrored = np.roll(values[:, ::-1], 1, axis=1)  # -180 stays, 5 moves to -5

@@ -164,7 +164,6 @@ def _thin_ticks(figure: Figure) -> None:
 
 
 def _part_numbers(figure: Figure) -> None:
-    """Move notes that overlap other text to another side of their markers."""
     for axes in figure.axes:
         texts = [text for text in axes.texts if text.get_visible() and text.get_text()]
         for note in texts:

@@ -125,7 +125,6 @@ def _dimension_above(axes: Axes, plan: MountingPlan, view: View, top: float) -> 
 
 
 def _dimension_side(axes: Axes, plan: MountingPlan, view: View) -> None:
-    """Write z to the right of the view, and the x of reference points below it."""
     low, high = plan.bounds
     zs = group_values((s.place_mm[Z], view.across(s.place_mm[X])) for s in plan.sensors)
     zs.setdefault(0.0, [view.across(high[X]) + 4.0])
@@ -156,7 +155,6 @@ def _label_above(axes: Axes, plan: MountingPlan, view: View) -> None:
 
 
 def _label_side(axes: Axes, plan: MountingPlan, view: View) -> None:
-    """Write numbers and pitch above the view; sensors that coincide there share a label."""
     alike: dict[tuple[float, ...], list[int]] = {}
     for index, sensor in enumerate(plan.sensors):
         key = (*sensor.place_mm[[X, Z]].round(1).tolist(), round(sensor.pitch_deg, 1))

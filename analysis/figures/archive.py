@@ -175,7 +175,6 @@ def _draw_map(
     elites: pd.DataFrame,
     size: tuple[float, Normalize | None],
 ) -> AxesImage:
-    """Draw the cells; ``size`` is the width of the axes [in] and the colour scale."""
     x, y, cells = archive.grid
     fitness: Array = np.full((cells, cells), np.nan)
     fitness[elites.cell_y, elites.cell_x] = elites.fitness

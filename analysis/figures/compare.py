@@ -141,7 +141,9 @@ def draw_comparison(
             top.suptitle(KEY, fontsize="small")
             if measure in written:
                 rows = _table_rows(written[measure], letters)
-                note = _note(written[measure])
+                few = bool((written[measure]["least_p_holm"] >= LEVEL).any())
+                needed = f"; *too few runs: {minimum_replicates(len(rows))} each needed" * few
+                note = f"{TEST}; [ ]: 95 %{needed}"
                 write_table(bottom, HEADS, rows, layout.table_size, note)
     return figure
 
@@ -184,9 +186,3 @@ def _table_rows(tests: pd.DataFrame, letters: Mapping[str, str]) -> list[tuple[s
         p = comparison.format_p(row["p_holm"]).removeprefix("p").removeprefix(" = ").strip()
         rows.append((pair, p, comparison.format_effect(row)))
     return rows
-
-
-def _note(tests: pd.DataFrame) -> str:
-    few = bool((tests["least_p_holm"] >= LEVEL).any())
-    needed = minimum_replicates(len(tests))
-    return f"{TEST}; [ ]: 95 %" + f"; *too few runs: {needed} each needed" * few

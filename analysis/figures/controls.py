@@ -1,7 +1,7 @@
 """Champions and their controls on the same draws: no sensors, random search, hand-made designs."""
 
 import argparse
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -47,15 +47,14 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     table = compare_controls(study)
     summary = summarize_controls(table)
     label = label_fitness(study.records)
-    figure = draw_controls(table, summary, figure_width(options.columns, 2), label)
+    figure = _draw_controls(table, summary, figure_width(options.columns, 2), label)
     messages = describe_controls(summary, label)
     return Product(table, figure, messages, {"controls_summary.csv": summary})
 
 
-def draw_controls(
+def _draw_controls(
     table: pd.DataFrame, summary: pd.DataFrame, width: float, label: str = "fitness"
 ) -> Figure:
-    """Draw one row per treatment and control, by completion rate and by fitness."""
     several = summary["treatment"].nunique() > 1
     keys = list(zip(summary["treatment"], summary["control"], strict=True))
     names = [
@@ -91,7 +90,6 @@ def draw_controls(
 
 
 def _draw_row(axes: Axes, values: Array, y: int) -> None:
-    """Draw the runs' values (n, 2), control first, and connect their means."""
     means = values.mean(axis=0)
     axes.plot(means, [y, y], color="0.7", lw=1.5, zorder=1)
     for side, (name, (edge, size, face)) in enumerate(LOOKS.items()):
@@ -120,8 +118,7 @@ def _compare(record: Record) -> pd.DataFrame:
     evaluation = read_record(record.path / CONTROLS / EVALUATION, record.name)
     evaluation.require_finished()
     missions = read_missions(evaluation)
-    names = missions["source"].where(missions["source"].isin([CHAMPION, *TITLES]))
-    missions["design"] = names.fillna(missions["source"] + " " + missions["design"])
+    missions["design"] = _name(missions)
     is_champion = missions["design"] == CHAMPION
     columns = ["world", "trial", *QUANTITIES]
     pairs = missions[~is_champion].merge(
@@ -131,7 +128,7 @@ def _compare(record: Record) -> pd.DataFrame:
     tests = tests[tests["world"] == ALL_WORLDS].set_index("design")
     scores = evaluation.run.designs
     scores = scores.assign(fitness=scores.get("fitness", scores["fitness_mean"]))
-    fitness = dict(zip(_name_rows(scores), scores["fitness"], strict=True))
+    fitness = dict(zip(_name(scores), scores["fitness"], strict=True))
     order = [name for name in fitness if name != CHAMPION]
     tests = tests.loc[order]
     return pd.DataFrame(
@@ -147,9 +144,9 @@ def _compare(record: Record) -> pd.DataFrame:
     )
 
 
-def _name_rows(scores: pd.DataFrame) -> Iterator[str]:
-    for source, design in zip(scores["source"], scores["design"].astype(str), strict=True):
-        yield source if source in (CHAMPION, *TITLES) else f"{source} {design}"
+def _name(table: pd.DataFrame) -> "pd.Series[str]":
+    source, design = table["source"], table["design"].astype(str)
+    return source.where(source.isin([CHAMPION, *TITLES]), source + " " + design)
 
 
 def summarize_controls(table: pd.DataFrame) -> pd.DataFrame:

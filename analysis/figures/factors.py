@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the mean of each cell; the tables list the tests and the differences of means."""
-    names = choose_factors(study, options.factors)
+    names = _choose_factors(study, options.factors)
     runs, measures = score_runs(study, options.under)
     levels = {record.name: record.levels for record in study.records}
     for name in names:
@@ -87,7 +87,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     return Product(table, figure, messages, {"factors_effects.csv": differences})
 
 
-def choose_factors(study: Study, wanted: str | None) -> list[str]:
+def _choose_factors(study: Study, wanted: str | None) -> list[str]:
     """Choose the named factors, by default all that vary and do not follow from others."""
     columns = {
         name: tuple(record.levels[name] for record in study.records) for name in study.factors

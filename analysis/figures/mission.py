@@ -185,7 +185,7 @@ def _list_parts_below(
             (partial(mission_map.draw_errors, paths=missions.paths, columns=columns), height)
         )
     if any(missions.traces.values()):
-        draw = partial(draw_readings, traces=missions.traces, columns=columns)
+        draw = partial(_draw_readings, traces=missions.traces, columns=columns)
         rows = math.ceil(len(missions.traces) / columns)
         parts.append((draw, rows * len(_list_units(missions.traces)) * PANEL_IN + LEGEND_IN))
     return parts
@@ -259,8 +259,7 @@ def _add_legend(
         figure.legend(loc="outside lower center", ncols=across, columnspacing=1.0, **style)
 
 
-def draw_readings(figure: SubFigure, traces: Mapping[str, Sequence[Trace]], columns: int) -> None:
-    """Draw one panel per mission and unit; triangles mark sensor failures."""
+def _draw_readings(figure: SubFigure, traces: Mapping[str, Sequence[Trace]], columns: int) -> None:
     units = _list_units(traces)
     rows = -(-len(traces) // columns)
     grid = figure.subplots(rows * len(units), columns, squeeze=False, sharey="row")
@@ -299,7 +298,6 @@ def _choose_style(place: int) -> dict[str, Any]:
 
 
 def _draw_trace(axes: Axes, trace: Trace, order: int, style: Mapping[str, Any]) -> None:
-    """Draw a trace; bumpers are stacked, and later lines are thinner."""
     if trace.unit == "":
         values = order + 0.8 * trace.values
         axes.fill_between(trace.time_s, order, values, step="post", color=style["color"], lw=0.7)

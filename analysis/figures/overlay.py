@@ -105,7 +105,9 @@ def draw_overlay(cover: pd.DataFrame, champions: Champions, width: float = COLUM
     contexts = champions.contexts
     cuts_m = sorted(cover.cut_m.unique()) or [0.0]
     views = [fit_window(contexts.values(), champions.placed, cut) for cut in cuts_m]
-    shades = _shades(int(max([int(champions.numbers.max()), *cover.iloc[:, -1]])))
+    most = int(max([int(champions.numbers.max()), *cover.iloc[:, -1]]))
+    cmap = ListedColormap(mpl.colormaps["YlGnBu"](np.linspace(0.15, 1.0, 256)))
+    shades = cmap, BoundaryNorm(np.arange(0.5, most + 1), cmap.N)  # also ordered in greyscale
     with use_style():
         handles = champions.make_handles()
         room = LETTERS_PER_IN * (width - BAR_IN) / _count_columns(len(contexts), width)
@@ -131,12 +133,6 @@ def draw_overlay(cover: pd.DataFrame, champions: Champions, width: float = COLUM
             robot.frame_axes(axes, views[view])
         _add_legends(figure, page, shades, cover.columns[-1], handles)
     return figure
-
-
-def _shades(maximum: int) -> Shades:
-    """Return the colour map and norm for counts up to ``maximum``, also ordered in greyscale."""
-    cmap = ListedColormap(mpl.colormaps["YlGnBu"](np.linspace(0.15, 1.0, 256)))
-    return cmap, BoundaryNorm(np.arange(0.5, maximum + 1), cmap.N)
 
 
 def _lay_out(
@@ -170,7 +166,7 @@ def _draw_counts(
     if cover.empty:
         return
     half = float(cover.cell_m.iloc[0]) / 2
-    x, y = cell_centres(view, 2 * half)
+    x, y = _cell_centres(view, 2 * half)
     axes.imshow(
         rasterize(cover, x, y),
         origin="lower",
@@ -219,7 +215,7 @@ def count_coverage(
 
 def _spans(sensors: pd.DataFrame, context: FigureContext, cut: float, unit: str) -> pd.DataFrame:
     cell = cut / CELLS
-    x, y = cell_centres(fit_window([context], sensors, cut), cell)
+    x, y = _cell_centres(fit_window([context], sensors, cut), cell)
     along, across = np.meshgrid(x, y, indexing="ij")
     count = np.zeros((len(x), len(y)), dtype=np.int64)
     for _, members in sensors.groupby(UNITS[unit]):
@@ -235,7 +231,7 @@ def _spans(sensors: pd.DataFrame, context: FigureContext, cut: float, unit: str)
     return spans[spans[unit] > 0]
 
 
-def cell_centres(view: Window, cell_m: float) -> tuple[Array, Array]:
+def _cell_centres(view: Window, cell_m: float) -> tuple[Array, Array]:
     """Return the centres [m] of the cells that fill a window; cell borders lie on the axes."""
     x_low, x_high, y_low, y_high = (edge / cell_m for edge in view)
     x = np.arange(math.floor(x_low), math.ceil(x_high), dtype=np.float64)

@@ -124,7 +124,6 @@ def _read(entry: object, place: str) -> OwnClaim:
 def _read_bounds(
     given: object, comparison: str, difference: bool, place: str
 ) -> tuple[float, float]:
-    """Read one or two thresholds; a difference without a threshold is compared with 0."""
     if given is None and difference and comparison != WITHIN:
         return 0.0, 0.0
     bounds = given if comparison == WITHIN else [given, given]
@@ -201,7 +200,6 @@ def _compare_with_random(sides: Sequence[pd.DataFrame]) -> tuple[float, Interval
 def _estimate(
     samples: Sequence[Array], plain: bool = False, bounds: tuple[float, float] = UNBOUNDED
 ) -> Interval:
-    """Return a mean or a difference of two means with its interval, exact for binary values."""
     if len(samples) == 2:
         return contrast_interval(samples, [1.0, -1.0], bounds)
     (sample,) = samples

@@ -94,7 +94,6 @@ def draw_panels(
 
 
 def _make_colour_handles(placed: pd.DataFrame) -> list[Patch]:
-    """Make a legend entry for each rank; only the first and last ranks have names."""
     ranks = sorted(placed["rank"].astype(int).unique())[: len(CATEGORIES)]
     labels = {len(ranks) - 1: "farthest from forward", 0: "closest to forward"}
     colours = {rank: CATEGORIES[rank % len(CATEGORIES)] for rank in ranks}
@@ -165,7 +164,6 @@ def lay_out(
 
 
 def _shrink(page: Sheet) -> Sheet:
-    """Shrink the panels to fit on one page, down to the minimum width, and widen the gaps."""
     room = PAGE_HEIGHT_IN - sum(page.heads) - page.bottom - 1e-6  # margin for rounding
     panel = min(max(room / sum(page.ratios), MIN_PANEL_IN), page.panel)
     spare = page.columns * (page.panel - panel)

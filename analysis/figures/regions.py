@@ -36,7 +36,7 @@ PANEL_IN, SINGLE_IN = 2.5, 4.5  # minimum width of a panel, maximum width of a s
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw one panel per robot and set of regions among the runs and evaluations."""
-    contexts = group_contexts(study)
+    contexts = _group_contexts(study)
     if not contexts:
         raise InputError("regions: no run places sensors in regions; add a run with design=around")
     width = figure_width(options.columns, 1 if len(contexts) == 1 else 2)
@@ -44,7 +44,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     return Product(list_regions(contexts), draw_regions(contexts, width, named))
 
 
-def group_contexts(study: Study) -> dict[str, FigureContext]:
+def _group_contexts(study: Study) -> dict[str, FigureContext]:
     """Merge contexts that look alike; each result is named after its treatments."""
     treatments: dict[str, list[str]] = {}
     contexts: dict[str, FigureContext] = {}
@@ -159,7 +159,6 @@ def _draw_area(axes: Axes, area: Area, reach: float, colour: str, twin: bool) ->
 
 
 def _fans(area: Area) -> list[tuple[Point, Range]]:
-    """Return the origins and headings of the fans: one in a rectangle, several along a line."""
     if not area.facing_deg:
         x, y = np.mean(area.corners, axis=0)
         return [((float(x), float(y)), area.yaw_deg)]

@@ -101,7 +101,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     tests = compare_missions(pairs, options.of or list(QUANTITIES))
     judged = judge_margins(pairs, margins, options.confidence)
     design = _choose(pairs, options.design)
-    figure = draw_paired_times(
+    figure = _draw_paired_times(
         pairs[pairs["design"] == design],
         tests[(tests["design"] == design) & (tests["world"] == ALL_WORLDS)],
         (one.name, other.name),
@@ -205,10 +205,9 @@ def _list_worst(pairs: pd.DataFrame) -> Iterator[str]:
         yield from (f"  replay in {side.upper()}: {row[f'replay_{side}']}" for side in "ab")
 
 
-def draw_paired_times(
+def _draw_paired_times(
     pairs: pd.DataFrame, tests: pd.DataFrame, sides: Sequence[str], design: str, width: float
 ) -> Figure:
-    """Draw each mission at its times in A and B, with the tests over all worlds below."""
     names = [f"{side}: {name}" for side, name in zip("AB", sides, strict=True)]
     note = cut_short(", ".join([*names, *([design] if design else [])]), NOTE_LENGTH)
     rows = [_list_cells(row) for row in tests.to_dict("records")]

@@ -170,7 +170,6 @@ def _draw_profiles(
 
 
 def _reach(summary: pd.DataFrame) -> int:
-    """Return the maximum covered heading [deg], rounded up to a multiple of 45."""
     rows = summary[summary.measure == "coverage"]
     covered = rows.loc[(rows.value > 0) | (rows.random > 0), "at"].abs().max()
     return 180 if np.isnan(covered) else min(180, 45 * int(np.ceil((covered + 1) / 45)))

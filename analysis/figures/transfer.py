@@ -46,21 +46,16 @@ FILES = {
 }
 NUMBERS = ("n", "spearman", "spearman_low", "spearman_high", "change", "change_low", "change_high")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-HEADS = {
-    "group": (0.0, "left"),
-    "n": (0.32, "right"),
-    "rank correlation": (0.36, "left"),
-    "mean change": (0.67, "left"),
-}
-MIN_DESIGNS = next(n for n in count(2) if 2 / factorial(n) < LEVEL)  # two of n! orders are extreme
-NOTE = f"*too few designs for a conclusion: {MIN_DESIGNS} or more are needed"
-NAME_LENGTH, RUNG_LENGTH = 16, 17  # maximum lengths of a group's and a rung's name in the table
-RUNG_HEADS = {
-    "to the rung": (0.0, "left"),
+_NUMBER_HEADS = {
     "n": (0.33, "right"),
     "rank correlation": (0.36, "left"),
     "mean change": (0.67, "left"),
 }
+HEADS = {"group": (0.0, "left"), **_NUMBER_HEADS}
+RUNG_HEADS = {"to the rung": (0.0, "left"), **_NUMBER_HEADS}
+MIN_DESIGNS = next(n for n in count(2) if 2 / factorial(n) < LEVEL)  # two of n! orders are extreme
+NOTE = f"*too few designs for a conclusion: {MIN_DESIGNS} or more are needed"
+NAME_LENGTH, RUNG_LENGTH = 16, 17  # maximum lengths of a group's and a rung's name in the table
 NAMED = 8  # maximum number of designs with colours and names; more are drawn in grey
 _APART = 0.03  # distance between the dots of two designs, in rungs
 

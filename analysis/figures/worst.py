@@ -68,11 +68,11 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     designs = {}
     for key in counts:
         tables_of_design = (_of(cases, key), _of(sets, key), _of(risks, key), searched.get(key))
-        designs[key] = TestedDesign(f"design {key[1]} of {key[0]}", *tables_of_design)
+        designs[key] = _TestedDesign(f"design {key[1]} of {key[0]}", *tables_of_design)
     key = _choose(cases, options.design)
     record = next(record for record in study.evaluations if key in dict(count_sensors(record)))
     placed = place_sensors(_of(record.mounts.astype(dict.fromkeys(KEYS, str)), key), record.context)
-    figure = draw_worst(designs[key], placed, record.context, figure_width(options.columns, 2))
+    figure = _draw_worst(designs[key], placed, record.context, figure_width(options.columns, 2))
     messages = [line for design in designs.values() for line in design.describe()]
     for path, table in tables.items():
         messages += describe_worst_cases(table, read_overrides(path), name_parts(path))
@@ -96,9 +96,7 @@ def _of(table: pd.DataFrame, key: tuple[str, str]) -> pd.DataFrame:
 
 
 @dataclass(frozen=True, eq=False)
-class TestedDesign:
-    """A design and its recorded cases of failed sensors."""
-
+class _TestedDesign:
     name: str
     cases: pd.DataFrame
     sets: pd.DataFrame
@@ -106,7 +104,6 @@ class TestedDesign:
     searched: pd.DataFrame | None  # rows from a search for worst cases, if any
 
     def describe(self) -> Iterator[str]:
-        """Describe the smallest set that stops the design, how to repeat it, and the risks."""
         if self.cases.empty:
             return
         if self.searched is None:
@@ -146,10 +143,9 @@ class TestedDesign:
         return f"all sets of up to {most} were tried" if most else "not all sets were tried"
 
 
-def draw_worst(
-    design: TestedDesign, sensors: pd.DataFrame, context: FigureContext, width: float = PAGE_IN
+def _draw_worst(
+    design: _TestedDesign, sensors: pd.DataFrame, context: FigureContext, width: float = PAGE_IN
 ) -> Figure:
-    """Draw the shares of sets that stop a design, and the smallest set; ``width`` is in inches."""
     with use_style():
         wide = is_wide(width)
         figure = Figure(figsize=(width, (0.42 if wide else 1.65) * width), layout="constrained")

@@ -199,7 +199,6 @@ def _make_map(
     scale: tuple[float, float],
     context: FigureContext,
 ) -> DesignMap:
-    """Make a map of designs on the robot of ``context``; ``scale`` bounds the colour scale."""
     table = content.table
     records = [study.records[int(place)] for place in table.place]
     designs = [

@@ -68,7 +68,6 @@ def collect_missions(maps: Mapping[str, DesignMap], study: Study, max_bytes: flo
 
 
 def _take_turns(maps: Mapping[str, DesignMap]) -> Iterator[tuple[str, int]]:
-    """Yield, map by map in turn, a map's key and the index of its next playable mark."""
     orders = {}
     for name, chosen in maps.items():
         playable = [i for i, mark in enumerate(chosen.marks) if mark.playable]

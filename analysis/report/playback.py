@@ -61,7 +61,6 @@ def encode_sensors(table: pd.DataFrame) -> Iterator[Json]:
 
 
 def _encode_obstacles(world: World) -> Iterator[Json]:
-    """Yield the shapes of the obstacles in drawing order, by increasing height of the top."""
     placed = [solid for body in standing_obstacles(world) for solid in body.placed]
     for shape, pose in sorted(placed, key=lambda pair: top_height(*pair)):
         area = project_shape(shape, pose)
@@ -113,7 +112,6 @@ def _encode_place(sensor: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def _encode_poses(trajectory: pd.DataFrame) -> dict[str, list[int | None]]:
-    """Encode a robot's columns ``x``, ``y`` and ``yaw``."""
     x, y, yaw = (trajectory[name].to_numpy(float) for name in ("x_m", "y_m", "yaw_rad"))
     return {
         "x": _encode_numbers(x),

@@ -54,7 +54,7 @@ class Required:
         return f"trial {worst['trial']} in {worst['world']}"
 
 
-def list_required(study: Study) -> list[Required]:
+def _list_required(study: Study) -> list[Required]:
     """List the verdicts of all finished evaluations: violated, then undecided, then met."""
     tables = study.read_each(study.evaluations, lambda each: read_verdicts(each.path))
     verdicts = [Required(record, row) for record, rows in tables for row in rows]
@@ -88,7 +88,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Make ``requirements.html`` for the evaluations of a study."""
-    verdicts = list_required(study)
+    verdicts = _list_required(study)
     playbacks, missing = _encode_worst(verdicts, options.playbacks * 1e6)
     sections = dict(_render_sections(study, verdicts, playbacks, missing))
     page = Page(name_page(options.folders), summarize(study), sections, playbacks)
@@ -104,7 +104,6 @@ def _count(verdicts: Sequence[Required]) -> str:
 def _encode_worst(
     verdicts: Sequence[Required], max_bytes: float
 ) -> tuple[list[Json], dict[str, None]]:
-    """Encode the worst missions of unmet requirements; also return why some are missing."""
     playbacks, missing = list[Json](), dict[str, None]()
     room = max_bytes
     for each in verdicts:

@@ -116,8 +116,7 @@ def welch_james(values: Array, sizes: Places, contrasts: Array) -> tuple[Array, 
     """Return F and the error's degrees of freedom, for contrasts (k, cells) of the cell means.
 
     ``values`` (..., n) are ordered by cell. F has k degrees of freedom (Johansen 1980, Biometrika
-    67, 85-92). For one factor, it is Welch's F (1951, Biometrika 38, 330-336); for one contrast,
-    it is the square of Welch's t.
+    67, 85-92); for one factor, it is Welch's F (1951, Biometrika 38, 330-336).
     """
     starts, k = np.cumsum(sizes) - sizes, len(contrasts)
     means = np.add.reduceat(values, starts, axis=-1) / sizes
@@ -158,11 +157,10 @@ def list_contrasts(
 def contrast_interval(
     cells: Sequence[Sample], weights: Sample, bounds: tuple[float, float] = (-inf, inf)
 ) -> Interval:
-    """Return a weighted sum of cell means and its interval.
+    """Return a weighted sum of cell means and its interval (Welch 1947, Biometrika 34, 28-35).
 
-    Cells may differ in size and variance (Welch 1947, Biometrika 34, 28-35). ``bounds``, the
-    minimum and maximum possible values, limit the interval. The interval is NaN if a cell has a
-    single value, or if the values vary in no cell.
+    ``bounds``, the minimum and maximum possible values, limit the interval. It is NaN if a cell has
+    a single value, or if the values vary in no cell.
     """
     used = [(w, np.asarray(x, float)) for w, x in zip(weights, cells, strict=True) if w]
     value = float(sum(w * x.mean() for w, x in used))

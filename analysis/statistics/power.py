@@ -52,9 +52,8 @@ def measure_scatter(groups: Sequence[Array]) -> Scatter | None:
 class Simulation:
     """Pairs of simulated treatments; comparisons use the first n replicates of each pair.
 
-    Replicates are drawn by a smoothed bootstrap (Silverman and Young 1987, Biometrika 74, 469-479):
-    residuals are drawn with replacement, blurred by normal noise to avoid ties, and scaled to keep
-    the variance of the residuals.
+    Replicates come from a smoothed bootstrap (Silverman and Young 1987, Biometrika 74, 469-479)
+    that keeps the variance of the residuals.
     """
 
     scatter: Scatter
@@ -74,8 +73,7 @@ class Simulation:
     def compute_power(self, difference: float, n: int) -> float:
         """Return the power to detect a difference [standard deviations] with n replicates.
 
-        Each p-value is adjusted like the smallest one in Holm's method, which is the strictest
-        adjustment.
+        P-values are adjusted like the smallest one in Holm's method.
         """
         first, second = (noise[:, :n] for noise in self._noise)
         statistics = compute_statistics(first + difference, second)

@@ -69,9 +69,9 @@ def holm(p: Sample) -> list[float]:
 def median_interval(values: Sample) -> Interval:
     """Return the median and its exact interval, for any distribution of the values.
 
-    The bounds are values of the sample, chosen by the binomial distribution of the number of values
-    below the median (Thompson 1936, Ann. Math. Stat. 7, 122-128). With fewer than six values, the
-    interval is the full range, which contains the median with less than 95 % confidence.
+    The bounds are values of the sample (Thompson 1936, Ann. Math. Stat. 7, 122-128). With fewer
+    than six values, the interval is the full range, which covers the median with less than 95 %
+    confidence.
     """
     ordered = np.sort(np.asarray(values, float))
     n = ordered.size
@@ -125,10 +125,8 @@ def ratio_interval(parts: Sample, wholes: Sample) -> Interval:
 def expand_tail(n: int) -> float:
     """Return the share of resamples beyond each bound for an interval of the mean of n values.
 
-    Means of resamples scatter less than means of new samples, by the factor sqrt((n - 1) / n), and
-    normal quantiles ignore the degrees of freedom. For six normally distributed values, the plain
-    interval covers the mean in only 84 % of samples. The expanded percentile interval corrects both
-    effects (Hesterberg 2015, Am. Stat. 69, 371-386).
+    For six normally distributed values, the plain percentile interval covers the mean in only 84 %
+    of samples. The expanded interval corrects this (Hesterberg 2015, Am. Stat. 69, 371-386).
     """
     if n < 2:
         return LEVEL / 2

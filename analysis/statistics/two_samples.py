@@ -58,8 +58,8 @@ def brunner_munzel(x: Sample, y: Sample) -> float:
     """Return the two-sided p-value of ``x`` exceeding ``y`` as often as the reverse.
 
     The p-value is exact if the distributions are equal and all splits are enumerated. With unequal
-    spreads and sizes of at least five, it falls below 0.05 in 2 to 7 % of pairs of samples without
-    a difference. It is 1 if a sample has fewer than ``MIN_VALUES`` values.
+    spreads, it falls below 0.05 in 2 to 7 % of pairs of samples without a difference. It is 1 if a
+    sample has fewer than ``MIN_VALUES`` values.
     """
     if min(len(x), len(y)) < MIN_VALUES:
         return 1.0
@@ -82,12 +82,10 @@ def a12(x: Sample, y: Sample) -> float:
 def a12_interval(x: Sample, y: Sample) -> Interval:
     """Return A12 (Vargha and Delaney 2000, J. Educ. Behav. Stat. 25, 101-132) and its interval.
 
-    The bounds are within 0 and 1. If the samples separate completely, or if all values are equal,
-    then k independent pairs agree, where k is the size of the smaller sample. This has a
-    probability of at most A12 ** k, which bounds A12 for distributions of any shape. With some
-    ties, the interval is at least as wide as Student's with k - 1 degrees of freedom, because
-    permutations of ties scatter too little if the samples differ: with two distinct values, the
-    coverage would be only 70 to 95 %.
+    If the samples separate completely or are all equal, k independent pairs agree, where k is the
+    size of the smaller sample. This has a probability of at most A12 ** k, which bounds A12. With
+    some ties, the interval is at least as wide as Student's with k - 1 degrees of freedom, because
+    permutations of ties scatter too little if the samples differ.
     """
     value, few = a12(x, y), min(len(x), len(y))
     if value in (0.0, 1.0) or np.ptp([*x, *y]) == 0:

@@ -43,8 +43,12 @@ def collect_missions(study: Study) -> pd.DataFrame:
             "like=FOLDER failure=exhaustive trials=..."
         )
     table = pd.concat(frames, ignore_index=True).astype(dict.fromkeys(KEYS, str))
-    failed = table["failed_sensors"].map(_write_set)
-    return table.assign(failed_sensors=failed, failed_at_s=table["failed_at_s"].map(_first_time))
+    numbers = [
+        sorted({int(float(part)) for part in split_cell(cell)}) for cell in table["failed_sensors"]
+    ]
+    times = [min(map(float, split_cell(cell)), default=math.nan) for cell in table["failed_at_s"]]
+    failed = pd.Series([" ".join(map(str, some)) for some in numbers], table.index, dtype=str)
+    return table.assign(failed_sensors=failed, failed_at_s=times)
 
 
 def count_sensors(record: EvaluationRecord) -> Iterator[tuple[tuple[str, str], int]]:
@@ -77,14 +81,6 @@ def _require_one_simulator(study: Study) -> None:
             f"worst: needs evaluations in one simulator, but they are in {given}; name the folders "
             f"of one simulator"
         )
-
-
-def _write_set(cell: object) -> str:
-    return " ".join(map(str, sorted({int(float(part)) for part in split_cell(cell)})))
-
-
-def _first_time(cell: object) -> float:
-    return min(map(float, split_cell(cell)), default=math.nan)
 
 
 CASES = (*KEYS, "failed_sensors", "failed", "failed_at_s", "missions", "stopped", "stopped_in")

@@ -188,7 +188,6 @@ def _fix(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
 
 
 def _slot(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
-    """List the sensors in one slot; constants of the region fill missing columns."""
     prefix = f"sensor{slot}_"
     mounts = candidates[[name for name in candidates if str(name).startswith((prefix, "id"))]]
     mounts = mounts.rename(

@@ -156,7 +156,6 @@ def _find_part(
     choices: Sequence[Choices],
     known: Sequence[Factor],
 ) -> Iterator[Factor]:
-    """Yield the factor of a part whose name varies, unless other factors explain it."""
     below = {k: column for k, column in differing.items() if k.startswith(f"{part}.")}
     around = _around(part, known)
     if all(follows(column, around) for column in below.values()):
@@ -187,7 +186,6 @@ def _name_levels(
 
 
 def _name_level(part: str, values: Values, choices: Choices) -> str:
-    """Name a part that a configuration has, or chooses as none; otherwise return ''."""
     there = any(key.startswith(f"{part}.") for key in values)
     nothing = choices.get(part) == "none" or values.get(part) == {}
     return name_part(part, values, choices) if there or nothing else ""

@@ -64,10 +64,10 @@ def _pair_evaluations(study: Study) -> Iterator[Row]:
     choices = [apply_confirmation(evaluation.choices) for evaluation, _ in evaluations]
     treatments = _champion_treatments(study)
     for i, j in combinations(range(len(evaluations)), 2):
-        parts = dict.fromkeys(map(first_key, find_differences(conditions[i], conditions[j])))
+        parts = dict.fromkeys(map(_first_key, find_differences(conditions[i], conditions[j])))
         if len(parts) != 1 and len(evaluations) > 2:
             continue
-        others = {first_key(key) for values in conditions for key in values} - set(parts)
+        others = {_first_key(key) for values in conditions for key in values} - set(parts)
         names = label_treatments([_only(values, parts) for values in conditions], choices)
         groups = label_treatments([_only(values, others) for values in conditions], choices)
         if not parts:  # the evaluations differ in draws or trials
@@ -75,13 +75,12 @@ def _pair_evaluations(study: Study) -> Iterator[Row]:
         if names.index(names[i]) > names.index(names[j]):  # gives all pairs the same axes
             i, j = j, i
         pair = {"between": " and ".join(parts) or "draws", "x": names[i], "y": names[j]}
-        for row in join_designs(evaluations[i][1], evaluations[j][1]):
+        for row in _join_designs(evaluations[i][1], evaluations[j][1]):
             group = treatments.get(row["content"], "") if groups[i] == SINGLE else groups[i]
             yield {**pair, "group": group, **row}
 
 
-def join_designs(x: pd.DataFrame, y: pd.DataFrame) -> Iterator[Row]:
-    """Join the scores of the designs that occur in both tables."""
+def _join_designs(x: pd.DataFrame, y: pd.DataFrame) -> Iterator[Row]:
     scores = {row["content"]: row for row in y.to_dict("records")}
     for row in x.drop_duplicates("content").to_dict("records"):
         if row["content"] in scores:
@@ -133,13 +132,12 @@ def _read_confirmed(record: Record) -> pd.DataFrame:
     )
 
 
-def first_key(key: str) -> str:
-    """Return the first part of a dotted configuration key."""
+def _first_key(key: str) -> str:
     return key.split(".")[0]
 
 
 def _only(values: Values, parts: Collection[str]) -> dict[str, Any]:
-    return {key: value for key, value in values.items() if first_key(key) in parts}
+    return {key: value for key, value in values.items() if _first_key(key) in parts}
 
 
 def climb(study: Study) -> pd.DataFrame:
@@ -173,7 +171,7 @@ def _name_rungs(rungs: Sequence[Scores]) -> list[str]:
     conditions = [select_conditions(evaluation) for evaluation, _ in rungs]
     choices = [apply_confirmation(evaluation.choices) for evaluation, _ in rungs]
     keys = [key for values in conditions[1:] for key in find_differences(conditions[0], values)]
-    parts = dict.fromkeys(map(first_key, keys))
+    parts = dict.fromkeys(map(_first_key, keys))
     for labels in (
         [", ".join(filter(None, map(chosen.get, parts))) for chosen in choices],
         label_treatments(conditions, choices),
@@ -187,7 +185,7 @@ def _pair_rungs(rungs: Sequence[Scores], names: Sequence[str]) -> Iterator[dict[
     conditions = [select_conditions(evaluation) for evaluation, _ in rungs]
     steps = zip(pairwise(rungs), pairwise(names), pairwise(conditions), strict=True)
     for ((_, lower), (_, upper)), (x, y), (one, other) in steps:
-        parts = dict.fromkeys(map(first_key, find_differences(one, other)))
+        parts = dict.fromkeys(map(_first_key, find_differences(one, other)))
         between = " and ".join(parts) or "draws"
-        for row in join_designs(lower, upper):
+        for row in _join_designs(lower, upper):
             yield {"between": between, "x": x, "y": y, "group": "", **row}

@@ -158,7 +158,6 @@ def _flatten(
 
 
 def _resolve(value: Any, tree: Mapping[str, Any]) -> Any:
-    """Follow references to a value; keep a broken reference unchanged."""
     for _ in range(_DEPTH):
         match = _REFERENCE.fullmatch(value) if isinstance(value, str) else None
         if match is None:

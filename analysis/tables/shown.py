@@ -82,8 +82,7 @@ def is_kept(record: Record, row: "pd.Series[str]") -> bool:
     return (record.path / trajectory_file(tracks.find_key(row))).is_file()
 
 
-def read_kept(record: Record, row: "pd.Series[str]") -> ShownMission:
-    """Read a stored mission."""
+def _read_kept(record: Record, row: "pd.Series[str]") -> ShownMission:
     trajectory = record.run.mission_trajectory(*tracks.find_key(row))
     world = tracks.load_mission_world(record.run, record.context, row)
     ground = f"{record.name}/{tracks.find_mission_world(record.run, row).stem}"
@@ -93,7 +92,7 @@ def read_kept(record: Record, row: "pd.Series[str]") -> ShownMission:
 def read_shown(
     record: Record,
     design: int,
-    read_mission: Callable[[Record, "pd.Series[str]"], ShownMission] = read_kept,
+    read_mission: Callable[[Record, "pd.Series[str]"], ShownMission] = _read_kept,
 ) -> ShownDesign:
     """Read any design of a run, with its first missions read by ``read_mission``."""
     names = record.context.courses

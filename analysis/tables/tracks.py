@@ -168,7 +168,6 @@ def has_failed(missions: pd.DataFrame) -> "pd.Series[bool]":
 
 
 def _place(failures: Sequence[tuple[object, float, str]], times: Array) -> pd.DataFrame:
-    """Return cells with failed items and effects, in the first row at or after each failure."""
     cells = pd.DataFrame("", range(len(times)), ["failed", "by"], dtype=str)
     table = pd.DataFrame(failures, columns=["failed", "time", "by"])
     rows = np.searchsorted(times, table.pop("time")).clip(max=len(times) - 1)

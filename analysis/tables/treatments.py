@@ -53,11 +53,11 @@ def label_treatments(
     factors = find_factors(configurations, choices, given)
     conditions = list_conditions(configurations, given)
     names = [str(levels.get("name", "")) for levels in given] or [""] * len(configurations)
-    shown = label_levels(factors, len(configurations))
+    shown = _label_levels(factors, len(configurations))
     for name in dict.fromkeys(filter(None, names)):
         same = [i for i, other in enumerate(names) if other == name]
         part = [replace(f, levels=tuple(f.levels[i] for i in same)) for f in factors]
-        differ = label_levels([f for f in part if len(set(f.levels)) > 1], len(same))
+        differ = _label_levels([f for f in part if len(set(f.levels)) > 1], len(same))
         for i, label in zip(same, differ, strict=True):
             shown[i] = name if label == SINGLE else f"{name}, {label}"
     labels: dict[object, str] = {}
@@ -67,8 +67,7 @@ def label_treatments(
     return [labels[condition] for condition in conditions]
 
 
-def label_levels(factors: Sequence[Factor], count: int) -> list[str]:
-    """Label each of ``count`` runs by its level of every factor."""
+def _label_levels(factors: Sequence[Factor], count: int) -> list[str]:
     labels = _join(factors, count)
     if max(map(len, labels), default=0) > LABEL_LENGTH:
         kept: list[Factor] = []
@@ -125,7 +124,7 @@ def _number(label: str, taken: Iterable[str]) -> str:
 
 
 @dataclass(frozen=True)
-class NamedTreatment:
+class _Entry:
     """An entry of the treatments file."""
 
     given: Mapping[str, Any]  # name, and levels by factor
@@ -134,11 +133,10 @@ class NamedTreatment:
 
     @property
     def name(self) -> str:
-        """The name of the treatment."""
         return str(self.given["name"])
 
 
-def read_treatments(path: Path) -> list[NamedTreatment]:
+def read_treatments(path: Path) -> list[_Entry]:
     """Read the treatments from a YAML file."""
     entries = read_entries(path, "treatments", "name and where or folders", "- name: ...")
     named = [_read_entry(entry, f"{path}, entry {i}") for i, entry in enumerate(entries, 1)]
@@ -151,7 +149,7 @@ def read_treatments(path: Path) -> list[NamedTreatment]:
     return named
 
 
-def _read_entry(entry: object, place: str) -> NamedTreatment:
+def _read_entry(entry: object, place: str) -> _Entry:
     if not isinstance(entry, dict) or not any(key in entry for key in _SELECTING):
         raise InputError(
             f"{place}: needs the keys name, and where (levels of factors) or folders (patterns of "
@@ -167,15 +165,15 @@ def _read_entry(entry: object, place: str) -> NamedTreatment:
         problem = problem or f"folders must be a list of patterns, not {folders!r}"
     if problem:
         raise InputError(f"{place}: {problem}")
-    return NamedTreatment(given, read_levels(where), patterns)
+    return _Entry(given, read_levels(where), patterns)
 
 
 def name_treatments(
-    records: Sequence[Record], entries: Sequence[NamedTreatment], path: Path
+    records: Sequence[Record], entries: Sequence[_Entry], path: Path
 ) -> tuple[list[Record], dict[str, str]]:
     """Name each record after the only entry that matches it; return problems by record name."""
     fitting = [_fit(records, entry, path) for entry in entries]
-    labels = label_levels(find_record_factors(records), len(records))
+    labels = _label_levels(find_record_factors(records), len(records))
     named, problems = [*records], dict[str, str]()
     for i, record in enumerate(records):
         chosen = [entry for entry, rows in zip(entries, fitting, strict=True) if rows[i]]
@@ -199,7 +197,7 @@ def name_treatments(
     return named, problems
 
 
-def _fit(records: Sequence[Record], entry: NamedTreatment, path: Path) -> list[bool]:
+def _fit(records: Sequence[Record], entry: _Entry, path: Path) -> list[bool]:
     rows = [
         not entry.folders
         or any(fnmatch(r.name, p) or fnmatch(r.path.name, p) for p in entry.folders)

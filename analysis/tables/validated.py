@@ -61,22 +61,22 @@ def find_differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[s
 
 def list_differences(evaluation: EvaluationRecord, record: Record) -> list[str]:
     """List the keys in which the conditions of an evaluation and a run differ, except genes."""
-    evolved = read_champion_genes(record)
+    evolved = _read_champion_genes(record)
     differences = find_differences(select_conditions(evaluation), select_conditions(record))
     return [key for key in differences if key not in evolved]
 
 
 def identify_champion(record: Record) -> Content:
     """Return the content of a finished run's champion: its sensors and genes."""
-    return _content(record.run.champion, read_champion_genes(record))
+    return _content(record.run.champion, _read_champion_genes(record))
 
 
-def read_champion_genes(record: Record) -> dict[str, float]:
+def _read_champion_genes(record: Record) -> dict[str, float]:
     """Read the evolved values of a finished run's champion, other than sensors, by key."""
     return _genes(record.run.genes)
 
 
-def read_scores(evaluation: EvaluationRecord) -> pd.DataFrame:
+def _read_scores(evaluation: EvaluationRecord) -> pd.DataFrame:
     """Read the content and the scores of each design in a finished evaluation."""
     names = ["source", "design"]
     mounts, genes, scores = (
@@ -148,7 +148,7 @@ def score_under(study: Study, name: str) -> pd.DataFrame:
 
 def read_evaluations(study: Study) -> list[Scores]:
     """Read the scores of the finished evaluations; report all other evaluations."""
-    return list(study.read_each(study.evaluations, read_scores))
+    return list(study.read_each(study.evaluations, _read_scores))
 
 
 def list_unused(study: Study) -> dict[str, list[str]]:

@@ -30,9 +30,7 @@ class Confirmation:
 
         ``screened`` has the fitness of all new designs in the run's own simulator, and ``confirm``
         returns the fitness of some designs in the confirming simulator. Designs rank by confirmed
-        fitness if known, and by screened fitness otherwise. If a confirmed design drops out of the
-        top, the design that moves up is confirmed next. No design is confirmed twice. Ties keep the
-        order of ``screened``.
+        fitness if known, and by screened fitness otherwise. Ties keep the order of ``screened``.
         """
         confirmed: dict[int, float] = {}
         while True:

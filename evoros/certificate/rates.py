@@ -41,10 +41,9 @@ def bound_rate(successes: int, trials: int, confidence: float) -> Bounds:
 def bound_difference(first: tuple[int, int], second: tuple[int, int], confidence: float) -> Bounds:
     """Return the interval of the first rate minus the second, each given as (successes, trials).
 
-    The interval excludes 0 if Fisher's exact test, one-sided at half the error rate, finds a
-    difference. With common random numbers, the interval is conservative. Source: Fay, Proschan and
-    Brittain, Combining one-sample confidence procedures for inference in the two-sample case,
-    Biometrics 71, 2015.
+    It excludes 0 if Fisher's exact test, one-sided at half the error rate, finds a difference.
+    Source: Fay, Proschan and Brittain, Combining one-sample confidence procedures for inference in
+    the two-sample case, Biometrics 71, 2015.
     """
     tail = (1 - confidence) / 2
     low, high = _bound_below(first, second, tail), -_bound_below(second, first, tail)
@@ -128,8 +127,7 @@ def _find_chance(rates: Array, counts: Array) -> float:
     """Return the probability that a weighted sum of exponential variables is at most 0.
 
     ``rates`` (n,) are the weights, with both signs, and ``counts`` (n,) the number of variables per
-    weight. The moment-generating function is integrated (Bromwich) along a line through its saddle
-    point, left of the pole at 0.
+    weight. The moment-generating function is integrated (Bromwich) through its saddle point.
     """
     edge = 1 / float(rates[0])
     spread = 1 / math.sqrt(float(counts @ (rates * rates)))

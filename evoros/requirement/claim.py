@@ -60,7 +60,7 @@ class Condition:
 OWN = Condition()  # conditions of the evaluation itself
 
 
-def read_quantity(outcomes: Outcomes, column: str, agents: Sequence[str]) -> float:
+def _read_quantity(outcomes: Outcomes, column: str, agents: Sequence[str]) -> float:
     """Return a quantity of a mission; NaN if the mission could not be run.
 
     ``column`` is one of ``COLUMNS``, with an agent's name and a dot in front for that agent's
@@ -268,14 +268,14 @@ class Claim:
     def _read_missions(
         self, trial: Trial, agents: Sequence[str], measured: Measured
     ) -> dict[str, float]:
-        """Return each mission's goodness, from 0 (worst) to 1, in a trial, by world."""
         if not isinstance(self.of, str):
             world = next(iter(trial)) if self.world is None else self.world
             chosen = trial if self.world is None else {world: trial[world]}
             return {world: self._rate_kept(measured(self.of, chosen))}
         worlds = trial if self.world is None else (self.world,)
         return {
-            world: self._rate_kept(read_quantity(trial[world], self.of, agents)) for world in worlds
+            world: self._rate_kept(_read_quantity(trial[world], self.of, agents))
+            for world in worlds
         }
 
     def _rate_kept(self, value: float) -> float:
@@ -292,7 +292,6 @@ class Claim:
         return share if self.at_most is None else 1 - share
 
     def _scale(self, goodness: float) -> float:
-        """Convert a mean goodness to the mean of the quantity, or to the share of missions."""
         if self.share is not None:
             return goodness
         assert self.bounds is not None

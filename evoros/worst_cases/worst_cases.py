@@ -143,7 +143,6 @@ class CaseSearch:
         return []
 
     def _search(self, size: int) -> None:
-        """Screen all cases of a size, or else extensions of worst smaller cases; then mutants."""
         settings = self.settings
         count = math.comb(self.sensors, size) * len(settings.times_s)
         if count <= settings.max_cases:
@@ -187,7 +186,6 @@ class CaseSearch:
         return Case.of(failures.items())
 
     def _screen(self, cases: Iterable[Case]) -> None:
-        """Try new cases a few times; if a mission failed, try up to ``screening`` times."""
         new = []
         for case in dict.fromkeys(cases):
             if case not in self.tried:
