@@ -29,7 +29,14 @@ if TYPE_CHECKING:
     from .tables.loading import load_study
     from .tables.study import Study
 
-__all__ = ["Product", "Study", "analyze", "load_study", "save"]
+# docs/generate reads one name per line.
+__all__ = [
+    "Product",
+    "Study",
+    "analyze",
+    "load_study",
+    "save",
+]
 
 if not TYPE_CHECKING:  # otherwise, type checkers would accept any name
     from evoros.base.lazy import import_lazily

@@ -20,7 +20,7 @@ A_LAYER = instance_of(Layer, "a controller layer (a subclass of evoros.parts.Lay
 class Rover(Controller):
     """Two layers: ``avoidance`` decides if it sees an obstacle, and ``navigation`` otherwise.
 
-    The entries of ``localization`` change, in order, the pose that both see, otherwise exact.
+    The pose that both see is exact unless the entries of ``localization`` change it, in order.
     """
 
     avoidance: Annotated[Layer, A_LAYER]

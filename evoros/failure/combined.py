@@ -38,7 +38,7 @@ class CombinedFailure(Failure):
         return tuple(dict.fromkeys(parts))
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return all faults, each named after its failure, whose draws no other failure shifts."""
+        """Return the faults of all failures; adding a failure never shifts the draws of another."""
         key = rng.bytes(16).hex()
         return tuple(
             replace(fault, name=f"{name}.{fault.name}")

@@ -35,7 +35,7 @@ AVOIDING, NAVIGATING = 1, 2
 BEYOND_M = 1.0
 """Distance [m] beyond its range that a silent sonar reports; otherwise, the last value remains."""
 ASKED_AT_ONCE, ANSWER_S = 5, 2.0
-"""Requests for parameters at once, as ArduPilot answers them, and limit [s] of simulated time."""
+"""Number of parameters requested at once, and time limit [simulated s] for the answers."""
 
 
 class ArduPilotPilot:

@@ -212,7 +212,7 @@ class DaskTransport:
         self._in_loop(self._free_stranded)
 
     def _free_stranded(self) -> None:
-        """Resubmit calls whose workers have all left; a scheduler may keep them for old workers."""
+        """Resubmit calls whose workers have all left; the scheduler might wait for them forever."""
         for sending in self._out:
             if sending.nodes and self._threads.keys().isdisjoint(sending.nodes):
                 sending.stranded = True

@@ -35,7 +35,7 @@ class Transport(Protocol):
         """
 
     def exclude(self, node: str, reason: str) -> None:
-        """Log why a worker is unsuitable, and send it no calls; RunStopped if no worker is left."""
+        """Stop sending calls to an unsuitable worker, and log why; RunStopped if none is left."""
 
     def stop(self, pool: str) -> None:
         """Make the workers end the calls of a pool."""

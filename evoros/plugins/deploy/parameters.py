@@ -152,7 +152,7 @@ def _is_ardupilot(champion: Champion) -> bool:
 
 
 def list_flown(champion: Champion) -> Iterator[str]:
-    """Yield ArduPilot's parameters in missions; fixed ones, which suit simulation, as comments."""
+    """Yield lines with ArduPilot's parameters in missions; fixed parameters are commented out."""
     if not _is_ardupilot(champion):
         return
     evolved = {key for _, key, _ in champion.genes}

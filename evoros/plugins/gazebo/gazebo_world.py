@@ -31,7 +31,10 @@ from evoros.world.model import KEPT_WORLDS, World
 from evoros.world.standing import GAP_M
 
 GROUND, OBSTACLE, SOLID, ROLLING, WALKER = "ground", "obstacle", "solid", "rolling", "walker"
-"""Collision groups of the server: rolling shapes collide only with the ground, solid with all."""
+"""Collision groups of the server.
+
+Solid shapes collide with obstacles, walkers and the ground; rolling shapes only with the ground.
+"""
 
 _GEOMETRY = {
     "box": "<box><size>{} {} {}</size></box>",
@@ -158,7 +161,7 @@ def format_robot(
 def _find_solids(
     robot: Robot, link: str, shapes: Collection[Shape], is_wheel: bool, wheel_friction: float
 ) -> list[Solid]:
-    """Return a link's collision shapes, twice on exposed wheels: for the ground and obstacles."""
+    """Return a link's collision shapes; exposed wheels have separate ones for the ground."""
     casters = robot.drive.caster_links
     if not is_wheel and link not in casters:
         return [Solid(SOLID, shape, shape.pose, CHASSIS_FRICTION) for shape in shapes]
@@ -244,7 +247,7 @@ def describe_scene(robots: Sequence[PlacedRobot], world: World, settings: Settin
 def _set_down(robot: Robot, home: tuple[float, float, float, float], world: World) -> Pose:
     """Return the root link's pose with the wheels on the ground.
 
-    A robot that is dropped would sink into the ground, and DART would lift it out for seconds.
+    A dropped robot would sink into the ground, and DART would take seconds to lift it out.
     """
     x, y, _, yaw = home
     (px, py, pz), (qx, qy, qz, qw) = home_frame(robot, (x, y, 0.0, yaw), world)

@@ -40,7 +40,7 @@ creeps at 1 cm/s on a slope of 0.1 rad.
 TOLERANCE = 1e-12  # tolerance of the solver, relative to a mean inertia that rotors dominate
 
 FEW_MOVABLE = 1000
-"""Maximum number of movable bodies for the default memory reserve, 1.8 GB; 2,000 need 6.4 GB."""
+"""Maximum number of movable bodies for the default memory reserve of 1.8 GB (6.4 GB for 2,000)."""
 
 MEMORY, MEMORY_PER_BODY, MEMORY_PER_PAIR = 1 << 26, 1 << 16, 8
 """Terms of evoros's smaller reserve [bytes]; boxes at rest use 8,000 per body and 4 per pair."""

@@ -160,7 +160,7 @@ class BulletSignals(RigidSignals):
 def find_touches(
     bullet: Any, robot: LoadedRobot, ground: Collection[int]
 ) -> Iterator[tuple[int, Any]]:
-    """Yield (link, contact point) for each contact with an obstacle: a force or an overlap."""
+    """Yield (link, contact point) where a force or an overlap shows contact with an obstacle."""
     for link in robot.touching:
         for point in bullet.getContactPoints(robot.body, -1, link, -2):
             if point[2] not in ground and (point[8] <= 0.0 or point[9] > 0.0):
@@ -176,7 +176,7 @@ at a time and sinks.
 """
 
 NEAR_STEPS = 2.0
-"""Distance from a body within which steps are fine, in the robot's longest normal steps."""
+"""Distance from a body within which steps are fine, in lengths of a step at full speed."""
 
 
 class PyBulletSimulation:

@@ -19,7 +19,7 @@ GAP_M = 1e-3  # gap [m] between walkers and the ground
 
 
 class EngineWalkers:
-    """Walkers that move in each step, and react to the robots' poses at each period's start."""
+    """Walkers that move in each step, and react to the robots' poses at the start of a period."""
 
     def __init__(self, crowd: Crowd, robots: Sequence[Robot], time_step: float) -> None:
         self._parameters, self._memory = crowd.parameters, crowd.memory.copy()

@@ -74,7 +74,7 @@ def _level(pose: Pose, half_rad: float) -> Pose:
 
 
 def classify_sensors(sensors: Sequence[ShownSensor], ended: Flags, index: int) -> list[Colour]:
-    """Return the colour of each sensor's state in a picture; ``ended`` (n, sensors) is a flag."""
+    """Return the colour of each sensor's state; ``ended`` (n, sensors) is True after its end."""
     return [
         FAILED if has_ended else sensor.classify(index)
         for sensor, has_ended in zip(sensors, ended[index], strict=True)

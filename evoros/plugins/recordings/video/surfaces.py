@@ -67,7 +67,7 @@ class Surface:
 
 
 def triangulate(shape: Shape) -> Array:
-    """Return a shape's triangles (t, 3, 3) [m], counter-clockwise from outside; a plane: none."""
+    """Return a shape's triangles (t, 3, 3) [m], counter-clockwise as seen from outside."""
     if shape.kind == "plane":
         return np.empty((0, 3, 3))
     if shape.kind == "heightfield":

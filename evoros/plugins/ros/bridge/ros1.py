@@ -39,7 +39,7 @@ NEEDED = ("rospy", "rosmaster", "geometry_msgs", "nav_msgs", "sensor_msgs", "ros
 
 
 def start_nodes(briefing: dict[str, Any], until: float) -> Nodes:
-    """Start the master and the user's nodes; see ``Crew`` for the errors."""
+    """Start the master and the user's nodes; an OSError or ValueError rejects the mission."""
     options = briefing["ros"]
     try:
         environment = _start_master(options["isolate"], until)

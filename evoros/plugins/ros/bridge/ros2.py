@@ -27,7 +27,7 @@ GRAPH_PAUSE_S, LOOK_S = 0.05, 0.0002
 
 
 def start_nodes(briefing: dict[str, Any]) -> Nodes:
-    """Start the user's nodes; see ``Crew`` for the errors."""
+    """Start the user's nodes; an OSError or ValueError rejects the mission."""
     commands = briefing["ros"]["nodes"]
     launch.write_parameters(briefing)
     completed = launch.complete(commands, launch.topic_names(briefing))
