@@ -56,7 +56,7 @@ class Wandb(Observer):
 
 
 class _OfflineRun:
-    """An offline run that replaces earlier sessions' runs, so that ``wandb sync`` finds only one."""
+    """An offline run that replaces earlier sessions' runs, so ``wandb sync`` finds only one."""
 
     def __init__(self, project: str, folder: Path, run_id: str) -> None:
         self.project, self.folder, self.id = project, folder, run_id
