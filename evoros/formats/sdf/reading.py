@@ -53,7 +53,7 @@ class Addresses:
     def find(
         self, uri: str, beside: Path, accepts: Callable[[Path], bool] = Path.exists
     ) -> Path | None:
-        """Return the file or folder at an address in a file of the folder ``beside``, or None.
+        """Return the file or folder at an address in a file of the given folder, or None.
 
         The first path that ``accepts`` approves counts; names with different letter case come last.
         """

@@ -240,7 +240,7 @@ def find_span(fan: Fan, x: float, y: float, radius: float) -> tuple[float, float
 
     (x, y) [m] is the circle's centre relative to the beams' origin. The range may be shifted by a
     full turn. It is wider than the circle by ``UNSURE_RAD`` or more, because it needs no exact
-    angles: a beam beside the circle only costs the time of a ray.
+    angles: a beam that misses the circle only costs the time of a ray.
     """
     squared = x * x + y * y
     if squared <= radius * radius:
