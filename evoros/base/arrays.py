@@ -43,8 +43,7 @@ COMMAND_SIZE = 2
 
 # The strengths of a robot's wheels: a float64 array of STRENGTH_SIZE values. If wheels can fail,
 # all robots' strengths come after their drive commands.
-LEFT_WHEELS, RIGHT_WHEELS = range(2)
-"""Fraction of the commanded wheel speed on each side, 0 to 1."""
+LEFT_WHEELS, RIGHT_WHEELS = range(2)  # fraction of the commanded wheel speed on each side, 0 to 1
 STRENGTH_SIZE = 2
 
 

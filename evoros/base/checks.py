@@ -20,8 +20,7 @@ from typing import Annotated, Any, TypeAlias, TypeVar, get_args, get_origin, get
 
 from evoros.base.errors import InputError, PartFault
 
-Interval: TypeAlias = float | Sequence[float]
-"""A number, or [low, high]."""
+Interval: TypeAlias = float | Sequence[float]  # a number, or [low, high]
 T = TypeVar("T")
 
 MAX_VALUE_LENGTH = 80  # maximum length of a value quoted in an error message

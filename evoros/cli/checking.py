@@ -72,8 +72,6 @@ def _sort_jobs(jobs: Jobs, explain: Explain) -> tuple[list[Job], list[RefusedJob
 
 @dataclass
 class _Checks:
-    """The results of checks so far, which similar jobs share."""
-
     explain: Explain
     faults: dict[str, str] = field(default_factory=dict)  # keyed by all values except the seed
     built: dict[str, Experiment] = field(default_factory=dict)  # keyed by all values outside SEARCH

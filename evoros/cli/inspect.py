@@ -209,7 +209,6 @@ def _write_yaml(
 
 @contextmanager
 def _kept_if_usable(folder: Path, part: "OwnFile") -> Iterator[None]:
-    """Write a YAML file, and delete it again if the part cannot be built from it."""
     path = folder / part.path
     _write(path, part.text.encode())
     try:

@@ -50,7 +50,6 @@ def complete(query: str) -> int:
 
 
 def _list_words(subcommand: str, position: int) -> list[str]:
-    """Return the names of figures if a figure comes next, otherwise the subcommand's options."""
     from evoros.analysis import subcommands as analysis
 
     if subcommand == FIGURES and position == 2:  # the subcommand itself is the first word

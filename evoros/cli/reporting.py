@@ -56,15 +56,11 @@ class Interrupts:
         return console.explain_interrupt()
 
 
+# Exit statuses, worst first; a sweep exits with the worst status of its jobs.
 WORST_FIRST = (
-    console.INTERRUPTED,
-    console.INPUT,
-    console.STOPPED,
-    console.NOT_MET,
-    console.NOT_DECIDED,
-    console.DONE,
+    *(console.INTERRUPTED, console.INPUT, console.STOPPED),
+    *(console.NOT_MET, console.NOT_DECIDED, console.DONE),
 )
-"""Exit statuses, worst first; a sweep exits with the worst status of its jobs."""
 
 
 @dataclass(frozen=True)
@@ -120,10 +116,7 @@ def explain_end(
 
 
 def _start_again(folder: Path, resume: str, told: str) -> str:
-    """Return what to do after fixing the part that a message names; empty if nothing was recorded.
-
-    A resumed run accepts the fixed part if no result of the part was recorded.
-    """
+    """Return what to do after fixing a part that a message names; empty if nothing is recorded."""
     from evoros.storage.layout import MISSIONS
     from evoros.storage.manifest import list_unrecorded
 

@@ -1,12 +1,18 @@
-"""The subcommand ``status``: shows the progress of all runs and evaluations below a folder."""
+"""The subcommand ``status``, and tables of a sweep's jobs or of all folders below a folder."""
 
 import sys
 import time
 from collections.abc import Sequence
+from itertools import takewhile
 from pathlib import Path
+from shutil import get_terminal_size
 
 from evoros.base.errors import InputError
-from evoros.terminal.console import DONE, CommandParser, print_result, reports_errors
+from evoros.cli.reporting import JobResult
+from evoros.session.status import COLUMNS, UNKNOWN, Overview, list_cells, survey
+from evoros.storage.archives import open_folder
+from evoros.storage.layout import RUNNING, folders_below, natural_key
+from evoros.terminal.console import DONE, INPUT, CommandParser, print_result, reports_errors
 from evoros.terminal.log import warn_left_out
 
 NAME = "evoros status"
@@ -20,8 +26,6 @@ def status(arguments: Sequence[str]) -> int:
     """Print the table once, or update it on the terminal while a run is active."""
     from rich.live import Live
     from rich.text import Text
-
-    from evoros.storage.archives import open_folder
 
     parser = CommandParser(NAME, description=ABOUT)
     parser.add_argument("folder", nargs="?", default="outputs", help="default: outputs")
@@ -40,12 +44,68 @@ def status(arguments: Sequence[str]) -> int:
 
 
 def _look(folder: Path) -> tuple[str, bool]:
-    from evoros.cli.job_table import format_folders
-    from evoros.session.status import survey
-    from evoros.storage.layout import RUNNING, folders_below
-
     overviews = [survey(path) for path in folders_below(folder, warn_left_out)]
     if not overviews:
         raise InputError(f"{folder}: contains no run, evaluation or sweep; correct the path")
     running = any(overview.state == RUNNING for overview in overviews)
     return format_folders(folder, overviews), running
+
+
+KEPT, REFUSED = "kept", "refused"  # complete before the sweep was repeated; has a fault
+SCORES = COLUMNS.index("missions") + 1  # number of leading ``COLUMNS`` shown for jobs
+CUT, GAP, SHORTEST = "...", 2, 16  # ellipsis, spaces between columns, minimum width of names
+
+
+def format_jobs(results: Sequence[tuple[Path, JobResult]]) -> str:
+    """Format the folders and results of a sweep's jobs as a table sorted by name."""
+    rows = [("job", *COLUMNS[:SCORES])]
+    for folder, result in sorted(results, key=lambda pair: natural_key(pair[0].name)):
+        if result.status == INPUT:  # an existing folder belongs to another job
+            rows.append((folder.name, REFUSED, *[UNKNOWN] * (SCORES - 1)))
+            continue
+        state, *cells = list_cells(survey(folder))[:SCORES]
+        rows.append((folder.name, KEPT if result.kept else state, *cells))
+    return _align(rows)
+
+
+def format_folders(base: Path, overviews: Sequence[Overview]) -> str:
+    """Format the folders below a base folder as a table, followed by the reasons for failures."""
+    rows: list[tuple[str, ...]] = [("folder", *COLUMNS)]
+    reasons = []
+    for overview in overviews:
+        name = str(overview.path.relative_to(base))
+        rows.append((name, *list_cells(overview)))
+        if overview.reason:
+            reasons.append(f"{name}: {overview.reason}")
+    return "\n".join([_align(rows), *reasons])
+
+
+def _align(rows: Sequence[Sequence[str]]) -> str:
+    """Align words left and numbers right; shorten names so that no line wraps on a terminal."""
+    if sys.stdout.isatty():
+        others = [max(map(len, column)) + GAP for column in zip(*rows, strict=True)][1:]
+        room = get_terminal_size().columns - sum(others)
+        names = shorten_names([row[0] for row in rows[1:]], room)
+        rows = [rows[0], *([name, *row[1:]] for name, row in zip(names, rows[1:], strict=True))]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        words = [cell.ljust(width) for cell, width in zip(row[:2], widths[:2], strict=True)]
+        numbers = [cell.rjust(width) for cell, width in zip(row[2:], widths[2:], strict=True)]
+        lines.append((GAP * " ").join([*words, *numbers]).rstrip())
+    return "\n".join(lines)
+
+
+def shorten_names(names: Sequence[str], room: int) -> list[str]:
+    """Shorten names to ``room`` characters by cutting their common prefix, then their middle."""
+    room = max(room, SHORTEST)
+    if max(map(len, names), default=0) <= room:
+        return list(names)
+    columns = zip(*names, strict=False)
+    same = takewhile(lambda column: len(set(column)) == 1, columns)
+    common = sum(1 for _ in same) if len(names) > 1 else 0
+    if common > len(CUT):
+        names = [CUT + name[common:] for name in names]
+    kept = room - len(CUT)
+    end = kept // 3  # a name's last characters are a hash that distinguishes it
+    return [name if len(name) <= room else name[: kept - end] + CUT + name[-end:] for name in names]

@@ -8,18 +8,10 @@ from evoros.base.errors import shell_line
 from evoros.files.plugins import Subcommand, explain_missing, find_plugins
 
 FIGURES = "analyze"
-SIGNS = ("-", "+", "~")
-"""First characters of options and of overrides without a value."""
+SIGNS = ("-", "+", "~")  # first characters of options and of overrides without a value
 COMPOSING = (
-    "--multirun",
-    "--config-dir",
-    "--cfg",
-    "--resolve",
-    "--package",
-    "--info",
-    "--hydra-help",
-    "--shell-completion",
-    "--version",
+    *("--multirun", "--config-dir", "--cfg", "--resolve", "--package", "--info"),
+    *("--hydra-help", "--shell-completion", "--version"),
 )
 """Options of the commands that compose a configuration."""
 SUBCOMMANDS: Mapping[str, Subcommand] = {

@@ -119,7 +119,6 @@ def _describe_verdicts(folder: Path) -> list[str]:
 
 
 def _advise_trials(folder: Path) -> Iterator[str]:
-    """Yield the command that adds enough trials to decide the undecided requirements."""
     rows = (row for row in read_verdicts(folder) if not row["level"])
     undecided = [row for row in rows if row["result"] == UNDECIDED]
     needed = [float(row["trials"]) + float(row["further_trials"]) for row in undecided]

@@ -15,7 +15,6 @@ from threading import Lock
 from evoros.analysis.run_figures import check_figures, draw_figure
 from evoros.base.errors import EvorosError, InputError, RunStopped, override, shell_line
 from evoros.cli.checking import check_jobs, warn_of_few_seeds
-from evoros.cli.job_table import format_jobs
 from evoros.cli.reporting import (
     WORST_FIRST,
     Interrupts,
@@ -24,6 +23,7 @@ from evoros.cli.reporting import (
     judge_result,
     report_result,
 )
+from evoros.cli.status import format_jobs
 from evoros.config.jobs import SWEEPER, Job, Jobs
 from evoros.executor.protocol import KEPT, BatchPool, Executor, Pool
 from evoros.observers.protocol import FREE
@@ -190,10 +190,7 @@ def run_job(
     explain: Callable[[Path, BaseException], JobResult],
     job: Job,
 ) -> float:
-    """Run a job in this process, with ``build`` and ``explain`` as in ``Sweep``.
-
-    Return its validated fitness, or its best fitness without validation.
-    """
+    """Run a job in this process; return its validated fitness, or else its best fitness."""
     with log_to_terminal(again=True), log_everything(), log_for_job(str(job.folder)):
         try:
             session = build(job)

@@ -57,10 +57,7 @@ class Configuration:
         return experiment
 
     def rebuild(self, experiment: Experiment, keys: Sequence[str]) -> Experiment:
-        """Build the experiment from ``experiment``, which differs only in the values of ``keys``.
-
-        Errors are less specific than in ``build``.
-        """
+        """Build the experiment from ``experiment``, which differs only in these ``keys``."""
         parts = {key: self.values[key] for key in keys if key in self.values}
         built = {
             key: build(part, {}) if isinstance(part, Mapping) and TARGET in part else part
@@ -162,25 +159,9 @@ logging.getLogger(get_object.__module__).addHandler(logging.NullHandler())
 TARGET = "_target_"
 OWN = "evoros"
 ROOMS = (
-    "allocation",
-    "certificate",
-    "controller",
-    "design",
-    "drive",
-    "evolution",
-    "executor",
-    "failure",
-    "field",
-    "filter",
-    "fitness",
-    "measure",
-    "observers",
-    "optimizer",
-    "requirement",
-    "robot",
-    "sensor",
-    "simulator",
-    "world",
+    *("allocation", "certificate", "controller", "design", "drive", "evolution", "executor"),
+    *("failure", "field", "filter", "fitness", "measure", "observers", "optimizer"),
+    *("requirement", "robot", "sensor", "simulator", "world"),
 )
 """Packages with parts that a configuration may name; creating a part has no side effects."""
 

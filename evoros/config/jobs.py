@@ -187,7 +187,6 @@ def _read_path(config: DictConfig, key: str) -> Path:
 
 
 def _shorten(path: Path) -> Path:
-    """Return a path below the current folder as a relative path, which users can type."""
     here = Path.cwd()
     return path.relative_to(here) if path.is_relative_to(here) else path
 

@@ -32,8 +32,6 @@ RunJob = Callable[[Job], float]
 
 @dataclass(frozen=True)
 class _Task:
-    """The function that Hydra calls for each job, perhaps in another process or machine."""
-
     run: RunJob
     primary: str
     config_dir: Path | None
@@ -52,11 +50,7 @@ class _Task:
 
 
 def launch(jobs: Jobs, ready: Sequence[Job], run: RunJob) -> dict[Path, EvorosError | None]:
-    """Run the ``ready`` jobs with the chosen launcher; return the error, or None, by folder.
-
-    Raises:
-        RunStopped: the launcher itself failed.
-    """
+    """Run the ``ready`` jobs with the chosen launcher; return the error, or None, by folder."""
     with _start(jobs, "launcher") as hydra:
         typed = [text for text in jobs.typed if text.startswith("hydra")]
         config = hydra.compose_config(

@@ -105,7 +105,6 @@ def _drop(config: Any, place: str) -> None:
 
 
 def _read_primary(defaults: Sequence[Any]) -> dict[str, Any]:
-    """Read the primary file of evaluations without groups, with ``defaults`` before Hydra's."""
     files = [bundled_folder("conf") / f"{name}.yaml" for name in ("config", "evaluate")]
     base, own = map(OmegaConf.load, files)
     hydra = [entry for entry in base.defaults if any("hydra/" in str(key) for key in entry)]

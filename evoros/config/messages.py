@@ -65,10 +65,7 @@ def describe_error(error: BaseException) -> str:
 
 
 def describe_build_error(error: BaseException) -> str:
-    """Describe the failed construction of an object, preceded by its configuration key.
-
-    Hydra 1.3 wraps the error in one that names the key; later versions add a note to the error.
-    """
+    """Describe the failed construction of an object, preceded by its configuration key."""
     texts = [str(error), *getattr(error, "__notes__", ())]
     match = re.search(r"full_key: (\S+)", "\n".join(texts))
     key = match[1] if match else ""

@@ -90,7 +90,6 @@ def _choose_settings(kind: str, described: Mapping[str, float]) -> tuple[dict[st
 
 
 def _mask(settings: dict[str, Any], lidar: OwnSensor) -> str:
-    """Mask the beams of a lidar that see its own robot; return a note about them."""
     scan = settings.get("beams", _read_bundled(SENSOR, lidar.described.kind)["beams"])
     beams = [list(span) for span in lidar.masked]
     settings.setdefault("filters", {})["own_body"] = {

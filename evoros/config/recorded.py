@@ -75,10 +75,7 @@ def _create(tree: dict[str, Any]) -> DictConfig:
 def find_difference(
     recorded: Configuration, wanted: Configuration, free: Sequence[str] = FREE
 ) -> str:
-    """Describe the first key with different values in two configurations; empty if none.
-
-    ``free`` parts, by default the executor and the observers, are ignored.
-    """
+    """Describe the first key that differs in other than ``free`` parts; empty if none does."""
     before, now = flatten(recorded), flatten(wanted)
     for key in list_differences(before, now, free):
         return f"{key} is {now.get(key)!r}, but was {before.get(key)!r}"

@@ -175,7 +175,6 @@ def run_batches(batches: Batches, asked: Sequence[Asked], *packed: Shared) -> li
 def _run_together(
     batches: Batches, asked: Mapping[int, tuple[Shared, Sequence[Mission]]]
 ) -> dict[int, list[Rollout]]:
-    """Run the missions that can run together; note the reason for every other run."""
     from evoros.compilation.device import DeviceError
     from evoros.mission.batch import NoKernel
 

@@ -40,11 +40,7 @@ class MissionRecord(Protocol):
     """Stores the outcomes of missions."""
 
     def has(self, mission: Mission) -> bool:
-        """Return True if the mission is recorded.
-
-        Raises:
-            InputError: the mission was recorded with different random draws.
-        """
+        """Return True if the mission is recorded; raise an InputError for other random draws."""
 
     def record(self, results: Sequence[MissionResult]) -> None:
         """Record finished missions."""
@@ -119,12 +115,7 @@ class Dispatcher:
     def take_answer(
         self, scenario: Scenario, mission: Mission, future: Future[CallAnswer]
     ) -> CallAnswer:
-        """Return the answer to a call, or a lost mission's answer if ``lost`` is ``WORST``.
-
-        Raises:
-            LaunchError: the mission's controller cannot be started.
-            RunStopped: the mission is lost, and ``lost`` is ``STOP``.
-        """
+        """Return the answer to a call, or a lost mission's answer if ``lost`` is ``WORST``."""
         error = _error_of(future)
         if error is None:
             return future.result()

@@ -72,6 +72,7 @@ AGENTS = mapping_of(Agent, "agents (evoros.evolution.agent.Agent)")
 MEASURES = mapping_of(Measure, "measures (title, unit, bounds, direction, of_design and compute)")
 
 CHAMPION, CHAMPIONS, ALL, NONE = "champion", "champions", "all", "none"  # values of ``record``
+A_SEARCHER = Rule("a search (an object with ask, tell and champions)", lambda v: hasattr(v, "ask"))
 STATED = Condition(Case())  # represents every given case, because all cases share one scenario
 
 
@@ -287,10 +288,7 @@ class Experiment:
     def start_search(self) -> Search:
         """Start the experiment's search, with random draws that the seed determines."""
         rng = generator(f"{self.seed}", "optimizer")
-        rule = Rule(
-            "a search (an object with ask, tell and champions)", lambda v: hasattr(v, "ask")
-        )
-        search = ask("optimizer", self.optimizer.start, rule, self.space, self.goals, rng)
+        search = ask("optimizer", self.optimizer.start, A_SEARCHER, self.space, self.goals, rng)
         return AskedSearch(search, self.space.size)
 
     @cached_property

@@ -107,21 +107,13 @@ class Journal(MissionRecord, Protocol):
     """Keeps the records of a run, so an evolution does not repeat recorded missions."""
 
     def find(self, mission: Mission) -> Outcomes | None:
-        """Return the recorded outcomes of a mission; None if the mission is not recorded.
-
-        Raises:
-            InputError: the mission was recorded with other random draws.
-        """
+        """Return the recorded outcomes of a mission, or None; raise InputError for other draws."""
 
     def keep_log(self, mission: Mission, log: str) -> None:
         """Store the controller's output from a lost mission."""
 
     def write_generation(self, generation: Generation) -> None:
-        """Record a generation.
-
-        Raises:
-            InputError: the journal has a different generation with this number.
-        """
+        """Record a generation; raise an InputError if a different one has this number."""
 
     def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
         """Store the trajectory of a finished mission before the mission is recorded."""

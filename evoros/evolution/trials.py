@@ -67,7 +67,6 @@ class Measuring:
         return read_score(experiment, {"fitness": fitness, **values})
 
     def _compute(self, key: str, measure: Measure, evaluated: Evaluated) -> float:
-        """Return the value of a measure, or the worse of its bounds if the value is not finite."""
         value = float(ask(key, measure.compute, A_NUMBER, evaluated))
         if SCORE.holds(value):
             return value
@@ -164,12 +163,7 @@ class Trials:
     def score(
         self, generation: int, missions: Mapping[int, Sequence[Mission]], purpose: str
     ) -> dict[int, list[float]]:
-        """Return the score of each trial of each design.
-
-        Raises:
-            InputError: the journal has a mission with other random draws, or a score is not finite.
-            RunStopped: a mission was lost, and ``lost_missions`` is ``stop``.
-        """
+        """Return the score of each trial of each design; raise InputError if one is not finite."""
         needed = [mission for of_design in missions.values() for mission in of_design]
         outcomes = self.run(generation, needed, purpose)
         self.measuring.note(purpose, missions, outcomes)

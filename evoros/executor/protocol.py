@@ -32,16 +32,11 @@ class Pool(Protocol):
         """
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
-        """Call ``function(*args)`` in a worker; function and arguments must pickle.
+        """Call ``function(*args)`` in a worker; raise an InputError if anything does not pickle.
 
-        The future raises the function's exception, or WorkerLost if the call crashed its process
-        or hung on every attempt. A call that raises PilotLost is also retried.
-        RunStopped means that no workers are left. A ``Shared`` argument is sent once to each
-        worker.
-
-        Raises:
-            InputError: the function or an argument does not pickle.
-            RuntimeError: the pool is closed.
+        The future raises the function's exception, WorkerLost if every attempt crashed its process
+        or hung, or RunStopped if no workers are left. A call that raises PilotLost is also retried.
+        A ``Shared`` argument is sent once to each worker.
         """
 
 
@@ -194,11 +189,7 @@ def unpack_call(payload: bytes, kept: Kept) -> tuple[Callable[..., Any], tuple[A
 # The libraries read these on import. NUMBA_NUM_THREADS is left out, because numba refuses to change
 # it in a main process that has already started numba's threads.
 ONE_THREAD = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "BLIS_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-    "NUMEXPR_NUM_THREADS",
+    *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"),
+    *("BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS"),
 )
 """Variables set to 1 in each process that computes missions, because there is one per core."""

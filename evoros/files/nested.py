@@ -24,17 +24,13 @@ def parse_json(content: bytes | str) -> Any:
         value = json.loads(content)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
-    level = [value]
+    level = [value] if isinstance(value, dict | list) else []
     for _ in range(DEPTH):
-        level = [inner for node in level for inner in _list_inner(node)]
+        nodes = (node.values() if isinstance(node, dict) else node for node in level)
+        level = [value for inner in nodes for value in inner if isinstance(value, dict | list)]
         if not level:
             return value
     raise ValueError("it is nested too deeply")
-
-
-def _list_inner(node: Any) -> list[Any]:
-    inner = node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
-    return [value for value in inner if isinstance(value, dict | list)]
 
 
 def read_yaml(path: Path) -> tuple[Any, str]:

@@ -15,8 +15,7 @@ from typing import Any
 
 from evoros.files.resources import PACKAGE, bundled_folder
 
-GROUP = "evoros.plugins"
-"""Package of the bundled plug-ins, and group of entry points."""
+GROUP = "evoros.plugins"  # package of the bundled plug-ins, and group of entry points
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 

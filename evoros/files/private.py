@@ -82,13 +82,6 @@ def is_other_secret(one: str, other: str) -> bool:
     return one[:_ID_DIGITS] == other[:_ID_DIGITS] and one != other
 
 
-def _publish(draft: Path, path: Path) -> None:
-    try:
-        os.link(draft, path)
-    except PermissionError:  # a file system without hard links
-        draft.rename(path)
-
-
 def _read_key() -> bytes:
     """Read the user's key, created on first use; without a folder, return a new key."""
     folder, new = private_folder("key"), token_bytes(32)
@@ -99,6 +92,9 @@ def _read_key() -> bytes:
         draft.touch(mode=0o600)
         draft.write_bytes(new)
         with suppress(FileExistsError):  # another process was first
-            _publish(draft, path)
+            try:
+                os.link(draft, path)
+            except PermissionError:  # a file system without hard links
+                draft.rename(path)
         draft.unlink(missing_ok=True)
     return path.read_bytes()

@@ -41,13 +41,11 @@ def _note(event: str, arguments: tuple[Any, ...]) -> None:
     if not _COLLECTORS or event not in ("open", _READ):
         return
     name, mode, flags = arguments
-    if isinstance(name, str | bytes | os.PathLike) and not _writes(mode, flags):
+    if isinstance(mode, str):
+        writes = any(letter in mode for letter in "wax+")
+    else:
+        writes = isinstance(flags, int) and bool(flags & _WRITING)
+    if isinstance(name, str | bytes | os.PathLike) and not writes:
         path = Path(os.path.abspath(os.fsdecode(name)))
         for paths in _COLLECTORS:
             paths.add(path)
-
-
-def _writes(mode: object, flags: object) -> bool:
-    if isinstance(mode, str):
-        return any(letter in mode for letter in "wax+")
-    return isinstance(flags, int) and bool(flags & _WRITING)

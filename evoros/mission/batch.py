@@ -102,8 +102,6 @@ class Batcher:
 
 
 class _Group:
-    """The missions of one scenario, kept open during a launch."""
-
     def __init__(self, scenario: Scenario, missions: Sequence[Mission], stack: ExitStack) -> None:
         self._scenario, self._missions = scenario, missions
         self._opened: dict[int, OpenMission] = {}

@@ -151,8 +151,7 @@ class LoopCall(NamedTuple):
 
 Loop = Callable[[LoopInputs, Agents, Timing, Arrays], LoopResult]
 
-Run = Callable[[LoopCall], LoopResult]
-"""Runs a call of the loop."""
+Run = Callable[[LoopCall], LoopResult]  # runs a call of the loop
 
 
 OBSERVE, SENSE, ADVANCE = range(3)  # indices of an engine's call addresses in the parameters

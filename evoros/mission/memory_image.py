@@ -112,8 +112,6 @@ Words = NDArray[np.int64]
 
 
 class _Pieces:
-    """Pieces of memory in this process, and their offsets in the image."""
-
     def __init__(self) -> None:
         self._spans: list[tuple[int, int, int]] = []
 

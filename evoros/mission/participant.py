@@ -63,9 +63,7 @@ def enter(member: Member, failure: Failure, course: Course, mission: Mission) ->
 def open_layers(participant: Participant) -> Iterator[Sequence[LayerStage]]:
     """Start the controller of a robot for one mission.
 
-    Raises:
-        InputError, LaunchError: a layer refuses to start, or a live controller cannot be started.
-        PilotLost: a live controller was not ready in time.
+    A live controller that cannot be started raises LaunchError; one that is not ready, PilotLost.
     """
     controller, draws = participant.member.controller, participant.draws
     if not isinstance(controller, protocol.LiveController):

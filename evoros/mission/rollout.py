@@ -91,12 +91,7 @@ class OpenMission:
         return self.outcomes(), self.trajectory
 
     def run(self, ticks: int | None = None, run: Run = run_call) -> None:
-        """Run the next ``ticks`` ticks, the first at time 0, or up to the end of the mission.
-
-        Raises:
-            SimulationError: the state is no longer finite, or the engine failed.
-            PilotLost: an external controller ended or did not answer.
-        """
+        """Run the next ``ticks`` ticks, the first at time 0, or up to the end of the mission."""
         if not self.is_over:
             call = self.call
             last = call.timing.limit if ticks is None else call.timing.first - 1 + ticks

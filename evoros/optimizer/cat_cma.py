@@ -11,8 +11,7 @@ from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, WHOLE, checked
 from evoros.base.errors import require_extra
 from evoros.optimizer.cma_es import POPULATION, Strategies
-from evoros.optimizer.history import FitnessSearch
-from evoros.optimizer.library import draw_seed, list_categories, place_level
+from evoros.optimizer.history import FitnessSearch, draw_seed, list_categories, place_level
 from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_genes
 
 if TYPE_CHECKING:
@@ -61,8 +60,6 @@ class CatCma(Optimizer):
 
 @dataclass(frozen=True)
 class _Genes:
-    """The indices of the genes of each kind, and the number of levels of each discrete gene."""
-
     size: int
     continuous: list[int]
     numbers: dict[int, int]

@@ -11,8 +11,7 @@ from numpy.random import Generator
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, FLAG, FRACTION, WHOLE, checked, is_whole
 from evoros.base.errors import require_extra
-from evoros.optimizer.history import FitnessSearch, History
-from evoros.optimizer.library import draw_seed
+from evoros.optimizer.history import FitnessSearch, History, draw_seed
 from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_genes
 
 FEW = 4

@@ -10,8 +10,7 @@ from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, FRACTION, PROBABILITY, WHOLE, checked, invalid
 from evoros.base.errors import require_extra
 from evoros.optimizer.cma_es import FEW
-from evoros.optimizer.history import CELLS, ArchiveSearch, History, create_archive
-from evoros.optimizer.library import draw_seed
+from evoros.optimizer.history import CELLS, ArchiveSearch, History, create_archive, draw_seed
 from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_genes
 
 if TYPE_CHECKING:

@@ -114,7 +114,6 @@ class _GeneticSearch:
         self._pool = pool[:1] + [self._mutate(*candidate, known) for candidate in pool[1:]]
 
     def _breed_pair(self, first: Individual, second: Individual) -> list[tuple[Individual, str]]:
-        """Return two children by single-point crossover over the blocks, or two clones."""
         blocks = self._space.blocks
         if self._rng.random() >= self._settings.crossover_probability or len(blocks) < 2:
             return [(first, "clone"), (second, "clone")]

@@ -1,4 +1,4 @@
-"""The individuals and scores of a search, and a search by fitness alone."""
+"""What searches share: their individuals and scores, samplers, archives and levels of genes."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -10,7 +10,6 @@ from numpy.random import Generator
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT
 from evoros.base.errors import InputError
-from evoros.optimizer.library import draw_seed
 from evoros.optimizer.protocol import Candidate, Goals, Individual, Score, Space, check_scores
 
 if TYPE_CHECKING:
@@ -35,11 +34,7 @@ class History:
         self.individuals |= {individual.id: individual for individual in self.asked}
 
     def tell(self, scores: Mapping[int, Score]) -> bool:
-        """Record scores; return True if any earlier score changed.
-
-        Raises:
-            InputError: a score is missing or contains NaN; nothing is recorded.
-        """
+        """Record valid scores; return True if any earlier score changed."""
         check_scores(scores, self.asked)
         known = {index: self.scores[index] for index in scores if index in self.scores}
         self.scores |= {index: scores[index] for index in sorted(scores)}
@@ -79,6 +74,22 @@ def freeze(genome: Array) -> Array:
     frozen = genome.clip(0.0, 1.0).astype(float)
     frozen.flags.writeable = False
     return frozen
+
+
+def draw_seed(rng: Generator) -> int:
+    """Draw a seed for a library's random generator."""
+    return int(rng.integers(2**31))
+
+
+def list_categories(space: Space) -> list[int]:
+    """Return the categorical genes, that is, those with unordered levels."""
+    aspects = (aspect for block in space.blocks for aspect in block.aspects)
+    return sorted(gene for aspect in aspects for gene in aspect.categorical)
+
+
+def place_level(level: Array | int, count: Array | int) -> Array:
+    """Return the gene value in the middle of one of ``count`` levels."""
+    return np.asarray((np.asarray(level) + 0.5) / np.asarray(count), dtype=float)
 
 
 class Sampler(Protocol):

@@ -9,8 +9,14 @@ from numpy.random import Generator
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, NOT_NEGATIVE, PROBABILITY, WHOLE, checked
 from evoros.base.errors import require_extra
-from evoros.optimizer.history import CELLS, ArchiveSearch, History, create_archive
-from evoros.optimizer.library import draw_seed, list_categories
+from evoros.optimizer.history import (
+    CELLS,
+    ArchiveSearch,
+    History,
+    create_archive,
+    draw_seed,
+    list_categories,
+)
 from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_genes
 
 if TYPE_CHECKING:

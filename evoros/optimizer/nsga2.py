@@ -10,8 +10,7 @@ from numpy.random import Generator
 from evoros.base.checks import COUNT, POSITIVE, PROBABILITY, WHOLE, checked, is_whole
 from evoros.base.errors import InputError, require_extra
 from evoros.optimizer import protocol
-from evoros.optimizer.history import History
-from evoros.optimizer.library import draw_seed
+from evoros.optimizer.history import History, draw_seed
 
 if TYPE_CHECKING:
     from pymoo.algorithms.moo.nsga2 import NSGA2

@@ -166,8 +166,7 @@ class CoveringSpace(Space, Protocol):
 class Optimizer(ABC):
     """Searches the unit cube of a design space."""
 
-    generations: int
-    """The number of generations of a run, including the first."""
+    generations: int  # the number of generations of a run, including the first
     validation_trials: int
     """The number of fresh trials for each generation's best design; 0 for no validation."""
     packages: Sequence[str] = ()

@@ -64,7 +64,6 @@ class SetCover(protocol.Optimizer):
         return _CoverSearch(remaining, genetic.start(remaining, goals, rng))
 
     def _draw_bodies(self, space: protocol.CoveringSpace, rng: Generator) -> list[Array]:
-        """Return genomes whose sensors cover the sector; all other genes are 0."""
         if not space.slots:
             return []
         places = rng.random((self.candidates, len(space.slots[0].genes)))
@@ -209,8 +208,6 @@ class _Remaining:
 
 @dataclass(frozen=True)
 class _CoverSearch:
-    """A search in the remaining space that maps genomes to the whole space."""
-
     remaining: _Remaining
     search: protocol.Search
 

@@ -13,8 +13,7 @@ from numpy.random import Generator
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, WHOLE, checked
 from evoros.base.errors import require_extra
-from evoros.optimizer.history import FitnessSearch, History
-from evoros.optimizer.library import draw_seed, list_categories, place_level
+from evoros.optimizer.history import FitnessSearch, History, draw_seed, list_categories, place_level
 from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_genes
 
 if TYPE_CHECKING:

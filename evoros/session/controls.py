@@ -123,7 +123,6 @@ def _record_evaluation(run: Path, controls: Controls, folder: Path) -> Session:
 
 
 def _list_designs(run: Path, controls: Controls, experiment: Experiment) -> Iterator[NamedDesign]:
-    """Yield the champion and its controls; sources are their names."""
     (champion,) = read_given([str(run)], experiment)
     yield replace(champion, source=CHAMPION)
     for name in controls.designs:

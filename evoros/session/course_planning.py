@@ -50,8 +50,6 @@ class Planned:
 
 @dataclass(frozen=True)
 class _Place:
-    """A world without a course, and the robot that will drive in it."""
-
     source: str
     bodies: tuple[Body, ...]
     robot: Robot
@@ -136,7 +134,6 @@ def _find_world(place: _Place) -> tuple[World, str]:
 
 
 def _list_worlds(place: _Place, on_floors: bool) -> Iterator[tuple[World, Suggestion]]:
-    """Yield worlds with a suggested course that causes no warning, at most one per floor."""
     tried = set[tuple[object, ...]]()
     for start in _list_starts(place):
         for _ in range(2):  # the course suggested first may be on a different floor

@@ -66,10 +66,7 @@ def read_recorded_designs(folder: Path, experiment: Experiment) -> list[NamedDes
 
 
 def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
-    """Return the files that ``read_recorded_designs`` reads, as contents by file name.
-
-    Values have full precision. Sensors are in the robot's order, as in ``failed_sensors``.
-    """
+    """Return the files that ``read_recorded_designs`` reads, with full precision, by file name."""
     sensors: list[Sequence[object]] = []
     genes: list[Sequence[object]] = []
     for named in designs:
@@ -220,10 +217,7 @@ def _parse(at: str, name: str, content: str) -> float:
 def read_rows(
     path: Path, required: Sequence[str], optional: Sequence[str]
 ) -> Iterator[tuple[int, dict[str, str]]]:
-    """Yield the number of each nonempty line, and the line's cells by column name.
-
-    White space within a cell is collapsed to single spaces.
-    """
+    """Yield the number and the cells, by column name, of each nonempty line."""
     try:
         rows = csv.reader(StringIO(read_file(path).decode("utf-8-sig"), newline=""), strict=True)
         names = [name.strip() for name in next(rows, [])]

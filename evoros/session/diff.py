@@ -25,10 +25,7 @@ Key = tuple[tuple[str, str], ...]  # (name, cell) of the columns that identify a
 
 
 def compare_missions(one: Path, other: Path) -> tuple[str, int]:
-    """Return the first difference between two mission tables, and the number of missions.
-
-    The order of rows is ignored, because unfinished runs record missions as they complete.
-    """
+    """Return the first difference between two mission tables in any order, and their length."""
     first, second = (_read_missions(folder / layout.MISSIONS) for folder in (one, other))
 
     def order(key: Key) -> list[tuple[int, str]]:
@@ -145,30 +142,15 @@ def _shorten(value: object) -> str:
 
 
 COMPARED = (
-    "setting.json",
-    "designs_in.csv",
-    "genes_in.csv",
-    "generations/*",
-    "designs.csv",
-    "worst_cases.csv",
-    "requirements.csv",
-    "requirements.md",
-    "junit.xml",
-    "champion/**/*",
-    "trajectories/**/*",
-    "figures/*",
+    *("setting.json", "designs_in.csv", "genes_in.csv", "generations/*"),
+    *("designs.csv", "worst_cases.csv", "requirements.csv", "requirements.md", "junit.xml"),
+    *("champion/**/*", "trajectories/**/*", "figures/*"),
 )
 """The derived files to be compared, other than missions, in the order of their creation."""
 FREE = (*protocol.FREE, "figures")
 MADE_BY = (
-    "commit",
-    "dirty",
-    "packages",
-    "programs",
-    "python",
-    "platform",
-    "operating_system",
-    "processor",
+    *("commit", "dirty", "packages", "programs", "python", "platform"),
+    *("operating_system", "processor"),
 )
 """Fields of the manifest that may differ between equal runs."""
 

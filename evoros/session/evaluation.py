@@ -84,10 +84,7 @@ def _check_draws(experiment: Experiment) -> None:
 
 
 def _check_levels(designs: Sequence[NamedDesign], experiment: Experiment) -> None:
-    """Require that each design has enough sensors for the failures in the requirements.
-
-    Warn about requirements that need more trials.
-    """
+    """Require enough sensors for the failures in the requirements; warn about too few trials."""
     for index, named in enumerate(designs):
         try:
             DesignTrials(experiment, index, named.design)
@@ -162,12 +159,7 @@ class Evaluation:
         yield scenario, next(missions)
 
     def run(self, pool: Pool, status: Status) -> None:
-        """Run the missing missions; write the scores and the verdicts.
-
-        Raises:
-            InputError: the missions on disk do not belong to this evaluation.
-            RunStopped: a mission was lost; the evaluation can be resumed.
-        """
+        """Run the missing missions; write the scores and the verdicts."""
         experiment, folder = self.experiment, self.folder
         for trials in self._trials:
             self._read(trials)

@@ -37,10 +37,7 @@ OF_VALIDATION = ("optimizer", "allocation", "confirmation", "validation")
 
 
 def read_like(source: str, typed: frozenset[str]) -> RecordedRun:
-    """Read the recorded configuration of a finished run, or of a sweep whose runs agree.
-
-    The runs may differ in the keys ``typed`` as overrides.
-    """
+    """Read the configuration of a finished run, or of runs that agree in all keys but ``typed``."""
     first, *others = _list_runs(source)
     ignored = {*UNUSED, *typed, *(() if "evaluation_draws" in typed else OF_VALIDATION)}
     values = flatten_recorded(first / layout.CONFIG)
@@ -113,7 +110,7 @@ def _require_agreement(
 
 
 def _find_choice(key: str, *runs: Path) -> str:
-    """Return the group in which the runs chose differently if it sets ``key``; else the key."""
+    # a group in which the runs chose differently may set the key
     first, other = (layout.read_json(run / layout.MANIFEST).get("choices", {}) for run in runs)
     groups = [group for group in first if first[group] != other.get(group)]
     return next((group for group in groups if is_below(key, [find_place(group)])), key)
@@ -124,10 +121,7 @@ GENES_BESIDE = {"design.csv": "genes.csv", layout.DESIGN_FILE: layout.GENE_FILE}
 
 
 def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesign]:
-    """Read the designs of all sources in order, and check them against ``experiment``.
-
-    A source is a CSV file or a folder of runs, whose champions are read.
-    """
+    """Read the designs in CSV files and the champions of runs, and check them all."""
     designs: list[NamedDesign] = []
     known: set[Path] = set()
     names: set[DesignName] = set()

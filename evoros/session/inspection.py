@@ -37,8 +37,7 @@ ANOTHER = (
 )
 
 Row = tuple[str, str]
-Places = Mapping[str, Array]
-"""Sensor poses by region, (n, 5): x, y, z [m], yaw, pitch [rad]."""
+Places = Mapping[str, Array]  # sensor poses by region, (n, 5): x, y, z [m], yaw, pitch [rad]
 
 
 @dataclass(frozen=True)
@@ -56,10 +55,7 @@ class Inspection:
 def inspect_robot(
     name: str, folder: Path, simulator: str, draw: Callable[[Robot, Places], bytes]
 ) -> Inspection:
-    """Describe the robot ``name`` in the user's configuration ``folder``; ``draw`` its picture.
-
-    The inspection includes a design with the sensors that the robot already has.
-    """
+    """Describe the robot ``name`` in a user's ``folder``, and plan a design with its sensors."""
     experiment, messages = _build([f"robot={name}", "design=around", simulator], folder)
     robot, places = experiment.robot, _sample_places(experiment)
     own_sensors = find_own_sensors(robot)
@@ -136,7 +132,6 @@ def _choose_controller(experiment: Experiment, words: Sequence[str], folder: Pat
 
 
 def _find_ranges(experiment: Experiment, max_ratio: float) -> dict[str, float]:
-    """Return a shorter range [m] for each avoidance range that is too long, by key."""
     robot, controller = experiment.robot, experiment.controller
     worlds = experiment.world.values()
     faults = [find_range_fault(world, robot, controller, max_ratio) for world in worlds]

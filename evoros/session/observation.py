@@ -192,7 +192,6 @@ class _Link:
 
     @contextmanager
     def _guard(self) -> Iterator[None]:
-        """Warn about the first error, and give the command that sends the missing records."""
         try:
             yield
         except Exception as error:  # a library or a user's part may raise anything
@@ -238,10 +237,7 @@ def _export_command(folder: Path, name: str) -> str:
 
 
 def export(folder: Path, observer: protocol.Observer, origin: Path) -> protocol.ObservedRun:
-    """Send a recorded run, or its missing records, to a tracker; return the run.
-
-    Relative paths in the tracker's keys are relative to ``origin``.
-    """
+    """Send the missing records of a run to a tracker, with paths relative to ``origin``."""
     if layout.evaluates(folder) or not (folder / layout.MANIFEST).is_file():
         raise InputError(f"{folder}: must be the folder of a run; correct the path")
     verify_folder(folder)

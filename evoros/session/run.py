@@ -104,11 +104,7 @@ class Session:
 
 
 def create_run(config: Configuration, folder: Path) -> Session:
-    """Build and record a run in a new folder.
-
-    Raises:
-        InputError: the input cannot be used; the folder is unchanged.
-    """
+    """Build and record a run in a new folder; after an InputError, the folder is unchanged."""
     require_unused(folder)  # fails early, because building can take seconds
     with collect_messages() as messages:
         if not config.evaluates:
@@ -145,10 +141,7 @@ def record_run(
     size: int | None = None,
     designs: Sequence[NamedDesign] | None = None,
 ) -> Session:
-    """Record a run in a new folder; for an evaluation, ``designs`` is given.
-
-    ``size`` is the number of generations or trials if it differs from the configured number.
-    """
+    """Record a search or, with ``designs``, an evaluation of ``size`` generations or trials."""
     files, command = (
         ({}, layout.RUN) if designs is None else (write_designs(designs), layout.EVALUATE)
     )
@@ -218,10 +211,7 @@ def _start_evaluation(
 
 
 def _find_size(record: RunFolder, key: str, written: int, wanted: int | None) -> int:
-    """Return the number of generations or trials of a run, including extensions.
-
-    ``written`` is the configured or recorded number, and ``wanted`` the number in the overrides.
-    """
+    """Return the size in the status, or else ``written``; ``wanted`` must not be smaller."""
     recorded = record.read_status().get(SIZES[key])
     known = max(recorded, written) if isinstance(recorded, int) else written
     if recorded is None and len(record.rows):  # a run without rows may not have a status yet

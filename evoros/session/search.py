@@ -93,11 +93,7 @@ class Search:
             yield scenario, experiment.plan.missions(purpose, 0, individual.id, design)[0]
 
     def run(self, pool: Pool, status: Status) -> None:
-        """Run to the end.
-
-        Raises:
-            RunStopped: a mission was lost; the run can be resumed.
-        """
+        """Run to the end, as ``Session.run`` does."""
         self._status, experiment = status, self.experiment
         missions, bounds = experiment.scored_missions, experiment.fitness_bounds
         if foreseen := foresee_trials(experiment.validation, missions, bounds):

@@ -220,10 +220,7 @@ def is_locked(folder: Path) -> bool:
 
 
 def _estimate_left(status: Mapping[str, Any]) -> float | None:
-    """Estimate the remaining time [s] from this session's speed.
-
-    Future generations are assumed to need as many missions as past ones on average.
-    """
+    """Estimate the remaining time [s], if later generations need as many missions as past ones."""
     names = ("missions", "session_missions", "session_wall_s")
     missions, of_session, wall = (status.get(name) for name in names)
     wanted: float | None = status.get("missions_wanted")

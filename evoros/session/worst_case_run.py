@@ -47,14 +47,7 @@ class WorstCaseRun:
     status: Status
 
     def run(self) -> None:
-        """Search for the worst cases of each design, and write them.
-
-        Outcomes are recorded before the search uses them, so a resumed search tries the same cases.
-
-        Raises:
-            InputError: the recorded missions belong to a different search.
-            RunStopped: a mission was lost; the evaluation can be resumed.
-        """
+        """Find and write the worst cases, from recorded outcomes, so that resuming is exact."""
         scenario = self.experiment.scenario_under(STATED)
         rows: list[Sequence[object]] = [COLUMNS]
         for index, design in enumerate(self.designs):

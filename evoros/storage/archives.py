@@ -32,7 +32,7 @@ RUNS, INPUTS = "runs", "inputs"  # folders of runs, and of the runs' input files
 def open_folder(path: str | Path) -> Path:
     """Return a folder, or unpack the runs of an archive and return their folder.
 
-    ``study.zip/NAME`` names the run, or the folder of runs, called NAME in the archive.
+    ``study.zip/NAME`` names the run, or the folder of runs, called NAME.
     """
     path = expand_home(path)
     archive = find_archive(path)
@@ -112,7 +112,9 @@ def unpack(path: Path, wanted: Callable[[str], bool], to: Path) -> None:
                 raise InputError(f"{path}: {name} not found; give a file written by evoros archive")
         _check_record(path, read_member(path, archive, members[RECORD]))
         sums = _read_sums(path, read_member(path, archive, members[CHECKSUMS]))
-        _compare_names(path, set(sums), set(members) - {CHECKSUMS})
+        for name in sorted(set(sums) ^ (set(members) - {CHECKSUMS})):
+            problem = "not found" if name in sums else f"not listed in {CHECKSUMS}"
+            raise InputError(f"{path}: {name}: {problem}; download or copy the archive again")
         for name in filter(wanted, members):
             content = read_member(path, archive, members[name])
             if hashlib.sha256(content).hexdigest() != sums[name]:
@@ -133,12 +135,6 @@ def write_unpacked(path: Path, content: bytes) -> None:
             f"{path}: cannot be unpacked ({error.strerror}); free some space, set TMPDIR to "
             f"another folder, or choose another --output"
         ) from error
-
-
-def _compare_names(path: Path, listed: set[str], present: set[str]) -> None:
-    for name in sorted(listed ^ present):
-        problem = "not found" if name in listed else f"not listed in {CHECKSUMS}"
-        raise InputError(f"{path}: {name}: {problem}; download or copy the archive again")
 
 
 def _read_sums(path: Path, content: bytes) -> dict[str, str]:

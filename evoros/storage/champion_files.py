@@ -99,10 +99,7 @@ def table_by_robot(
 
 
 def gene_table(designs: Mapping[int, Design], names: Mapping[str, Mapping[str, str]]) -> str:
-    """Return ``genes.csv``, with a row for each evolved value of the designs except mounts.
-
-    ``names`` maps a robot's name to the gene name of each evolved value, by key.
-    """
+    """Return ``genes.csv`` for the evolved values; ``names`` maps robot and key to a gene name."""
     rows = [
         [individual, names[robot][key], key, value, robot]
         for individual, design in designs.items()

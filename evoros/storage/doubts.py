@@ -57,7 +57,6 @@ def _warn_never_completed(rows: Iterable[Row]) -> str:
 
 
 def _warn_standing(rows: Iterable[Row]) -> Iterator[str]:
-    """Yield a warning for each other robot that does not move in most missions."""
     moving: Counter[str] = Counter()
     known: Counter[str] = Counter()
     for row in islice(rows, FIRST):

@@ -75,7 +75,6 @@ def describe_failure(experiment: "Experiment", member: "Member") -> FailureConte
 
 
 def _list_filters(failure: Failure, channels: Channels) -> Iterator[Filter]:
-    """Yield the filters that a failure model names, and the filters of some drawn faults."""
     stated = getattr(failure, "effect", None)
     if isinstance(stated, Filter):
         yield stated
@@ -199,14 +198,11 @@ def describe_experiment(experiment: "Experiment") -> FigureContext:
     """Describe an experiment for figures."""
     # The robots for confirmation are those that run the champion's missions.
     members = zip(experiment.members, experiment.confirming.members, strict=True)
-    contexts = [
-        _describe(experiment, member, confirming.controller.modes) for member, confirming in members
-    ]
-    agents = dict(zip(experiment.agents, contexts[1:], strict=True))
-    bounds = experiment.fitness_bounds
-    fitness = replace(experiment.scoring.name, bounds=bounds)
+    first, *others = (_describe(experiment, one, other.controller.modes) for one, other in members)
+    agents = dict(zip(experiment.agents, others, strict=True))
+    fitness = replace(experiment.scoring.name, bounds=experiment.fitness_bounds)
     measures = dict(_name_measures(experiment))
-    return replace(contexts[0], fitness=fitness, measures=measures, agents=agents)
+    return replace(first, fitness=fitness, measures=measures, agents=agents)
 
 
 def _name_measures(experiment: "Experiment") -> Iterator[tuple[str, FitnessName]]:
@@ -266,7 +262,6 @@ def _signal(sensor: Sensor) -> Signal:
 
 
 def _rings(failure: Failure) -> Iterator[Ring]:
-    """Yield the damage rings of a failure model and of the models that it combines."""
     radii, probabilities = (getattr(failure, name, ()) for name in ("radii_m", "probabilities"))
     yield from (Ring(float(r), float(p)) for r, p in zip(radii, probabilities, strict=True))
     for part in getattr(failure, "failures", {}).values():

@@ -123,10 +123,7 @@ def name_parts(path: Path, config_dir: str | None = None) -> tuple[str, ...]:
 
 
 def replay_command(path: Path, columns: Mapping[Any, object], option: Sequence[str]) -> str:
-    """Return the command line that replays the mission in the row with these values.
-
-    ``option`` sets the run's configuration folder.
-    """
+    """Return the command line that replays a mission; ``option`` sets the configuration folder."""
     values = [f"{name}={value}" for name, value in columns.items()]
     return shell_line("evoros", "replay", str(path), *values, *option)
 
@@ -180,11 +177,7 @@ _STATUS = dict.fromkeys(("state", "reason", "run", "updated"), _TEXT)
 
 
 def unseal(name: str, content: bytes) -> dict[str, Any]:
-    """Return the fields of a sealed file, ``manifest.json`` or ``status.json``.
-
-    Raises:
-        ValueError: the file is damaged, or a field has the wrong type.
-    """
+    """Return the fields of a sealed file; raise a ValueError if it is damaged or mistyped."""
     fields = unseal_json(name, content, (MANIFEST, STATUS))
     kinds, other = (_MANIFEST, None) if name == MANIFEST else (_STATUS, _NUMBER_OR_NULL)
     for key, value in fields.items():

@@ -185,10 +185,7 @@ def _has_final_choice(missions: Path) -> bool:
 
 
 def list_unrecorded(folder: Path) -> dict[str, Path]:
-    """Return the files of parts that have not affected any recorded result, by manifest key.
-
-    They may be changed before the run is resumed.
-    """
+    """Return the files of parts that have not affected any recorded result, by manifest key."""
     if layout.evaluates(folder) or not (folder / layout.MISSIONS).is_file():
         return {}
     free = set() if any((folder / GENERATIONS).glob("*.csv")) else set(_UNTIL_SCORED)
@@ -246,10 +243,7 @@ def list_other_versions(
 
 
 def _modules(values: Any) -> set[str]:
-    """Return the user's imported modules that ``values`` names.
-
-    The executor and the observers are left out, because they affect no result.
-    """
+    """Return the user's modules that ``values`` names, except of the executor and observers."""
     if isinstance(values, list):
         return set().union(*map(_modules, values))
     if not isinstance(values, dict):
@@ -281,10 +275,7 @@ class Imports:
 
 
 def _collect_imports(modules: Iterable[str]) -> Imports:
-    """Collect the imports of modules, and of the modules outside packages that these import.
-
-    Modules of evoros and of Python are left out.
-    """
+    """Collect the imports of modules, directly or through other modules outside packages."""
     imports = Imports()
     pending = list(modules)
     seen: set[str] = set()

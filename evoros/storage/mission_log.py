@@ -103,10 +103,7 @@ class MissionLog:
     def finish(
         self, order: Callable[[Mapping[str, str]], tuple[int, ...]], unwanted: Collection[int] = ()
     ) -> None:
-        """Sort the mission rows by ``order``, once all are written.
-
-        Rows at ``unwanted`` offsets are set aside, because their missions were not requested.
-        """
+        """Sort the mission rows by ``order``, and set the rows at ``unwanted`` offsets aside."""
         if unwanted:
             self.digests.add(self._growing)
             rows = self.table.take_out(unwanted)

@@ -49,7 +49,9 @@ class PortableRun:
             content = read_bytes(self.folder / name)
             new = self._move(name, content)
             if name == layout.MISSIONS and (new != content or key != before):
-                new = _seal_again(new, key)
+                header, *rows = new.decode().splitlines(keepends=True)
+                bare = "".join(f"{row.rpartition(',')[0]}\n" for row in rows)
+                new = header.encode() + seal_rows(bare, key)
             if name == layout.STATUS and key != before:
                 status = read_sealed(self.folder, layout.STATUS)
                 new = seal_json(layout.STATUS, {**status, STATUS_KEY: key.decode()}).encode()
@@ -93,8 +95,3 @@ def list_files(folder: Path) -> list[str]:
     hidden = [name for name in names if any(part.startswith(".") for part in name.split("/"))]
     others = (layout.MANIFEST, layout.DIGESTS, *hidden)
     return [name for name in names if name not in others and name.split("/")[0] not in LEFT_OUT]
-
-
-def _seal_again(table: bytes, key: bytes) -> bytes:
-    header, *rows = table.decode().splitlines(keepends=True)
-    return header.encode() + seal_rows("".join(f"{row.rpartition(',')[0]}\n" for row in rows), key)

@@ -214,10 +214,7 @@ class RunFolder(MissionLog):
         return read_bytes(path) if path.is_file() else b""
 
     def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
-        """Write the champion's files, replacing files from an earlier end of the search.
-
-        ``design.csv``, the last file, exists only while all other files do.
-        """
+        """Replace the champion's files; ``design.csv`` exists only while all other files do."""
         files = {**track_files(champion, trajectories), **champion_files(champion)}
         for name in files:
             self.set_aside(name)

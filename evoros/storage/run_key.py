@@ -23,10 +23,7 @@ _CALL = re.compile(r"(?<!\\)\$\{[\w.-]+:")
 
 
 def derive_key(values: Mapping[str, Any], hashes: Mapping[str, str]) -> str:
-    """Derive the key from the configuration with resolved references and from other hashes.
-
-    The executor and the size of a run do not affect its key.
-    """
+    """Derive the key from the configuration, except its executor and size, and other hashes."""
     tree = json.loads(json.dumps(values, default=str), parse_float=_read_number)
     for name in FREE:
         tree.pop(name, None)
@@ -44,10 +41,7 @@ def derive_key(values: Mapping[str, Any], hashes: Mapping[str, str]) -> str:
 
 
 def conceal(values: Mapping[str, Any], config: str) -> Mapping[str, Any]:
-    """Return the values or, if ``config`` has references to secrets, the parsed YAML.
-
-    Short secrets could otherwise be guessed from the key.
-    """
+    """Return the values or, if they contain secrets, which could be guessed, the parsed YAML."""
     tree = _parse_sources(config)
     return values if next(_list_secrets(tree, values), None) is None else tree
 

@@ -55,10 +55,7 @@ def world_file(world: str, draws: str | None) -> Path:
 
 @dataclass
 class TrajectoryFiles:
-    """The trajectories in a folder that is open for writing.
-
-    ``write`` receives the name and content of a file, and True if its lines need digests.
-    """
+    """The trajectories in a folder; ``write`` gets name, content, and whether to hash lines."""
 
     folder: Path
     digests: DigestLog

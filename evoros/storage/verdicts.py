@@ -3,6 +3,7 @@
 import csv
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 from evoros.requirement.requirements import Judged, Requirement
@@ -83,18 +84,17 @@ def write_markdown(rows: Sequence[Row]) -> str:
 
 def describe(row: Row) -> str:
     """Describe the numbers on which a verdict is based."""
+    bounds: dict[str, Any] = {
+        key: float(row[key]) for key in ("value", "low", "high", "confidence", "limit")
+    }
     return Verdict(
         result=row["result"],
         trials=int(row["trials"]),
-        value=float(row["value"]),
-        low=float(row["low"]),
-        high=float(row["high"]),
-        confidence=float(row["confidence"]),
-        limit=float(row["limit"]),
         unit=row["unit"],
         worst=(int(row["worst_trial"]), row["worst_world"]),
         further=float(row["further_trials"]),
         decided_by=row["decided_by"],
+        **bounds,
     ).text
 
 

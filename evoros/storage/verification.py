@@ -51,10 +51,7 @@ def verify_folder(folder: Path) -> None:
 
 
 def is_complete(folder: Path) -> bool:
-    """Return True if a finished folder has all its files and unchanged digests.
-
-    Trajectories, robots and worlds may have been deleted.
-    """
+    """Return True if a finished folder has all files that figures need, with unchanged digests."""
     entries = _read_entries(folder).by_name
     places = [p for n in ("champion", layout.TRAJECTORIES) for p in (folder / n).rglob("[!.]*")]
     written = {str(path.relative_to(folder)) for path in places if path.is_file()}
@@ -166,10 +163,7 @@ def _find_damage(folder: Path, name: str, entry: digests.Entry) -> str | None:
 
 
 def _find_row(content: bytes, entry: digests.Entry, key: bytes) -> str:
-    """Return the first line of ``missions.csv`` that is damaged, repeated or from another run.
-
-    An incomplete last row does not count as damaged.
-    """
+    """Return the first damaged, repeated or foreign line of ``missions.csv``."""
     header, *lines = split_lines(content) or [b""]
     if entry.lines and digests.find_line(header, entry):
         return ": line 1"

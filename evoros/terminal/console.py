@@ -47,10 +47,7 @@ def explain_interrupt() -> tuple[str, int]:
 def report_errors(
     name: str, run: Callable[[], int], explain: Callable[[], tuple[str, int]] = explain_interrupt
 ) -> int:
-    """Run a command and return the exit status; report any error in one line.
-
-    ``explain`` returns the message and the exit status for a KeyboardInterrupt.
-    """
+    """Run a command and return the exit status; report any error, or ``explain`` Ctrl-C."""
     with log_to_terminal():
         try:
             return run()
@@ -88,10 +85,7 @@ def status_of(error: EvorosError) -> int:
 
 
 def print_result(text: str) -> None:
-    """Print to standard output.
-
-    A closed pipe is not an error. Other failures, such as a full disk, are reported once.
-    """
+    """Print to standard output, where a closed pipe is not an error; report other failures."""
     try:
         print(escape_control(text), flush=True)
     except OSError as error:

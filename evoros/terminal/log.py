@@ -92,8 +92,6 @@ def format_for_terminal(handler: logging.Handler) -> logging.Handler:
 
 
 class _PlainFormatter(logging.Formatter):
-    """Escapes control characters, as in ``\\x1b``."""
-
     def format(self, record: logging.LogRecord) -> str:
         return escape_control(super().format(record))
 
@@ -264,8 +262,6 @@ _SHOW_ONCE = _Once()
 
 
 class _KnownLines:
-    """The lines of an existing log, and the lines that have been logged again."""
-
     def __init__(self, log: Path) -> None:
         self._text = ""
         with suppress(OSError):

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from evoros.analysis.report.summary import list_findings
 from evoros.analysis.tables.loading import load_study
-from evoros.cli.job_table import SHORTEST, format_folders, shorten_names
 from evoros.cli.reporting import Interrupts, explain_end
+from evoros.cli.status import SHORTEST, format_folders, shorten_names
 from evoros.cli.summary import summarize
 from evoros.session.status import survey
 from evoros.storage.doubts import list_doubts, warn_not_run

@@ -240,5 +240,5 @@ def test_names_that_differ_in_case_alone_are_refused(names: list[str]) -> None:
     if len({name.lower() for name in names}) == len(names):
         check_case("world", names)
         return
-    with pytest.raises(InputError, match=r"^world: .* differ only in case"):
+    with pytest.raises(InputError, match=r"^world: .* differ only in upper and lower case"):
         check_case("world", names)

@@ -128,10 +128,10 @@ def test_controls_of_a_smaller_search_are_refused(
         (("controls.trials=0",), "controls.trials: must be a whole number of at least 1, not 0"),
         (("controls.designs=[]",), "controls.designs: must be a list of no_sensors, random"),
         (("controls.designs=[missing.csv]",), "missing.csv: not found"),
-        (("optimizer=random_search",), "random is no control, because the run itself is"),
+        (("optimizer=random_search",), "random is not a control, because the run itself is"),
         (
             ("design.number=0", "optimizer=random_search"),
-            "no_sensors is no control, because the designs have no sensors",
+            "no_sensors is not a control, because the designs have no sensors",
         ),
     ],
 )
