@@ -105,9 +105,7 @@ def draw_overlay(cover: pd.DataFrame, champions: Champions, width: float = COLUM
     contexts = champions.contexts
     cuts_m = sorted(cover.cut_m.unique()) or [0.0]
     views = [fit_window(contexts.values(), champions.placed, cut) for cut in cuts_m]
-    most = int(max([int(champions.numbers.max()), *cover.iloc[:, -1]]))
-    cmap = ListedColormap(mpl.colormaps["YlGnBu"](np.linspace(0.15, 1.0, 256)))
-    shades = cmap, BoundaryNorm(np.arange(0.5, most + 1), cmap.N)  # also ordered in greyscale
+    shades = _shades(int(max([int(champions.numbers.max()), *cover.iloc[:, -1]])))
     with use_style():
         handles = champions.make_handles()
         room = LETTERS_PER_IN * (width - BAR_IN) / _count_columns(len(contexts), width)
@@ -133,6 +131,11 @@ def draw_overlay(cover: pd.DataFrame, champions: Champions, width: float = COLUM
             robot.frame_axes(axes, views[view])
         _add_legends(figure, page, shades, cover.columns[-1], handles)
     return figure
+
+
+def _shades(maximum: int) -> Shades:
+    cmap = ListedColormap(mpl.colormaps["YlGnBu"](np.linspace(0.15, 1.0, 256)))
+    return cmap, BoundaryNorm(np.arange(0.5, maximum + 1), cmap.N)
 
 
 def _lay_out(
