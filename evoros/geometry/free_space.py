@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from evoros.base.arrays import Array
 from evoros.geometry.footprint import Footprint, distances
@@ -23,14 +23,14 @@ def find_connected(free: Cells, start: tuple[int, int]) -> Cells:
 
 def label_regions(free: Cells, diagonals: bool = False) -> NDArray[np.int64]:
     """Label the regions of free cells that share sides, from 1; blocked cells are 0."""
-    labels, _ = ndimage.label(free, np.ones((3, 3)) if diagonals else None)
+    labels, _ = scipy.ndimage.label(free, np.ones((3, 3)) if diagonals else None)
     return np.asarray(labels, dtype=np.int64)
 
 
 def widen(cells: Cells, reach: int) -> Cells:
     """Add all cells of grids (..., rows, columns) within ``reach`` cells along rows and columns."""
     size = (1,) * (cells.ndim - 2) + (2 * reach + 1,) * 2
-    return np.asarray(ndimage.maximum_filter(cells, size, mode="constant"), dtype=np.bool_)
+    return np.asarray(scipy.ndimage.maximum_filter(cells, size, mode="constant"), dtype=np.bool_)
 
 
 CELL_M = 0.1
@@ -77,7 +77,7 @@ class FreeSpace:
             window, near = wide.find_near(footprint, 0.0)
             wide.free[window] |= near
         inner = (slice(pad, -pad),) * 2
-        self.free[:] &= ndimage.distance_transform_edt(wide.free)[inner] > reach
+        self.free[:] &= scipy.ndimage.distance_transform_edt(wide.free)[inner] > reach
 
     def find_near(self, footprint: Footprint, radius_m: float) -> tuple[tuple[slice, slice], Cells]:
         """Return a window of the grid, and the mask of its cells within a radius of a footprint."""
@@ -100,7 +100,7 @@ class FreeSpace:
 
     @cached_property
     def _clearances(self) -> Array:
-        return np.asarray(ndimage.distance_transform_edt(self.free) * self.cell_m)
+        return np.asarray(scipy.ndimage.distance_transform_edt(self.free) * self.cell_m)
 
     def measure_clearance(self, points: Array) -> Array:
         """Return the distances [m] of points (..., 2) [m] in the grid from blocked cells."""
@@ -171,7 +171,7 @@ def _look(free: Cells, x: int, y: int) -> Cells:
 
 def _measure_walls(region: Cells, free: Cells) -> float:
     """Return the fraction of a region's outer border that consists of obstacles."""
-    padded = np.pad(ndimage.binary_fill_holes(region), 1)
+    padded = np.pad(scipy.ndimage.binary_fill_holes(region), 1)
     around = np.pad(free, 1, constant_values=True)
     walls = sides = 0
     for axis in (0, 1):
