@@ -1,4 +1,4 @@
-"""What searches share: their individuals and scores, samplers, archives and levels of genes."""
+"""Code that searches share: individuals and scores, samplers, archives and levels of genes."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
