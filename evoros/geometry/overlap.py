@@ -59,6 +59,8 @@ class Solid:
 
     def box(self) -> tuple[Array, Array]:
         """Return the lowest and the highest coordinates (3,) [m] of the solid."""
+        if self.shape.kind in ("box", "convex"):
+            return self.points.min(axis=0), self.points.max(axis=0)
         ends = [[float(self.farthest(s * axis)[i]) for s in (-1.0, 1.0)]
                 for i, axis in enumerate(np.eye(3))]  # fmt: skip
         low, high = np.array(ends).T

@@ -1,9 +1,9 @@
 """Plans a course for the user's world, which a run then uses unchanged."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from itertools import chain
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from evoros.field.course_suggestion import (
 )
 from evoros.formats.sdf.reading import SdfOptions
 from evoros.geometry.footprint import find_bounds, project_bodies
-from evoros.geometry.shapes import Body
+from evoros.geometry.shapes import Body, Vector
 from evoros.preflight.routes import check_place, check_route
 from evoros.robot.model import Robot
 from evoros.terminal.activity import announce
@@ -38,6 +38,9 @@ from evoros.world.standing import stand
 
 HEADROOM_M = 0.1  # minimum clearance between the robot and a body above its course
 
+MANY = 20_000
+"""Number of shapes above which the first course is taken, to save time; a city has more."""
+
 
 @dataclass(frozen=True)
 class Planned:
@@ -48,12 +51,26 @@ class Planned:
     reason: str = ""  # why this course is suggested; empty if the user has chosen it
 
 
+Floor: TypeAlias = tuple[tuple[str, bool, Vector], ...]
+"""Name, whether it is ground, and position [m] of each body."""
+
+
 @dataclass(frozen=True)
 class _Place:
     source: str
     bodies: tuple[Body, ...]
     robot: Robot
     home: tuple[float, float] | None  # [m]; None unless chosen by the user
+    freed: dict[Floor, tuple[Body, ...]] = field(default_factory=dict)
+    """Bodies of courses tried so far, by floor; most courses share one."""
+
+    def settle(self, course: Course) -> tuple[Floor, tuple[Body, ...]]:
+        """Return the floor of a course, and the bodies as they are on that floor."""
+        settled = settle(self.bodies, course, self.source)
+        floor = tuple((body.name, body.is_ground, body.pose.position) for body in settled)
+        if floor not in self.freed:
+            self.freed[floor] = free_bodies(settled, self.source)
+        return floor, self.freed[floor]
 
     @property
     def radius_m(self) -> float:
@@ -122,7 +139,8 @@ def _find_world(place: _Place) -> tuple[World, str]:
         suggested = _list_worlds(place, on_floors)
         first = next(suggested, None)
         if first is not None:
-            world, chosen = next((one for one in (first, *suggested) if one[1].is_enclosed), first)
+            more = suggested if sum(len(body.shapes) for body in place.bodies) <= MANY else ()
+            world, chosen = next((one for one in (first, *more) if one[1].is_enclosed), first)
             return world, chosen.place
     x, y = "world.NAME.course.home_x_m", "world.NAME.course.home_y_m"
     raise InputError(
@@ -134,11 +152,10 @@ def _find_world(place: _Place) -> tuple[World, str]:
 
 
 def _list_worlds(place: _Place, on_floors: bool) -> Iterator[tuple[World, Suggestion]]:
-    tried = set[tuple[object, ...]]()
+    tried = set[Floor]()
     for start in _list_starts(place):
         for _ in range(2):  # the course suggested first may be on a different floor
-            bodies = free_bodies(settle(place.bodies, start, place.source), place.source)
-            floor = tuple((body.name, body.is_ground, body.pose.position) for body in bodies)
+            floor, bodies = place.settle(start)
             suggestion = None if floor in tried else _suggest(place, bodies, on_floors)
             tried.add(floor)
             if suggestion is None:
@@ -182,9 +199,8 @@ def _suggest(place: _Place, bodies: Sequence[Body], on_floors: bool) -> Suggesti
 
 def _accept(place: _Place, course: Course) -> World | None:
     """Return the world with this course; None if a run would reject or criticize the course."""
-    bodies = free_bodies(settle(place.bodies, course, place.source), place.source)
     try:
-        world = World("plan", bodies, course, place.source, "")
+        world = World("plan", place.settle(course)[1], course, place.source, "")
         faults = chain(check_place(world, place.robot), check_route(world, place.robot))
         return None if any(faults) else world
     except InputError:

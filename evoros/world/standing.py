@@ -65,10 +65,10 @@ def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
     falling = {i for i, bottom in lowest.items() if bottom - grounds[i] > GAP_M}
     if falling:
         still = (body for i, body in enumerate(bodies) if i not in falling)
-        settled = [part for body in still for part in place_parts(body)]
+        settled = _Settled([part for body in still for part in place_parts(body)])
         for i in sorted(falling, key=lowest.__getitem__):
-            bodies[i] = raise_body(bodies[i], -_drop(place_parts(bodies[i]), settled, grounds[i]))
-            settled += place_parts(bodies[i])
+            bodies[i] = raise_body(bodies[i], -settled.drop(place_parts(bodies[i]), grounds[i]))
+            settled.add(place_parts(bodies[i]))
     return tuple(raise_body(body, -ground) for body, ground in zip(bodies, grounds, strict=True))
 
 
@@ -83,29 +83,40 @@ def place_parts(body: Body, height_m: float = -math.inf) -> tuple[Part, ...]:
     return tuple(parts)
 
 
-def _drop(shapes: Sequence[Part], settled: Sequence[Part], ground: float) -> float:
-    gaps = [min(shape.bottom for shape in shapes) - ground]
-    for shape in shapes:
-        for below in _overlapping(shape, settled):
-            if below.top <= shape.bottom:
-                gaps.append(shape.bottom - below.top)
-            elif below.bottom < shape.bottom:
-                return 0.0
-    drop = min(gaps)
-    return drop if drop > GAP_M else 0.0
+class _Settled:
+    """Parts that do not fall, with the bounding circles of their footprints."""
 
+    def __init__(self, parts: Sequence[Part]) -> None:
+        self._parts: list[Part] = []
+        self._circles = np.zeros((0, 3))  # x, y and radius [m]
+        self.add(parts)
 
-def _overlapping(shape: Part, others: Sequence[Part]) -> Iterator[Part]:
-    x, y, reach = bounding_circle(shape.area)
-    inner = (shape.area.vertices - (x, y)) * _INNER + (x, y)
-    for other in others:
-        ox, oy, circle = bounding_circle(other.area)
-        near = reach + circle
-        if (ox - x) * (ox - x) + (oy - y) * (oy - y) >= near * near:
-            continue
-        radius = shape.area.radius * _INNER + other.area.radius
-        if polygon_distance(inner, other.area.vertices, radius) <= radius:
-            yield other
+    def add(self, parts: Sequence[Part]) -> None:
+        self._parts += parts
+        circles = np.array([bounding_circle(part.area) for part in parts]).reshape(-1, 3)
+        self._circles = np.concatenate([self._circles, circles])
+
+    def drop(self, shapes: Sequence[Part], ground: float) -> float:
+        """Return the distance [m] that a body of these shapes falls."""
+        gaps = [min(shape.bottom for shape in shapes) - ground]
+        for shape in shapes:
+            for below in self._overlapping(shape):
+                if below.top <= shape.bottom:
+                    gaps.append(shape.bottom - below.top)
+                elif below.bottom < shape.bottom:
+                    return 0.0
+        drop = min(gaps)
+        return drop if drop > GAP_M else 0.0
+
+    def _overlapping(self, shape: Part) -> Iterator[Part]:
+        x, y, reach = bounding_circle(shape.area)
+        inner = (shape.area.vertices - (x, y)) * _INNER + (x, y)
+        dx, dy, near = (self._circles - (x, y, -reach)).T
+        for i in np.flatnonzero(dx * dx + dy * dy < near * near).tolist():
+            area = self._parts[i].area
+            radius = shape.area.radius * _INNER + area.radius
+            if polygon_distance(inner, area.vertices, radius) <= radius:
+                yield self._parts[i]
 
 
 @lru_cache(maxsize=8)
