@@ -8,207 +8,21 @@ import logging
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import CancelledError
-from importlib.util import find_spec
-from typing import Any, NamedTuple
+from typing import Any
 
-from evoros.base import elementary
 from evoros.base.checks import LEAST_STEP_S
 from evoros.base.errors import SimulationError, single_line
-from evoros.drive.protocol import Drive, skids
-from evoros.drive.skid_steer import SkidSteer
 from evoros.evolution.experiment import Experiment
 from evoros.executor.protocol import Pool
 from evoros.mission.member import Member
+from evoros.preflight.advice import advise, advise_mujoco
 from evoros.preflight.scene import Subject, find_values, list_subjects
-from evoros.preflight.trial_drive import (
-    BACK,
-    MANOEUVRES,
-    STRAIGHT,
-    TURNS,
-    Manoeuvre,
-    Rest,
-    Trial,
-    TrialDrive,
-    find_turning_point,
-)
+from evoros.preflight.trial_drive import TOLERANCE, Setting, find_turning_point, moves_right
 from evoros.robot.model import Robot
-from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.protocol import RuleSimulator, Simulator
 from evoros.world.course import Course
 from evoros.world.floors import GROUND
 from evoros.world.model import World
-
-TOLERANCE = 0.05  # relative to the commanded motion
-SKIDDING_TOLERANCE = 0.1  # wider if wheels slip: the model assumes equal loads and points
-MAX_SUNK_M, MAX_TILT_DEG = 0.01, 5.0
-ALIKE = 0.05  # maximum difference between deviations that are reported together
-FIRM_GRIP_MPS2 = 8.0  # lateral acceleration above which wheels slip on common ground
-RIGHT = ", in which the robot moves as commanded"
-
-
-class Setting(NamedTuple):
-    """A robot on empty ground, and the speed [m/s] at which it drives straight ahead."""
-
-    robot: Robot
-    world: World
-    speed: float
-
-    def in_engine(self, simulator: Simulator) -> Trial:
-        """Return the trial drive in a given engine."""
-        return Trial(simulator, *self)
-
-    def describe(self, trial: TrialDrive) -> str:
-        """Describe the faults of the motion; empty if there are none."""
-        if not all(map(math.isfinite, (*trial.rest, *trial.shares.values()))):
-            return "has a pose that is not a number"
-        faults = _describe_rest(trial.rest, self.speed)
-        return " and ".join([*faults, *_describe_shares(trial.shares, self.robot.drive)])
-
-
-def moves_right(setting: Setting, simulator: Simulator, before: TrialDrive) -> bool:
-    """Return True if a robot performs all manoeuvres as commanded; the worst is tried first."""
-    trial = setting.in_engine(simulator)
-    worst_first = sorted(MANOEUVRES, key=lambda move: -abs(before.shares[move] - 1.0))
-    return not _describe_rest(trial.stand(), setting.speed) and not any(
-        _describe_shares({move: trial.drive(move)}, setting.robot.drive) for move in worst_first
-    )
-
-
-def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) -> str:
-    """Suggest a change if no finer step helps; ``trial`` used the configured step."""
-    drive, speed = setting.robot.drive, setting.speed
-    shares = {move: 1.0 if move.lock else share for move, share in trial.shares.items()}
-    only_turns = not setting.describe(trial._replace(shares=shares))
-    push = speed * speed * elementary.tan(drive.steering_limit) / drive.wheelbase_m
-    if only_turns and push > FIRM_GRIP_MPS2:
-        return (
-            f"the tightest turn at {speed:g} m/s needs more friction than wheels provide; lower "
-            f"speed_mps of the controller or robot.drive.steering_limit_rad"
-        )
-    resistance = _find_resistance(simulator, setting, trial) if only_turns else None
-    if resistance is not None:
-        return (
-            f"set robot.drive.turning_resistance={resistance:g}, with which the robot moves as "
-            "commanded"
-        )
-    limit = _find_limit(simulator, setting, trial) if only_turns else None
-    if limit is not None:
-        return (
-            f"lower robot.drive.steering_limit_rad to {limit:g}, up to which it turns as commanded"
-        )
-    general = (
-        "check the drive's wheels, casters and effort limits, the friction, the masses and the "
-        "collision shapes against the real robot"
-    )
-    if isinstance(simulator, Mujoco):
-        return general
-    advice = advise_mujoco([key], setting, simulator)
-    return advice if advice.endswith(RIGHT) else general
-
-
-def _find_resistance(simulator: Simulator, setting: Setting, trial: TrialDrive) -> float | None:
-    """Return a turning resistance at which a skid-steer robot drives as commanded, or None."""
-    drive, shares = setting.robot.drive, [trial.shares[move] for move in TURNS]
-    share = 0.5 * (max(shares) + min(shares))
-    if not isinstance(drive, SkidSteer) or not skids(drive):
-        return None
-    if drive.turn_ratio != 1.0 or not share > 0.0:
-        return None
-    resistance = float(f"{drive.turning_resistance / share:.3g}")
-    if resistance < 1.0:
-        return None
-    changed = dataclasses.replace(
-        drive, turning_resistance=resistance, wheel_separation_multiplier=resistance
-    )
-    corrected = setting._replace(robot=dataclasses.replace(setting.robot, drive=changed))
-    return resistance if moves_right(corrected, simulator, trial) else None
-
-
-def _find_limit(simulator: Simulator, setting: Setting, trial: TrialDrive) -> float | None:
-    """Return a lower limit [rad] at which a skid-steer robot turns as commanded, or None."""
-    drive = setting.robot.drive
-    if not isinstance(drive, SkidSteer):
-        return None
-    for share in (0.75, 0.5):
-        limit = float(f"{share * drive.steering_limit:.2g}")
-        changed = dataclasses.replace(drive, steering_limit_rad=limit)
-        lower = setting._replace(robot=dataclasses.replace(setting.robot, drive=changed))
-        if moves_right(lower, simulator, trial):
-            return limit
-    return None
-
-
-def choose_mujoco(key: str) -> str:
-    """Return the override that selects MuJoCo for a key."""
-    return "simulator=mujoco" if key == "simulator" else f"simulator@{key}=mujoco"
-
-
-def advise_mujoco(keys: Iterable[str], setting: Setting, simulator: Simulator) -> str:
-    """Drive in MuJoCo at its default step with all other settings kept; describe the motion."""
-    choice = " ".join(map(choose_mujoco, keys))
-    if find_spec("mujoco") is None:
-        return f"use {choice} (MuJoCo is not installed: pip install mujoco-core)"
-    names = ("wheel_friction", "steering_lag_s")
-    mujoco = Mujoco(
-        **{name: getattr(simulator, name) for name in names if hasattr(simulator, name)}
-    )
-    try:
-        trial = setting.in_engine(mujoco).run()
-        faults = setting.describe(trial)
-        resistance = _find_resistance(mujoco, setting, trial) if faults else None
-    except SimulationError as error:
-        return f"{choice} does not help: {error}"
-    if resistance is not None:
-        return f"use {choice} robot.drive.turning_resistance={resistance:g}{RIGHT}"
-    return f"use {choice}{f', in which the robot {faults}' if faults else RIGHT}"
-
-
-def _describe_rest(rest: Rest, speed: float) -> list[str]:
-    faults = []
-    if not rest.tilt_deg <= MAX_TILT_DEG:
-        faults.append(f"stands at a tilt of {rest.tilt_deg:.0f} deg")
-    if not rest.sunk_m <= MAX_SUNK_M:
-        faults.append(f"sinks {1e3 * rest.sunk_m:.0f} mm into the ground")
-    if not rest.drift_mps <= TOLERANCE * speed:
-        faults.append(f"drifts {1e3 * rest.drift_mps:.0f} mm/s at rest")
-    return faults
-
-
-def _describe_shares(shares: Mapping[Manoeuvre, float], drive: Drive) -> list[str]:
-    turning = SKIDDING_TOLERANCE if skids(drive) else TOLERANCE
-    wrong = {
-        manoeuvre: share - 1.0
-        for manoeuvre, share in shares.items()
-        if not abs(share - 1.0) <= (turning if manoeuvre.lock else TOLERANCE)
-    }
-    faults = []
-    if STRAIGHT in wrong and BACK in wrong and abs(wrong[STRAIGHT] - wrong[BACK]) < ALIKE:
-        faults.append(_compare("drives", wrong[STRAIGHT]))
-    else:
-        names = ((STRAIGHT, "drives forward"), (BACK, "drives backward"))
-        faults += [_compare(verb, wrong[move]) for move, verb in names if move in wrong]
-    return faults + _describe_turns({move: wrong[move] for move in TURNS if move in wrong})
-
-
-def _describe_turns(wrong: Mapping[Manoeuvre, float]) -> list[str]:
-    deviations = list(wrong.values())
-    if len(wrong) == len(TURNS) and (
-        max(deviations) - min(deviations) < ALIKE or max(deviations) < -0.9
-    ):
-        return [_compare("turns", deviations[-1])]
-    parts = [f"{_compare('turns', wrong[move])} at {move.name}" for move in wrong]
-    shortened = [part.replace("turns ", "").replace(" than commanded", "") for part in parts[1:]]
-    return [", ".join([*parts[:1], *shortened])] if parts else []
-
-
-def _compare(verb: str, deviation: float) -> str:
-    if deviation < -1.1:
-        return f"{verb} the other way"
-    if deviation < -0.9:
-        return f"hardly {verb} at all"
-    direction = "faster" if deviation > 0 else "slower"
-    return f"{verb} {100 * abs(deviation):.0f} % {direction} than commanded"
-
 
 _LOG = logging.getLogger(__name__)
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -192,3 +192,89 @@ class _Driver:
         state = np.zeros(STATE_SIZE)
         self._simulation.observe(state)
         return state
+
+
+TOLERANCE = 0.05  # relative to the commanded motion
+SKIDDING_TOLERANCE = 0.1  # wider if wheels slip: the model assumes equal loads and points
+MAX_SUNK_M, MAX_TILT_DEG = 0.01, 5.0
+ALIKE = 0.05  # maximum difference between deviations that are reported together
+
+
+class Setting(NamedTuple):
+    """A robot on empty ground, and the speed [m/s] at which it drives straight ahead."""
+
+    robot: Robot
+    world: World
+    speed: float
+
+    def in_engine(self, simulator: Simulator) -> Trial:
+        """Return the trial drive in a given engine."""
+        return Trial(simulator, *self)
+
+    def with_drive(self, **changes: float) -> "Setting":
+        """Return the setting with another drive of the robot."""
+        drive: Any = replace(self.robot.drive, **changes)  # type: ignore[type-var]
+        return self._replace(robot=replace(self.robot, drive=drive))
+
+    def describe(self, trial: TrialDrive) -> str:
+        """Describe the faults of the motion; empty if there are none."""
+        if not all(map(math.isfinite, (*trial.rest, *trial.shares.values()))):
+            return "has a pose that is not a number"
+        faults = _describe_rest(trial.rest, self.speed)
+        return " and ".join([*faults, *_describe_shares(trial.shares, self.robot.drive)])
+
+
+def moves_right(setting: Setting, simulator: Simulator, before: TrialDrive) -> bool:
+    """Return True if a robot performs all manoeuvres as commanded; the worst is tried first."""
+    trial = setting.in_engine(simulator)
+    worst_first = sorted(MANOEUVRES, key=lambda move: -abs(before.shares[move] - 1.0))
+    return not _describe_rest(trial.stand(), setting.speed) and not any(
+        _describe_shares({move: trial.drive(move)}, setting.robot.drive) for move in worst_first
+    )
+
+
+def _describe_rest(rest: Rest, speed: float) -> list[str]:
+    faults = []
+    if not rest.tilt_deg <= MAX_TILT_DEG:
+        faults.append(f"stands at a tilt of {rest.tilt_deg:.0f} deg")
+    if not rest.sunk_m <= MAX_SUNK_M:
+        faults.append(f"sinks {1e3 * rest.sunk_m:.0f} mm into the ground")
+    if not rest.drift_mps <= TOLERANCE * speed:
+        faults.append(f"drifts {1e3 * rest.drift_mps:.0f} mm/s at rest")
+    return faults
+
+
+def _describe_shares(shares: Mapping[Manoeuvre, float], drive: Drive) -> list[str]:
+    turning = SKIDDING_TOLERANCE if skids(drive) else TOLERANCE
+    wrong = {
+        manoeuvre: share - 1.0
+        for manoeuvre, share in shares.items()
+        if not abs(share - 1.0) <= (turning if manoeuvre.lock else TOLERANCE)
+    }
+    faults = []
+    if STRAIGHT in wrong and BACK in wrong and abs(wrong[STRAIGHT] - wrong[BACK]) < ALIKE:
+        faults.append(_compare("drives", wrong[STRAIGHT]))
+    else:
+        names = ((STRAIGHT, "drives forward"), (BACK, "drives backward"))
+        faults += [_compare(verb, wrong[move]) for move, verb in names if move in wrong]
+    return faults + _describe_turns({move: wrong[move] for move in TURNS if move in wrong})
+
+
+def _describe_turns(wrong: Mapping[Manoeuvre, float]) -> list[str]:
+    deviations = list(wrong.values())
+    if len(wrong) == len(TURNS) and (
+        max(deviations) - min(deviations) < ALIKE or max(deviations) < -0.9
+    ):
+        return [_compare("turns", deviations[-1])]
+    parts = [f"{_compare('turns', wrong[move])} at {move.name}" for move in wrong]
+    shortened = [part.replace("turns ", "").replace(" than commanded", "") for part in parts[1:]]
+    return [", ".join([*parts[:1], *shortened])] if parts else []
+
+
+def _compare(verb: str, deviation: float) -> str:
+    if deviation < -1.1:
+        return f"{verb} the other way"
+    if deviation < -0.9:
+        return f"hardly {verb} at all"
+    direction = "faster" if deviation > 0 else "slower"
+    return f"{verb} {100 * abs(deviation):.0f} % {direction} than commanded"

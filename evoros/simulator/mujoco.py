@@ -34,6 +34,8 @@ class Mujoco(Simulator):
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.01  # [s]
     wheel_friction: Annotated[float, POSITIVE] = 1.0  # multiplied by the ground's friction
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the steering servos
+    slip_impedance: Annotated[float, number_between(0.5, 0.9)] = 0.8
+    """Impedance of the ground under wheels that slip in turns; lower if they hop."""
     packages = ("mujoco-core",)
     measures = (RANGE, *SIGNAL_SIZES)
     max_robots = MAX_ROBOTS
@@ -58,7 +60,9 @@ class Mujoco(Simulator):
     def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[MujocoSimulation]:
         """Place each robot at its home pose."""
         check_number(robots)
-        settings = Settings(self.time_step, self.wheel_friction, self.steering_lag_s)
+        settings = Settings(
+            self.time_step, self.wheel_friction, self.steering_lag_s, self.slip_impedance
+        )
         _warnings().clear()
         model = _models().prepare(robots, world, settings)
         yield MujocoSimulation(model, [r for r, _ in robots], settings, _warnings(), world.crowd)

@@ -47,6 +47,7 @@ from evoros.world.course import Course
 
 FILLED: Mapping[str, str] = {
     "+{key}=...": "+measure@descriptors.front=front_coverage",
+    "{key}.slip": "simulator.slip",
     "{side}": "left",
     "seed=range({": "seed={",  # of a sweep
     "...": "1",
@@ -113,6 +114,7 @@ NEEDS: Mapping[str, tuple[str, ...]] = {
     "robot.ignored_packages": ("robot=own", "robot.description=r.urdf"),
     "descriptors.front": ("optimizer=map_elites",),
     "objectives.cost": ("optimizer=nsga2",),
+    "simulator.slip_impedance": ("simulator=mujoco",),
 }
 """Choices with which a configuration has a key."""
 

@@ -19,7 +19,7 @@ from evoros.base.errors import InputError, SimulationError, WorkerLost
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
-from evoros.preflight import drive
+from evoros.preflight import advice
 from evoros.preflight.drive import check_drive, report_drive
 from evoros.preflight.preflight import preflight
 from evoros.preflight.routes import check_home, check_routes
@@ -439,7 +439,7 @@ def test_skid_steer_in_pybullet_is_told_once_with_the_engine_in_which_it_holds()
     assert line.startswith(keys)
     assert choices in line
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(drive, "Mujoco", lambda **_: Stub("refuse"))
+        patch.setattr(advice, "Mujoco", lambda **_: Stub("refuse"))
         (line,) = check_drive(fine)
         assert "simulator=mujoco" in line.rpartition("; ")[2]
         assert line.endswith(" does not help: no such robot")
@@ -451,14 +451,14 @@ def test_skid_steer_in_pybullet_is_told_once_with_the_engine_in_which_it_holds()
 def test_a_turning_resistance_is_proposed_only_if_it_was_driven_right() -> None:
     """The drive assumes twice the resistance that wheels on this track have."""
     assumed = ["robot=mule", "design=around", "robot.drive.turning_resistance=3"]
-    proposed = "evoros/preflight/drive.py robot.drive.turning_resistance={resistance}{RIGHT}"
+    proposed = "evoros/preflight/advice.py robot.drive.turning_resistance={value}"
     (line,) = check_drive(replace(build(*assumed), simulator=PyBullet()))
     assert is_of(line, proposed)
     (typed,) = re.findall(r"robot\.drive\.turning_resistance=[\d.]+", line)
     assert "use simulator=mujoco" in line
     assert check_drive(replace(build(*assumed[:2], typed), simulator=Mujoco())) == []
     (line,) = check_drive(replace(build(*assumed), simulator=Mujoco()))
-    assert is_of(line, "evoros/preflight/drive.py robot.drive.turning_resistance={resistance}")
+    assert is_of(line, proposed)
     advice = re.search(r"set robot\.drive\.turning_resistance=(\S+),", line)
     assert advice is not None, line
     right = build(*assumed[:2], f"robot.drive.turning_resistance={advice[1]}")
@@ -469,9 +469,8 @@ def test_a_steering_limit_is_proposed_if_only_tight_turns_are_wrong() -> None:
     wrong = ["robot=mule", "design=around"]
     (line,) = check_drive(replace(build(*wrong), simulator=Stub("skid")))
     assert "slower than commanded at full lock; " in line
-    advice = re.search(r"lower (robot\.drive\.steering_limit_rad) to (\S+),", line)
-    assert advice is not None, line
-    typed = f"{advice[1]}={advice[2]}"
+    assert is_of(line, "evoros/preflight/advice.py robot.drive.steering_limit_rad={limit}")
+    typed = re.findall(r"set (\S+), with which", line)[0]
     assert check_drive(replace(build(*wrong, typed), simulator=Stub("skid"))) == []
 
 

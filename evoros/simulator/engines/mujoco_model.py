@@ -28,8 +28,8 @@ Value at zero depth, value at full depth, full depth [m], midpoint and power of 
 engine's default (0.9, 0.95), a rover would sink by 1 mm and roll 0.2 % too slowly.
 """
 
-SKIDDING = {"solimp": (0.8, 0.8, 1e-3, 0.5, 2.0), "solreffriction": (0.2, 1.0)}
-"""Impedance of the ground under skid-steer wheels, and time [s] in which friction stops slip.
+SKIDDING = (0.2, 1.0)
+"""Time constant [s] and damping ratio with which friction stops slip of skid-steer wheels.
 
 Firm friction stops a slipping wheel within one step and lifts it. The robot then hops between pairs
 of wheels; its turns are up to a half too small or a third too large. The friction set here grows
@@ -52,6 +52,7 @@ class Settings(NamedTuple):
     time_step: float  # [s]
     wheel_friction: float
     steering_lag_s: float
+    slip_impedance: float = 0.8  # ground under wheels that slip in turns
 
 
 class Parts(NamedTuple):
@@ -127,7 +128,9 @@ def compile_model(
     _set_options(spec, library, world, settings)
     bond = {"solref": [2 * settings.time_step, 1.0], "solimp": IMPEDANCE}
     gain = lag_gain(settings.time_step, settings.steering_lag_s)
-    slides, skidding = {**bond, "solreffriction": mujoco_bodies.SLIDING}, {**bond, **SKIDDING}
+    slides = {**bond, "solreffriction": mujoco_bodies.SLIDING}
+    solimp = (*[settings.slip_impedance] * 2, 1e-3, 0.5, 2.0)
+    skidding = {**bond, "solimp": solimp, "solreffriction": SKIDDING}
     soles = mujoco_bodies.add_bodies(spec, library, world)
     mujoco_bodies.add_ground_pairs(spec, soles, slides, bond)
     for i, (robot, _) in enumerate(robots):
