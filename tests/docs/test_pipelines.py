@@ -4,7 +4,6 @@ import os
 import shutil
 import subprocess
 import sys
-import sysconfig
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 from documents import DOCS
-from helpers import ROOT, USER_PARTS
+from helpers import USER_PARTS
 from junitparser import JUnitXml
 
 from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
@@ -32,6 +31,7 @@ far:
   at_least: %s
   share: 0.5
 """
+# tests/package/test_installation.py installs evoros in this way.
 INSTALLS = 'pip install "git+$EVOROS"'
 
 
@@ -102,23 +102,10 @@ def test_github(project: Path) -> None:
     require_artifacts(project)
 
 
-@pytest.mark.slow
-def test_evoros_is_installed_from_a_clone(tmp_path: Path) -> None:
-    """Into a fresh environment, which only borrows the dependencies of this one."""
-    addresses = (read("github")["jobs"]["robot"]["env"], read("gitlab")["variables"])
-    assert all(one["EVOROS"].endswith("/YOU/evoros@main") for one in addresses)
-    commit = subprocess.check_output(["git", "rev-parse", "HEAD"], cwd=ROOT, text=True).strip()
-    assert sh(f"{sys.executable} -m venv fresh", tmp_path) == 0
-    (site,) = (tmp_path / "fresh" / "lib").glob("python*/site-packages")
-    (site / "dependencies.pth").write_text(sysconfig.get_path("purelib"))
-    variables = {"programs": str(tmp_path / "fresh/bin"), "EVOROS": f"{ROOT.as_uri()}@{commit}"}
-    for script in (INSTALLS, "evoros --version"):
-        assert sh(script, tmp_path, **variables) == 0
-    assert (site / "evoros" / "conf" / "config.yaml").is_file()
-
-
 def test_gitlab_runs_the_commands_of_github() -> None:
     content = read("gitlab")
+    addresses = (read("github")["jobs"]["robot"]["env"], content["variables"])
+    assert all(one["EVOROS"].endswith("/YOU/evoros@main") for one in addresses)
     assert content["default"]["before_script"] == [INSTALLS]
     scripts = {step.get("name"): step.get("run", "") for step in list_steps()}
     for name in ("requirements", "regression"):

@@ -1,7 +1,8 @@
-"""Every way to get evoros works: a clone, ``pip install -e .`` and the wheel, with the same names.
+"""An installation from a clone works everywhere, with the same names and the wheel's files.
 
-No environment gets more than what evoros requires: it is linked from the one that runs the tests,
-so that only the build backend is downloaded. All paths have spaces.
+The environment has only what evoros requires: it is linked from the one that runs the tests, so
+that only the build backend is downloaded. All paths have spaces. That an editable installation
+works is shown by all other tests.
 """
 
 import json
@@ -12,9 +13,9 @@ import sys
 import tomllib
 import venv
 from collections.abc import Iterable
-from dataclasses import dataclass
 from importlib.metadata import Distribution, distribution
 from pathlib import Path
+from typing import NamedTuple
 from zipfile import ZipFile
 
 import pytest
@@ -31,8 +32,8 @@ import evoros
 def main():
     assert all(hasattr(evoros, name) for name in evoros.__all__)
     assert evoros.compose([]).values["seed"] == 0
-    overrides = ["experiment=tiny", "executor.workers=2", "optimizer.generations=1"]
-    overrides.append("figures=[overlay,fitness,mission]")
+    overrides = ["experiment=tiny", "executor.workers=1", "optimizer.generations=1"]
+    overrides.append("figures=[overlay]")
     evoros.run(overrides, sys.argv[2], config_dir=sys.argv[1])
     run = evoros.load_run(sys.argv[2])
     figures = sorted(file.name for file in run.path.glob("figures/*.pdf"))
@@ -52,7 +53,6 @@ def test_mine():
     assert evoros.compose([]).values["seed"] == 0
     assert evoros.__file__.startswith(%r)
 """
-FIGURES = ["fitness.pdf", "mission.pdf", "overlay.pdf"]
 
 
 def execute(command: list[str | Path], folder: Path, **variables: str) -> str:
@@ -83,10 +83,6 @@ def copy_source(folder: Path) -> Path:
     dates = dict.fromkeys(("GIT_AUTHOR_DATE", "GIT_COMMITTER_DATE"), "2026-01-01T00:00:00Z")
     execute(["git", *identity, "commit", "-q", "-m", "All"], folder, **dates)  # one commit of all
     return folder
-
-
-def read_commit(clone: Path) -> str:
-    return execute(["git", "rev-parse", "HEAD"], clone).strip()
 
 
 def add_required(requirements: Iterable[str], known: dict[str, Distribution]) -> None:
@@ -124,37 +120,13 @@ def testing(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return link(["pytest", "pytest-timeout"], tmp_path_factory.mktemp("pytest"))
 
 
-@dataclass(frozen=True)
-class Way:
-    """One way to get evoros: its Python, and where the package must come from."""
+class Installed(NamedTuple):
+    """The Python of an environment with evoros, and the clone of its commit."""
 
     python: Path
     package: Path
-    commit: str  # that it was made from
-    root: Path  # of the clone
-    search_path: str = ""  # PYTHONPATH outside of the clone
-
-    def execute(self, folder: Path, code: str, *arguments: Path) -> str:
-        """Run Python code in a current folder, and return the last line that it prints."""
-        variables = {"PYTHONPATH": self.search_path} if self.search_path else {}
-        return execute([self.python, "-c", code, *arguments], folder, **variables).splitlines()[-1]
-
-
-def make_environment(folder: Path, libraries: Path) -> Path:
-    """An environment without pip and evoros; returns its Python."""
-    venv.create(folder, symlinks=True)
-    (site,) = folder.glob("lib/python*/site-packages")
-    (site / "libraries.pth").write_text(f"{libraries}\n")
-    return folder / "bin" / "python"
-
-
-def install(python: Path, *what: str | Path) -> Path:
-    """Install evoros without what it requires; returns where the package was put."""
-    pip: list[str | Path] = [sys.executable, "-m", "pip", "--python", python, "install", "-q"]
-    execute([*pip, "--no-deps", *what], python.parent)
-    return Path(
-        execute([python, "-c", "import evoros; print(evoros.__path__[0])"], python.parent).strip()
-    )
+    clone: Path
+    commit: str
 
 
 @pytest.fixture(scope="module")
@@ -175,84 +147,77 @@ def wheel(tmp_path_factory: pytest.TempPathFactory, clone: Path) -> Path:
     return wheel
 
 
-@pytest.fixture(scope="module", params=["clone", "editable", "wheel"])
-def way(
-    request: pytest.FixtureRequest,
-    clone: Path,
-    libraries: Path,
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Way:
-    python = make_environment(tmp_path_factory.mktemp(f"an environment {request.param}"), libraries)
-    commit = read_commit(clone)
-    if request.param == "clone":
-        return Way(python, clone / "evoros", commit, clone, str(clone))
-    what: list[str | Path] = ["-e", clone]
-    if request.param == "wheel":
-        what = [request.getfixturevalue("wheel")]
-    return Way(python, install(python, *what), commit, clone)
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory, clone: Path, libraries: Path) -> Installed:
+    """Evoros as the pipelines of docs/examples install it, in an environment without pip."""
+    folder = tmp_path_factory.mktemp("an environment")
+    venv.create(folder, symlinks=True)
+    (site,) = folder.glob("lib/python*/site-packages")
+    (site / "libraries.pth").write_text(f"{libraries}\n")
+    python = folder / "bin" / "python"
+    commit = execute(["git", "rev-parse", "HEAD"], clone).strip()
+    pip: list[str | Path] = [sys.executable, "-m", "pip", "--python", python, "install", "-q"]
+    execute([*pip, "--no-compile", f"git+{clone.as_uri()}@{commit}"], folder)
+    return Installed(python, site / "evoros", clone, commit)
 
 
-def test_the_interface_works_from_elsewhere(way: Way, tmp_path: Path) -> None:
+def test_the_interface_works_from_elsewhere(installed: Installed, tmp_path: Path) -> None:
     elsewhere = tmp_path / "some where"
     elsewhere.mkdir()
-    printed = way.execute(elsewhere, CHECK, USER_PARTS, tmp_path / "a run")
-    place, state, missions, figures, origin = json.loads(printed)
-    assert (state, figures) == ("finished", FIGURES)
+    printed = execute([installed.python, "-c", CHECK, USER_PARTS, tmp_path / "a run"], elsewhere)
+    place, state, missions, figures, origin = json.loads(printed.splitlines()[-1])
+    assert (state, figures) == ("finished", ["overlay.pdf"])
     assert missions > 0
-    assert origin == [way.commit, False]
-    assert Path(place).parent == way.package
+    assert origin == [installed.commit, False]
+    assert Path(place).parent == installed.package
     manifest = json.loads((tmp_path / "a run" / "manifest.json").read_text())
     assert manifest.pop("config_dir") == str(USER_PARTS)  # the user's own, and no other folder
     assert str(ROOT) not in json.dumps(manifest)
 
 
-def test_each_module_has_one_name_and_hides_none_of_a_users(way: Way, tmp_path: Path) -> None:
+def test_each_module_has_one_name_and_hides_none_of_a_users(
+    installed: Installed, tmp_path: Path
+) -> None:
     """Python finds the clone's own package in its root, as in notebooks, which are saved there."""
     mine = write_own_modules(tmp_path / "of my own")
-    script = way.root / "a_study.py"
-    script.write_text(ONE_NAME)
-    try:
-        in_root = execute([way.python, script, mine], tmp_path)
-    finally:
-        script.unlink()
-    assert Path(in_root.strip()).parent == way.root / "evoros"
-    assert Path(way.execute(way.root, ONE_NAME, mine)).parent == way.root / "evoros"
-    assert Path(way.execute(tmp_path, ONE_NAME, mine)).parent == way.package
-
-
-def test_pytest_works_in_the_root_of_the_clone(way: Way, testing: Path, tmp_path: Path) -> None:
-    """By ``pytest``, which finds what is installed, and ``python -m pytest``, which the clone."""
-    if way.search_path:
-        pytest.skip("nothing is installed")
-    for option, package in ((["-P"], way.package), ([], way.root / "evoros")):
-        file = way.root / "test_mine.py"
-        file.write_text(OWN_TEST % str(package))
-        command: list[str | Path] = [
-            way.python,
-            *option,
-            "-m",
-            "pytest",
-            "-p",
-            "no:cacheprovider",
-            file,
-        ]
+    for folder, package in (
+        (tmp_path, installed.package),
+        (installed.clone, installed.clone / "evoros"),
+    ):
+        script = folder / "a_study.py"
+        script.write_text(ONE_NAME)
         try:
-            execute(command, way.root, PYTHONPATH=str(testing))
+            printed = execute([installed.python, script, mine], tmp_path)
+        finally:
+            script.unlink()
+        assert Path(printed.strip()).parent == package
+
+
+def test_pytest_works_in_the_root_of_the_clone(
+    installed: Installed, testing: Path, tmp_path: Path
+) -> None:
+    """By ``pytest``, which finds what is installed, and ``python -m pytest``, which the clone."""
+    for option, package in ((["-P"], installed.package), ([], installed.clone / "evoros")):
+        file = installed.clone / "test_mine.py"
+        file.write_text(OWN_TEST % str(package))
+        words = [*option, "-m", "pytest", "-p", "no:cacheprovider", file]
+        try:
+            execute([installed.python, *words], installed.clone, PYTHONPATH=str(testing))
         finally:
             file.unlink()
 
 
-def test_the_commands_work_everywhere(way: Way, tmp_path: Path) -> None:
-    if way.search_path:
-        pytest.skip("nothing is installed")
-    printed = execute([way.python.with_name("evoros"), "--cfg", "job"], tmp_path)
+def test_the_commands_work_everywhere(installed: Installed, tmp_path: Path) -> None:
+    python, clone = installed.python, installed.clone
+    printed = execute([python.with_name("evoros"), "--cfg", "job"], tmp_path)
     assert "_target_: evoros.evolution.experiment.Experiment" in printed
-    assert "report" in execute([way.python.with_name("evoros-analyze"), "--help"], way.root)
-    for folder in (tmp_path, way.root):  # Python finds modules of the current folder first
-        assert way.commit[:10] in execute([way.python, "-m", "evoros", "--version"], folder)
+    assert "report" in execute([python.with_name("evoros-analyze"), "--help"], clone)
+    # Python finds modules of the current folder first.
+    assert installed.commit[:10] in execute([python, "-m", "evoros", "--version"], clone)
 
 
-def test_the_wheel_has_everything_once_and_nothing_else(wheel: Path) -> None:
+def test_the_wheel_has_everything_once_and_nothing_else(wheel: Path, installed: Installed) -> None:
+    """The wheel of the source distribution, and the one that pip builds from a clone."""
     with ZipFile(wheel) as archive:
         names = [name for name in archive.namelist() if ".dist-info/" not in name]
     assert len(names) == len(set(names))
@@ -260,14 +225,9 @@ def test_the_wheel_has_everything_once_and_nothing_else(wheel: Path) -> None:
     for folder in ("analysis", "conf", "robots", "worlds"):
         packed = {name for name in names if name.startswith(f"evoros/{folder}/")}
         assert packed == {f"evoros/{folder}/{file}" for file in files(ROOT / folder)}, folder
-
-
-def test_the_wheel_of_the_source_distribution_is_that_of_the_clone(
-    wheel: Path, clone: Path, tmp_path: Path
-) -> None:
-    execute([sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", tmp_path, clone], clone)
-    (direct,) = tmp_path.glob("*.whl")
-    assert contents(direct) == contents(wheel)
+    package = installed.package
+    direct = {f"evoros/{file}": (package / file).read_bytes() for file in files(package)}
+    assert direct == contents(wheel)
 
 
 def contents(wheel: Path) -> dict[str, bytes]:

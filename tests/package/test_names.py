@@ -1,6 +1,5 @@
 """Each module has one name, and hides no module of a user's."""
 
-import os
 import shutil
 import subprocess
 import sys
@@ -9,7 +8,6 @@ from pathlib import Path
 
 import pytest
 from helpers import ROOT
-from own_modules import ONE_NAME, write_own_modules
 
 
 def test_the_folder_analysis_has_one_name() -> None:
@@ -19,21 +17,6 @@ def test_the_folder_analysis_has_one_name() -> None:
         import_module("evoros.analysis.subcommands").Product.__module__
         == "evoros.analysis.subcommands"
     )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("inside", [False, True])
-def test_names_in_a_checkout_that_is_not_installed(inside: bool, tmp_path: Path) -> None:
-    modules = write_own_modules(tmp_path / "mine")
-    done = subprocess.run(
-        [sys.executable, "-c", ONE_NAME, modules],
-        cwd=ROOT if inside else tmp_path,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.stdout == f"{ROOT / 'evoros' / '__init__.py'}\n", done.stderr
 
 
 def test_a_copy_that_lost_its_links_says_so(tmp_path: Path) -> None:
