@@ -24,6 +24,7 @@ from evoros.simulator.pybullet import IDLE
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # A first example may build an experiment, and no property is a time.
 settings.register_profile("evoros", deadline=None, max_examples=50)
+settings.register_profile("few", deadline=None, max_examples=10)  # of .ci/pythons
 settings.load_profile("evoros")
 
 

@@ -48,6 +48,7 @@ class Finished(NamedTuple):
     filled: Mapping[str, str] = {}  # words that stand for the user's names
     made: Sequence[str] = ()  # commands typed before; ``cut`` interrupts a run
     slow: bool = False
+    others: Sequence[str] = ()  # keys of messages that propose the same
 
 
 def _missions_by_folder(_: Sequence[str]) -> object:
@@ -180,14 +181,11 @@ OF_FIGURES = (
         (f"evaluate {{parts}} {{}} {_NEW}", "analyze worst new"),
         {"FOLDER": "r", "...": "2"},
     ),
-    *(
-        Finished(
-            "analysis/tables/elites.py +measure@{group}.spread=spread",
-            _RUN,
-            f"analyze {figure} r",
-            (f"{{tiny}} {{}} {_NEW}", f"analyze {figure} new"),
-        )
-        for figure in ("archive", "front")
+    Finished(
+        "analysis/tables/elites.py +measure@{group}.spread=spread",
+        _RUN,
+        "analyze archive r",
+        (f"{{tiny}} {{}} {_NEW}", "analyze archive new"),
     ),
     Finished(
         "analysis/tables/validated.py designs=SWEEP",
@@ -208,13 +206,6 @@ OF_THE_PAPER = (
         slow=True,
     ),
     Finished(
-        f"{_CLAIMS}/claims.py failure={{kind}}",
-        {"none": CALM},
-        "analyze claims none",
-        (f"{{tiny}} {{}} {_NEW}", "analyze claims none new"),
-        slow=True,
-    ),
-    Finished(
         f"{_CLAIMS}/claims_designs.py experiment=free_placement",
         _RUN,
         "analyze claims r",
@@ -222,18 +213,12 @@ OF_THE_PAPER = (
         slow=True,
     ),
     Finished(
-        f"{_CLAIMS}/claims_designs.py failure=random",
+        f"{_CLAIMS}/claims.py failure={{kind}}",
         {"none": CALM},
         "analyze claims none",
         (f"{{tiny}} {{}} {_NEW}", "analyze claims none new"),
         slow=True,
-    ),
-    Finished(
-        f"{_CLAIMS}/claims_designs.py failure=spatial",
-        {"none": CALM},
-        "analyze claims none",
-        (f"{{tiny}} {{}} {_NEW}", "analyze claims none new"),
-        slow=True,
+        others=[f"{_CLAIMS}/claims_designs.py failure={kind}" for kind in ("random", "spatial")],
     ),
     Finished(
         f"{_CLAIMS}/course.py record=all",
@@ -326,13 +311,6 @@ OF_EVALUATIONS = (
     ),
     Finished(
         "evoros/session/given_designs.py {choice}=...",
-        {"study/a": "", "study/b": SPATIAL},
-        "evaluate -m {parts} like=study trials=1 hydra.sweep.dir=new",
-        filled={"...": "random,spatial"},
-        slow=True,
-    ),
-    Finished(
-        "evoros/session/given_designs.py {choice}=...",
         {"study/a": "", "study/b": "seed=1"},
         f"evaluate {{parts}} like=study trials=1 {_NEW}",
         filled={"...": "0"},
@@ -364,14 +342,6 @@ OF_EVALUATIONS = (
         f"{{tiny}} +evaluation_draws=validation {_NEW}",
         (_EVALUATE,),
         {"FOLDER": "r", "...": "validation"},
-    ),
-    Finished(
-        "evoros/session/search.py like=FOLDER",
-        _RUN,
-        f"{{tiny}} worst_cases=search {_NEW}",
-        (f"{_EVALUATE} worst_cases.most=1",),
-        {"FOLDER": "r", "...": "search"},
-        slow=True,
     ),
     Finished(
         "evoros/storage/reading.py record={fix}",

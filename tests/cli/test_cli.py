@@ -244,24 +244,16 @@ def test_help_explains_and_version_is_ours(capsys: pytest.CaptureFixture[str]) -
 
 
 @pytest.mark.slow
-def test_a_users_class_works_in_worker_processes(tmp_path: Path) -> None:
-    """And the folder of the configuration may have any name."""
-    folder = tmp_path / "it's, mine=1"
-    folder.symlink_to(USER_PARTS, target_is_directory=True)
-    run = tmp_path / "run"
-    arguments = ["--config-dir", str(folder), "experiment=tiny", "executor.workers=1"]
-    arguments += ["optimizer.generations=1", "optimizer.population_size=2"]
-    assert evoros([*arguments, f"hydra.run.dir={run}"]) == DONE
-
-
-@pytest.mark.slow
 def test_an_exception_in_a_worker_stops_the_run_which_can_be_resumed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run, mark = tmp_path / "run", tmp_path / "mark"
+    """With a user's class, from a folder that may have any name."""
+    run, mark, folder = tmp_path / "run", tmp_path / "mark", tmp_path / "it's, mine=1"
+    folder.symlink_to(USER_PARTS, target_is_directory=True)
     faulty = ["simulator.fault=raise", f"simulator.mark={mark}"]
     processes = ["executor=processes", "executor.workers=1", "executor.retries=0"]
-    assert tiny(run, *processes, *faulty) == STOPPED
+    given = ["--config-dir", str(folder), "experiment=tiny", f"hydra.run.dir={run}"]
+    assert evoros([*given, *processes, *faulty]) == STOPPED
     err = capsys.readouterr().err
     last = err.strip().splitlines()[-1]
     assert "in far, generation 0, trial 0: ZeroDivisionError: the planar fault" in last
@@ -278,12 +270,11 @@ def test_an_exception_in_a_worker_stops_the_run_which_can_be_resumed(
     assert content(run) == content(finished_run(tmp_path / "whole"))
 
 
-@pytest.mark.parametrize("fault", ["exit", pytest.param("hang", marks=pytest.mark.slow)])
-def test_a_mission_that_is_lost_once_is_tried_again(fault: str, tmp_path: Path) -> None:
+def test_a_mission_that_is_lost_once_is_tried_again(tmp_path: Path) -> None:
     run = tmp_path / "run"
-    lost = [f"simulator.fault={fault}", f"simulator.mark={tmp_path / 'mark'}"]
-    limit = ["executor=processes", "executor.workers=1", "executor.time_limit_s=10"]
-    assert tiny(run, *lost, *limit, "optimizer.generations=1") == DONE
+    lost = ["simulator.fault=exit", f"simulator.mark={tmp_path / 'mark'}"]
+    processes = ["executor=processes", "executor.workers=1"]
+    assert tiny(run, *lost, *processes, "optimizer.generations=1") == DONE
     assert content(run) == content(finished_run(tmp_path / "sound", "optimizer.generations=1"))
 
 
@@ -293,6 +284,7 @@ def test_a_lost_mission_stops_the_run_or_is_the_worst_where_asked(
 ) -> None:
     short = ["executor=processes", "executor.workers=1", "executor.retries=0"]
     short += ["optimizer.generations=1", "optimizer.population_size=2", "simulator.fault=exit"]
+    short += ["optimizer.validation_trials=0"]
     assert tiny(tmp_path / "stop", *short) == STOPPED
     assert "in far, generation 0, trial 0" in capsys.readouterr().err
     assert tiny(tmp_path / "worst", *short, "lost_missions=worst") == DONE
@@ -320,7 +312,7 @@ def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(
 ) -> None:
     fast = tmp_path / "fast"
     slowly = ["simulator.pause_s=5", f"simulator.mark={fast}"]  # no job ends before the signal
-    arguments = ["-m", *TINY, "executor.workers=2", *slowly, "seed=0,1,2,3"]
+    arguments = ["-m", *TINY, "executor.workers=2", *slowly, "seed=0,1,2"]
     name = "hydra.sweep.subdir=seed-${seed}"
     process = start([*arguments, "hydra.sweep.dir=sweep", name], tmp_path)
     begun = [tmp_path / "sweep" / f"seed-{seed}" for seed in (0, 1)]
@@ -345,9 +337,9 @@ def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(
 @pytest.mark.slow
 def test_ctrl_c_again_until_the_process_ends_changes_nothing(tmp_path: Path) -> None:
     """It comes amid the orderly end, and then while the interpreter joins threads and workers."""
-    options = ["executor.workers=2", "simulator.pause_s=0.1", "hydra.run.dir=run"]
+    options = ["executor.workers=1", "simulator.pause_s=0.1", "hydra.run.dir=run"]
     process = start([*TINY, *options], tmp_path)
-    wait_for_missions(tmp_path / "run", 3)
+    wait_for_missions(tmp_path / "run", 1)
     while process.poll() is None:
         process.send_signal(signal.SIGINT)
         time.sleep(0.03)

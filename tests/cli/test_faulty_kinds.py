@@ -2,7 +2,6 @@
 
 import re
 import shlex
-import subprocess
 import sys
 from pathlib import Path
 
@@ -13,21 +12,22 @@ from evoros.cli.main import evoros
 from evoros.terminal.console import DONE, INPUT, STOPPED
 
 RUN = (
-    *("executor=serial", "world=blocks", "failure=none", "figures=[]", "record=none"),
+    *("executor=serial", "world=blocks", "course.time_limit_s=5", "failure=none", "figures=[]"),
+    *("record=none", "optimizer.validation_trials=1"),
     *("optimizer=random_search", "optimizer.population_size=2", "optimizer.generations=1"),
 )
 CASES = [(name, head) for name, kind in KINDS.items() for head in kind.faults]
 
 
 def choose_faults(name: str, head: str) -> list[str]:
-    """Choose two faults of those that many methods can have, in turn, and all others.
+    """Choose one fault of those that many methods can have, in turn, and all others.
 
     The same function checks the answers of all methods.
     """
-    faults, turn = KINDS[name].faults[head], 2 * CASES.index((name, head))
+    faults = KINDS[name].faults[head]
     common = [fault for fault in faults if fault in OBJECTS]
     others = [fault for fault in faults if fault not in OBJECTS]
-    return [*{common[(turn + i) % len(common)]: None for i in range(2)}, *others]
+    return [common[CASES.index((name, head)) % len(common)], *others]
 
 
 def start(folder: Path, kind: Kind, method: str = "") -> int:
@@ -37,7 +37,7 @@ def start(folder: Path, kind: Kind, method: str = "") -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", [name for name, kind in KINDS.items() if not kind.mended])
 def test_the_right_part_of_each_kind_runs(name: str, tmp_path: Path) -> None:
     assert start(tmp_path / f"right_{name.replace(' ', '_')}", KINDS[name]) == DONE
 
@@ -68,7 +68,7 @@ def test_a_fault_names_the_class_the_method_and_the_file(
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name, kind in KINDS.items() if kind.mended])
 def test_a_run_goes_on_with_a_corrected_part_of_which_it_has_no_result(
-    name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It ends with the missions of a run that never had the fault, and is verified."""
     kind = KINDS[name]
@@ -76,13 +76,11 @@ def test_a_run_goes_on_with_a_corrected_part_of_which_it_has_no_result(
     assert start(right, kind) == DONE
     (head,) = kind.faults
     assert start(folder, kind, f"{head}:\n        return 'x'") == INPUT
-    line = capfd.readouterr().err.splitlines()[-1]
+    line = capsys.readouterr().err.splitlines()[-1]
     write_part(folder, kind)
-    typed = line.rpartition(": evoros ")[2]
-    # Another process has no old module.
-    program = f"{shlex.quote(sys.executable)} -m evoros {typed}"
+    del sys.modules[f"own_{folder.name}"]  # as in another process
     for _ in range(2):  # the second time, it is verified
-        assert subprocess.run(program, shell=True, cwd=tmp_path).returncode == DONE
+        assert evoros(shlex.split(line.rpartition(": evoros ")[2])) == DONE
     one, other = (
         [row.rpartition(",")[0] for row in (path / "run/missions.csv").read_text().splitlines()]
         for path in (right, folder)

@@ -2,7 +2,6 @@
 
 import math
 import shlex
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from evoros.base.checks import SCORE, ask
 from evoros.base.errors import InputError
 from evoros.cli.main import evoros
 from evoros.optimizer.protocol import AskedSearch, Individual
-from evoros.terminal.console import INPUT, STOPPED
+from evoros.terminal.console import DONE, INPUT, STOPPED
 
 HEAD = """
 import numpy as np
@@ -104,20 +103,20 @@ def test_a_wrong_answer_names_the_key_the_class_and_the_method(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("fault", FAULTS)
-def test_an_error_in_a_part_with_a_recorded_result_needs_a_new_run(
-    fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_an_exit_of_a_part_with_a_recorded_result_needs_a_new_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder = tmp_path / f"raising_{len(fault)}"
-    given = write_part(folder, "failure.draw", f"return () if robot_is_tried() else {fault}")
+    """A worker that raises another exception is in test_cli.py."""
+    folder = tmp_path / "raising"
+    given = write_part(folder, "failure.draw", "return () if robot_is_tried() else exit()")
     module = folder / f"own_{folder.name}.py"
     tried = "import multiprocessing as m\nrobot_is_tried = lambda: not m.parent_process()\n"
     module.write_text(tried + module.read_text())
-    assert evoros([*given, "executor=processes"]) == STOPPED
+    assert evoros([*given, "executor=processes", "executor.workers=1"]) == STOPPED
     last = capsys.readouterr().err.splitlines()[-1]
     assert f"{module}, line " in last
     assert "in Own.draw: " in last
-    assert FAULTS[fault] in last
+    assert FAULTS["exit()"] in last
     assert last.endswith("; correct the code and start a new run")
 
 
@@ -137,10 +136,10 @@ def test_a_part_without_a_recorded_result_is_mended_and_the_proposal_resumes(
 
 
 def mend_and_resume(module: Path, fault: str, told: str) -> None:
-    """Type the command at the end of a line in a process that has not imported the module."""
+    """Type the command at the end of a line, as in a process that has not imported the module."""
     module.write_text(module.read_text().replace(fault, "return 1.0"))
-    typed = shlex.split(told.rpartition("and type: ")[2])
-    subprocess.run([sys.executable, "-m", *typed], check=True, capture_output=True)
+    del sys.modules[module.stem]
+    assert evoros(shlex.split(told.rpartition("and type: evoros ")[2])) == DONE
 
 
 NOT_SCORES = (True, np.True_, np.zeros(1), np.float32("inf"), np.float16("-inf"), 10**400, "1")

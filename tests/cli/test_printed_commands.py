@@ -1,10 +1,11 @@
 """Commands and words that are printed to be typed, typed in bash as they stand in a new process."""
 
+import json
 import os
 import re
-import shlex
 import subprocess
 import sys
+from collections.abc import Iterable
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -22,14 +23,33 @@ OWN = ("--config-dir", str(USER_PARTS), "executor=serial")
 AWKWARD = os.fsdecode(b'x=1,2 \xc3\xa4 caf\xe9#%\t it\'s "so" [1] {c} $(no) $HOME \\')
 """A name with all that bash, Hydra or Python may read in another way; a byte is no UTF-8."""
 COMMAND = re.compile(r"(?<!\S)evoros (?:resume|evaluate|replay|status|analyze) .*", re.ASCII)
-MAIN = "from evoros.cli.main import main; main()"
-EVOROS = f'evoros() {{ {shlex.quote(sys.executable)} -c "{MAIN}" "$@"; }}'
+EVOROS = "evoros() { printf '%s\\0' \"$@\"; }"
+RUN = """
+import json, os, sys
+import evoros.analysis.command, evoros.cli.command, evoros.session.run
+from evoros.cli.main import evoros
+for words in json.loads(sys.argv[1]):
+    child = os.fork()
+    if not child:
+        os._exit(evoros(words))
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), file=sys.stderr, flush=True)
+"""
 
 
-def run_in_bash(line: str) -> "subprocess.CompletedProcess[bytes]":
-    """Type a line, with fewer trials, in a new process, which knows no parts of other commands."""
+def split_in_bash(line: str) -> list[str]:
+    """Type a line, with fewer trials, and return the words of the command."""
     typed = f"{EVOROS}\n{re.sub(r' trials=[0-9]+', ' trials=3', line)}"
-    return subprocess.run(["bash", "-c", os.fsencode(typed)], capture_output=True, check=False)
+    done = subprocess.run(["bash", "-c", os.fsencode(typed)], capture_output=True, check=True)
+    return [os.fsdecode(word) for word in done.stdout.split(b"\0")[:-1]]
+
+
+def run_apart(lines: Iterable[str]) -> dict[str, int]:
+    """Run each line in a process that knows no parts of other commands; return the statuses."""
+    typed = {line: split_in_bash(line) for line in lines}
+    command = [sys.executable, "-c", RUN, json.dumps([*typed.values()])]
+    done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=True)
+    told = [int(line) for line in done.stderr.splitlines() if line.isdecimal()]
+    return dict(zip(typed, told, strict=True))
 
 
 @pytest.mark.slow
@@ -56,11 +76,9 @@ def test_every_printed_command_does_what_its_line_says(
         *printed("evaluate", *OWN, like, "requirements=delivery", "trials=2", tested),
         *printed("evaluate", *OWN, like, tested),
     ]
-    statuses = {line: run_in_bash(line).returncode for line in dict.fromkeys(commands)}
     finished_run(tmp_path / f"{name}-cut")
     cut(tmp_path / f"{name}-cut", 2000)
-    for line in printed("analyze", "report", f"{name}-cut"):
-        statuses[line] = run_in_bash(line).returncode
+    statuses = run_apart([*commands, *printed("analyze", "fitness", f"{name}-cut")])
     assert len(statuses) > 6
     assert set(statuses.values()) <= {DONE, NOT_MET, NOT_DECIDED}, statuses
 

@@ -14,7 +14,6 @@ from io import StringIO
 from pathlib import Path
 
 import pytest
-from dask_cases import cluster
 from helpers import (
     TINY,
     USER_PARTS,
@@ -24,7 +23,6 @@ from helpers import (
     everything,
     finished_run,
     resume,
-    start,
     wait_for_missions,
 )
 
@@ -282,24 +280,3 @@ def test_a_cache_that_cannot_be_written_costs_time_only(
         assert not any(folders[0].iterdir())
     # The folder for temporary files served until it was closed, too.
     assert any(folders[1].rglob("*.nbc"))
-
-
-@pytest.mark.slow
-def test_a_run_waits_for_another_dask_worker_than_one_that_has_no_folder(
-    whole: Path, tmp_path: Path
-) -> None:
-    """dask itself says in the worker's output which folder that is."""
-    (tmp_path / "closed").mkdir()
-    with cluster(tmp_path, workers=0) as running, closed(tmp_path / "closed") as folder:
-        module = "from distributed.cli.dask_worker import main; main()"
-        words = [running.address, "--no-dashboard", "--local-directory", str(folder)]
-        failed = obedient(module, words, tmp_path)
-        _, errors = failed.communicate(timeout=LIMIT_S)
-        assert failed.returncode != 0
-        assert "PermissionError" in errors
-        run = start([*TINY, SHORT, "executor=dask", running.key, "hydra.run.dir=run"], tmp_path)
-        wait_for_missions(tmp_path / "run", 0)
-        running.add_worker()
-        _, errors = run.communicate(timeout=LIMIT_S)
-        assert run.returncode == DONE, errors
-    assert content(tmp_path / "run") == content(whole)

@@ -18,7 +18,6 @@ from evoros.cli.status import status
 from evoros.cli.world import world
 from evoros.terminal.console import DONE, INPUT
 
-OPTIONS = (*TINY, "executor=serial", "optimizer.generations=1")
 NOBODY = "~there_is_no_such_user"
 
 
@@ -27,39 +26,41 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return finished_run(tmp_path_factory.mktemp("streams") / "run", "optimizer.generations=1")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("redirected", ["<&- >&- 2>&-", ">/dev/full", "2>/dev/full"])
-def test_a_run_does_not_depend_on_its_standard_streams(
-    redirected: str, run: Path, tmp_path: Path
-) -> None:
-    """Nor does a table get what a library prints, because it has the number of a closed stream."""
-    code = "import os; from evoros.cli.main import main; main()"
-    command = [sys.executable, "-c", code, *OPTIONS, f"hydra.run.dir={tmp_path / 'run'}"]
-    shell = ["bash", "-c", f'"$@" {redirected}', "bash", *command]
-    process = subprocess.run(shell, capture_output=True, text=True, timeout=300, check=False)
-    assert process.returncode == DONE
-    assert content(tmp_path / "run") == content(run)
-    assert "Traceback" not in process.stderr
-    full = process.stderr.count("standard output: cannot be written (No space left on device)")
-    assert full == (redirected == ">/dev/full")
+CODE = "import os; from evoros.cli.main import main; main()"
+ASCII_ONLY = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+"""Closes Python's own way out of an ASCII locale."""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("redirected", "executor"), [("2>/dev/full", "processes"), ("2> >(exit 0)", "dask")]
+    ("redirected", "executor"),
+    [
+        ("<&- >&- 2>&-", "processes"),
+        (">/dev/full", "serial"),
+        ("2> >(exit 0)", "dask"),
+    ],
 )
-def test_workers_do_not_depend_on_a_standard_error_that_cannot_be_written(
+def test_a_run_does_not_depend_on_its_standard_streams(
     redirected: str, executor: str, run: Path, tmp_path: Path
 ) -> None:
-    """What could not be written stays in a buffer, which each start of a worker flushes."""
-    code = "from evoros.cli.main import main; main()"
-    given = [*TINY, "optimizer.generations=1", f"executor={executor}", "executor.workers=2"]
-    command = [sys.executable, "-c", code, *given, f"hydra.run.dir={tmp_path / 'run'}"]
+    """Nor does a table get what a library prints, because it has the number of a closed stream.
+
+    What could not be written stays in a buffer, which each start of a worker flushes. Files are
+    UTF-8, even in the locale of the first one.
+    """
+    given = [*TINY, "optimizer.generations=1", f"executor={executor}"]
+    given += [] if executor == "serial" else ["executor.workers=1"]
+    command = [sys.executable, "-c", CODE, *given, f"hydra.run.dir={tmp_path / 'run'}"]
     shell = ["bash", "-c", f'"$@" {redirected}', "bash", *command]
     environment = {name: os.environ[name] for name in os.environ if name != "PYTHONUNBUFFERED"}
-    assert subprocess.run(shell, env=environment, timeout=300, check=False).returncode == DONE
+    environment |= ASCII_ONLY if redirected.startswith("<") else {}
+    process = subprocess.run(shell, env=environment, capture_output=True, text=True, timeout=300)
+    assert process.returncode == DONE
     assert content(tmp_path / "run") == content(run)
     assert '"state": "finished"' in (tmp_path / "run" / "status.json").read_text()
+    assert "Traceback" not in process.stderr
+    full = process.stderr.count("standard output: cannot be written (No space left on device)")
+    assert full == (redirected == ">/dev/full")
 
 
 def test_a_log_that_cannot_be_opened_is_refused(
@@ -108,16 +109,3 @@ def test_the_home_of_nobody_is_a_path_like_any_other(
     assert command(arguments) == INPUT
     (line,) = capsys.readouterr().err.splitlines()
     assert NOBODY in line
-
-
-@pytest.mark.slow
-def test_a_locale_of_another_encoding_changes_no_byte(run: Path, tmp_path: Path) -> None:
-    """Files are UTF-8 everywhere; Python's own way out of an ASCII locale is closed here."""
-    ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
-    code = "from evoros.cli.main import main; main()"
-    command = [sys.executable, "-c", code, *OPTIONS, f"hydra.run.dir={tmp_path / 'run'}"]
-    process = subprocess.run(
-        command, capture_output=True, timeout=300, check=False, env=os.environ | ascii_only
-    )
-    assert process.returncode == DONE, process.stderr
-    assert content(tmp_path / "run") == content(run)

@@ -37,6 +37,7 @@ from evoros.terminal.log import (
     log_to_file,
 )
 
+ONE = ("executor=processes", "executor.workers=1", "optimizer.generations=1")
 TWO = ("executor=processes", "executor.workers=2", "optimizer.generations=2")
 
 
@@ -105,7 +106,7 @@ def sweep_of(works: list[Fake], names: str) -> tuple[Sweep, list[Job], dict[str,
 def test_the_folders_of_a_sweep_are_those_of_its_runs_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """With a job among them that is lost."""
+    """With jobs among them that are lost, and some that give warnings."""
     opened: list[Processes] = []
     real = Processes.open
 
@@ -115,7 +116,7 @@ def test_the_folders_of_a_sweep_are_those_of_its_runs_alone(
 
     monkeypatch.setattr(Processes, "open", counted)
     arguments = [*TINY, *TWO, f"hydra.sweep.dir={tmp_path / 'sweep'}"]
-    swept = ["seed=0,2", "simulator.fault=none,raise"]
+    swept = ["seed=0,2", "simulator.fault=none,raise,fail"]
     assert evoros(["-m", *arguments, *swept]) == STOPPED
     out, err = capsys.readouterr()
     assert len(opened) == 1
@@ -134,6 +135,11 @@ def test_the_folders_of_a_sweep_are_those_of_its_runs_alone(
         assert "_happen: the mission of design " in told
         assert "correct the code and start a new run" in told
         assert out.count(f"run folder        {run}, with champion/\n") == 1
+        warning = tmp_path / "sweep" / name.format(seed, "fail")
+        warned = re.findall(r"WARNING (.*)", (warning / "evoros.log").read_text())
+        assert len(warned) >= 4
+        shown = [line for line in err.splitlines() if line.startswith(f"{warning.name}: ")]
+        assert shown == [f"{warning.name}: {line}" for line in warned]
     whole = r"champion  .*\n(?:(?!champion  ).*\n)*?run folder"  # no summary within another
     assert out.count("champion  ") == len(re.findall(whole, out))
     assert "generation 0/1" not in err  # which would mix those of several runs
@@ -155,31 +161,10 @@ def test_runs_with_different_executors_do_not_compete(
         open_now[0] -= 1
 
     monkeypatch.setattr(Processes, "open", watched)
-    arguments = [*TINY, "executor=processes", "optimizer.generations=1"]
-    sweep = f"hydra.sweep.dir={tmp_path / 'sweep'}"
-    assert evoros(["-m", *arguments, sweep, "executor.workers=1,2"]) == DONE
+    arguments = [*TINY, *ONE, f"hydra.sweep.dir={tmp_path / 'sweep'}"]
+    assert evoros(["-m", *arguments, "executor.retries=0,1"]) == DONE
     assert (open_now, most) == ([0], [1])
     assert len(list((tmp_path / "sweep").glob("*/champion/design.csv"))) == 2
-
-
-@pytest.mark.slow
-def test_a_message_about_a_run_goes_into_its_own_log_and_is_shown_with_its_name(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = [*TINY, *TWO, f"hydra.sweep.dir={tmp_path / 'sweep'}", "simulator.fault=fail"]
-    assert evoros(["-m", *arguments, "seed=0,1"]) == DONE
-    shown = capsys.readouterr().err.splitlines()
-    runs = sorted((tmp_path / "sweep").iterdir())
-    assert len(runs) == 2
-    for run in runs:
-        warned = re.findall(r"WARNING (.*)", (run / "evoros.log").read_text())
-        assert len(warned) >= 4
-        assert [line for line in shown if line.startswith(f"{run.name}: ")] == [
-            f"{run.name}: {line}" for line in warned
-        ]
-    begun = [line for line in shown if line.endswith(": started")]
-    assert len(begun) == 2
-    assert len(shown) == sum("simulation_failure" in line for line in shown) + len(begun)
 
 
 # ---- the jobs
@@ -373,9 +358,3 @@ def test_levels_and_logging_to_nowhere_are_as_before() -> None:
     with log_everything():
         assert LOGGER.isEnabledFor(logging.DEBUG)
     assert LOGGER.level == level
-
-
-@pytest.mark.slow
-def test_a_lost_mission_in_a_sweep_is_the_status_of_the_sweep(tmp_path: Path) -> None:
-    arguments = [*TINY, *TWO, f"hydra.sweep.dir={tmp_path / 'sweep'}", "executor.retries=0"]
-    assert evoros(["-m", *arguments, "simulator.fault=none,exit"]) == STOPPED

@@ -147,7 +147,7 @@ def test_interruption_load_and_workers_change_no_byte(program: list[str], tmp_pa
     with start(words, tmp_path) as killed:
         wait_for_missions(tmp_path / "killed", 1)
         with busy_cores():
-            wait_for_missions(tmp_path / "killed", 4)
+            wait_for_missions(tmp_path / "killed", 2)
             killed.kill()
             killed.communicate()
     path = re.search(r"[^']*avoid.py", program[1])

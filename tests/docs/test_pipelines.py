@@ -79,10 +79,6 @@ def require_artifacts(project: Path) -> None:
         assert (project / "tested" / name).is_file()
 
 
-def claim(project: Path, least_m: float) -> None:
-    (project / "robot" / "requirements" / "mine.yaml").write_text(CLAIM % least_m)
-
-
 @pytest.mark.slow
 def test_github(project: Path) -> None:
     steps = list_steps()
@@ -95,11 +91,18 @@ def test_github(project: Path) -> None:
     require_artifacts(project)
     assert sh(scripts["Regression"], project, **variables) == DONE
     assert (project / "compared" / "regression_margins.csv").is_file()
-    assert sh("rm -r tested", project) == 0
-    claim(project, 100.0)
-    assert sh(scripts["Requirements"], project, **variables) == NOT_MET
-    assert "| **violated** | far: " in summary.read_text()
-    require_artifacts(project)
+
+
+def test_the_status_of_the_requirements_ends_the_job(tmp_path: Path) -> None:
+    """With a command in place of evoros that only ends as it does."""
+    (script,) = (step["run"] for step in list_steps() if step.get("name") == "Requirements")
+    for status in (NOT_MET, NOT_DECIDED):
+        write = f"mkdir -p tested; echo ended {status} > tested/requirements.md"
+        (tmp_path / "evoros").write_text(f"#!/bin/sh\n{write}; exit {status}\n")
+        (tmp_path / "evoros").chmod(0o755)
+        variables = {"GITHUB_STEP_SUMMARY": "summary.md", "programs": str(tmp_path)}
+        assert sh(script, tmp_path, **variables) == status
+        assert f"ended {status}\n" in (tmp_path / "summary.md").read_text()
 
 
 def test_gitlab_runs_the_commands_of_github() -> None:

@@ -34,7 +34,7 @@ SHORT = ["course.time_limit_s=25", "executor=serial"]
 SMALL = {
     "evoros": [
         *SHORT,
-        "seed=0,1",
+        "seed=0",
         "figures=[]",
         "optimizer.population_size=3",
         "optimizer.generations=2",
@@ -55,6 +55,8 @@ def smaller(words: list[str]) -> list[str]:
     """The arguments, with those of the smaller study in place of the same keys."""
     name, *arguments = words
     added = CLIP if arguments[0] == "video" else SMALL.get(name, [])
+    if "experiment=coevolution" in arguments and name == "evoros":
+        added = ["seed=0,1" if word == "seed=0" else word for word in added]  # to compare
     keys = {word.partition("=")[0] for word in added if "=" in word}
     return [*(word for word in arguments if word.partition("=")[0] not in keys), *added]
 
@@ -72,9 +74,13 @@ def test_every_command_runs_in_order_and_leaves_what_the_next_needs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    used: set[str] = set()
     for words in lines():
+        if words[1] == "report" and "report" in used:
+            continue  # all of its figures are drawn by other commands
+        used.add(words[1])
         assert COMMANDS[words[0]](smaller(words)) == DONE, (words, capsys.readouterr().err)
-    used = {words[1] for words in lines() if words[0] == "evoros analyze"}
+    used &= set(SUBCOMMANDS)
     assert used - EXPORTS == set(SUBCOMMANDS) - EXPORTS - ELSEWHERE
     folders = [tmp_path / "outputs" / name for name in ("paper", "network_paper")]
     drawn = {path.stem for folder in folders for path in folder.iterdir()}

@@ -42,6 +42,17 @@ from evoros.plugins.clusters.remote import RawAnswer, RemotePool
 LIMITS = Limits(time_limit_s=60.0)
 
 
+@pytest.fixture(autouse=True)
+def _without_tests(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the modules of the tests out of what travels, which would be packed for each pool."""
+    others = {name: m for name, m in sys.modules.items() if not is_of_tests(m)}
+    monkeypatch.setattr(sys, "modules", others)
+
+
+def is_of_tests(module: object) -> bool:
+    return "tests" in Path(getattr(module, "__file__", None) or "").parts
+
+
 @dataclass
 class Carrier:
     """Workers of this process that keep contents, each call's in turn; some do not fit."""
@@ -178,7 +189,6 @@ def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text)
     monkeypatch.setattr(sys, "path", [*sys.path, str(folder)])
-    monkeypatch.setattr(sys, "modules", {**sys.modules})
     __import__("own_part")
     return folder
 

@@ -11,7 +11,7 @@ import pytest
 from helpers import finished_run, refused, start
 
 from evoros.cli.main import evoros
-from evoros.terminal.console import INTERRUPTED, STOPPED
+from evoros.terminal.console import STOPPED
 
 
 @pytest.mark.parametrize(
@@ -44,16 +44,8 @@ def test_what_cannot_be_watched_is_refused_in_one_line(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("signum", "status", "message"),
-    [
-        (signal.SIGINT, INTERRUPTED, "interrupted"),
-        (signal.SIGTERM, STOPPED, "terminated by a signal"),
-    ],
-)
-def test_a_signal_ends_it_and_leaves_nothing(
-    signum: int, status: int, message: str, tmp_path: Path
-) -> None:
+def test_a_signal_ends_it_and_leaves_nothing(tmp_path: Path) -> None:
+    """Ctrl-C does in test_page.py."""
     run = finished_run(tmp_path / "run")
     names = sorted(run.rglob("*"))
     process = start(["watch", str(run)], tmp_path)
@@ -62,10 +54,10 @@ def test_a_signal_ends_it_and_leaves_nothing(
     assert "Ctrl-C" in hint
     with urlopen(address, timeout=60) as page:
         assert b"finished" in page.read()
-    process.send_signal(signum)
+    process.send_signal(signal.SIGTERM)
     _, error = process.communicate(timeout=60)
-    assert process.returncode == status
-    assert error.splitlines()[-1] == f"evoros watch: {message}"
+    assert process.returncode == STOPPED
+    assert error.splitlines()[-1] == "evoros watch: terminated by a signal"
     assert "Traceback" not in error
     assert not_alive(lambda: os.killpg(process.pid, 0))  # no process of its group is left
     assert not_alive(lambda: urlopen(address, timeout=5).close())

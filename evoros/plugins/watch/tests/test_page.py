@@ -15,7 +15,7 @@ from selenium.webdriver import Chrome
 from selenium.webdriver.support.ui import WebDriverWait
 
 from evoros.storage.layout import seal_json
-from evoros.terminal.console import DONE
+from evoros.terminal.console import DONE, INTERRUPTED
 
 pytestmark = pytest.mark.slow
 PATIENCE_S = 120.0
@@ -62,7 +62,11 @@ def address(stage: Stage) -> Iterator[str]:
     assert process.stdout is not None
     yield process.stdout.readline().strip()
     process.send_signal(signal.SIGINT)
-    process.communicate(timeout=60)
+    _, error = process.communicate(timeout=60)
+    assert (process.returncode, error.splitlines()[-1]) == (
+        INTERRUPTED,
+        "evoros watch: interrupted",
+    )
 
 
 @pytest.fixture(scope="module")
