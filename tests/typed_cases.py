@@ -58,7 +58,7 @@ ROBOTS = (
     Robot("evoros/drive/automatic.py robot.drive.kind={}", BODY + PAIR + BENT),
     Robot("evoros/drive/automatic.py robot.drive.kind={kind}", BODY + PAIR + REAR + PLUGIN),
     Robot(
-        "evoros/drive/automatic.py robot.drive.{side}_wheel_joints",
+        "evoros/drive/automatic.py robot.drive.left_wheel_joints",
         BODY + (PAIR + REAR).replace('"0 0 1"', '"0 1 0"'),
     ),
     Robot(

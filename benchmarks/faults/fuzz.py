@@ -31,6 +31,7 @@ from evoros.files.resources import bundled_folder
 from evoros.formats.mesh import read_mesh
 from evoros.formats.urdf.packages import index_packages
 from evoros.formats.urdf.xacro_expansion import ReadOptions, expand
+from evoros.geometry.shapes import MeshFile
 from evoros.robot.loading import load_robot
 from evoros.session.design_tables import DesignDraft, add_genes, fit_designs, read_drafts
 from evoros.terminal.console import DONE
@@ -89,7 +90,7 @@ def list_formats(base: Path, experiment: Experiment) -> dict[str, Format]:
         "CSV of genes": Format({"genes.csv": genes}, read_genes, 0.05),
         "URDF": Format(list_robots(), lambda path: load_robot(str(path), drive), 0.2),
         "SDF": Format(worlds, lambda path: load_world(str(path), course), 0.2),
-        "mesh": Format(list_meshes(), read_mesh, 0.23),
+        "mesh": Format(list_meshes(), lambda path: read_mesh(MeshFile(path)), 0.23),
         "YAML": Format(list_configurations(), read_configuration, 0.08),
     }
 

@@ -4,6 +4,7 @@
 that evoros takes and that a test types, or be among those that nobody types (``NOT_TYPED``).
 """
 
+import argparse
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
@@ -214,7 +215,9 @@ def test_every_option_is_one_of_a_command() -> None:
     known = {option for command in SUBCOMMANDS.values() for option in command.options}
     known |= {"--help", "--check", "--known", "--license", "--port"}
     for name in analysis.SUBCOMMANDS:
-        known |= analysis._list_options(name)
+        parser = argparse.ArgumentParser()
+        analysis.add_all_arguments(parser, analysis.import_subcommand(name))
+        known.update(*(action.option_strings for action in parser._actions))
     for message in list_messages():
         for option in OPTION.findall(message.text):
             assert option in known | FOREIGN, message.place

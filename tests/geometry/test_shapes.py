@@ -29,5 +29,5 @@ from evoros.geometry.shapes import Body, Pose, Shape
     ],
 )
 def test_a_bad_description_is_refused(build: Any) -> None:
-    with pytest.raises(InputError, match=r"^(Pose|Shape|Body)\.\w+: [^\n]*; "):
+    with pytest.raises(InputError, match=r"^(Pose|Shape|Body)\.\w+: [^\n]*, not [^\n]+$"):
         build()
