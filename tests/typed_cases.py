@@ -62,8 +62,19 @@ ROBOTS = (
         BODY + (PAIR + REAR).replace('"0 0 1"', '"0 1 0"'),
     ),
     Robot(
+        "evoros/formats/urdf/expansion.py ++robot.arguments.{lacking[0]}=VALUE",
+        BODY + PAIR + '<material name="${colour}"/>',
+        filled={"VALUE": "red"},
+    ),
+    Robot(
         "evoros/formats/urdf/solids.py robot.missing=leave_out",
         f'<link name="base"><visual>{MESH.format("gone.stl")[11:-12]}</visual></link>' + PAIR,
+    ),
+    Robot(
+        "evoros/formats/urdf/xacro_expansion.py ++robot.arguments.{argument[1]}=VALUE",
+        BODY + PAIR + '<material name="$(arg colour)"/>',
+        XACRO,
+        {"VALUE": "red"},
     ),
     Robot(
         "evoros/formats/urdf/xacro_expansion.py robot.ignored_packages",

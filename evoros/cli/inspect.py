@@ -121,8 +121,9 @@ def _parse(words: Sequence[str], name: str | None) -> list[Request]:
     from evoros.config.own_files import ROBOT, WORLD, choose_name, parse_keys
 
     files: dict[str, Path] = {}
-    keys = [word for word in words if "=" in word and not Path(word).is_file()]
-    names = iter([word for word in words if word not in keys])
+    settings = [word for word in words if "=" in word and not Path(word).is_file()]
+    names = iter([word for word in words if word not in settings])
+    keys = [word.lstrip("+") for word in settings]  # a run needs ++ for a key that is not set yet
     for group in names:
         if group not in (ROBOT, WORLD) or group in files:
             raise InputError(

@@ -292,13 +292,14 @@ def test_a_refusal_of_a_run_is_lifted_by_each_of_its_proposals(
 
 def load(file: Path, words: Iterable[str]) -> str:
     """Load a robot with overrides; return why it is refused, or nothing."""
-    keys: dict[str, dict[str, Any]] = {"robot": {}, "drive": {}}
+    keys: dict[str, dict[str, Any]] = {"robot": {}, "drive": {}, "arguments": {}}
     for word in words:
         key, _, value = word.partition("=")
         group, _, name = key.rpartition(".")
         keys[group.rpartition(".")[2]][name] = yaml.safe_load(value)
     try:
-        load_robot(str(file), AutomaticDescription(**keys["drive"]), **keys["robot"])
+        drive = AutomaticDescription(**keys["drive"])
+        load_robot(str(file), drive, arguments=keys["arguments"], **keys["robot"])
     except InputError as error:
         return str(error)
     return ""

@@ -97,7 +97,7 @@ def test_a_name_that_an_absent_package_may_define_asks_for_the_package_alone(
 
 def test_an_argument_without_a_value_is_told_before_absent_packages(tmp_path: Path) -> None:
     name = write(tmp_path, BASE + INCLUDE.format("arm") + '<link name="$(arg side)"/>')
-    assert "set robot.arguments.side" in refused(name)
+    assert "add ++robot.arguments.side=" in refused(name)
 
 
 MOUNTED = """

@@ -266,7 +266,7 @@ def test_placeholders_without_xacro_are_filled(
     assert "namespace" in caplog.text
     assert 'name="a/base"' in text(str(file), namespace="a/")
     file.write_text('<robot name="r"><link name="${size}base"/></robot>')
-    assert "set robot.arguments.size" in refused(str(file))
+    assert "add ++robot.arguments.size=" in refused(str(file))
 
 
 def package(folder: Path, name: str, file: str, content: str) -> Path:

@@ -98,7 +98,7 @@ def _fill_placeholders(
     if lacking:
         raise InputError(
             f"{file}: ${{{lacking[0]}}} must have a value, because the file has placeholders but "
-            f"does not declare xacro; set robot.arguments.{lacking[0]}"
+            f"does not declare xacro; add ++robot.arguments.{lacking[0]}=VALUE"
         )
     empty = [name for name in names if not values[name]]
     if empty:

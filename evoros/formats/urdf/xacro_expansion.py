@@ -124,7 +124,7 @@ def _explain_error(answer: Mapping[str, Any], lacking: Sequence[str], packages_k
     if "; " in reason:  # the reason states the fix
         return f"{place}: {reason}"
     argument = re.search(r"Undefined substitution argument (\w+)", reason)
-    fix = f"set robot.arguments.{argument[1]}" if argument else "edit the file"
+    fix = f"add ++robot.arguments.{argument[1]}=VALUE" if argument else "edit the file"
     if lacking and _UNDEFINED.search(reason):
         names = ", ".join(lacking)
         fix = f"provide {names} (left out, but may define the name) with {packages_key}, or {fix}"
