@@ -130,7 +130,9 @@ class Idle(Once):
         return {}
 
 
-@pytest.mark.parametrize(("allocation", "said"), [(Greedy(), "at most 1"), (Idle(), "gave none")])
+@pytest.mark.parametrize(
+    ("allocation", "said"), [(Greedy(), "at most 1"), (Idle(), "gave design . none")]
+)
 def test_an_allocation_that_breaks_its_promise_is_refused(allocation: Once, said: str) -> None:
     with pytest.raises(InputError, match=rf"allocation: .*{said}.*; correct (Greedy|Idle)$"):
         Contest(allocation, 1, {0: []}).next_round()

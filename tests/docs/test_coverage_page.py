@@ -22,7 +22,6 @@ SHOWN = re.compile(
 )
 ELSEWHERE = {
     "bound_combined": "passes on the interval of a fitness",
-    "compute_power": "counts how often a test of the table finds a difference",
     "deviation": "is a property of Scatter",
     "format_p": "writes a p",
     "list_rivals": "passes on intervals of means",

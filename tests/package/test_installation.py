@@ -200,7 +200,7 @@ def test_pytest_works_in_the_root_of_the_clone(
     for option, package in ((["-P"], installed.package), ([], installed.clone / "evoros")):
         file = installed.clone / "test_mine.py"
         file.write_text(OWN_TEST % str(package))
-        words = [*option, "-m", "pytest", "-p", "no:cacheprovider", file]
+        words = [*option, "-m", "pytest", "-p", "no:cacheprovider", str(file)]
         try:
             execute([installed.python, *words], installed.clone, PYTHONPATH=str(testing))
         finally:

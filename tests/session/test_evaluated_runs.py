@@ -243,7 +243,7 @@ def test_designs_of_python_are_completed_likewise() -> None:
                 *("agents=none", VALIDATION),
                 *("optimizer.validation_trials=0", "validation.trials=null"),
             ],
-            "evoros evaluate: validation.trials: must be at least 1",
+            "validation.trials: with evaluation_draws=validation, must be at least 1",
         ),
     ],
 )

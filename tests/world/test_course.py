@@ -61,7 +61,7 @@ def test_the_direction_is_drawn_or_given() -> None:
     ],
 )
 def test_a_bad_value_of_a_course_is_named(field: str, value: object) -> None:
-    with pytest.raises(InputError, match=rf"^Course\.{field}: .*; "):
+    with pytest.raises(InputError, match=rf"^Course\.{field}: .*, not "):
         square(**{field: value})
 
 
