@@ -89,7 +89,7 @@ def _report_sources(runs: pd.DataFrame) -> Iterator[str]:
 def _report_unused(study: Study) -> Iterator[str]:
     for name, parts in list_unused(study).items():
         yield (
-            f"{name} validates no run, because it differs from the runs in {' and '.join(parts)}; "
+            f"{name} validates no run, because it and the runs differ in {' and '.join(parts)}; "
             f"{shell_line('--under', name)} compares all runs in this evaluation"
         )
 
@@ -114,7 +114,7 @@ def draw_comparison(
     label: str = FITNESS,
     with_tests: bool = True,
 ) -> Figure:
-    """Draw one panel per measure: a dot for each run below a box plot, with tests underneath."""
+    """Draw one panel per measure: a dot for each run below a box plot, with test results below."""
     names = list(dict.fromkeys(runs["treatment"].astype(str)))
     letters = style.abbreviate(names, NAME_LENGTH)
     full = (name if short == name else f"{short}: {name}" for name, short in letters.items())

@@ -27,11 +27,11 @@ def check_thresholds(options: argparse.Namespace) -> None:
     """Check the redundancy thresholds."""
     for key, value in (("--near-m", options.near_m), ("--near-deg", options.near_deg)):
         if not 0 <= value < inf:
-            raise InputError(f"{key}: must be a number of at least 0, not {value}")
+            raise InputError(f"{key}: must be 0 or greater, not {value}")
 
 
 def add_conditions(parser: argparse.ArgumentParser) -> None:
-    """Add ``--under``, which scores all champions under common conditions."""
+    """Add ``--under``, which compares champions by their scores in given evaluations."""
     about = (
         "compare the champions by their scores in the evaluations with this name or label, "
         "under the same conditions for all"

@@ -223,7 +223,7 @@ def draw_ladder(
 
 
 def measure_bars(scores: Array, bounds: tuple[float, float]) -> Array:
-    """Return error bars (2, n) for means, deviations and trials (n, 3), within the bounds."""
+    """Return standard errors (2, n), cut off at the bounds, from mean, deviation, trials (n, 3)."""
     fitness, sd, trials = scores.T
     errors = np.nan_to_num(sd / np.sqrt(trials))
     room = np.maximum([fitness - bounds[0], bounds[1] - fitness], 0.0)

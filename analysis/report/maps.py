@@ -110,7 +110,7 @@ TITLES = {"archive": "Archive", "front": "Front"}
 
 
 def make_maps(study: Study, options: argparse.Namespace) -> dict[str, DesignMap]:
-    """Make maps of objectives and descriptors by key: one per figure and treatment."""
+    """Make a map of designs for each figure and treatment; return the maps by key."""
     makers = {"archive": _map_archive, "front": _map_front}
     maps: dict[str, DesignMap] = {}
     first = choose_robot(study, None).study

@@ -23,7 +23,7 @@ from .two_samples import Places
 TEST = "permuted Welch-James test"
 CELLS = 2_000_000  # maximum number of values permuted at a time, which limits memory
 DIGITS = 9  # digits of the permuted statistic, so that ties agree on every processor
-Cell = tuple[str, ...]  # a level of each factor
+Cell = tuple[str, ...]  # one level per factor
 
 
 @dataclass(frozen=True)

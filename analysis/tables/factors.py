@@ -26,7 +26,7 @@ class Factor:
     """A factor, with the level of each run."""
 
     key: str  # dotted configuration key, or the name given by the user
-    name: str  # column name: the shortest end of the key that no other factor has
+    name: str  # column name: the shortest suffix of the key that is unique among the factors
     levels: tuple[str, ...]  # one per run; '' if the run has no level
     named: bool = False  # whether the levels are names that need no explanation
     whole: bool = False  # whether the factor may determine any key
@@ -218,7 +218,7 @@ def _drop_references(factors: Sequence[Factor]) -> list[Factor]:
 
 
 def _name(factors: Sequence[Factor]) -> list[Factor]:
-    """Name each factor by the shortest end of its key that no other factor has."""
+    """Name each factor by the shortest suffix of its key that no other factor has."""
     ends = [
         [".".join(parts[-n:]) for n in range(1, len(parts) + 1)]
         for parts in (f.key.removesuffix(f".{TARGET}").split(".") for f in factors)

@@ -163,7 +163,7 @@ def _advise(paths: Sequence[Path], missing: int) -> str:
 
 
 def shorten_names(folders: Iterable[Path]) -> dict[Path, str]:
-    """Name each folder by the shortest end of its path that no other folder has."""
+    """Name each folder by the shortest suffix of its path that no other folder has."""
     unnamed, names = {folder: folder.resolve().parts for folder in folders}, dict[Path, str]()
     length = 1
     while unnamed:

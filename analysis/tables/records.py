@@ -29,7 +29,7 @@ SECRET = "secret "  # precedes the hash of a secret value, which labels omit
 class Record:
     """A run of a study."""
 
-    name: str  # shortest end of the run's path that is unique in the study
+    name: str  # shortest suffix of the run's path that is unique in the study
     run: Run
     context: FigureContext
     values: Mapping[str, Any]  # configuration values by dotted key

@@ -159,7 +159,7 @@ class Study:
 
     @cached_property
     def ordered(self) -> tuple[Record, ...]:
-        """The finished runs, then the others, each by validated, then recorded fitness."""
+        """The finished runs, then the others, both by validated fitness, then recorded fitness."""
         if not self.records:
             raise InputError(NO_RUNS)
         best_first = sorted(self.records, key=_fitness, reverse=True)

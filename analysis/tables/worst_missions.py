@@ -62,7 +62,7 @@ class _WorstRun(Run):
 
 
 def show_worst(study: Study, name: str | None) -> tuple[Study, list[str]]:
-    """Show the worst stored mission of a study without runs; also return a message about it."""
+    """Reduce a study that has only evaluations to its worst kept mission; also return a message."""
     if study.records or not study.evaluations:
         return study, []
     candidates = study.keep(study.evaluations)

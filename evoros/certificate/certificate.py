@@ -1,4 +1,4 @@
-"""The certificate of a champion on fresh draws."""
+"""The certificate of a champion: its fitness and completion rates, measured on fresh draws."""
 
 import json
 import math

@@ -22,7 +22,7 @@ class Confirmation:
     """
 
     simulator: Annotated[Simulator, A_SIMULATOR]
-    best: Annotated[int, COUNT] = 3  # new designs per generation
+    best: Annotated[int, COUNT] = 3  # top-ranked new designs to confirm in each generation
     controller: Annotated[Controller | LiveController | None, A_CONTROLLER] = None
 
     def confirm_best(self, screened: Mapping[int, float], confirm: Confirm) -> dict[int, float]:

@@ -29,7 +29,7 @@ class FinalChoice:
 
 
 def find_finalists(final: FinalChoice, fitness: Mapping[int, float]) -> list[int]:
-    """Return the finalists of a final choice, and check them."""
+    """Return the checked finalists of a final choice."""
 
     if not fitness:
         return []

@@ -39,7 +39,7 @@ def bound_rate(successes: int, trials: int, confidence: float) -> Bounds:
 
 
 def bound_difference(first: tuple[int, int], second: tuple[int, int], confidence: float) -> Bounds:
-    """Return the interval of the first rate minus the second, each given as (successes, trials).
+    """Return an interval for the first rate minus the second, each given as (successes, trials).
 
     It excludes 0 if Fisher's exact test, one-sided at half the error rate, finds a difference.
     Source: Fay, Proschan and Brittain, Combining one-sample confidence procedures for inference in
@@ -79,7 +79,7 @@ _AREAS[0] /= 2
 def bound_mean(
     scores: Sequence[float], lowest: float, highest: float, confidence: float, repeats: int = 1
 ) -> Bounds:
-    """Return an interval that contains the mean score with at least the confidence.
+    """Return an interval that contains the mean score with at least the given confidence.
 
     ``scores`` are independent, lie between ``lowest`` and ``highest``, and may have any
     distribution. Their expected values may differ by kind (for example by world) if the number of

@@ -13,7 +13,7 @@ A and B are folders or archives of runs, evaluations or sweeps. Jobs of sweeps a
 Everything that follows from the configuration is compared: missions, generations, champion,
 trajectories, figures that both have. Executors, logs, status, dates and machines may differ.
 Exit status: 0 equal, 1 different, 2 for folders that cannot be compared.
-To compare treatments with tests and effect sizes, use evoros analyze compare."""
+To compare treatments statistically, use evoros analyze compare."""
 
 
 @reports_errors(NAME)

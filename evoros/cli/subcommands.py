@@ -100,7 +100,7 @@ def find_misuse(arguments: Sequence[str]) -> str:
     for key in (text.partition("=")[0] for text in arguments):
         if key in ("designs", "like"):
             evaluate = shell_line("evoros", "evaluate", *arguments)
-            return f"{key}: a key of evoros evaluate; type: {evaluate}"
+            return f"{key}: only evoros evaluate has this key; type: {evaluate}"
     return ""
 
 

@@ -319,7 +319,7 @@ def find_inexact(ptx: str) -> list[str]:
     """Return the distinct PTX operations that are not rounded as IEEE 754 specifies.
 
     These are fused multiplications and additions, approximations, operations on numbers that do
-    not have 64 bits, and calls of undefined functions.
+    not have 64 bits, and calls to undefined functions.
     """
     arithmetic = [found[0] for found in _ARITHMETIC.finditer(ptx)]
     wrong = [name for name in arithmetic if not _EXACT.fullmatch(name)]

@@ -71,7 +71,7 @@ class CompiledRule(types.WrapperAddressProtocol):  # type: ignore[misc]
         return address
 
     def signature(self) -> Any:
-        """The signature of the rule's kind."""
+        """The numba signature that all rules of this kind share."""
         return self._signature
 
     def lower(self) -> Lowered:
@@ -119,7 +119,7 @@ def try_compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
     if not isfunction(function):
         return NotCompilable("it is not a plain function")
     if function.__closure__ or "<locals>" in function.__qualname__:
-        return NotCompilable("it is defined inside a function, not at the top of a module")
+        return NotCompilable("it is defined inside a function, not at the top level of a module")
     return _compile(rule, signature)
 
 

@@ -92,7 +92,7 @@ def _start(jobs: Jobs, plugin: str) -> Iterator[Any]:
     except Exception as error:  # a plugin may raise anything
         raise RunStopped(
             f"hydra/{plugin}={jobs.plugins[plugin]}: {type(error).__name__}: {single_line(error)}; "
-            f"correct the keys hydra.{plugin}, or leave out the plugin: evoros can run the sweep"
+            f"correct the keys below hydra.{plugin}, or run the sweep without the plugin"
         ) from error
 
 

@@ -75,7 +75,7 @@ def describe_build_error(error: BaseException) -> str:
     if isinstance(cause, EvorosError):
         message = str(cause)
         if world := re.match(r".*\bworld\.\w+", key):
-            # The file of a world may lack the keys that its reader proposes.
+            # The world's configuration may lack the proposed keys, hence ``++``.
             message = re.sub(r"world\.NAME\.(?=\w+=)", f"++{world[0]}.", message)
             message = message.replace("world.NAME.", f"{world[0]}.")
         return _keyed(key, message)

@@ -46,7 +46,7 @@ _COMMENTS = {
     "sdf": "a .sdf, .world or .xacro file",
     "model_paths": "further folders to search for included models",
     "world_name": "name of one of several worlds in the file",
-    "missing": "handling of absent models and meshes: error, leave_out or box",
+    "missing": "handling of missing models and meshes: error, leave_out or box",
     "vehicles": "leave_out or hold_still",
     "mesh_up_axis": "ignore or apply <up_axis> in DAE files",
     "actors": "walk or leave_out",
@@ -57,11 +57,11 @@ _COMMENTS = {
     "waypoints": "corners [x, y] [m]; home is appended",
     "acceptance_m": "a waypoint counts as visited within this distance [m]",
     "time_limit_s": "maximum simulated time of the mission [s]",
-    "direction": "direction of the first phase: random, forward, backward or parity; or one_way",
+    "direction": "direction of phase 1: random, forward, backward or parity; one_way: no phase 2",
     "end_on_collision": "whether touching an obstacle ends the mission",
 }
 _DESIGN_COMMENTS = {
-    "sensors": "types of sensors, by name; conf/sensor has all keys of each",
+    "sensors": "sensor types, by name; conf/sensor lists all keys of each type",
     "number": "minimum and maximum number of sonars placed by evolution",
     "fixed": "the robot's own sensors, by name, each in its link's frame [m, deg]",
 }

@@ -22,7 +22,7 @@ EVOLVABLE = (
     "robot.drive.steering_limit_rad",
 )
 MAX_EXHAUSTIVE = 10
-"""Maximum number of genes for which all 2^n combinations of bounds are tried, in about 0.5 s."""
+"""Maximum number n of genes for which all 2^n combinations of bounds are tried (about 0.5 s)."""
 _PERIOD = r"controller\.period_s|design\.sensors\.[^.]+\.period_s"
 _UNFIT = {
     _PERIOD: "must not be a period, because periods must be multiples of the time step",
@@ -78,7 +78,7 @@ def check_gene_names(design: object, names: Iterable[str]) -> None:
 
 
 def group_genes(genes: Mapping[str, Gene]) -> dict[str, list[str]]:
-    """Return the names of the varying genes by group; a gene without a group forms one."""
+    """Return the names of the varying genes by group; a gene without a group forms its own."""
     groups: dict[str, list[str]] = {}
     for name, gene in genes.items():
         if gene.low < gene.high:
@@ -136,7 +136,7 @@ def _replace_children(part: Any, changes: dict[str, Any]) -> Any:
 def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
     """Check combinations of gene bounds, because bounds that are valid alone may conflict.
 
-    ``parts`` maps the first word of a key to the part.
+    ``parts`` maps the first word of a gene's key, such as ``robot``, to that part.
     """
     for corner in enumerate_corners(len(genes)):
         values = dict(zip(genes, corner, strict=True))

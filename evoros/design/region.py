@@ -156,7 +156,7 @@ class Region(RegionDescription):
     def bind(
         self, robot: Robot, mirrored: bool, key: str, sensors: Sequence[Sensor] = ()
     ) -> "BoundRegion":
-        """Return this region bound to ``robot``; the default mount replaces None values."""
+        """Return this region bound to ``robot``, with None values taken from the default mount."""
         link = robot.mount_link if self.link is None else self.link
         check_link(link, robot, mirrored, key)
         if self.z_m is None:

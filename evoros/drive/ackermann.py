@@ -34,7 +34,7 @@ MAX_DEFAULT_STEERING_RAD = 0.8  # applies even if the joints state wider limits
 @dataclass(frozen=True)
 @checked
 class Ackermann:
-    """A drive in which every wheel rolls about the point where the lines of all axles meet.
+    """A drive whose wheels all move in circles about the point where the extended axles meet.
 
     This instant centre of rotation lies on the line of the fixed axle, ``wheelbase /
     tan(steering)`` to the left of its middle. Each wheel's speed is proportional to its distance
@@ -73,7 +73,7 @@ class Ackermann:
         return elementary.atan(length * tangent / (length + 0.5 * self.kingpin_track_m * tangent))
 
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return angles [rad] (left, right) and rates [rad/s] (steered left, right, fixed ...).
+        """Return the angles [rad] (left, right) and rates [rad/s] (steered left, right, fixed ...).
 
         ``speed`` [m/s] of the fixed axle's middle and ``steering`` [rad] of the bicycle model are
         clipped to the limits. Curvature, not radius, avoids a division by zero straight ahead. In

@@ -205,5 +205,5 @@ def find_flaw(urdf: Urdf, joint: Joint) -> str:
     if part is None:
         return " (no shape)"
     if part.radius <= MIN_RADIUS_M:
-        return f" (radius {part.radius:g} m, too small to be a wheel unless named)"
+        return f" (radius {part.radius:g} m, too small to be a wheel unless its joint is named)"
     return " (not round about the y axis)" if part.roundness >= MAX_LACK else ""

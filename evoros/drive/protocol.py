@@ -67,7 +67,7 @@ class Drive(Protocol):
         """Links that slide on the ground without friction and touch nothing else."""
 
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return angles [rad] of the steering joints and rates [rad/s] of the wheel joints."""
+        """Return the steering joints' angles [rad] and the wheel joints' rates [rad/s]."""
 
 
 class DriveDescription(ABC):
@@ -105,7 +105,7 @@ class DriveDescription(ABC):
 
     @abstractmethod
     def fit(self, urdf: Urdf) -> Drive:
-        """Return the drive bound to a robot; an InputError names a joint that does not fit."""
+        """Return the drive bound to a robot; raise an InputError if a joint does not fit."""
 
 
 _LOG = logging.getLogger(__name__)
@@ -220,7 +220,7 @@ def measure_axle(urdf: Urdf, names: Sequence[str]) -> Axle:
 def place_axle(
     urdf: Urdf, names: Sequence[str], places: Sequence[Array], radius: float
 ) -> tuple[float, float]:
-    """Return x [m] and track [m] of the positions of two joints, left then right.
+    """Return the x [m] and the track [m] of an axle from the positions of its joints, left first.
 
     An InputError says that they are not opposite each other, within a tolerance that depends on the
     wheels' ``radius`` [m].

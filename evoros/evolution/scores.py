@@ -24,7 +24,7 @@ ROWS = 4096  # number of rows per block
 
 
 class NumberLog:
-    """Rows of ``width`` numbers per individual, in the order in which they were added.
+    """Rows of ``width`` numbers, each for one individual, in the order in which they were added.
 
     Runs may have any number of individuals, because a row takes 8 bytes plus 8 per number. The rows
     are in blocks, because a growing array would fragment the memory.
@@ -70,7 +70,7 @@ class Ledger:
         self._final_choice = final_choice
         self.screened = NumberLog(1)  # one trial's score in the run's own simulator
         self.told = NumberLog(1 + measures)  # fitness and measures, as reported to the search
-        self._shown = NumberLog(2)  # generation, and number of earlier trials
+        self._shown = NumberLog(2)  # ``generation`` and ``earlier`` of ``show``
         self.finalists: dict[int, Individual] = {}
         """The best finished individuals, and any whose fitness may change; empty if not needed."""
 

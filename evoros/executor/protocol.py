@@ -76,7 +76,7 @@ class BatchPool(Protocol):
     def join(
         self, function: Callable[..., Any], run: object, share: float, shared: "Shared", asked: Any
     ) -> "Future[Any]":
-        """Add ``asked``, which fills ``share`` of a call, to a worker's next call.
+        """Add ``asked`` to a worker's next call; ``share`` is the fraction of a call that it fills.
 
         A worker calls ``function(batches, [asked, ...], shared, ...)`` with one part per run, and
         returns a list of the results. If the call fails, each part is called alone. The future
@@ -175,7 +175,7 @@ def pack_call(function: Callable[..., Any], args: Sequence[Any]) -> Call:
     except Exception as error:  # a user's __reduce__ may raise anything
         raise InputError(
             f"{name}: cannot be sent to a worker process ({error}); define functions and "
-            f"classes at the top of a module that can be imported, or use executor=serial"
+            f"classes at the top level of an importable module, or use executor=serial"
         ) from error
 
 

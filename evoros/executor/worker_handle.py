@@ -1,4 +1,4 @@
-"""The main process's handle on one worker process, and attempts at calls in it.
+"""The main process's handle on one worker process, and the calls attempted in it.
 
 Each worker has a separate Pebble pool, which gets one call at a time. In a pool with several
 processes, Pebble 5.2 can blame a crash on the wrong call, or give up the whole pool with all

@@ -24,8 +24,8 @@ PROBABILITIES = checks.Rule(
 class SpatialFailure(Failure):
     """Damage around a uniformly chosen sensor; all failing sensors fail at the same time.
 
-    Each sensor fails independently, with the probability of the smallest radius about the chosen
-    sensor that includes it (Euclidean distance). No sensor outside the last radius fails. The
+    Each sensor fails independently, with the probability for the smallest radius that reaches it
+    from the chosen sensor (Euclidean distance). No sensor outside the last radius fails. The
     defaults match the treatment ``spatial`` of the 2018 paper (Evo-ROS).
     """
 

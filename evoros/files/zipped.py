@@ -57,8 +57,8 @@ def require_fitting(path: Path, name: str, size: int, total: int) -> None:
     """Require that an added file, and the total so far, do not exceed the limits for reading."""
     if size > LARGE or total > LARGEST:
         raise InputError(
-            f"{path}: files may have at most {LARGE >> 20} MiB each and {LARGEST >> 30} GiB in "
-            f"all, but {name!r} exceeds a limit; move that file elsewhere, or archive fewer folders"
+            f"{path}: {name!r} exceeds the limit of {LARGE >> 20} MiB per file or of "
+            f"{LARGEST >> 30} GiB in total; move that file elsewhere, or archive fewer folders"
         )
 
 

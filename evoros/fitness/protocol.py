@@ -82,7 +82,7 @@ class CombiningFitness(Fitness):
     def bound_combined(
         self, scores: Sequence[float], limits: tuple[float, float], confidence: float
     ) -> tuple[float, float]:
-        """Return the interval of the fitness for certificates; NaN if unknown.
+        """Return the confidence interval for the fitness; NaN if unknown.
 
         All trial scores lie within ``limits``.
         """

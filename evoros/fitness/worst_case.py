@@ -62,14 +62,14 @@ class WorstCase(CombiningFitness):
         return mean_lowest(scores, self.share, trials)
 
     def bound_combined(self, scores: Sequence[float], limits: Bounds, confidence: float) -> Bounds:
-        """Return the interval of the conditional value at risk; see ``bound_lowest``."""
+        """Return an interval for the conditional value at risk; see ``bound_lowest``."""
         return bound_lowest(scores, self.share, limits, confidence)
 
 
 def bound_lowest(
     scores: Sequence[float], share: float, limits: Bounds, confidence: float
 ) -> Bounds:
-    """Return the interval of the mean of the lowest share of a distribution within ``limits``.
+    """Return an interval for the mean of the lowest share of a distribution within ``limits``.
 
     Like ``certificate.rates``, the function adds the minimum score for the lower end and the
     maximum score for the upper end, and weights all scores randomly, to allow for failures that did

@@ -119,7 +119,7 @@ class _Document:
         return Submesh((*names, *_names_of(geometry)), triangles, np.concatenate(colours))
 
     def _find_colour(self, symbol: str, instance: Element | None) -> Array:
-        """Return the diffuse colour (3,) of a material; NaN if it has none or a texture."""
+        """Return the diffuse colour (3,) of a material; NaN if it has a texture or no colour."""
         bound = [] if instance is None else instance.iterfind(".//{*}instance_material")
         names = [str(e.get("target")) for e in bound if e.get("symbol") == symbol]
         material = self.by_id.get(("material", (names or [symbol])[0].removeprefix("#")))

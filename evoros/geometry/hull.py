@@ -15,7 +15,7 @@ from evoros.geometry.triangles import Surface, find_normals, sample
 THICKNESS_M = 0.002  # thickness of a flat hull
 SMALLEST_M = 0.001  # minimum extent of a hull
 MOST_CORNERS = 96
-COARSENESS = 0.005  # maximum distance of an omitted corner, as a fraction of the extent
+COARSENESS = 0.005  # maximum distance of an omitted corner from the hull, relative to its extent
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,7 +79,7 @@ def clip_polyhedron(corners: Array, edges: NDArray[np.intp], low: float, high: f
 
 
 def solid_properties(corners: tuple[Vector, ...]) -> tuple[float, Array, Array]:
-    """Return volume [m3], centre (3,) [m] and inertia (3, 3) [m5] of a hull of density 1."""
+    """Return the volume [m3], centre (3,) [m] and inertia (3, 3) [m5] of a hull of density 1."""
     solid = convex_polyhedron(corners)
     inside = solid.corners.mean(axis=0)
     tetrahedra = solid.corners[solid.triangles] - inside  # relative to the inner fourth corner

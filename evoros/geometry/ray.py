@@ -20,7 +20,7 @@ Frame = tuple[float, float, float, float, float, float, float, float, float]
 Point = tuple[float, float, float]  # x, y, z [m]
 MARGIN_M = 1e-9  # upper bound [m] on the rounding error of a distance
 FACE_SIZE = 4
-"""Size of a face: outward normal (3,), and distance [m] from the polyhedron's origin along it."""
+"""Number of values of a face: outward normal (3,), and distance [m] from the solid's origin."""
 
 
 @compilable

@@ -242,7 +242,7 @@ def split_by_edges(surface: Surface) -> list[Surface]:
 
 def group_connected(one: Indices, other: Indices, size: int, count: int) -> list[Indices]:
     """Group the first ``count`` of ``size`` nodes by the links that connect them."""
-    from scipy.sparse import coo_array  # importing takes longer than reading most robots
+    from scipy.sparse import coo_array  # importing takes longer than reading most robot files
     from scipy.sparse.csgraph import connected_components
 
     links = coo_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(size, size))

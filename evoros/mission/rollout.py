@@ -24,7 +24,7 @@ from evoros.robot.model import Robot
 from evoros.simulator.protocol import PlacedRobot, Simulation
 
 Rollout: TypeAlias = tuple[Outcomes, Array]
-"""The outcomes of a mission, and its trajectory (rows, columns) with ``Scenario.name_columns``."""
+"""The outcomes of a mission, and its trajectory; ``Scenario.name_columns`` names the columns."""
 
 
 class RefusedDesign(InputError):
@@ -43,7 +43,7 @@ def delay_faults(faults: Sequence[Fault], time: float) -> tuple[Fault, ...]:
 
 @contextmanager
 def open_mission(scenario: Scenario, mission: Mission) -> Iterator["OpenMission"]:
-    """Draw and start everything that a mission needs, and keep it open.
+    """Make a mission's random draws, and start its engine and parts; stop these in the end.
 
     Raises:
         InputError: a part refuses to start, or the design does not fit (RefusedDesign).

@@ -30,9 +30,9 @@ class SetCover(protocol.Optimizer):
 
     From random candidate places, an integer program selects the cheapest set from which every
     bearing of the sector is still seen after any ``failed`` sensors fail; among equally cheap sets,
-    one with the fewest sensors. Ties are broken at random, which is repeated ``covers`` times. The
-    genetic algorithm then chooses among the resulting sets, called bodies, and evolves all genes
-    that do not belong to sensors.
+    one with the fewest sensors. Ties are broken at random, ``covers`` times. The genetic algorithm
+    then chooses among the resulting sets, called bodies, and evolves all genes that do not belong
+    to sensors.
 
     M. S. Daskin, "Network and Discrete Location", Wiley 1995, Chapter 4 (set covering, and backup
     coverage); the solver is HiGHS.
@@ -72,9 +72,9 @@ class SetCover(protocol.Optimizer):
         cheapest = program.solve(width, program.prices)
         if cheapest is None:
             raise InputError(
-                f"optimizer.width_deg: at most {space.number[1]} of the {self.candidates} drawn "
-                f"places must cover the sector after {self.failed} sensors fail, which is "
-                f"impossible for {width:g}; lower optimizer.width_deg or optimizer.failed, or "
+                f"optimizer.width_deg: no set of at most {space.number[1]} of the "
+                f"{self.candidates} candidate places covers a sector of {width:g} deg after any "
+                f"{self.failed} sensors fail; lower optimizer.width_deg or optimizer.failed, or "
                 "raise optimizer.candidates"
             )
         limit = float(program.prices[cheapest].sum())

@@ -257,7 +257,7 @@ def check_cases(subject: scene.Subject) -> Iterator[str]:
 
 
 def check_mount(subject: scene.Subject) -> Iterator[str]:
-    """Yield a line with the values of the default mount that were chosen for the robot."""
+    """Yield a line with the values of the default mount that evoros chose for the robot."""
     robot = subject.member.robot
     if not robot.chosen_mount:
         return

@@ -104,7 +104,7 @@ def check_gaps(subject: Subject) -> Iterator[str]:
             lower = f", or lower {key} to {nearer:.2g}" if key else ""
             yield (
                 f"design.sensors.{name}: at {near:g} m, the rays are {near * gap:.2g} m apart and "
-                f"can miss {body!r}, which is {width:.2g} m wide and sure to be seen only within "
+                f"can miss {body!r}, which is {width:.2g} m wide and reliably seen only within "
                 f"{nearer:.2g} m; {_propose_rays(name, sensor, width / near)}{lower}"
             )
 
@@ -225,7 +225,7 @@ def _describe_ground(sight: GroundSight) -> str:
     return (
         f"a {mount.sensor} {sight.height_m:.3g} m above the ground with pitch "
         f"{mount.pitch_deg:g} deg sees the ground {sight.reading_m:.3g} m away, within "
-        f"{sight.key} ({sight.range_m:g} m), so the robot avoids it all the time; "
+        f"{sight.key} ({sight.range_m:g} m), so the robot keeps trying to avoid it; "
         f"raise the pitch to at least {pitch} deg (robot.mount.pitch_deg, or pitch_deg of "
         f"the region), or lower that range"
     )

@@ -94,8 +94,8 @@ class Trial:
     def drive(self, manoeuvre: Manoeuvre) -> float:
         """Drive a manoeuvre; return the speed, or the yaw rate, as a fraction of the command.
 
-        Robots whose wheels slip turn by 90 deg if that takes at most ``MAX_DRIVE_S``, because an
-        engine's friction may depend on the heading.
+        If the wheels slip in turns, the robot turns by at least 90 deg, but for at most
+        ``MAX_DRIVE_S``, because an engine's friction may depend on the heading.
         """
         drive = self._robot.drive
         steering = manoeuvre.lock * drive.steering_limit
@@ -116,7 +116,7 @@ def _limit_speed(drive: Drive, curvature: float) -> float:
 
 
 def find_turning_point(simulator: Simulator, robot: Robot, world: World, speed: float) -> float:
-    """Return x [m], in the robot's frame, of the point that moves along the heading during a turn.
+    """Return the x [m], in the robot's frame, of the point that moves along the heading in a turn.
 
     The result is NaN if the robot does not turn. A SimulationError means that the engine rejects
     the robot.
@@ -175,7 +175,7 @@ class _Driver:
         return math.fsum(speeds) / count, math.fsum(rates) / count
 
     def locate(self, speed: float, steering: float) -> float:
-        """Return x [m] of the point that moves along the mean heading."""
+        """Return the x [m] of the point that moves along the mean heading."""
         before = self._observe()
         self.advance(speed, steering, PIECE_S)
         after = self._observe()

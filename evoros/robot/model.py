@@ -77,7 +77,7 @@ class Robot:
     """Poses of the links that can carry sensors, in the robot's frame: x, y, z [m], yaw [rad]."""
     visuals: tuple[SolidShape, ...] = ()  # visual shapes of the links, without sensors
     solids: tuple[SolidShape, ...] = ()  # collision shapes of links that do not roll
-    chosen_mount: tuple[str, ...] = ()  # keys of the default mount for which values were chosen
+    chosen_mount: tuple[str, ...] = ()  # keys of the default mount whose values evoros chose
     reserved_names: frozenset[str] = frozenset()  # names of links and joints
     exposed_links: frozenset[str] = frozenset()
     """Wheels and casters that stick out of the body; obstacles can touch them."""

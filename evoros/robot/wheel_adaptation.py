@@ -52,7 +52,7 @@ def adapt_wheel(
         notes["wheels that mimic another joint get their own motor"].append(name)
     if math.isfinite(joint.upper - joint.lower):
         stops = f"{name} (from {joint.lower:g} to {joint.upper:g} rad)"
-        notes["wheels whose joints have stops turn without them"].append(stops)
+        notes["stops in the joints of wheels are ignored"].append(stops)
     if not _is_plain(urdf, joint, axis):
         _reshape(elements, urdf, joint, wheel, axis)
         notes["wheels are replaced by one cylinder each"].append(joint.child)

@@ -39,7 +39,7 @@ class Repair:
     path: Path
     where: str = ""  # damaged lines if known, as in ": line 3, 7"
     kept: Path | None = None  # copy of the damaged content
-    problem: str = ""  # problem other than missing or damaged
+    problem: str = ""  # the problem, if the file is neither missing nor damaged
 
 
 Report = Callable[[Repair], object]

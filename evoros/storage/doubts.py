@@ -9,7 +9,7 @@ from pathlib import Path
 from evoros.mission.mission import NOT_RUN
 from evoros.storage.layout import MISSIONS
 
-STILL = 0.1  # maximum distance of a robot that stands still, relative to speed limit times duration
+STILL = 0.1  # a robot stands still up to this distance, relative to speed limit times duration
 FIRST = 1000  # number of missions in which the distances of other robots are examined
 Row = Mapping[str, str]
 

@@ -114,7 +114,7 @@ class MissionTable:
             return parse(self._split(line))
         except (KeyError, ValueError) as error:
             raise InputError(
-                f"{self.path}: line {line_number}: not a row of this version of evoros; restore "
+                f"{self.path}: line {line_number}: this version cannot read the row; restore "
                 f"the file, or use the version that made the run"
             ) from error
 

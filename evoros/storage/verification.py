@@ -86,7 +86,7 @@ def list_tables(folder: Path) -> list[Path]:
 
 
 def list_strays(folder: Path) -> list[Path]:
-    """List the files among the generations' tables that the run has not written."""
+    """List the generations' tables that the run has not written."""
     files = find_strays(folder, ())  # before digests are read, which a running process adds
     written = _read_entries(folder).by_name
     return [file for file in files if str(file.relative_to(folder)) not in written]

@@ -164,7 +164,7 @@ class OptimizerSuite(PartSuite):
             step(search, sphere)
 
     def test_equal_scores_are_no_error(self) -> None:
-        """All designs may have equal scores, as at first in many runs."""
+        """Equal scores for all designs are accepted; many runs start with them."""
         search = self.start()
         for _ in range(GENERATIONS):
             step(search, lambda _: 0.0)

@@ -105,7 +105,7 @@ class DescriptionSuite:
         assert bits(self.copy()) == bits(self.part), "pickling must not change the part's fields"
 
     def copy(self) -> Any:
-        """Return the part in the form in which a worker process receives it."""
+        """Return the part as a worker process receives it."""
         try:
             return pickle.loads(pickle.dumps(self.part))
         except Exception as error:
@@ -185,7 +185,7 @@ class PartSuite(DescriptionSuite):
         assert records[0] == records[1], "the results must not depend on numpy.random or random"
 
     def test_a_pickled_part_gives_equal_bits(self) -> None:
-        """A worker process computes what this process computes."""
+        """A copy of the part, as a worker process receives it, gives the same results."""
         here, there = self.record(self.part, 1), self.record(self.copy(), 1)
         assert there == here, "a pickled part must give the same results"
 

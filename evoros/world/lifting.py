@@ -112,7 +112,7 @@ def _directions() -> Array:
 
 
 def _heights_above(points: Array, planes: Array) -> list[float]:
-    """Return the heights [m] of points in a polyhedron's footprint above its underside."""
+    """Return how far [m] each point within a polyhedron's footprint lies above its underside."""
     x, y = points[:, 0], points[:, 1]
     within = np.ones(len(points), dtype=np.bool_)
     floor, roof = np.full(len(points), -np.inf), np.full(len(points), np.inf)

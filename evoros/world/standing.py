@@ -121,7 +121,7 @@ class _Settled:
 
 @lru_cache(maxsize=8)
 def list_areas(world: World, below_m: float) -> tuple[tuple[Body, tuple[Footprint, ...]], ...]:
-    """List the obstacles that reach below a height [m], with the footprints of that portion."""
+    """List the obstacles that reach below a height [m], with the footprints of what is below it."""
     placed = ((body, project_bodies([body], below_m)) for body in standing_obstacles(world))
     return tuple((body, areas) for body, areas in placed if areas)
 

@@ -243,7 +243,7 @@ def test_an_evaluation_that_validates_no_run_is_told_with_what_it_differs_in(
     assert evoros_analyze(["compare", str(copied), *output]) == DONE
     out = capsys.readouterr().out.splitlines()
     (line,) = (item for item in out if item.startswith("a fast one validates no run, "))
-    assert "because it differs from the runs in simulator; --under 'a fast one' compares" in line
+    assert "because it and the runs differ in simulator; --under 'a fast one' compares" in line
 
 
 def test_an_evaluation_of_none_of_the_champions_compares_nothing(

@@ -121,4 +121,4 @@ def test_options_out_of_range_are_one_line(
 
 def test_too_few_runs_are_one_line(pilot: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert evoros_analyze(["power", str(pilot / "run1")]) == INPUT
-    assert "seeds of one treatment first" in capsys.readouterr().err
+    assert "seeds of one treatment to estimate power" in capsys.readouterr().err

@@ -70,7 +70,7 @@ def test_the_table_has_what_all_figures_have(figure: str) -> None:
         (["evaluate", "resume=outputs/x"], "type: evoros resume outputs/x"),
         (
             ["designs=a.csv", "seed=2"],
-            "a key of evoros evaluate; type: evoros evaluate designs=a.csv",
+            "only evoros evaluate has this key; type: evoros evaluate designs=a.csv",
         ),
         (["-m", "like=r", "seed=1,2"], "type: evoros evaluate -m like=r"),
         (["nonsense"], "key=value or a subcommand (evaluate, resume, analyze,"),

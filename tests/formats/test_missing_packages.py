@@ -64,7 +64,7 @@ def test_what_nothing_calls_is_left_out_and_told(
     with caplog.at_level(logging.WARNING):
         expand(name)
     (message,) = caplog.messages
-    assert "absent and only accessories need them: lms1xx, zed2" in message
+    assert "missing and only accessories need them: lms1xx, zed2" in message
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ def test_what_nothing_calls_is_left_out_and_told(
 )
 def test_what_needs_an_absent_package_names_it(tmp_path: Path, rest: str) -> None:
     message = refused(write(tmp_path, BASE + INCLUDE.format("arm") + rest))
-    assert "r.xacro:2: names the package arm, which is absent" in message
+    assert "r.xacro:2: names the package arm, which is missing" in message
     assert "robot.ignored_packages=[arm]" in message
 
 

@@ -204,7 +204,7 @@ def test_a_mesh_without_any_size_is_left_out_and_told(
         with caplog.at_level(logging.WARNING):
             body = one(tmp_path, MESH, two, missing=missing)
         assert [shape.kind for shape in body.shapes] == ["sphere"]
-        assert "is left out: its file is absent" in caplog.text
+        assert "is left out: its file is missing" in caplog.text
         caplog.clear()
 
 

@@ -605,7 +605,7 @@ def test_a_missing_mesh_is_an_error_or_a_box(
         load(tmp_path, base, WHEELS, CASTER)
     robot = load(tmp_path, base, WHEELS, CASTER, missing="box")
     assert set(shapes(robot, "base_link")) == {"box", "convex"}  # its lower part is cut off
-    assert "package://bot/meshes/body.dae" in told(caplog, "absent meshes are replaced by boxes")
+    assert "package://bot/meshes/body.dae" in told(caplog, "missing meshes are replaced by boxes")
     with pytest.raises(InputError, match=r"robot\.missing"):
         load(tmp_path, base, WHEELS, CASTER, missing="ignore")
 
@@ -650,7 +650,7 @@ def test_a_body_whose_mesh_is_missing_has_a_box(
     assert low == pytest.approx([-0.14, -0.135])  # from the caster to the front of the wheels
     assert high == pytest.approx([0.05, 0.135])
     assert robot.height_m == pytest.approx(0.1)
-    assert "package://bot/meshes/body.dae" in told(caplog, "absent meshes are left out")
+    assert "package://bot/meshes/body.dae" in told(caplog, "missing meshes are left out")
     assert "0.19 x 0.27 x 0.08 m" in told(caplog, "box around the wheels takes their place")
     assert not any("replaced by boxes" in message for message in caplog.messages)
 
@@ -711,7 +711,7 @@ def test_stops_and_missing_friction_of_wheels_are_told(
     slippery = '<gazebo reference="right_wheel"><mu1>0</mu1><mu2 value="0.0"/></gazebo>'
     halved = '<gazebo reference="left_wheel"><mu1>0</mu1><mu2>1</mu2></gazebo>'
     load(tmp_path, BASE, wheels, CASTER, slippery, halved)
-    assert told(caplog, "joints have stops").endswith("them: left_wheel_joint (from -1 to 2 rad)")
+    assert told(caplog, "stops in the joints").endswith("left_wheel_joint (from -1 to 2 rad)")
     assert told(caplog, "slide in Gazebo").endswith("(<mu> is 0): right_wheel_joint")
 
 
@@ -724,7 +724,7 @@ def test_an_absent_mesh_of_a_sensor_is_left_out_and_told(
         for name in ("front_laser", "payload")
     )
     load(tmp_path, BASE, WHEELS, CASTER, laser)
-    assert told(caplog, "absent meshes are left out").endswith("front_laser.stl")
+    assert told(caplog, "missing meshes are left out").endswith("front_laser.stl")
     with pytest.raises(InputError, match=r"payload.stl"):
         load(tmp_path, BASE, WHEELS, CASTER, payload)
 

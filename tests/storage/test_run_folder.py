@@ -138,7 +138,7 @@ def test_resuming_refuses_other_overrides_untouched(
         ("config.yaml", "trials: 1", "trials: 2", "replaying the run gives a table that differs"),
         ("config.yaml", "trials: 1", "trials: [", "line"),
         ("manifest.json", '"format_version": 1', '"format_version": 2', "format_version must be"),
-        ("missions.csv", "\n0,0,", "\n0,zero,", "line 2: not a row of this version"),
+        ("missions.csv", "\n0,0,", "\n0,zero,", "line 2: this version cannot read the row"),
         ("generations/00001.csv", "\n1,", "\n1,9", "replaying the run gives a table that differs"),
         ("missions.csv", "/selection/", "/selected/", "or was edited"),
     ],

@@ -108,7 +108,7 @@ class Frames:
         pose, visited = Pose(), {path}
         while within != path:
             if within in visited or not within:
-                problem = f"has a placement_frame that is not in it: {quote(frame.placement)}"
+                problem = f"names a placement_frame that it lacks: {quote(frame.placement)}"
                 raise element_error(element, problem, "name a link or frame of the model")
             visited.add(within)
             pose = self._relative_pose(within) @ pose

@@ -60,8 +60,8 @@ def _read_levels(file: Path, element: Element, reading: Reading) -> Array:
     if is_geotiff(content):
         problem = f"names a GeoTIFF, {file}, which holds heights in metres, not an image"
         fix = (
-            "make an image of it with: gdal_translate -ot UInt16 -scale -of PNG "
-            f"{file.name} {file.stem}.png; and write its extent and height range into <size>"
+            f"convert it to an image with gdal_translate -ot UInt16 -scale -of PNG {file.name} "
+            f"{file.stem}.png, and set <size> to the extent and height range of the GeoTIFF"
         )
         raise MissingFileError(str(element_error(element, problem, f"{fix}; or {CHOICES}")))
     try:

@@ -37,8 +37,8 @@ def drop_loose_joints(reading: Reading) -> None:
             ends = [(joint.findtext(tag) or "").strip() for tag in ("parent", "child")]
             if {end.split("::")[-1] for end in ends} <= {*names, "world", "__model__"}:
                 continue
-            problem = f"is left out: it connects {' and '.join(ends)}, one of which is absent"
-            reading.notes.add(joint, problem, "joint of an absent model")
+            problem = f"is left out: it connects {' and '.join(ends)}, one of which is missing"
+            reading.notes.add(joint, problem, "joint of a missing model")
             parent = joint.getparent()
             assert parent is not None
             parent.remove(joint)

@@ -187,12 +187,12 @@ def _read_shapes(
         if reading.options.missing == "box":
             box = _substitute_box(link, path, frames, reading)
         if box is None:
-            problem = "is left out: its file is absent or cannot be read"
+            problem = "is left out: its file is missing or cannot be read"
             reading.notes.add(collision, problem, "missing shape")
             return ()
         shape, place, origin = box
         size = " x ".join(f"{edge:.3g}" for edge in shape.size)
-        problem = f"names an absent mesh, which is replaced with a {size} m box from its {origin}"
+        problem = f"names a missing mesh, which is replaced with a {size} m box from its {origin}"
         reading.notes.add(collision, problem, "box")
         return (replace(shape, pose=pose.inverse() @ place),)
 

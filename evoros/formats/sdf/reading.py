@@ -110,7 +110,7 @@ class Addresses:
                 ),
             )
         if "://" in uri and not uri.startswith("file://"):
-            remedy = Remedy("download {} and name the file", uri)
+            remedy = Remedy("download {}, and give the path of the file", uri)
             return f"names {uri}, which is not on this machine", remedy
         remedy = Remedy("correct the path {}, or add its folder to world.NAME.model_paths", uri)
         return f"names {uri}, which is not in {beside}", remedy

@@ -167,7 +167,7 @@ def collect_absent_meshes(root: Element, absences: Absences, packages: PackageIn
             remedy = Remedy("add the folder that holds {} to robot.packages", package)
         else:
             remedy = Remedy("correct the path {}", name)
-        sentence = f"{locate(mesh)} names the absent mesh {name}"
+        sentence = f"{locate(mesh)} names the missing mesh {name}"
         wheel = next(mesh.iterancestors("link")).get("name") in turning
         kind = "wheel" if wheel else "mesh"
         absences.add(Absence(kind, name, _place(mesh), sentence, remedy))

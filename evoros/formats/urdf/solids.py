@@ -37,9 +37,9 @@ _LARGEST_M = 20.0  # maximum plausible size of a robot's mesh
 _KINDS = _EMPTY, _STRANGE, _BOXES, _ROUND, _ABSENT = (
     "shapes without a size are left out of the links",
     "invalid elements of <geometry> are left out:",
-    "absent meshes are replaced by boxes:",
-    "absent meshes of turning links are replaced by cylinders:",
-    "absent meshes are left out:",
+    "missing meshes are replaced by boxes:",
+    "missing meshes of links that turn are replaced by cylinders:",
+    "missing meshes are left out:",
 )
 """Kinds of notes on solids; names follow each note."""
 
@@ -133,7 +133,7 @@ class SolidsReader:
     def _replace_absent(self, link: Element, solid: Element, name: str) -> tuple[Shape, ...]:
         if self.missing == "error" and not names_sensor(link):
             fix = "add the folder of its package to robot.packages, or set robot.missing=leave_out"
-            raise element_error(solid, f"names the absent mesh {name}, which is needed", fix)
+            raise element_error(solid, f"names the missing mesh {name}, which is needed", fix)
         turns = link.get("name") in self._turning
         shape = _match_inertia(link, turns) if self.missing == "box" else None
         kind = _ABSENT if shape is None else _ROUND if turns else _BOXES

@@ -154,7 +154,7 @@ def _patch_xacro(packages: Any, request: dict[str, Any]) -> Any:
 
 
 def _skip_absent(xacro: Any, packages: Any) -> None:
-    """Make xacro leave out files of ignored or missing packages, and calls of their macros."""
+    """Make xacro skip files of ignored or missing packages, and calls to macros of those files."""
     process_include, handle_macro_call = xacro.process_include, xacro.handle_macro_call
 
     def include(node: Any, macros: Any, symbols: Any, func: Any) -> None:

@@ -81,7 +81,7 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
     text, names = str(answer["text"]), absences.names()
     calls = [*dict.fromkeys(name for name in answer["skipped"] if name.startswith("<"))]  # macros
     if names and not is_needed(text, names, calls):
-        note = "%s: left out, because they are absent and only accessories need them: %s"
+        note = "%s: left out, because they are missing and only accessories need them: %s"
         _LOG.warning(note, file, ", ".join((*names, *calls)))
         return re.sub(f"(file://)?{IGNORED}/", "package://", text), Absences(str(file))
     return text, absences
@@ -109,7 +109,7 @@ def _collect_absences(
     absences = Absences(str(file))
     remedy = f"add the folder that holds {{}} to {options.packages_key}"
     for name, place in absent.get("packages", {}).items():
-        sentence = f"{place}: names the package {name}, which is absent"
+        sentence = f"{place}: names the package {name}, which is missing"
         absences.add(Absence("package", name, place, sentence, Remedy(remedy, name)))
     for name, place in absent.get("files", {}).items():
         sentence = f"{place}: includes {name}, which does not exist"

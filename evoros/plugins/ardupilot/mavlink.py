@@ -14,7 +14,7 @@ from evoros.bridge.process import OutsideProcess
 
 AUTOPILOT = (1, 1)
 GROUND_STATION = (255, 190)
-"""System and component ids; ArduPilot accepts radio overrides only from this system."""
+"""System and component ids; ArduPilot accepts radio overrides only from system 255."""
 ARMED = 128
 RELEASED, UNCHANGED = 0, 65535
 STEERING_CHANNEL, THROTTLE_CHANNEL = 1, 3

@@ -158,8 +158,8 @@ BATCH, MAX_BATCHES = 32, 2000
 class BarnField:
     """A distribution of BARN worlds.
 
-    Each world is drawn with a random pair of ``fill`` and ``smoothings``; grids without a corridor
-    are redrawn. ``seed`` and the key of random draws determine the world.
+    Each world uses a random value of ``fill`` and one of ``smoothings``; grids without a corridor
+    are redrawn. The world depends only on ``seed`` and on the key of the mission's random draws.
     """
 
     course: Annotated[Course, A_COURSE]
@@ -206,7 +206,7 @@ def generate_barn(
     seed: int = 0,
     renew: bool = True,
 ) -> World:
-    """Draw a world like BARN's; if ``renew``, each mission gets a different one."""
+    """Generate a random world like BARN's; if ``renew``, each mission gets a different one."""
     return draw_example(BarnField(course, fill, smoothings, seed), renew, "generate_barn")
 
 

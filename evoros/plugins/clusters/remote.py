@@ -28,7 +28,7 @@ class Transport(Protocol):
     def send(
         self, name: str, wanted: dict[str, str], request: bytes, node: str | None
     ) -> "Future[RawAnswer]":
-        """Run ``node.answer(wanted, request)`` in a worker, preferably the one named ``node``.
+        """Run ``clusters.node.answer(wanted, request)`` in a worker, preferably in ``node``.
 
         The future raises WorkerLost if the call ``name`` loses its worker repeatedly, and
         RunStopped if the workers can no longer be reached.

@@ -37,7 +37,7 @@ BETWEEN = finding.Claim(
 )
 WITHIN = finding.Claim(
     "Placed freely, without symmetry, designs converge little",
-    "diversity of the last population divided by the first: free, median",
+    "median ratio of the last population's diversity to the first's, free placement",
     finding.NUMBER,
 )
 

@@ -13,7 +13,7 @@ PLUGIN = Plugin(__name__, "OpenSCENARIO DSL scenario files", extras=("scenario",
 
 
 def __getattr__(name: str) -> type["Simulation"]:
-    """Import the simulation on first use, because the tool also loads this package for actions."""
+    """Import the simulation on first use; scenario_execution imports this package without it."""
     if name != "Simulation":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from evoros.plugins.openscenario.simulation import Simulation

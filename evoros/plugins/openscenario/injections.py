@@ -11,7 +11,7 @@ from evoros.plugins.openscenario.actions import Action, select_sensors
 from evoros.plugins.openscenario.simulation import split_words
 
 PARTS = ("steering", "drive", "wheel", "localization", "commands")
-"""Models of failures of parts that can be triggered immediately."""
+"""Failure models, named after robot parts, whose faults can be triggered immediately."""
 
 
 class InjectFailure(Action):

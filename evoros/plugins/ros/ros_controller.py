@@ -71,7 +71,7 @@ class RosController(LineController):
 
 
 def _split_node(command: str | Sequence[str]) -> list[str]:
-    """Split a command, and leave a program without a path to ROS's PATH."""
+    """Split a command; keep a bare program name, so that it is looked up in the PATH of ROS."""
     program = (shlex.split(command) if isinstance(command, str) else command)[0]
     words = split_command(command)
     return words if "/" in program else [program, *words[1:]]

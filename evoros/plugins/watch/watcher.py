@@ -101,7 +101,7 @@ def _write_notes(flown: Sequence[str], obstacles: Mapping[Record, str]) -> Itera
         yield f"Missions repeated for this page, because the run keeps none: {', '.join(flown)}."
     for record, reason in obstacles.items():
         if reason and record.name not in flown:
-            yield f"{record.name}: missions are not repeated: {reason}."
+            yield f"{record.name}: missions could not be repeated for this page ({reason})."
             return
 
 
@@ -205,7 +205,7 @@ class Watcher:
         return make_page(study, options, flown)
 
     def _draw_again(self) -> None:
-        """Redraw whenever the figures change, using at most ``SHARE`` of the processors."""
+        """Redraw whenever the figures' inputs change, using at most ``SHARE`` of the processors."""
         while True:
             look = self._look
             same = look is None or (look.stamps == self._drawn and not self._trouble)

@@ -157,7 +157,7 @@ def _add_link(
     rolls: bool,
     masks: tuple[int, int] | None,
 ) -> list[str]:
-    """Add the collision shapes of a link; return the names of those that touch the ground.
+    """Add the collision shapes of a link; return the names of those that can touch the ground.
 
     ``masks`` is None if obstacles cannot touch the link. Exposed wheels and casters have each shape
     twice, so that contact sensors can tell contacts with obstacles from those with the ground.

@@ -145,9 +145,9 @@ class Engine:
     def _reset(self, robots: Sequence[LoadedRobot]) -> None:
         """Put the robots at rest at their home poses.
 
-        New models are also reset, for bitwise equal results. The engine retains contacts and their
-        forces as long as the bodies are near each other. Therefore, the robots first make one step
-        far above the ground, each at a different height.
+        Even new models are reset, so that results are bitwise equal. The engine retains contacts
+        and their forces as long as the bodies are near each other. Therefore, it first simulates
+        one step with the robots far above the ground, each at a different height.
         """
         for index, robot in enumerate(robots):
             self._place(robot, LIFT_M * (index + 1))

@@ -175,7 +175,7 @@ def narrowing_of(drive: Drive, joint: int) -> float:
 
 
 class SteeredParts:
-    """Shortens ranges that see a robot's steered parts, for rigid-body engines."""
+    """Shortens the ranges of beams that see a robot's steered parts, for rigid-body engines."""
 
     def __init__(self, robot: Robot) -> None:
         self._sight = lay_out_steered_sight(robot, measure_clear_ranges(robot))

@@ -43,7 +43,7 @@ def share_arrays(robots: Sequence[Robot]) -> list[Share]:
 
 
 def read_command(commands: Array, share: Share) -> tuple[float, ...]:
-    """Return speed [m/s], steering angle [rad] and, if wheels can fail, the wheel strengths."""
+    """Return the speed [m/s], steering angle [rad] and, if wheels can fail, the wheel strengths."""
     return (*commands[share.command].tolist(), *commands[share.strength].tolist())
 
 

@@ -1,4 +1,4 @@
-"""A project with parts of its own: a failure model, a robot with a mesh, and two runs of it."""
+"""A project with its own failure model and a robot with a mesh, and two of its runs."""
 
 import shutil
 from collections.abc import Callable

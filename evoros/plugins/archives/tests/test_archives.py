@@ -1,4 +1,4 @@
-"""An archive has a study and nothing of the machine, and is read as the folders in it."""
+"""An archive holds a study and no traces of the machine, and is read like the folders in it."""
 
 import json
 import os
@@ -207,7 +207,7 @@ def test_a_run_of_a_sweep_names_it_without_its_path(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("study_too", [True, False])
 def test_an_evaluation_names_no_folder_of_the_machine(study_too: bool, tmp_path: Path) -> None:
-    """It names the runs with its designs as they were typed: by their full paths."""
+    """The evaluation itself records the full paths of its runs, as typed."""
     study, scores, file = (tmp_path / name for name in ("study", "scores", "all.zip"))
     finished_run(study / "a", "optimizer.generations=1")
     given = [f"designs={study}", "trials=1", "executor=serial", f"hydra.run.dir={scores}"]
@@ -327,7 +327,7 @@ def test_other_content_is_one_line(
 
 
 def test_every_changed_bit_is_noticed(case: Case, tmp_path: Path) -> None:
-    """Also in dates, lengths and the digest itself."""
+    """This includes bits of dates, lengths and the digest itself."""
     content = case.file.read_bytes()
     places = {*range(0, len(content), len(content) // 100), *range(len(content) - 90, len(content))}
     for place in places:

@@ -41,7 +41,7 @@ def reproduced(
 
 
 def change_mission(folder: Path) -> None:
-    """One cell of the third mission is another one, as by another processor."""
+    """Change one cell of the third mission, as if another processor had computed it."""
     lines = (folder / "missions.csv").read_text().split("\n")
     cells = lines[3].split(",")
     cells[lines[0].split(",").index("distance_m")] = "0.25"
@@ -66,7 +66,7 @@ def test_an_extended_run_is_reproduced_to_the_byte(
 def test_an_evaluation_and_a_sweep_are_reproduced(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """From another current folder than that in which they began, and without what they scored."""
+    """The current folder has changed, and the runs that the evaluation scored are missing."""
     study = tmp_path / "study"
     scored(study / "scores", run, "trials=2")
     (study / "deeper").mkdir()

@@ -39,7 +39,7 @@ FILE = "ro-crate.jsonld"
 def test_a_validator_finds_nothing_that_is_required(
     study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What is only recommended needs facts that evoros has not: a publisher, affiliations."""
+    """Recommended entries need facts that evoros does not have: a publisher, affiliations."""
     from rocrate_validator import models, services
     from rocrate_validator.utils import document_loader, http
 

@@ -1,4 +1,4 @@
-"""The frames of ArduPilot's simulation: what is told, and what is taken."""
+"""The frames of ArduPilot's simulation: the states sent and the outputs received."""
 
 import json
 import math

@@ -63,7 +63,7 @@ def started(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
 def test_workers_lost_stopped_and_added_in_mid_run_change_nothing(
     whole: dict[str, str], tmp_path: Path
 ) -> None:
-    """Nor do the folders of the user's parts, which no worker sees."""
+    """The folders of the user's parts, which no worker sees, change nothing either."""
     with cluster(tmp_path, workers=2) as unsteady:
         run = start([*TINY, GENERATIONS, *SLOWLY, unsteady.key], tmp_path)
         wait_for_missions(tmp_path / "run", 6)
@@ -156,7 +156,7 @@ def test_a_scheduler_is_found_by_its_file(
 def test_workers_with_other_software_get_no_calls(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Each is told once, and a worker that fits does all of it."""
+    """Each pool logs such a worker once, and a suitable worker runs all calls."""
     other = tmp_path / "other"
     package = other / "numba-0.0.1.dist-info"
     package.mkdir(parents=True)
@@ -181,7 +181,7 @@ def test_workers_with_other_software_get_no_calls(
 def test_a_call_that_kills_its_workers_is_found_and_costs_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Not even those beside and behind it in the only worker, which dask blames as much."""
+    """Running and waiting calls in the same worker, which dask blames as well, are not lost."""
     monkeypatch.setitem(SETTINGS, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "1")
     tally = str(tmp_path / "tally")
     with cluster(tmp_path, workers=0) as nannied:

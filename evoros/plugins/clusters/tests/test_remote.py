@@ -286,7 +286,7 @@ def test_the_environment_of_another_process_is_the_same() -> None:
     "fma" not in Path("/proc/cpuinfo").read_text().split(), reason="there are no paths to choose"
 )
 def test_on_an_older_processor_only_the_c_library_differs() -> None:
-    """It chooses other paths there, with other last digits; evoros's own functions do not."""
+    """There, it takes other code paths, with other last digits; evoros's functions do not."""
     older = read_environment({"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F"})
     here = dict(describe_environment())
     assert {name for name in here if here[name] != older[name]} == {LIBRARY}

@@ -139,7 +139,7 @@ os.write(int(sys.argv[1]), json.dumps(values, default=list).encode())
 
 @pytest.mark.ros(2)
 def test_a_node_gets_the_parameters(package: Path) -> None:
-    """Among them what YAML could take for something else; in a network of its own."""
+    """Some values could be misread as other YAML types; the node has its own network."""
     odd = {"a": {"text": "on", "number": "1.5", "tiny": 1e-12, "mixed": [1.0, 2.0], "flag": True}}
     robot = (package / "config" / "robot.yaml").read_text()
     files = {"robot.yaml": robot, "odd.yaml": write_ros_file(odd, ["a.none"], ["odd"])}
@@ -264,7 +264,7 @@ def test_positions_may_be_relative_to_the_autopilot(record: Record) -> None:
 
 
 def written(champion: Champion, values: dict[str, Any], genes: str = "") -> dict[str, str]:
-    """The texts of the package of a champion whose configuration has these values."""
+    """Write the package of a champion whose configuration has these values; return its texts."""
     path = champion.record.path / "champion" / "genes.csv"
     path.write_text("design,gene,key,value\n" + genes)
     changed = replace(champion.record, values=values, run=replace(champion.record.run))
@@ -388,7 +388,7 @@ def test_an_unknown_path_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_meshes_travel_and_other_files_do_not(record: Record, tmp_path: Path) -> None:
-    """Two of one name are two; what is no mesh is not copied; packages are told and depended on."""
+    """Two meshes with one name are both copied; packages are logged and become dependencies."""
     champion = champion_of(record, rover(), [], tmp_path)
     for folder in ("a", "b c"):
         (tmp_path / folder).mkdir()

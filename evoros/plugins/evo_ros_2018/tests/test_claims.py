@@ -278,7 +278,7 @@ def test_a_difference_of_spread_counts_from_a_size_on() -> None:
 
 
 def test_no_difference_of_spread_is_not_exact() -> None:
-    """Both sides are resampled by themselves, also where they are equal."""
+    """Both sides are resampled independently, even if they are equal."""
     distances = np.abs(np.subtract.outer(np.arange(8.0), np.arange(8.0)))
     finding = relative_difference(distances, 1, distances, 1)
     assert finding.value == 0
@@ -424,7 +424,7 @@ def test_a_swing_that_the_controller_makes_is_built_in() -> None:
 
 
 def flown(run: str, completed: int, failed: int, before: int = 0) -> pd.DataFrame:
-    """So many completed missions of those with a failed sensor, and some that ended before."""
+    """Make missions with a failed sensor, some completed, and some that ended before it failed."""
     done = some(completed, failed) + [False] * before
     hit = [True] * failed + [False] * before
     marks = {"kind": "random", "source": "here", "run": run}

@@ -232,7 +232,7 @@ def test_the_same_run_gives_the_same_data(run: Path, recorded: Recorded, tmp_pat
     assert again.reader.recordings()[0].recording_id == "run"
 
     def collect(recording: Recorded) -> dict[str, set[str]]:
-        """Each entity with its chunks but for the identifiers of rows, in any order."""
+        """Return the chunks of each entity, in any order and without the ids of rows."""
         return {
             path: {
                 repr(batch.drop_columns(["rerun.controls.RowId"]).to_pydict()) for batch in batches

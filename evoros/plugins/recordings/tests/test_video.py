@@ -127,7 +127,7 @@ def look(camera: Camera, x: float, y: float, yaw: float) -> Picture:
 def test_a_robot_covers_the_pixels_that_its_pose_says(
     follows: bool, place: tuple[float, float, float]
 ) -> None:
-    """The corners of the box, projected, bound what is drawn of it."""
+    """The projected corners of the box bound the pixels drawn of it."""
     x, y, yaw = place
     size = (640, 360)
     low, high = (x - 0.5, y - 0.4), (x + 0.5, y + 0.4)

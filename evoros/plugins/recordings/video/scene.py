@@ -133,7 +133,7 @@ class ShownRobot:
 
 
 class Scene:
-    """Moving robots and walkers among fixed bodies."""
+    """Robots and walkers that move among fixed bodies, as shown in a video."""
 
     def __init__(
         self,
@@ -195,7 +195,7 @@ def make_surfaces(
             triangles = np.concatenate([part.triangles for part in parts])
             painted = np.concatenate([part.colours for part in parts])
             yield name, Surface.from_triangles(triangles, painted, is_open=True)
-        except InputError as error:  # a robot is not rejected because of its appearance
+        except InputError as error:  # an invalid mesh is no reason to reject a robot
             LOGGER.warning("%s; the collision shapes of %s are shown", error, name)
             yield name, _show_shapes(tree, name, colours)
 
@@ -246,6 +246,6 @@ def _read_colour(material: Element) -> Colour | None:
     color = material.find("color")
     try:
         red, green, blue, _ = map(float, "" if color is None else str(color.get("rgba")).split())
-    except ValueError:  # a robot is not rejected because of its appearance
+    except ValueError:  # an invalid colour is no reason to reject a robot
         return None
     return red, green, blue

@@ -51,7 +51,7 @@ class Nodes:
         environment: dict[str, str],
         completed: list[list[str]] | None = None,
     ) -> None:
-        """Start all commands, in the form ``completed`` if given; messages quote ``commands``.
+        """Start all commands, or their ``completed`` forms if given; messages quote ``commands``.
 
         ``python3`` in a command or in a node's shebang line resolves to this process's Python.
         """

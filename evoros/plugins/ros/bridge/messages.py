@@ -58,7 +58,7 @@ class Messages:
     def of(self, tick: Tick) -> Iterator[list[tuple[str, Any]]]:
         """Yield topics and messages in the order in which the nodes receive them.
 
-        Messages in the same list, such as the ranges at a tick, belong together.
+        The messages of a list, such as all ranges at a tick, are published together.
         """
         stamp = self._stamp(*ros_time(tick.time))
         if tick.leg != self._goal_leg:

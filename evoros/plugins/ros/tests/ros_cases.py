@@ -29,7 +29,7 @@ SILENT, LOST = range(20, 25), range(30, 33)
 """The ticks in which the second sonar and the localization are silent."""
 
 STYLES = ("callback", "each_range", "rate", "timer")
-"""What the algorithm of the nodes of the tests waits for before it decides."""
+"""Names for what a test node waits for before it decides."""
 
 Steps: TypeAlias = list[tuple[int, float, float]]
 """The mode, the speed and the steering angle after each tick."""
@@ -119,7 +119,7 @@ class Algorithm:
 
 
 def expect(style: str, phase: float = 0.0, ticks: int = TICKS, first_end: int = 1) -> Steps:
-    """The steps that a node of a style should give.
+    """Return the steps that are expected of a node of a style.
 
     A Rate or Timer of ROS 1 begins with the clock and ends after its period. One of ROS 2 begins
     at time 0, when the node starts, so that its period is over as soon as there is a clock.
@@ -173,11 +173,11 @@ def _find_processes(mark: str) -> Iterator[str]:
 
 
 Heard: TypeAlias = tuple[list[list[Any]], list[int]]
-"""The values that a node was told in a mission, and the modes in which it was told."""
+"""The values that a node received in a mission, and the mode after each tick."""
 
 
 def hear(listener: LiveController, file: Path) -> Heard:
-    """Fly a node that writes into a file what it is told."""
+    """Fly a node that writes the messages it receives to a file."""
     steps = fly(listener)
     return [json.loads(line) for line in file.read_text().splitlines()], [step[0] for step in steps]
 

@@ -19,7 +19,7 @@ RING = ROOT / "tests" / "nodes" / "rest_ring.py"
 
 
 def output(kind: str, where: str) -> list[str]:
-    """The lines that the ring printed, watched in namespaces of its own or in those of all."""
+    """Return the lines that the ring prints in its own namespaces or in the common ones."""
     command = [sys.executable, str(RING), kind, where, str(SCRIPTS.parent)]
     if kind == "hide" and os.geteuid() == 0:  # root may look at all without it
         command = ["setpriv", "--bounding-set=-sys_ptrace", *command]

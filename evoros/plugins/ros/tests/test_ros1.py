@@ -1,4 +1,4 @@
-"""Nodes of ROS 1 as the controller: what they are told and say, and the same bytes always."""
+"""ROS 1 nodes as the controller: their messages and commands, with equal bytes in each run."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""Nodes of ROS 2 as the controller: what they are told and say, and the same bytes always."""
+"""ROS 2 nodes as the controller: their messages and commands, with equal bytes in each run."""
 
 import re
 import sys
@@ -64,7 +64,7 @@ def faulty(fault: str, **changes: Any) -> Ros2:
 
 @pytest.mark.slow
 def test_nodes_on_busy_cores_give_what_their_algorithms_give() -> None:
-    """The algorithms and what they give are those of the nodes of ROS 1."""
+    """The algorithms and their expected commands are the same as for ROS 1."""
     with busy_cores():
         flown = fly_at_once({style: controller(node("avoid", style)) for style in STYLES})
     assert flown == {style: expect(style, first_end=0) for style in STYLES}

@@ -1,4 +1,4 @@
-"""Each tracker has what it was sent, once; its own library reads it back."""
+"""Each tracker stores all that it is sent once, and its own library can read it."""
 
 import time
 from collections.abc import Iterator
@@ -157,7 +157,7 @@ def test_variables_of_an_agent_do_not_join_runs(
 
 
 def read_wandb(origin: Path, run_id: str) -> dict[str, Any]:
-    """What the only offline run of an id has."""
+    """Return the content of the only offline run with an id."""
     (folder,) = (origin / "outputs" / "wandb").glob(f"offline-run-*-{run_id}")
     history: list[list[tuple[str, str]]] = []
     summary: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""The command that draws the page of running runs without rest; a process of its own runs it."""
+"""The command that draws the page of running runs without pauses, run in a separate process."""
 
 from evoros.cli.main import main
 from evoros.plugins.watch import watcher

@@ -1,4 +1,4 @@
-"""What is read of folders: states, logs, and whether the figures would change."""
+"""Folders yield states, logs, and whether their figures would change."""
 
 import fcntl
 import os

@@ -1,4 +1,4 @@
-"""What ArduPilot Rover's SITL with the JSON backend is to evoros, and nothing else of it.
+"""The part of ArduPilot Rover's SITL, with the JSON backend, that evoros deals with.
 
 Kept are the protocols, over real UDP and TCP, and the rules that a client can run into:
 

@@ -15,7 +15,7 @@ RANGES = tuple(f"rng_{number}" for number in range(1, 7))
 
 @dataclass
 class State:
-    """What the last complete state said; ranges are NaN until they have been told."""
+    """The last complete state; ranges are NaN until a state contains them."""
 
     timestamp: float
     gyro: list[float]

@@ -18,7 +18,7 @@ SITL_RANGE_FINDER = 100
 
 @dataclass
 class Rover:
-    """What the frames and the messages change."""
+    """The state that frames and messages change."""
 
     parameters: Mapping[str, float]
     home: tuple[float, float]
