@@ -139,8 +139,12 @@ def _find_world(place: _Place) -> tuple[World, str]:
         suggested = _list_worlds(place, on_floors)
         first = next(suggested, None)
         if first is not None:
-            more = suggested if sum(len(body.shapes) for body in place.bodies) <= MANY else ()
-            world, chosen = next((one for one in (first, *more) if one[1].is_enclosed), first)
+            shapes = sum(len(body.shapes) for body in place.bodies)
+            if shapes > MANY and not first[1].is_enclosed:
+                limit = f"enclosed regions elsewhere were not searched among {shapes:,} shapes"
+                return first[0], f"{first[1].place}; {limit}"
+            every = (first,) if shapes > MANY else (first, *suggested)
+            world, chosen = next((one for one in every if one[1].is_enclosed), first)
             return world, chosen.place
     x, y = "world.NAME.course.home_x_m", "world.NAME.course.home_y_m"
     raise InputError(

@@ -7,6 +7,7 @@ import pytest
 from robot_cases import rover
 
 from evoros.base.errors import InputError
+from evoros.session import course_planning
 from evoros.session.course_planning import plan_course
 
 WALL_M = 0.15
@@ -74,3 +75,11 @@ def test_a_plane_that_is_a_wall_is_the_reason_why_no_course_is_found(tmp_path: P
     )
     with pytest.raises(InputError, match="ground plane 'poster' must face up"):
         plan_course({"sdf": str(path)}, rover())
+
+
+def test_what_is_not_searched_in_a_huge_world_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(course_planning, "MANY", 2)
+    path = write(tmp_path, [(3, y, 0.5, 1, 1, 1) for y in (-3, 0, 3)], (0.0, 0.0))
+    assert "were not searched among 4 shapes" in plan_course({"sdf": str(path)}, rover()).reason
