@@ -22,7 +22,8 @@ from evoros.sensor.infrared import Infrared
 from evoros.sensor.lidar import Lidar
 from evoros.sensor.protocol import Mount, sensor_bearings
 from evoros.simulator.engines.planar_layout import SPACING, sight_of
-from evoros.simulator.engines.planar_sensing import UNSURE_RAD, estimate_bearing
+from evoros.simulator.engines.planar_sensing import UNSURE_RAD, estimate_bearing, find_span
+from evoros.simulator.engines.planar_sensing import Fan as Sweep
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import open_alone
 from evoros.storage.figure_context import describe_experiment
@@ -72,6 +73,13 @@ def test_a_scan_is_that_of_beams_computed_one_by_one(yaw: float, fov: float, tur
 def test_an_estimated_bearing_is_well_within_the_margin(bearing: float, distance: float) -> None:
     x, y = distance * math.cos(bearing), distance * math.sin(bearing)
     assert abs(estimate_bearing(x, y) - math.atan2(y, x)) < 2e-5 < UNSURE_RAD
+
+
+@given(st.floats(0.0, 0.999999), st.floats(-math.pi, math.pi))
+def test_a_span_covers_the_whole_circle(sine: float, bearing: float) -> None:
+    fan = Sweep(0, 360, 0.0, 1.0, 5.0, 0, (0.0, 0.0, 0.0))
+    low, high = find_span(fan, math.cos(bearing), math.sin(bearing), sine)
+    assert high - low >= 2.0 * math.asin(sine)
 
 
 class Twofold(Lidar):
