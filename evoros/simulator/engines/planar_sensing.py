@@ -144,7 +144,7 @@ def see(parameters: Array, memory: Array, index: int, ranges: Array) -> None:
     cell = cell_at(sight.grid, pose[0], pose[1])
     placed, faces = unpack(Placed, now.movables).sights, unpack(Movables, plane.movables).faces
     for g in range(len(sight.groups)):
-        if cell >= 0:
+        if cell >= 0 and sight.starts[cell] < sight.starts[cell + 1]:
             entries = sight.entries[int(sight.starts[cell]) : int(sight.starts[cell + 1])]
             detect(sight.obstacles, entries, sight.faces, sensors, g)
         detect(placed, ranges[:0], faces, sensors, g)
@@ -258,7 +258,7 @@ def find_span(fan: Fan, x: float, y: float, radius: float) -> tuple[float, float
 
 @compilable
 def estimate_bearing(x: float, y: float) -> float:
-    """Return atan2(y, x) [rad] with an error below 2e-5, in a quarter of its time.
+    """Return atan2(y, x) [rad] with an error below 2e-5.
 
     The polynomial is 4.4.47 of Abramowitz and Stegun, Handbook of Mathematical Functions (1964).
     """
