@@ -63,7 +63,8 @@ class Ackermann:
     def __post_init__(self) -> None:
         if self.steering_limit_rad > self.steering_stop_rad:
             rule = f"must be at most {self.steering_stop_rad:g}, where the steering joints stop"
-            raise invalid(self, "steering_limit_rad", self.steering_limit_rad, rule)
+            fix = "lower robot.drive.steering_limit_rad, or widen the <limit> of both joints"
+            raise invalid(self, "steering_limit_rad", self.steering_limit_rad, rule, fix)
 
     @cached_property
     def steering_limit(self) -> float:
