@@ -147,6 +147,7 @@ def test_bad_input_is_one_line_before_the_run(overrides: list[str], says: str) -
         check_room(build(*overrides))
     assert says in str(error.value)
     assert "\n" not in str(error.value)
+    assert "; " in str(error.value) or ", not " in str(error.value)
 
 
 def test_the_stated_pace_is_the_fastest_that_is_allowed() -> None:

@@ -161,6 +161,7 @@ def test_a_sector_that_is_too_wide_is_refused_in_one_line() -> None:
     message = refuse(SetCover(width_deg=180.0, **FEW), space("design=six_sonars"))
     assert message.startswith("optimizer.width_deg: ")
     assert "covers a sector of 180 deg" in message
+    assert "; lower optimizer.width_deg" in message
     refuse(SetCover(width_deg=180.0, failed=3, candidates=3, covers=1), THREE_SENSORS)
 
 
