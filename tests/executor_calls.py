@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -193,7 +194,17 @@ def children() -> list[int]:
     return processes
 
 
-def wait_until(condition: Callable[[], bool], limit_s: float) -> bool:
+def list_group(leader: int) -> list[int]:
+    """Living processes of a group; killpg would count those that nobody has reaped."""
+    members = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(FileNotFoundError, ProcessLookupError):
+            if int(stat.read_text().rpartition(")")[2].split()[2]) == leader:
+                members.append(int(stat.parent.name))
+    return [member for member in members if alive(member)]
+
+
+def wait_until(condition: Callable[[], bool], limit_s: float = 100.0) -> bool:
     end = time.monotonic() + limit_s
     while not condition() and time.monotonic() < end:
         time.sleep(0.02)

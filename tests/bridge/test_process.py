@@ -6,15 +6,15 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import pytest
+from executor_calls import wait_until
 from proposal_sites import is_of
 
 from evoros.base.errors import LaunchError, PilotLost
@@ -59,13 +59,6 @@ def find_marked(mark: str) -> list[int]:
 
 def no_marked(mark: str) -> bool:
     return not find_marked(mark)
-
-
-def wait_until(condition: Callable[[], bool], limit_s: float = 100.0) -> bool:
-    end = time.monotonic() + limit_s
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.02)
-    return condition()
 
 
 def name_of(process: int) -> str:

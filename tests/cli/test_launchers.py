@@ -90,7 +90,7 @@ def test_a_launcher_that_cannot_work_says_why(
     assert launch(tmp_path / "sweep", "seed=0,1", "hydra/launcher=submitit_slurm") == STOPPED
     (line,) = [line for line in capsys.readouterr().err.splitlines() if "srun" in line]
     assert line.startswith("evoros: hydra/launcher=submitit_slurm: ")
-    assert "evoros can run the sweep" in line
+    assert "run the sweep without the plugin" in line
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,13 @@
 """The command: what it refuses, and how it ends."""
 
-import os
 import signal
 import socket
-from collections.abc import Callable
 from pathlib import Path
+from urllib.error import URLError
 from urllib.request import urlopen
 
 import pytest
+from executor_calls import list_group, wait_until
 from helpers import finished_run, refused, start
 
 from evoros.cli.main import evoros
@@ -59,14 +59,7 @@ def test_a_signal_ends_it_and_leaves_nothing(tmp_path: Path) -> None:
     assert process.returncode == STOPPED
     assert error.splitlines()[-1] == "evoros watch: terminated by a signal"
     assert "Traceback" not in error
-    assert not_alive(lambda: os.killpg(process.pid, 0))  # no process of its group is left
-    assert not_alive(lambda: urlopen(address, timeout=5).close())
+    assert wait_until(lambda: not list_group(process.pid), 10.0)
+    with pytest.raises(URLError):
+        urlopen(address, timeout=5)
     assert sorted(run.rglob("*")) == names
-
-
-def not_alive(ask: Callable[[], None]) -> bool:
-    try:
-        ask()
-    except OSError:
-        return True
-    return False
