@@ -195,7 +195,7 @@ class Evaluator:
     ) -> tuple[list[list[Mission]], dict[MissionKey, Outcomes]]:
         if isinstance(designs, str | Path):
             raise InputError(
-                f"designs: must be a list of designs, not {designs}; to score the designs of a "
+                f"designs: must be a list of designs, not {designs}; to score the designs in a "
                 f"folder, use evoros evaluate designs=FOLDER"
             )
         if self._pool is None:

@@ -31,9 +31,9 @@ _MARKS: Mapping[str, Mapping[str, Any]] = {
     GROWS: {**_POINT, "mfc": "white", "marker": "^"},
 }
 _WORDS = {
-    ENDS: "sensor fails: {} (number)",
-    ALTERS: "sensor error: {} (number)",
-    GROWS: "error starts: {} (number)",
+    ENDS: "sensor fails: {} (with its number)",
+    ALTERS: "sensor error: {} (with its number)",
+    GROWS: "error starts: {} (with sensor number)",
 }
 _PART: dict[str, Any] = {**_POINT, "marker": "D", "ms": 5.5, "mfc": VERMILLION}
 _WEDGE: dict[str, Any] = {"color": ORANGE, "alpha": 0.45}

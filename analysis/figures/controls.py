@@ -30,7 +30,7 @@ FILES = {
 }
 LOOKS = {"control": (VERMILLION, 7.0, "white"), "champion": (BLUE, 4.0, BLUE)}
 """Edge colour, size and face colour of each side's marker."""
-INTERVAL = "95 % interval of the difference"
+INTERVAL = "95 % confidence interval for the difference"
 ROW_IN, HEAD_IN = 0.24, 0.85
 NAME_LENGTH = 28
 TITLES = {NO_SENSORS: "no sensors", RANDOM: "random search"}
@@ -173,11 +173,12 @@ def _describe_control(row: Mapping[Any, Any], label: str) -> str:
     low, high = (100 * row[name] for name in ("low", "high"))
     text = (
         f"{TITLES.get(row['control'], row['control'])}: completes {control:.0f} %, the champion "
-        f"{champion:.0f} % (95 % interval of the difference {low:.0f} to {high:.0f} points); "
+        f"{champion:.0f} % (95 % confidence interval for the difference {low:.0f} to {high:.0f} "
+        "points); "
         f"{label} {row['control_fitness']:.3g}, the champion's {row['champion_fitness']:.3g}"
     )
     if not champion:
-        return f"{text}; the champion completes none, so this decides nothing"
+        return f"{text}; the champion completes none, so the comparison is inconclusive"
     if high <= (1 - LITTLE) * champion:
         return f"{text}; {DECIDES.get(row['control'], 'the search')} decided little here"
     return text if low > 0 else f"{text}; no evidence that the champion is better"

@@ -87,7 +87,7 @@ def choose_cuts(
     """Choose the lengths [m] at which cones are cut off: a near one, and a longer full range."""
     if near_m is not None and not 0 < near_m < math.inf:
         raise InputError(
-            f"--cut: must be a length greater than 0, not {near_m}; type --cut 0.5, for example"
+            f"--cut: must be a positive length, not {near_m}; type --cut 0.5, for example"
         )
     if sensors.x_m.isna().all():
         return ()

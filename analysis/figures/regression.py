@@ -44,7 +44,10 @@ from ..tables.paired_missions import (
 from ..tables.records import Record
 from ..tables.study import Study
 
-HELP = "two versions of the software on the same draws: missions lost and gained, p-values"
+HELP = (
+    "two versions of the software on the same draws: newly failed and newly completed missions, "
+    "p-values"
+)
 NEEDS = "two evaluations or two runs with the same draws, the older one first"
 FILES = {
     "regression.csv": "the tests, a row for each design, world and quantity",

@@ -92,7 +92,7 @@ def report_designs(summary: pd.DataFrame) -> list[str]:
                 line += f"; {name} {row.value * row.n:.0f}"
                 line += "" if np.isnan(row.random) else f" (random designs {row.random:.0%})"
             if not measures.n_random.max():
-                line += "; no random designs to compare with"
+                line += "; there are no random designs to compare with"
         lines.append(line)
     return lines
 

@@ -106,7 +106,7 @@ def _conclude(row: Mapping[Hashable, Any]) -> str:
         )
     order, change = _format_interval(row, "spearman"), _format_change(row)
     kept = "partly preserved" if row["spearman_low"] > 0 else "not shown to be preserved"
-    kept = kept if row["n"] >= MIN_PAIRS else f"not judged below {MIN_PAIRS} designs"
+    kept = kept if row["n"] >= MIN_PAIRS else f"not assessed with fewer than {MIN_PAIRS} designs"
     what = "fitness rises:" if row["change_low"] > 0 else "no significant change in fitness:"
     what = "fitness falls:" if row["change_high"] < 0 else what
     return f"{head}: {row['n']} designs: ranking {kept}, rank correlation {order}; {what} {change}"

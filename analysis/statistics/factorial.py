@@ -150,7 +150,7 @@ def list_contrasts(
         first, second = (list(combinations(known, 2)) for known in levels.values())
         for (a, b), (c, d) in product(first, second):
             weights = [((k[0] == b) - (k[0] == a)) * ((k[1] == d) - (k[1] == c)) for k in keys]
-            text = f"({b} - {a}) at {d} minus at {c}"
+            text = f"({b} - {a}) with {d} minus with {c}"
             yield Contrast(tuple(levels), text, contrast_interval(samples, weights, bounds))
 
 

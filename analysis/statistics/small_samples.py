@@ -208,8 +208,8 @@ TESTS: Mapping[str, Shortfall] = {
 def describe_shortfalls(*names: str) -> Iterator[str]:
     """Yield a line about the intervals among ``names``, and another line about the tests."""
     lines = (
-        ("these 95 % intervals may cover the true value less often", INTERVALS),
-        ("these tests at the 5 % level may err more often", TESTS),
+        ("these 95 % intervals may cover the true value in fewer than 95 % of cases", INTERVALS),
+        ("these tests may find an effect that does not exist in more than 5 % of cases", TESTS),
     )
     for text, known in lines:
         if short := [f"{name}: {_write(known[name])}" for name in names if name in known]:

@@ -107,7 +107,7 @@ def read_record(folder: Path, name: str) -> Record:
     values = read_values(folder / "config.yaml") | secrets
     if not isinstance(values.get("seed"), int):
         raise InputError(
-            f"{folder / 'config.yaml'}: seed must be a whole number, not {values.get('seed')!r}; "
+            f"{folder / 'config.yaml'}: seed must be an integer, not {values.get('seed')!r}; "
             f"restore the file"
         )
     _ = run.status  # raises if the file is damaged

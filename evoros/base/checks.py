@@ -106,12 +106,12 @@ def is_whole(value: object) -> bool:
 
 
 NUMBER = Rule("a number", is_number)
-POSITIVE = Rule("a number greater than 0", lambda v: is_number(v) and v > 0)
-NOT_NEGATIVE = Rule("a number of at least 0", lambda v: is_number(v) and v >= 0)
+POSITIVE = Rule("a positive number", lambda v: is_number(v) and v > 0)
+NOT_NEGATIVE = Rule("a non-negative number", lambda v: is_number(v) and v >= 0)
 FRACTION = Rule("a number greater than 0 and at most 1", lambda v: is_number(v) and 0 < v <= 1)
 PROBABILITY = Rule("a number from 0 to 1", lambda v: is_number(v) and 0 <= v <= 1)
-COUNT = Rule("a whole number of at least 1", lambda v: is_whole(v) and v >= 1, limit=MOST)
-WHOLE = Rule("a whole number of at least 0", lambda v: is_whole(v) and v >= 0, limit=MOST)
+COUNT = Rule("a positive integer", lambda v: is_whole(v) and v >= 1, limit=MOST)
+WHOLE = Rule("a non-negative integer", lambda v: is_whole(v) and v >= 0, limit=MOST)
 SEED = replace(WHOLE, limit=2**63 - 1)
 TEXT = Rule("a non-empty string", lambda v: isinstance(v, str) and bool(v.strip()))
 NAME = Rule(  # usable as a column or file name
@@ -119,7 +119,7 @@ NAME = Rule(  # usable as a column or file name
     lambda v: isinstance(v, str) and re.fullmatch(r"[A-Za-z0-9_-]+", v) is not None,
 )
 NOT_NEGATIVES = Rule(
-    "a non-empty list of numbers of at least 0",
+    "a non-empty list of non-negative numbers",
     lambda v: isinstance(v, list | tuple) and len(v) > 0 and all(map(NOT_NEGATIVE.holds, v)),
 )
 SCORE = Rule(  # small enough that squares and sums do not overflow
@@ -217,7 +217,7 @@ def _missing_target(value: object) -> str:
     """Return how to fix a part that is configured without a class; empty if it has one."""
     several = isinstance(value, dict) and any(isinstance(item, dict) for item in value.values())
     single = isinstance(value, dict) and not any(hasattr(i, "__dict__") for i in value.values())
-    fix = "add _target_, the class of which these keys are arguments"
+    fix = "add _target_, with the class that takes these keys as arguments"
     return fix if value and (several or single) else ""
 
 
@@ -235,7 +235,7 @@ def _is_interval(value: object) -> bool:
     return is_number(value) or (pair and value[0] <= value[1])  # type: ignore[index]
 
 
-INTERVAL = Rule("a number, or [low, high] with low at most high", _is_interval)
+INTERVAL = Rule("a number, or [low, high] with low <= high", _is_interval)
 
 
 def bounds(interval: Any) -> tuple[float, float]:

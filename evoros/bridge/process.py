@@ -90,7 +90,8 @@ def start_process(
     """
     if sys.platform != "linux":
         raise LaunchError(
-            f"a controller in its own process needs Linux, not {sys.platform}; use a controller "
+            f"a controller in a separate process requires Linux, not {sys.platform}; use a "
+            "controller "
             "with layers, such as rover, or a Linux machine or container"
         )
     order: dict[str, Any] = {"command": list(command), "isolate": isolate, "pass": list(pass_fds)}

@@ -9,8 +9,8 @@ from evoros.base.checks import COUNT, POSITIVE, WHOLE, Rule, checked, instance_o
 from evoros.base.errors import InputError
 from evoros.certificate.rates import LOWER_SHARE, Bounds, bound_mean, share_level
 
-PRECISION = Rule("null, or a number greater than 0", lambda v: v is None or POSITIVE.holds(v))
-TRIALS = Rule("null, or a whole number of at least 1", lambda v: v is None or COUNT.holds(v))
+PRECISION = Rule("null or a positive number", lambda v: v is None or POSITIVE.holds(v))
+TRIALS = Rule("null or a positive integer", lambda v: v is None or COUNT.holds(v))
 CONFIDENCE = Rule("a number from 0.5 to 0.999", lambda v: is_number(v) and 0.5 <= v <= 0.999)
 
 
@@ -71,8 +71,9 @@ def foresee_trials(validation: Validation, missions: int, bounds: Sequence[float
     level = (bounds[1] - bounds[0]) / 2
     fewest = list_looks(validation, 1, missions, (level, level))[0]
     return (
-        f"validation.precision: {validation.precision:g} needs at least {fewest} trials of the "
-        f"champion ({fewest * missions} missions) if its fitness is {bounds[0] + level:g}"
+        f"validation.precision: a precision of {validation.precision:g} requires at least {fewest} "
+        f"trials of the champion ({fewest * missions} missions) if its fitness is "
+        f"{bounds[0] + level:g}"
     )
 
 

@@ -39,7 +39,9 @@ def check_jobs(command: str, jobs: Jobs, explain: Explain) -> list[Job]:
     ready, refused = _sort_jobs(jobs, explain)
     faults = list(describe_faults([job.overrides for job in ready], refused))
     if len(faults) > MAX_FAULTS:
-        faults[MAX_FAULTS:] = [f"{len(faults) - MAX_FAULTS} more faults; correct those above first"]
+        faults[MAX_FAULTS:] = [
+            f"{len(faults) - MAX_FAULTS} more errors; correct the errors above first"
+        ]
     for fault in faults:
         report_error(command, fault, INPUT)
     return [] if faults else ready
@@ -134,7 +136,7 @@ def describe_faults(
     for message, jobs in faults.items():
         common = set.intersection(*map(set, jobs)) - everywhere
         named = " ".join(text for text in jobs[0] if text in common)
-        count = f"{len(jobs)} of {total} jobs, no job was started"
+        count = f"{len(jobs)} of {total} jobs; no job was started"
         yield f"{named} ({count}): {message}" if named else f"{count}: {message}"
 
 
@@ -190,6 +192,6 @@ def advise_seeds(seeds: list[set[int]]) -> Iterator[str]:
         why = (
             "its smallest possible p-value is 0.067"
             if counts[0] > 1
-            else "the spread is unknown with one run of a treatment"
+            else "the spread of a treatment cannot be estimated from one run"
         )
         yield advise(f"{head} factors cannot show an effect", why, 3 if len(counts) == 3 else 2)

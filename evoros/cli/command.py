@@ -169,7 +169,7 @@ def _resume(arguments: Sequence[str], interrupts: Interrupts) -> int:
         metavar="key=value",
         help="executor.KEY, observers, optimizer.generations, trials",
     )
-    parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder of your own parts")
+    parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder with your own parts")
     options = parser.parse_intermixed_args(list(arguments))
     require_keys(options.overrides, options.folder)
     folder = expand_home(options.folder)

@@ -25,13 +25,13 @@ def export(arguments: Sequence[str]) -> int:
     parser.add_argument(
         "words", nargs="+", metavar="FOLDER", help="folder of a run or a sweep, or KEY=VALUE"
     )
-    parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder of your own parts")
+    parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder with your own parts")
     options = parser.parse_intermixed_args(list(arguments))
     folders = [word for word in options.words if "=" not in word or Path(word).is_dir()]
     typed = [word for word in options.words if word not in folders]
     runs = [run for folder in folders for run in _list_runs(expand_home(folder))]
     if not runs:
-        raise InputError("FOLDER is missing; add the folder of a run or a sweep")
+        raise InputError("FOLDER is missing; give the folder of a run or a sweep")
     observer = build_observer(options.tracker, typed, options.config_dir)
     observer.check()
     for folder in runs:

@@ -152,7 +152,7 @@ def _parse(words: Sequence[str], name: str | None) -> list[Request]:
     values = parse_keys(keys)
     unknown = sorted(set(values) - set(files))
     if unknown:
-        raise InputError(f"{unknown[0]}: must start with robot. or world.; add this prefix")
+        raise InputError(f"{unknown[0]}: must start with robot. or world.; add the prefix")
     return [
         Request(group, files[group], chosen[group], values.get(group, {}), drive)
         for group in (ROBOT, WORLD)

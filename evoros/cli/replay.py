@@ -34,7 +34,7 @@ def replay(arguments: Sequence[str]) -> int:
     parser.add_argument(
         "--output", type=expand_home, metavar="FILE", help="CSV file for the trajectory"
     )
-    parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder of your own parts")
+    parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder with your own parts")
     options = parser.parse_intermixed_args(list(arguments))
     console.require_keys(options.columns, options.folder)
     columns = dict(text.split("=", 1) for text in options.columns)

@@ -51,13 +51,13 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
     "export": Subcommand(
         "evoros.cli.export:export",
         "TRACKER FOLDER...",
-        "send runs that a tracker does not have",
+        "send recorded runs to a tracker",
         ("--config-dir",),
     ),
     "inspect": Subcommand(
         "evoros.cli.inspect:inspect",
         "robot FILE world FILE",
-        "show how a robot or world is read, write its YAML",
+        "show how a robot or world is read; write its YAML",
         ("--config-dir", "--name"),
     ),
     "world": Subcommand(
@@ -135,7 +135,8 @@ def _find_foreign_option(subcommand: str, arguments: Sequence[str]) -> str:
         if owners and option not in known:
             options = ", ".join([*known, "--help"])
             return (
-                f"{option}: an option of evoros {', '.join(owners)}; evoros {subcommand} has "
+                f"{option}: belongs to evoros {', '.join(owners)}, not to evoros {subcommand}, "
+                "which has "
                 f"{options}; leave out {option}"
             )
     return ""

@@ -24,7 +24,7 @@ def world(arguments: Sequence[str]) -> int:
     parser = CommandParser(NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("file", metavar="FILE")
     parser.add_argument("overrides", nargs="*", metavar="key=value")
-    parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder of your own parts")
+    parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder with your own parts")
     options = parser.parse_intermixed_args(list(arguments))
     key, equals, _ = options.file.partition("=")
     if equals and not (key.startswith((".", "/", "~/")) and options.file.endswith(".sdf")):

@@ -133,8 +133,9 @@ def cache_folder() -> Path | None:
     folder = private_folder(digest.hexdigest()[:16])
     if folder is None:
         LOGGER.warning(
-            "no cache for compiled rules: %s and the temporary folder have no folder that only "
-            "this user can write to; every process compiles the rules again",
+            "compiled rules cannot be cached, because neither %s nor the temporary folder has a "
+            "folder "
+            "that only this user can write to; every process compiles the rules again",
             cache_home(),
         )
     return folder

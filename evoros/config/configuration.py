@@ -218,7 +218,7 @@ def _find_problem(target: Any, folders: Sequence[Path]) -> str:
         is_part = first != OWN and _is_in(package, folders)
     if is_part or is_bundled:
         return ""
-    return f"{target} is not a part's class; name the class of a part"
+    return f"{target} is not the class of a part; name such a class"
 
 
 def _is_in(module: str, folders: Sequence[Path]) -> bool:

@@ -82,7 +82,8 @@ class Jobs:
             )
         if not self.plugins and self._base.hydra.get("callbacks"):
             raise InputError(
-                "hydra.callbacks: not supported, because none would be called; leave them out"
+                "hydra.callbacks: must not be set, because evoros calls no callbacks; leave the "
+                "key out"
             )
         self._overrides: list[tuple[str, ...]] = []
         # the first of jobs that differ only in numbers

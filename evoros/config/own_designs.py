@@ -37,7 +37,7 @@ def plan_design(
     for sensor in sensors:
         kind, described = sensor.described.kind, sensor.described.name
         if not is_bundled(SENSOR, kind):
-            notes.append(f"left out: sensor {described}: evoros has no sensor type {kind}")
+            notes.append(f"left out: sensor {described}, because evoros has no sensor type {kind}")
             continue
         settings, changed = _choose_settings(kind, sensor.described.settings)
         unfit = _find_fault(kind, settings)

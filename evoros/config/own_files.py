@@ -19,7 +19,7 @@ ROBOT, WORLD, DESIGN, EXPERIMENT = "robot", "world", "design", "experiment"
 _WIDTH = 10_000  # line width that keeps each value on one line
 
 _HEADS = {
-    ROBOT: """# {title} conf/robot/own.yaml has all keys.
+    ROBOT: """# {title} conf/robot/own.yaml lists all keys.
 defaults:
   - own
 {choices}  - _self_
@@ -29,7 +29,7 @@ defaults:
 {name}:
   _target_: evoros.world.loading.load_world
 """,
-    DESIGN: """# {title} conf/design/around.yaml has all keys.
+    DESIGN: """# {title} conf/design/around.yaml lists all keys.
 defaults:
 {choices}  - _self_
 

@@ -52,7 +52,7 @@ def _load(path: Path) -> tuple[dict[str, Any], str]:
         tree = _parse(text) if isinstance(tree, dict) else None
     except ValueError as error:
         raise InputError(
-            f"{path}: must be YAML as evoros wrote it ({single_line(error)}); restore the file"
+            f"{path}: not valid YAML ({single_line(error)}); restore the file"
         ) from error
     except Exception as error:
         raise InputError(f"{path}: {describe_error(error)}") from error
@@ -142,7 +142,7 @@ def override_recorded(
 def _check_number(key: str, value: object, recorded: int) -> int:
     if not isinstance(value, int) or not is_whole(value) or value < recorded:
         raise InputError(
-            f"{key}: must be a whole number of at least {recorded} (the run already has "
+            f"{key}: must be an integer >= {recorded} (the run already has "
             f"{recorded}), not {value!r}; a run can be extended but not shortened"
         )
     return value

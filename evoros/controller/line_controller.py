@@ -27,7 +27,7 @@ TEXTS = Rule(
     lambda v: isinstance(v, list | tuple) and all(isinstance(item, str) for item in v),
 )
 MODES = Rule(
-    "a list of distinct strings, at least one",
+    "a non-empty list of distinct strings",
     lambda v: TEXTS.holds(v) and len(v) == len(set(v)) > 0 and all(item.strip() for item in v),
 )
 PARAMETERS = Rule(

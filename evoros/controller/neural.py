@@ -22,7 +22,7 @@ from evoros.controller.protocol import (
 from evoros.robot.model import Robot
 
 ODD = checks.Rule(
-    "an odd whole number, at most 99", lambda v: checks.is_whole(v) and v % 2 == 1 and 0 < v < 100
+    "an odd integer, at most 99", lambda v: checks.is_whole(v) and v % 2 == 1 and 0 < v < 100
 )
 SPAN = checks.Rule(
     "an angle greater than 0, at most 360", lambda v: checks.is_number(v) and 0 < v <= 360

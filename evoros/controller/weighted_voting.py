@@ -14,9 +14,7 @@ from evoros.controller.protocol import Layer
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import sees
 
-HALF_TURN = Rule(
-    "an angle of at least 0 and less than 180 deg", lambda v: is_number(v) and 0 <= v < 180
-)
+HALF_TURN = Rule("an angle >= 0 and < 180 deg", lambda v: is_number(v) and 0 <= v < 180)
 # [rad]: a mount at exactly ``ahead_deg`` counts as ahead, despite the rounding of its yaw
 ROUNDING = 1e-9
 

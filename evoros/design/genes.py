@@ -56,7 +56,7 @@ class Gene:
         if self.high < self.low:
             raise checks.invalid(self, "high", self.high, f"must be at least low ({self.low})")
         if self.whole and not (checks.is_whole(self.low) and checks.is_whole(self.high)):
-            rule = "low and high must be whole numbers if whole is true"
+            rule = "low and high must be integers if whole is true"
             raise checks.invalid(self, "whole", [self.low, self.high], rule)
 
     def value(self, gene: float) -> float:
@@ -102,7 +102,7 @@ def replace_values(part: Part, values: Mapping[str, float], at: str = "") -> Par
         full_path = f"{at}.{name}" if at else name
         if name not in children:
             choices = f"{at or 'the root'} has {', '.join(children) or 'no values'}"
-            raise InputError(f"{full_path}: must lead to an existing value; {choices}")
+            raise InputError(f"{full_path}: must be the path of an existing value; {choices}")
         child = children[name]
         if set(inner_values) != {""}:
             changes[name] = replace_values(child, inner_values, full_path)
@@ -110,7 +110,7 @@ def replace_values(part: Part, values: Mapping[str, float], at: str = "") -> Par
             changes[name] = inner_values[""]
         else:
             inside = f"it contains {', '.join(_children(child)) or 'nothing'}"
-            rule = f"must lead to a number, not a {type(child).__name__}"
+            rule = f"must be the path of a number, not of a {type(child).__name__}"
             raise InputError(f"{full_path}: {rule}; {inside}")
     return _replace_children(part, changes) if changes else part
 

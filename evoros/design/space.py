@@ -45,7 +45,7 @@ class FixedSensor:
 
 
 SLOT_NUMBER = checks.Rule(
-    "a whole number of at least 0, or [low, high] with two such numbers",
+    "a non-negative integer, or [low, high] with two such numbers",
     lambda v: (
         checks.INTERVAL.holds(v) and all(end >= 0 and end.is_integer() for end in checks.bounds(v))
     ),
@@ -75,7 +75,7 @@ class SensorDesign:
 
     def __post_init__(self) -> None:
         self._check_names()
-        known = " or ".join(self.sensors) or "a key of sensors (there is none)"
+        known = " or ".join(self.sensors) or "a key of sensors, which is empty"
         for name, fixed in self.fixed.items():
             if fixed.sensor not in self.sensors:
                 raise checks.invalid(self, f"fixed.{name}.sensor", fixed.sensor, f"must be {known}")

@@ -97,7 +97,7 @@ def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
     if not reason and plugin and (len(pairs) == 1 or (pairs and _PUSHING_PLUGIN.search(plugin))):
         _LOG.warning(
             f"{urdf.source}: the Gazebo plugin {plugin} can also push the robot sideways; missions "
-            "never command it, and the wheels roll and slip as plain ones"
+            "never command that, and the wheels are simulated as plain wheels"
         )
     elif reason or plugin:
         kind = _choose_kind(pairs)

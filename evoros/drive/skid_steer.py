@@ -15,8 +15,8 @@ from evoros.drive.protocol import ANGLE, LINKS, SIDE, DriveDescription, check_ca
 from evoros.drive.rolling import Pair
 from evoros.formats.urdf.tree import Urdf
 
-AT_LEAST_ONE = Rule("a number of at least 1", lambda v: is_number(v) and v >= 1)
-RADII = Rule("numbers greater than 0", lambda v: bool(v) and all(map(POSITIVE.holds, v)))
+AT_LEAST_ONE = Rule("a number >= 1", lambda v: is_number(v) and v >= 1)
+RADII = Rule("positive numbers", lambda v: bool(v) and all(map(POSITIVE.holds, v)))
 
 
 def compute_turning_resistance(wheel_x_m: Sequence[float], tracks_m: Sequence[float]) -> float:

@@ -9,7 +9,7 @@ from evoros.base.combining import Combine, mean
 from evoros.base.errors import InputError
 
 ROUND = Rule(
-    "a mapping from design ids to whole numbers of trials",
+    "a mapping from design ids to numbers of trials",
     lambda v: isinstance(v, Mapping) and all(map(is_whole, v.values())),
 )
 

@@ -203,7 +203,7 @@ def _crash(code: int | None) -> NoAnswerError:
 def null_or_whole(minimum: int) -> Rule:
     """Return the rule for an optional whole number."""
     return Rule(
-        f"a whole number of at least {minimum}, or null",
+        f"an integer >= {minimum}, or null",
         lambda v: v is None or (is_whole(v) and v >= minimum),
         limit=MOST,
     )

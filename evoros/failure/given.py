@@ -13,7 +13,7 @@ from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
 
 SENSORS = Rule(
-    "a list of distinct non-negative whole numbers",
+    "a list of distinct non-negative integers",
     lambda v: isinstance(v, list | tuple) and all(map(WHOLE.holds, v)) and len(set(v)) == len(v),
 )
 TIMES = Rule(

@@ -20,7 +20,7 @@ from evoros.geometry.shapes import MASS, Body, Pose, Shape
 
 _MIN_SIZE_M = 0.001  # minimum size [m], and the step [m] to which sizes are rounded
 SIZE = checks.Rule(
-    f"a number of at least {_MIN_SIZE_M:g}, or [low, high] of such numbers with low <= high",
+    f"a number >= {_MIN_SIZE_M:g}, or [low, high] with such numbers and low <= high",
     lambda v: checks.INTERVAL.holds(v) and checks.bounds(v)[0] >= _MIN_SIZE_M,
 )
 

@@ -91,7 +91,7 @@ def _check_references(tree: Any) -> None:
     try:
         measure((), tree)
     except RecursionError:
-        raise ValueError("its references form too long a chain") from None
+        raise ValueError("a chain of references is too long") from None
 
 
 def _find(node: Any, path: tuple[str, ...]) -> Any:

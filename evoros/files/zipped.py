@@ -108,7 +108,7 @@ def _check_members(path: Path, members: list[ZipInfo]) -> dict[str, ZipInfo]:
     for name in by_name:
         above = {str(place) for place in Path(name).parents} & (by_name.keys() - folders)
         if above:
-            raise _refuse(path, "files or folders", f"but {above.pop()!r} is both")
+            raise _refuse(path, "distinct files and folders", f"but {above.pop()!r} is both")
     return {name: member for name, member in by_name.items() if name not in folders}
 
 
@@ -116,19 +116,21 @@ def _check_member(path: Path, name: str, member: ZipInfo) -> None:
     parts = name.split("/")
     strange = "\\" in name or ":" in name or not name.isprintable() or "\0" in name
     if strange or any(part in ("", ".", "..") for part in parts) or max(map(len, parts)) > 255:
-        raise _refuse(path, "relative names without .. and empty parts", f"not {name!r}")
+        raise _refuse(path, "relative names without .. or empty parts", f"not {name!r}")
     kind = stat.S_IFMT(member.external_attr >> 16)
     if kind not in (0, stat.S_IFDIR if member.is_dir() else stat.S_IFREG):
         raise _refuse(path, "only files and folders", f"but {name!r} is a link or a device")
     if member.is_dir() and member.file_size:
-        raise _refuse(path, "folders without content", f"but {name!r} has some")
+        raise _refuse(path, "empty folders", f"but the folder {name!r} has content")
     if member.flag_bits & 1 or member.compress_type not in (ZIP_STORED, ZIP_DEFLATED):
         raise _refuse(path, "stored or deflated files", f"but {name!r} is compressed differently")
     if member.file_size > LARGE:
         raise _refuse(path, f"files of at most {LARGE >> 20} MiB", f"but {name!r} is larger")
     if member.file_size > max(ANY_RATIO, RATIO * member.compress_size):
         ratio = member.file_size // max(member.compress_size, 1)
-        raise _refuse(path, f"files packed at most {RATIO} to 1", f"but {name!r} is {ratio} to 1")
+        raise _refuse(
+            path, f"compression ratios of at most {RATIO}", f"but the ratio of {name!r} is {ratio}"
+        )
 
 
 def _find_damage(archive: ZipFile) -> str:

@@ -55,7 +55,7 @@ def parse_leniently(content: bytes, source: str) -> Element:
         if not repairs:
             raise
     root = parse(text.encode(), source)
-    _LOG.warning("%s: not well-formed XML, read as in Gazebo; the file has %s",
+    _LOG.warning("%s: not well-formed XML (%s); the file is read as Gazebo reads it",
                  source, ", ".join(repairs))  # fmt: skip
     return root
 

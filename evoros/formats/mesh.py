@@ -44,8 +44,8 @@ class Mesh:
             return self.remarks
         count = len(self.shapes)
         parts = "its convex hull" if count == 1 else f"{count} convex parts"
-        deviation = f"up to {1e3 * self.deviation_m:.0f} mm off its surface"
-        return (f"the mesh is replaced by {parts}, {deviation}", *self.remarks)
+        deviation = f"up to {1e3 * self.deviation_m:.0f} mm from the mesh's surface"
+        return (f"the mesh is replaced by {parts} ({deviation})", *self.remarks)
 
 
 def read_mesh(file: MeshFile, work: float = WORK) -> Mesh:

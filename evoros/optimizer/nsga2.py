@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 POPULATION = replace(
     COUNT,
-    text="an even number of at least 4",
+    text="an even integer >= 4",
     holds=lambda v: is_whole(v) and v >= 4 and v % 2 == 0,
 )
 

@@ -78,9 +78,9 @@ def report_repeatability(scenario: Scenario, mission: Mission, pool: Pool) -> No
     difference = find_difference(first, second, columns)
     if difference:
         LOGGER.warning(
-            f"controller: {describe(mission)} was run twice, and {difference}; results that depend "
-            "on the controller cannot be repeated exactly; plugins/ros/README.md lists possible "
-            "causes"
+            f"controller: {describe(mission)} was run twice, and {difference}, so results that "
+            "depend on the controller cannot be repeated exactly; plugins/ros/README.md lists "
+            "possible causes"
         )
 
 

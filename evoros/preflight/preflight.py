@@ -282,7 +282,7 @@ def check_told(subject: scene.Subject) -> Iterator[str]:
     for limit, key in told.items():
         yield (
             f"{key}: the program receives only the first {limit} sensors of each design, but "
-            f"designs have up to {count}; the controller's layers see all"
+            f"designs have up to {count}; the controller's layers receive all sensors"
         )
 
 

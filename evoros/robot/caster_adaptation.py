@@ -155,9 +155,13 @@ def add_supports(
         names.append(name)
     if not names:
         return Casters((), {}, ())
-    why = "the weight is not between axle and casters" if places else "no caster supports it"
+    why = (
+        "the centre of mass is not between the axle and the casters"
+        if places
+        else "no caster supports it"
+    )
     where = " and ".join(name.rpartition("_")[2] for name in names)
-    note = f"the robot slides on an assumed ball at the {where}, because {why}"
+    note = f"a frictionless support at the {where} of the robot is assumed, because {why}"
     return Casters(tuple(names), {}, (note,))
 
 

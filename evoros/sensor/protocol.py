@@ -61,7 +61,7 @@ class Mount:
 
 
 BOX = checks.Rule(
-    "a list of three lengths greater than 0",
+    "a list of three positive lengths",
     lambda v: isinstance(v, list | tuple) and len(v) == 3 and all(map(checks.POSITIVE.holds, v)),
 )
 BEAM = checks.Rule(
@@ -219,7 +219,7 @@ def check_sensor(sensor: Sensor) -> None:
         whole = isinstance(value, np.ndarray) and value.dtype.kind == "i" and value.shape == (rays,)
         return whole and value.min() >= 0 and bool(value.max() <= last)
 
-    text = f"an array ({rays},) of whole numbers from 0 to {last}, the channel of each ray"
+    text = f"an array ({rays},) of integers from 0 to {last}, the channel of each ray"
     checks.ask("", sensor.channel_of, checks.Rule(text, are_channels))
 
 

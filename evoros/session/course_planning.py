@@ -141,7 +141,10 @@ def _find_world(place: _Place) -> tuple[World, str]:
         if first is not None:
             shapes = sum(len(body.shapes) for body in place.bodies)
             if shapes > MANY and not first[1].is_enclosed:
-                limit = f"enclosed regions elsewhere were not searched among {shapes:,} shapes"
+                limit = (
+                    f"other enclosed regions were not searched for, because there are {shapes:,} "
+                    "shapes"
+                )
                 return first[0], f"{first[1].place}; {limit}"
             every = (first,) if shapes > MANY else (first, *suggested)
             world, chosen = next((one for one in every if one[1].is_enclosed), first)

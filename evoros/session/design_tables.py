@@ -157,7 +157,7 @@ def _read_mount(at: str, cells: Mapping[str, str], member: Member) -> tuple[int,
     """Read the index and mount of a sensor; for empty cells, the robot's defaults apply."""
     if not re.fullmatch(r"[0-9]{1,9}", cells["sensor"]):
         raise InputError(
-            f"{at}: sensor must be a whole number of at least 0, not {quote(cells['sensor'])}; "
+            f"{at}: sensor must be a non-negative integer, not {quote(cells['sensor'])}; "
             f"number the sensors of a design 0, 1, 2 ..."
         )
     types = list(member.design.sensors)

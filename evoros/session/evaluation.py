@@ -184,7 +184,7 @@ class Evaluation:
             found = [mission for mission in new if self.folder.has(mission)]
             for mission in found:
                 outcomes = self.folder.find(mission)
-                assert outcomes is not None, "the folder has it"
+                assert outcomes is not None, "the folder has the mission"
                 self._take(mission, outcomes)
             if not found:
                 return

@@ -119,8 +119,9 @@ def log_repair(repair: Repair) -> None:
     if repair.kept is not None:
         lost = ", repeated, from another run, or without a trajectory"
         LOGGER.warning(
-            "%s%s: damaged (for example by a disk fault or an editor)%s; rewritten; the damaged "
-            "file is kept as %s",
+            "%s%s: damaged (for example by a disk fault or an editor)%s; the file is rewritten, "
+            "and the "
+            "damaged file is kept as %s",
             *(repair.path, repair.where, lost if name == layout.MISSIONS else "", repair.kept),
         )
         return

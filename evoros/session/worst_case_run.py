@@ -82,7 +82,7 @@ class WorstCaseRun:
         outcomes: dict[str, list[Outcome]] = {}
         for mission in missions:
             recorded = self.folder.find(mission)
-            assert recorded is not None, "it has been run"
+            assert recorded is not None, "the mission has been run"
             outcomes.setdefault(mission.world, []).append(judge(recorded))
         return outcomes
 
@@ -137,7 +137,7 @@ def keep_worst(
     missing: dict[Scenario, Missing] = {}
     for mission, scenario in worst:
         outcomes = folder.find(mission)
-        assert outcomes is not None, "its row names it"
+        assert outcomes is not None, "the mission has a row"
         if judge(outcomes).ended not in NOT_RUN and not folder.trajectories.has(mission):
             missing.setdefault(scenario, {})[mission.key] = mission, outcomes
     for scenario, of_scenario in missing.items():

@@ -69,7 +69,7 @@ def _warn_standing(rows: Iterable[Row]) -> Iterator[str]:
     for name, missions in known.items():
         if 2 * moving[name] < missions:
             yield (
-                f"{name} stood still for most of its time in {missions - moving[name]} of "
+                f"{name} stood still for most of the time in {missions - moving[name]} of "
                 f"{missions} missions; show one with evoros analyze mission, and clear the robot's "
                 "path"
             )

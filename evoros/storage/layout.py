@@ -152,7 +152,7 @@ def read_json(path: Path) -> dict[str, Any]:
 _TEXT = Rule("a string", lambda v: isinstance(v, str))
 _TEXT_OR_NULL = Rule("a string or null", lambda v: isinstance(v, str | None))
 _FLAG_OR_NULL = Rule("true, false or null", lambda v: isinstance(v, bool | None))
-_WHOLE = Rule("a whole number", is_whole)
+_WHOLE = Rule("an integer", is_whole)
 _NUMBER_OR_NULL = Rule("a number or null", lambda v: v is None or is_real(v))
 _TEXTS = Rule("a list of strings", lambda v: isinstance(v, list) and all(map(_TEXT.holds, v)))
 _OBJECT = Rule("an object", lambda v: isinstance(v, dict))

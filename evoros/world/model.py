@@ -19,7 +19,7 @@ from evoros.walkers.crowd import Crowd
 from evoros.world.course import A_COURSE, Course
 from evoros.world.floors import MAT_M, check_planes, ground_height, has_level_ground
 
-LENGTH = Rule("a length greater than 0, or null", lambda v: v is None or POSITIVE.holds(v))
+LENGTH = Rule("a positive length, or null", lambda v: v is None or POSITIVE.holds(v))
 KEPT_WORLDS = 512
 """Maximum size of caches whose keys are worlds.
 

@@ -133,7 +133,7 @@ def test_differences_are_those_of_the_means() -> None:
     assert {text: round(i.value, 9) for text, i in result.items()} == {
         "y - x": (3 + 11) / 2 - (1 + 4) / 2,
         "v - u": (4 + 11) / 2 - (1 + 3) / 2,
-        "(y - x) at v minus at u": (11 - 4) - (3 - 1),
+        "(y - x) with v minus with u": (11 - 4) - (3 - 1),
     }
     assert all(i.low < i.value < i.high for i in result.values())
 

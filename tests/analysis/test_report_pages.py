@@ -130,7 +130,8 @@ def test_the_page_opens_with_what_is_better_and_how_sure(browser: Chrome, study:
     assert (shown, missing) == (expected, "")
     assert any("versus" in line for line in shown)
     assert (
-        sum("median" in line and "may cover the true value less" not in line for line in shown) == 2
+        sum("median" in line and "may cover the true value in fewer" not in line for line in shown)
+        == 2
     )
     order = browser.execute_script(
         "const at = (rule) => [...document.querySelectorAll('main section')]"

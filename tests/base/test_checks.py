@@ -36,13 +36,13 @@ class Part:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Part(0), "Part.size_m: must be a number greater than 0, not 0"),
-        (lambda: Part(True), "Part.size_m: must be a number greater than 0, not True"),
-        (lambda: Part(1, 0), "Part.limit_m: must be a number greater than 0, not 0"),
-        (lambda: Part(1, pairs=0), "Part.pairs: must be a whole number of at least 1, not 0; for "),
+        (lambda: Part(0), "Part.size_m: must be a positive number, not 0"),
+        (lambda: Part(True), "Part.size_m: must be a positive number, not True"),
+        (lambda: Part(1, 0), "Part.limit_m: must be a positive number, not 0"),
+        (lambda: Part(1, pairs=0), "Part.pairs: must be a positive integer, not 0; for "),
         (lambda: Part(1, pairs=3), "Part.pairs: must be even, not 3; for example, set it to"),
         (lambda: Part(1, inner=1), "Part.inner: must be a mapping from names to parts"),  # type: ignore[arg-type]
-        (lambda: Part(1, limit_m={"a": 1}), "add _target_, the class of which these keys are"),  # type: ignore[arg-type]
+        (lambda: Part(1, limit_m={"a": 1}), "add _target_, with the class that takes these keys"),  # type: ignore[arg-type]
     ],
 )
 def test_a_field_that_breaks_its_rule_is_named_with_the_rule_and_the_value(
@@ -79,7 +79,7 @@ def test_checks_of_several_fields_see_only_fields_that_keep_their_rules() -> Non
             if self.low > self.high:
                 raise invalid(self, "low", self.low, "must be at most high", "lower it")
 
-    with pytest.raises(InputError, match=r"Window\.high: must be a number"):
+    with pytest.raises(InputError, match=r"Window\.high: must be a non-negative number"):
         Window(1, -1)
     assert not seen
     with pytest.raises(InputError, match=r"^Window\.low: must be at most high, not 2; lower it$"):

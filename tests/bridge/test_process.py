@@ -218,7 +218,10 @@ def test_news_that_arrive_together_are_read_one_by_one() -> None:
 
 def test_macos_is_told_before_anything_starts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "platform", "darwin")
-    with pytest.raises(LaunchError, match="needs Linux, not darwin; use"), start_process(["true"]):
+    with (
+        pytest.raises(LaunchError, match="requires Linux, not darwin; use"),
+        start_process(["true"]),
+    ):
         pass
 
 

@@ -279,9 +279,9 @@ def test_the_confirming_simulators_module_is_part_of_the_run(whole: Path) -> Non
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["confirmation.best=0"], "confirmation.best: must be a whole number of at least 1"),
-        (["confirmation.best=1.5"], "confirmation.best: must be a whole number of at least 1"),
-        (["confirmation.best=true"], "confirmation.best: must be a whole number of at least 1"),
+        (["confirmation.best=0"], "confirmation.best: must be a positive integer"),
+        (["confirmation.best=1.5"], "confirmation.best: must be a positive integer"),
+        (["confirmation.best=true"], "confirmation.best: must be a positive integer"),
         (
             ["confirmation.simulator=null"],
             "confirmation.simulator: must be an evoros.parts.Simulator",

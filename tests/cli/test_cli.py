@@ -36,11 +36,14 @@ BAD = [
     (["failure=null"], "failure: must be one of"),
     (["optimizer=[1]"], "optimizer: must be one of"),
     (["controller.avoidance.rang_m=1"], "did you mean controller.avoidance.range_m"),
-    (["controller.avoidance.range_m=-1"], "controller.avoidance.range_m: must be a number greater"),
+    (
+        ["controller.avoidance.range_m=-1"],
+        "controller.avoidance.range_m: must be a positive number",
+    ),
     (["+controller.avoidance.rang=1"], "controller.avoidance: unknown key 'rang'"),
     (["controller.period_s=0.033"], "controller.period_s: must be a whole multiple of"),
     (["design.sensors.sonar.period_s=0.033"], "design.sensors.sonar.period_s: must be a whole"),
-    (["seed=x"], "seed: must be a whole number"),
+    (["seed=x"], "seed: must be a non-negative integer"),
     (["seed=[1"], "must be key=value"),
     ([""], "must be key=value"),
     (["seed"], "must be key=value"),
@@ -59,11 +62,14 @@ BAD = [
     ),
     (["population_size=3"], "did you mean optimizer.population_size"),
     (["~fitness._target_"], "fitness: must be a fitness function (a subclass"),
-    (["+design.genes.a={key: controller.period_s, low: 0, high: 1}"], "add _target_, the class"),
+    (
+        ["+design.genes.a={key: controller.period_s, low: 0, high: 1}"],
+        "add _target_, with the class",
+    ),
     (["fitness._target_=builtins.dict"], "fitness._target_: must be a class in evoros or in a"),
     (
         ["fitness._target_=evoros.files.disk.os.getcwd"],
-        "evoros.files.disk.os.getcwd is not a part's class",
+        "evoros.files.disk.os.getcwd is not the class of a part",
     ),
     (["+_partial_=true"], "_target_: must be evoros.evolution.experiment.Experiment"),
     (["--nix"], "unrecognized arguments: --nix"),
@@ -164,7 +170,7 @@ def test_a_sweep_names_its_folders_and_starts_nothing_if_a_job_is_bad(
     arguments = [*TINY, "executor=serial", f"hydra.sweep.dir={sweep}", "optimizer.generations=1"]
     for swept, told in (
         (["failure=spatial,random,nix", "seed=0,-1"], "failure: must be one of"),
-        (["failure=spatial,random", "seed=0,-1"], "seed: must be a whole number"),
+        (["failure=spatial,random", "seed=0,-1"], "seed: must be a non-negative integer"),
     ):
         assert evoros(["-m", *arguments, *swept]) == INPUT
         assert told in capsys.readouterr().err

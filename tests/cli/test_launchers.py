@@ -48,7 +48,7 @@ def test_a_launcher_makes_the_same_folders_and_a_bad_job_stops_the_sweep(
     now = everything(sweep)
     assert {name: now[name] for name in before} == before
     err = capfd.readouterr().err
-    assert err.count("seed: must be a whole number of at least 0, not -2") == 1
+    assert err.count("seed: must be a non-negative integer, not -2") == 1
     assert "Traceback" not in err
 
 
@@ -79,7 +79,7 @@ def test_a_sweeper_that_looks_for_the_worst_is_noted(
     assert launch(tmp_path / "sweep", *options) == INPUT
     err = capsys.readouterr().err
     assert "for the highest, add hydra.sweeper.direction=maximize" in err
-    assert "evoros: seed: must be a whole number" in err
+    assert "evoros: seed: must be a non-negative integer" in err
 
 
 @pytest.mark.slow

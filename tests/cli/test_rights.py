@@ -160,7 +160,7 @@ def test_a_begun_run_that_can_be_read_only_is_left_as_it_is(whole: Path, tmp_pat
         assert status == INPUT
         (line,) = errors
         assert "run: must be writable by this user" in line
-        assert "give this user the rights to read and write there, or copy the folder" in line
+        assert "give this user read and write permission there, or copy the folder" in line
     assert everything(run) == before
     assert resume(run, "executor=serial") == DONE
     assert content(run) == content(whole)
@@ -178,7 +178,9 @@ def test_rights_that_go_in_mid_run_stop_it_in_one_line_and_it_goes_on_with_them(
         _, errors = process.communicate(timeout=LIMIT_S)
         assert process.returncode == STOPPED
         last = errors.splitlines()[-1]
-        assert "cannot be used (Permission denied); give this user the rights" in last
+        assert (
+            "cannot be used (Permission denied); give this user read and write permission" in last
+        )
         assert "to continue type: evoros resume run" in last
         assert "Traceback" not in errors
     assert resume(tmp_path / "run", "executor=serial") == DONE
@@ -227,7 +229,7 @@ def test_a_folder_that_cannot_be_read_is_told_without_a_traceback(
         found, _, errors = command(*words, cwd=tmp_path)
     assert found == INPUT
     assert str(run) in errors[0]
-    assert "(Permission denied); give this user the rights to read and write there" in errors[0]
+    assert "(Permission denied); give this user read and write permission there" in errors[0]
     assert not any("Traceback" in line for line in errors)
 
 

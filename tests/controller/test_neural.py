@@ -192,7 +192,7 @@ def test_compiled_and_interpreted_bits_are_the_same(recurrent: bool, symmetric: 
     [
         ({"weights": [0.5] * 3}, "Neural.weights: must be 41 numbers"),
         ({"weights": ["a"]}, "Neural.weights: must be a list of numbers"),
-        ({"sectors": 4}, "Neural.sectors: must be an odd whole number"),
+        ({"sectors": 4}, "Neural.sectors: must be an odd integer"),
         ({"hidden": 0}, "Neural.hidden: must be"),
         ({"min_speed_mps": 0.5}, "Neural.min_speed_mps: must be at most speed_mps"),
         ({"weight_limit": 0.0}, "Neural.weight_limit: must be"),

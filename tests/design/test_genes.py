@@ -73,11 +73,14 @@ def test_values_that_are_valid_only_together_are_replaced_together() -> None:
 @pytest.mark.parametrize(
     ("path", "message"),
     [
-        ("avoidance.rang_m", "avoidance.rang_m: must lead to an existing value.*range_m, near_m"),
+        (
+            "avoidance.rang_m",
+            "avoidance.rang_m: must be the path of an existing value.*range_m, near_m",
+        ),
         ("avoidance.hidden", "existing value"),
-        ("avoidance", "a number, not a Avoidance; it contains range_m"),
-        ("mode", "a number, not a str"),
-        ("flag", "a number, not a bool"),
+        ("avoidance", "a number, not of a Avoidance; it contains range_m"),
+        ("mode", "a number, not of a str"),
+        ("flag", "a number, not of a bool"),
         ("votes.more", "has no values"),
         ("layers.2.range_m", "has 0, 1"),
         ("", "existing value"),
@@ -98,7 +101,7 @@ def test_genes_are_tried_at_both_ends_before_a_run() -> None:
         check_genes({"avoid": Gene(key, 0.5, 4)}, PARTS)
     with pytest.raises(InputError, match=r"genes\.near\.high: .* cannot be 9 .*range_min_m"):
         check_genes({"near": Gene("design.sensors.sonar.range_min_m", 0.01, 9)}, PARTS)
-    with pytest.raises(InputError, match=r"^design\.genes\.g: controller\.no: must lead to"):
+    with pytest.raises(InputError, match=r"^design\.genes\.g: controller\.no: must be the path of"):
         check_genes({"g": Gene("controller.no", 0, 1)}, PARTS)
 
 

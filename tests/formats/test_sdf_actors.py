@@ -107,7 +107,7 @@ def test_actors_can_be_left_out(caplog: pytest.LogCaptureFixture) -> None:
 @pytest.mark.parametrize(
     ("script", "says"),
     [
-        (waypoints((-1.0, 0.0, 0.0)), "must be a time of at least 0 s"),
+        (waypoints((-1.0, 0.0, 0.0)), "must be a non-negative time"),
         ("<trajectory><waypoint><time>1</time></waypoint></trajectory>", "must have a <pose>"),
     ],
 )

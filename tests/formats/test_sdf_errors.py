@@ -76,7 +76,7 @@ def test_what_no_engine_has_is_reported_by_name_and_line(
 
 TOLD = [
     # What is left out.
-    ("<actor name='a'/>", "world", "stands still, because it has no two waypoints"),
+    ("<actor name='a'/>", "world", "stands still, because it has fewer than two waypoints"),
     ("<road name='r'/>", "world", "paint"),
     ("<population name='p'/>", "world", "left out"),
     ("<plugin name='p' filename='libmove.so'/>", "model", "libmove.so is ignored"),
@@ -213,7 +213,7 @@ UNUSABLE = [
      "<link name='k'><pose relative_to='a'/></link>", "model", "a -> m::b -> m::a"),
     ("<frame name='a' attached_to='a'/>", "model", "circular"),
     ("<frame name='a' attached_to='nowhere'/>", "world", "'nowhere'"),
-    ("<frame name='l'/>", "model", "taken"),
+    ("<frame name='l'/>", "model", "in use"),
     ("<link/>", "model", "must have a name"),
     ("<link name='world'/>", "model", "reserved"),
     ("<collision name='d'/>", "link", "geometry"),
@@ -228,7 +228,7 @@ def test_what_cannot_be_used_is_an_error_with_file_line_and_fix(
         world(put(element, where))
     message = str(caught.value)
     # Of two with one name the later one is named, which here stands on the line after.
-    line = 4 if says == "taken" else 3
+    line = 4 if says == "in use" else 3
     assert message.startswith(f"w.sdf:{line}: <"), message
     assert says in message
     assert "; " in message

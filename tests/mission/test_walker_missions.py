@@ -127,7 +127,7 @@ def test_another_group_leaves_the_draws_of_the_first_alone() -> None:
 
 WRONG: Sequence[tuple[list[str], str]] = [
     (["walkers.people.pace_mps=-1"], "walkers.people.pace_mps: must be a number greater than 0"),
-    (["walkers.people.number=[5,2]"], "walkers.people.number: must be a whole number from 0"),
+    (["walkers.people.number=[5,2]"], "walkers.people.number: must be an integer from 0"),
     (["walkers.people.route=[[1,1]]"], "route: must be a list of at least two corners"),
     (["walkers.people.route=[[1,1],[1,1],[2,2]]"], "people.route: must not have the same corner"),
     (["walkers.people.route=[[-9,-2],[9,-2]]"], "walkers.people.route: each leg must be clear"),

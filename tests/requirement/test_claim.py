@@ -122,7 +122,7 @@ REFUSED: list[tuple[Any, str]] = [
     ({"at_least": 0.5}, "must have the key of"),
     (0.9, "must be a mapping, as in {of: completed, at_least: 0.9}, not 0.9"),
     (None, "must be a mapping"),
-    ({"survives": 0}, "survives: must be a whole number of at least 1, not 0"),
+    ({"survives": 0}, "survives: must be a positive integer, not 0"),
 ]
 
 

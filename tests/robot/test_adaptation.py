@@ -554,7 +554,7 @@ def test_a_robot_without_casters_slides_on_assumed_balls(
 ) -> None:
     robot = load(tmp_path, BASE, WHEELS)
     assert set(robot.drive.caster_links) == {"evoros_support_front", "evoros_support_rear"}
-    assert told(caplog, "assumed ball at the front and rear")
+    assert told(caplog, "support at the front and rear of the robot is assumed")
     caplog.clear()
     heavy = BASE.replace("<inertial>", f'<inertial><origin xyz="{x} 0 0.1"/>')
     robot = load(tmp_path, heavy, WHEELS, CASTER)

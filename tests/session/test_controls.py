@@ -125,7 +125,7 @@ def test_controls_of_a_smaller_search_are_refused(
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (("controls.trials=0",), "controls.trials: must be a whole number of at least 1, not 0"),
+        (("controls.trials=0",), "controls.trials: must be a positive integer, not 0"),
         (("controls.designs=[]",), "controls.designs: must be a list of no_sensors, random"),
         (("controls.designs=[missing.csv]",), "missing.csv: not found"),
         (("optimizer=random_search",), "random is not a control, because the run itself is"),
@@ -149,7 +149,7 @@ def test_controls_that_mean_nothing_are_refused_before_the_run(
         (1.0, 1.0 - LITTLE, "decided little here"),
         (1.0, 1.01 - LITTLE, "no evidence that the champion is better"),
         (0.5, 1.0 - LITTLE, "no evidence that the champion is better"),  # a share of its missions
-        (0.0, 0.0, "this decides nothing"),
+        (0.0, 0.0, "the comparison is inconclusive"),
         (1.0, np.nan, "no evidence that the champion is better"),  # too few runs for an interval
     ],
 )

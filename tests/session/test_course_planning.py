@@ -82,4 +82,4 @@ def test_what_is_not_searched_in_a_huge_world_is_told(
 ) -> None:
     monkeypatch.setattr(course_planning, "MANY", 2)
     path = write(tmp_path, [(3, y, 0.5, 1, 1, 1) for y in (-3, 0, 3)], (0.0, 0.0))
-    assert "were not searched among 4 shapes" in plan_course({"sdf": str(path)}, rover()).reason
+    assert "because there are 4 shapes" in plan_course({"sdf": str(path)}, rover()).reason

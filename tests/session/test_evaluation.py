@@ -410,7 +410,7 @@ BAD = [
     (f"{HEADER}\n0,0,0.1,,0", "line 2: y_m must be a number, not ''"),
     (f"{HEADER}\n0,0,24,0,0", "line 2: sensor: x extends from"),
     (f"{HEADER}\n0,0,0.1,0,400", "line 2: yaw_deg: must be a number, or [low, high]"),
-    (f"{HEADER}\n0,x,0.1,0,0", "line 2: sensor must be a whole number of at least 0, not 'x'"),
+    (f"{HEADER}\n0,x,0.1,0,0", "line 2: sensor must be a non-negative integer, not 'x'"),
     (f"{HEADER}\n,0,0.1,0,0", "line 2: design is empty"),
     (f"{HEADER}\n0,0,0.1,0", "line 2: must have 5 cells, like the first line, not 4"),
     (f"{HEADER}\n0,0,0.1,0,0\n0,0,0.2,0,0", "line 3: design '0' has sensor 0 twice"),
@@ -485,7 +485,7 @@ def test_a_design_that_the_parts_refuse_is_refused_before_anything_is_made(
     refused(
         tmp_path,
         run,
-        "controller.avoidance.range_m: must lead to an existing value",
+        "controller.avoidance.range_m: must be the path of an existing value",
         capsys,
         "controller/avoidance=blind",
     )

@@ -205,8 +205,8 @@ def test_missions_that_were_lost_by_a_kill_run_again(
 @pytest.mark.parametrize(
     ("typed", "said"),
     [
-        ("trials=3", "trials: must be a whole number of at least 4 (the run already"),
-        ("trials=many", "trials: must be a whole number of at least 4"),
+        ("trials=3", "trials: must be an integer >= 4 (the run already"),
+        ("trials=many", "trials: must be an integer >= 4"),
         ("seed=1", "seed=1: resume accepts only executor, executor.* and a larger trials; to"),
         ("optimizer.generations=9", "optimizer.generations=9: resume accepts only executor"),
         ("+trials=9", "+trials=9: resume accepts only executor"),

@@ -112,7 +112,7 @@ def test_the_figure_says_what_was_found(whole: Path, capsys: pytest.CaptureFixtu
     assert evoros_analyze(["worst", str(whole), "--output", str(whole / "drawn")]) == DONE
     said = capsys.readouterr().out
     assert "design a of" in said
-    assert "under the run's failure model: not completed near" in said
+    assert "under the run's failure model: share of" in said
     assert "stopped by" in said
     risks = pd.read_csv(whole / "drawn" / "worst_risks.csv")
     assert set(risks["missions"]) == {3}  # the drawn trials alone

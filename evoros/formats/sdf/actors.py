@@ -52,7 +52,10 @@ def settle_vehicles(container: Element, reading: Reading) -> set[str]:
         elif joints:
             names = ", ".join(xml.quote(joint.get("name", "")) for joint in joints[:3])
             more = f" and {len(joints) - 3} more" if len(joints) > 3 else ""
-            problem = f"keeps its joints {names}{more} fixed: the parts of a model cannot move"
+            problem = (
+                f"has joints that are simulated as fixed ({names}{more}), because the parts of a "
+                "model cannot move"
+            )
             reading.notes.add(model, problem, "joints")
             for joint in joints:
                 joint.set("type", "fixed")
@@ -222,7 +225,9 @@ def _read_actor(element: Element, taken: set[str], reading: Reading) -> Actor:
     starts = script is None or _read_flag(script, "auto_start")
     if len(points) < 2 or not starts:
         x, y, _ = points[0] if points else read_pose(element).pose.position
-        problem = "stands still, because it has no two waypoints or its <auto_start> is false"
+        problem = (
+            "stands still, because it has fewer than two waypoints or its <auto_start> is false"
+        )
         reading.notes.add(element, problem, "actor that stands")
         return Actor(unique, ((x, y, 0.0),))
     assert script is not None
@@ -245,7 +250,7 @@ def _read_points(script: Element) -> Iterator[Point]:
         places: dict[float, Vector] = {}
         for waypoint in trajectory.findall("waypoint"):
             element = xml.require_child(waypoint, "time")
-            time = xml.read_number(element, "a time of at least 0 s", lambda value: value >= 0.0)
+            time = xml.read_number(element, "a non-negative time [s]", lambda value: value >= 0.0)
             places[time] = xml.parse_pose(xml.require_child(waypoint, "pose")).position
         # The times of a later trajectory may start again.
         shift = last if min(places, default=math.inf) <= last else 0.0

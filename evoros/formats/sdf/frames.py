@@ -43,7 +43,7 @@ class Frames:
             name = read_name(element)
             path = (*scope, name)
             if path in self._frames:
-                problem = f"has a name that is taken: {quote(name)}"
+                problem = f"has a name that is already in use: {quote(name)}"
                 raise element_error(element, problem, "rename one of the two")
             if name == "world" or (name.startswith("__") and name.endswith("__")):
                 raise element_error(element, f"has a reserved name: {quote(name)}", "rename it")
@@ -108,7 +108,10 @@ class Frames:
         pose, visited = Pose(), {path}
         while within != path:
             if within in visited or not within:
-                problem = f"names a placement_frame that it lacks: {quote(frame.placement)}"
+                problem = (
+                    "names a placement_frame that the model does not contain: "
+                    f"{quote(frame.placement)}"
+                )
                 raise element_error(element, problem, "name a link or frame of the model")
             visited.add(within)
             pose = self._relative_pose(within) @ pose

@@ -133,7 +133,9 @@ def read_link(element: Element, path: Path, frames: Frames, static: bool, readin
     for collision in element.findall("collision"):
         name = xml.read_name(collision)
         if name in names:
-            raise xml.element_error(collision, "has a name that is taken", "rename one of the two")
+            raise xml.element_error(
+                collision, "has a name that is already in use", "rename one of the two"
+            )
         names.add(name)
         pose = frames.resolve(collision, path)
         shapes = _read_shapes(collision, element, pose, path, frames, reading)

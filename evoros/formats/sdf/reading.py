@@ -102,7 +102,7 @@ class Addresses:
                 return f"names {uri}, but {folder} has {lacking}", remedy
             return (
                 f"names {uri}, but no model folder contains {name} (searched: the declared "
-                "folders, those around the file, and those in environment variables)",
+                "folders, the folders around the file, and the folders in environment variables)",
                 Remedy(
                     "add the folder that holds {} to world.NAME.model_paths or "
                     "GZ_SIM_RESOURCE_PATH",

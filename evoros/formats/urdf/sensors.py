@@ -104,7 +104,7 @@ def _read_values(noise: Element | None) -> tuple[dict[str, float], list[str]]:
 
 def _tell(lost: Iterable[str], where: str) -> tuple[str, ...]:
     names = list(dict.fromkeys(lost))
-    return (f"cannot represent all of {where}: {', '.join(names)}",) * bool(names)
+    return (f"cannot represent some parts of {where}: {', '.join(names)}",) * bool(names)
 
 
 LIDAR, SONAR, BUMPER, IMU = "lidar", "sonar", "bumper", "imu"
@@ -233,7 +233,10 @@ def _read_fan(fan: Element) -> tuple[int, float, float, tuple[str, ...]]:
     resolution = xml.find_child(fan, "resolution")
     scale = 1.0 if resolution is None else xml.read_positive(resolution, 1)[0]
     ranges = max(1, int(samples * scale))
-    text = f"casts {samples} rays for {ranges} ranges (<resolution>); evoros casts one for each"
+    text = (
+        f"casts {samples} rays for {ranges} ranges (<resolution>); evoros casts one ray for each "
+        "range"
+    )
     notes = (text,) * (ranges != samples)
     low, high = (
         0.0 if edge is None else xml.read_number(edge, "an angle", math.isfinite)

@@ -167,7 +167,7 @@ class SolidsReader:
         else:
             self._hulls += 1
             count, gap = len(mesh.shapes), find_hull_gap(file)
-            off = f", up to {1e3 * gap:.0f} mm off its surface" if gap > TOLD_M else ""
+            off = f" (up to {1e3 * gap:.0f} mm from its surface)" if gap > TOLD_M else ""
             why = f"because it has {count} convex parts, more than {_MAX_PARTS}"
             remarks = (f"the mesh is replaced by its convex hull{off}, {why}", *mesh.remarks)
             shapes = (hull_of(mesh.shapes),)

@@ -192,7 +192,7 @@ def _find_root(robot: Element, links: Mapping[str, Element], joints: Mapping[str
     for joint in joints.values():
         if joint.child in joint_above:
             both = f"{joint_above[joint.child]!r} and {joint.name!r}"
-            problem = f"must have only one joint above {joint.child!r}, not {both}"
+            problem = f"must have only one parent joint of {joint.child!r}, not {both}"
             raise element_error(robot, problem, "delete one of them")
         joint_above[joint.child] = joint.name
     roots = [name for name in links if name not in joint_above]

@@ -164,7 +164,7 @@ class BarnField:
 
     course: Annotated[Course, A_COURSE]
     fill: Annotated[Sequence[float], sequence_of(float, "shares")]  # initial shares of filled cells
-    smoothings: Annotated[Sequence[int], sequence_of(int, "whole numbers")]
+    smoothings: Annotated[Sequence[int], sequence_of(int, "integers")]
     seed: Annotated[int, SEED] = 0
 
     kind: ClassVar[str] = "field"
@@ -190,7 +190,10 @@ class BarnField:
             for index, free in enumerate(find_free(grids)):
                 if has_corridor(free):
                     return np.asarray(grids[index], dtype=np.bool_)
-        rule = f"must leave a corridor, but {MAX_BATCHES * BATCH} grids of {fill:g} have none"
+        rule = (
+            f"must leave a corridor, but none of {MAX_BATCHES * BATCH} grids filled to {fill:g} "
+            "has one"
+        )
         raise invalid(self, "fill", list(self.fill), rule, "lower this share")
 
     def measure_shortest(self, cells: Cells) -> float:

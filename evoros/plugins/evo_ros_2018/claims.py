@@ -201,10 +201,10 @@ def judge_gain(table: pd.DataFrame, line: str) -> finding.Finding:
     why = f"total {gain.write()}"
     against = finding.Against(steady, logarithmic)
     if not gain.low > 0:
-        unknown = finding.UNKNOWN, f"{why}: a gain is not certain"
+        unknown = finding.UNKNOWN, f"{why}: this does not prove a gain"
         return claim.conclude(small_samples.NOTHING, len(known), unknown, against)
     verdict = finding.require_replicates(finding.judge_above(share, steady), len(known))
-    why += f"; a steady gain: {steady:.0%}, random designs: {logarithmic:.0%}"
+    why += f"; expected: {steady:.0%} of a steady gain, {logarithmic:.0%} of random designs"
     difference = small_samples.Interval(*(bound - logarithmic for bound in astuple(share)))
     judged = finding.require_beyond_random(verdict, why, share.low > logarithmic, difference)
     return claim.conclude(share, len(known), judged, against)
@@ -234,7 +234,7 @@ def judge_approach(table: pd.DataFrame) -> finding.Finding:
     )
     verdict = finding.require_replicates(finding.judge_above(-ratio, -0.5), len(table))
     first, last = table.gap_first.mean(), table.gap_last.mean()
-    why = f"the mean is {first:.1f} below the best at first, {last:.1f} at the end"
+    why = f"the mean is {first:.1f} below the best at first and {last:.1f} at the end"
     return APPROACH.conclude(ratio, len(table), (verdict, why), finding.Against(0.5))
 
 

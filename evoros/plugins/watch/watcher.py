@@ -98,10 +98,10 @@ class Flights:
 
 def _write_notes(flown: Sequence[str], obstacles: Mapping[Record, str]) -> Iterator[str]:
     if flown:
-        yield f"Missions repeated for this page, because the run keeps none: {', '.join(flown)}."
+        yield f"Missions rerun for this page, because the run stores none: {', '.join(flown)}."
     for record, reason in obstacles.items():
         if reason and record.name not in flown:
-            yield f"{record.name}: missions could not be repeated for this page ({reason})."
+            yield f"{record.name}: missions could not be rerun for this page ({reason})."
             return
 
 
@@ -115,7 +115,7 @@ def _find_design(record: Record) -> int:
 
 def _find_obstacle(record: Record) -> str:
     if record.run.manifest.get("simulators") != PLANE:
-        return "only planar missions are cheap to repeat; record=all keeps all missions"
+        return "only planar missions are cheap to rerun; record=all stores all missions"
     if not (record.path.stat().st_uid == os.getuid() and is_locked(record.path)):
         return "the run is not in progress on this machine for this user"
     return ""

@@ -380,5 +380,5 @@ def test_more_than_six_sonars_are_said_once_before_the_run(
     told = [line for line in caplog.messages if "the program receives" in line]
     assert told == [
         "controller: the program receives only the first 6 sensors of each design, but designs "
-        "have up to 8; the controller's layers see all"
+        "have up to 8; the controller's layers receive all"
     ]

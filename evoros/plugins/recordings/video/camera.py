@@ -21,7 +21,7 @@ from evoros.world.model import World
 
 CAMERAS = ("chase", "above")
 SIZE = Rule(
-    "two even whole numbers of pixels, from 64 to 4096",
+    "two even numbers of pixels, each from 64 to 4096",
     lambda v: len(v) == 2 and all(is_whole(e) and 64 <= e <= 4096 and e % 2 == 0 for e in v),
 )
 _SMOOTHING_S = 0.7  # standard deviation of the chase camera's heading filter, in video time

@@ -13,9 +13,7 @@ from typing import Any
 from .conversation import OWN_SHARE, Conversation, Modes, Wheels, end
 from .rest import Hidden, Rest
 
-NO_COMMAND = (
-    "no node sent a command; answer=each needs a command at each tick, answer=rest does not"
-)
+NO_COMMAND = "no node sent a command; unlike answer=rest, answer=each needs a command at each tick"
 
 
 def fly_mission(

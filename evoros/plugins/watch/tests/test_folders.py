@@ -194,7 +194,7 @@ def test_missions_flown_again_are_those_that_were_recorded(tmp_path: Path) -> No
     with (run / "missions.csv").open("rb") as missions:
         fcntl.flock(missions, fcntl.LOCK_EX)  # as the process of a run does
         assert flights.update(load_study([run])) == Flown(
-            {"run": recorded}, ["Missions repeated for this page, because the run keeps none: run."]
+            {"run": recorded}, ["Missions rerun for this page, because the run stores none: run."]
         )
         flights.close()
         with pytest.MonkeyPatch.context() as patch:
