@@ -80,7 +80,7 @@ def _list_defaults(root: yaml.Node | None, lines: list[str]) -> Iterator[Key]:
 
 def _list_keys(node: yaml.Node | None, lines: list[str], prefix: str) -> Iterator[Key]:
     for name, (key, value) in _items(node).items():
-        if name in ("_target_", "defaults") or prefix + name == "hydra.help":
+        if name in ("_target_", "defaults"):
             continue
         meaning = _read_comment(lines, key.start_mark.line, key.start_mark.column)
         if isinstance(value, yaml.MappingNode) and value.value and not value.flow_style:

@@ -10,12 +10,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evoros.analysis.run_figures import check_figures, draw_figure
 from evoros.base.errors import InputError
 from evoros.cli.reporting import Interrupts, JobResult, explain_end, report_result
-from evoros.cli.subcommands import SUBCOMMANDS, list_help
+from evoros.cli.subcommands import SUBCOMMANDS
 from evoros.files.origin import read_origin
-from evoros.files.resources import expand_home
+from evoros.files.resources import expand_home, find_config_dir
 from evoros.terminal.console import DONE, CommandParser, print_result, report_errors, require_keys
 
 if TYPE_CHECKING:
@@ -76,6 +75,12 @@ def _execute(command: Command, arguments: list[str], interrupts: Interrupts) -> 
     if options.version:
         print_result(f"{command.name} {read_origin().version}")
         return DONE
+    if options.help:
+        from evoros.cli.help import format_help
+
+        folder = find_config_dir(options.config_dir) if options.config_dir else None
+        print_result(format_help(command.primary, folder))
+        return DONE
     if options.config_dir:
         from evoros.config.compose import add_config_dir
 
@@ -83,8 +88,9 @@ def _execute(command: Command, arguments: list[str], interrupts: Interrupts) -> 
     for word in set(options.overrides) & set(SUBCOMMANDS):
         raise InputError(f"{word}: a subcommand must come first; type: evoros {word} ...")
     require_keys(options.overrides, f"{command.folder_key}=")
-    shown = (options.help, options.hydra_help, options.cfg, options.info, options.shell_completion)
-    if any(shown):  # Hydra only prints
+    if any(
+        (options.hydra_help, options.cfg, options.info, options.shell_completion)
+    ):  # Hydra only prints
         from evoros.config.help import show
         from evoros.config.like import choose_primary
 
@@ -92,7 +98,7 @@ def _execute(command: Command, arguments: list[str], interrupts: Interrupts) -> 
         primary, _ = choose_primary(command.primary, typed, options.config_dir, _read_run)
         others = [word for word in arguments if word not in typed]
         words = [*typed, *others]  # the only order that Hydra accepts
-        return show(command.name, primary, words, list_help())
+        return show(command.name, primary, words)
     return _start(command, options, interrupts)
 
 
@@ -109,6 +115,7 @@ def _start(command: Command, options: Namespace, interrupts: Interrupts) -> int:
     (job,) = (job for job in jobs if isinstance(job, Job))
 
     def build() -> "Session":
+        from evoros.analysis.run_figures import check_figures
         from evoros.session.run import create_run
 
         check_figures(job.config.values)
@@ -131,6 +138,7 @@ def run_alone(
     interrupts: Interrupts,
 ) -> int:
     """Build and run a single job, report its result and return the exit status."""
+    from evoros.analysis.run_figures import draw_figure
     from evoros.session.controls import run as run_with_controls
     from evoros.session.progress import Progress
 

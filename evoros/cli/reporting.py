@@ -9,9 +9,7 @@ from pathlib import Path
 from types import FrameType
 
 from evoros.base.errors import EvorosError, PartFault, RunStopped, explain_path, single_line
-from evoros.config.own_files import locate_fault
 from evoros.files.disk import exists
-from evoros.requirement.verdict import UNDECIDED, VIOLATED
 from evoros.terminal import console
 
 PATIENCE_S = 10.0
@@ -76,6 +74,8 @@ def explain_end(
     config_dir: str | None, interrupts: Interrupts, folder: Path, error: BaseException
 ) -> JobResult:
     """Return the result of a job that raised an error, with the command that resumes it."""
+    # Imported here because --help needs none of these, and they are slow to import.
+    from evoros.config.own_files import locate_fault
     from evoros.storage.layout import FINISHED, LOG, MISSIONS, STATUS, read_json, resume_command
 
     resume, place = resume_command(folder, config_dir), ""
@@ -148,6 +148,7 @@ def judge_result(folder: Path, result: JobResult) -> int:
     """Return a job's exit status, which reflects the verdicts of a finished evaluation."""
     if result.status != console.DONE:
         return result.status
+    from evoros.requirement.verdict import UNDECIDED, VIOLATED
     from evoros.storage.verdicts import read_verdicts
 
     results = {row["result"] for row in read_verdicts(folder)}

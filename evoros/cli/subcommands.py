@@ -73,14 +73,6 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
 }
 
 
-def list_help() -> list[str]:
-    """List a line of help for each subcommand."""
-    return [
-        f"{f'evoros {name} {subcommand.arguments}':<43} {subcommand.about}"
-        for name, subcommand in SUBCOMMANDS.items()
-    ]
-
-
 def find_misuse(arguments: Sequence[str]) -> str:
     """Explain how to correct a wrong subcommand or another subcommand's option; may be empty."""
     word, *others = arguments or [""]

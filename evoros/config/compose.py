@@ -3,7 +3,6 @@
 No part is instantiated here. All errors are one-line InputErrors (``messages.py``).
 """
 
-import copyreg
 import hashlib
 import logging
 import re
@@ -15,7 +14,6 @@ from pathlib import Path
 from hydra import compose as hydra_compose
 from hydra import initialize_config_dir
 from hydra.core.config_search_path import ConfigSearchPath
-from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.object_type import ObjectType
@@ -31,7 +29,7 @@ from evoros.config.messages import describe_error, describe_unknown
 from evoros.config.own_files import NAMED_FOLDERS, list_hidden
 from evoros.config.references import register_resolver
 from evoros.files.plugins import conf_folders
-from evoros.files.resources import PACKAGE, bundled_folder, expand_home
+from evoros.files.resources import PACKAGE, bundled_folder, find_config_dir
 from evoros.observers.protocol import Observer
 
 _LOG = logging.getLogger(__name__)
@@ -72,11 +70,6 @@ def _name_folder(overrides: ListConfig) -> str:
 
 
 register_resolver("evoros.name", _name_folder)
-
-
-# Hydra copies its search results, including its global store, for each list of choices. Copying the
-# store would take more than half the time of --help.
-copyreg.pickle(ConfigStore, lambda store: (ConfigStore.instance, ()))
 
 
 class PluginFolders(SearchPathPlugin):
@@ -208,9 +201,7 @@ def text_of(override: Override) -> str:
 
 def add_config_dir(path: str | Path) -> Path:
     """Make the modules in a user's configuration folder importable; return its full path."""
-    folder = expand_home(path).resolve()
-    if not folder.is_dir():
-        raise InputError(f"--config-dir {path}: folder not found; create it or correct the path")
+    folder = find_config_dir(path)
     if str(folder) not in sys.path:  # spawned workers inherit sys.path
         # The folder must precede the checkout, where packages such as analysis/ would hide modules.
         places = [Path(entry).resolve() for entry in sys.path]

@@ -108,7 +108,7 @@ def _read_primary(defaults: Sequence[Any]) -> dict[str, Any]:
     files = [bundled_folder("conf") / f"{name}.yaml" for name in ("config", "evaluate")]
     base, own = map(OmegaConf.load, files)
     hydra = [entry for entry in base.defaults if any("hydra/" in str(key) for key in entry)]
-    own.hydra = OmegaConf.merge(base.hydra, own.hydra)
+    own.hydra = base.hydra
     own.defaults = [*defaults, *hydra]
     content = OmegaConf.to_container(own, resolve=False)
     assert isinstance(content, dict)

@@ -24,6 +24,14 @@ def expand_home(path: str | Path) -> Path:
     return Path(os.path.expanduser(path))
 
 
+def find_config_dir(path: str | Path) -> Path:
+    """Return the full path of a user's folder of configuration groups."""
+    folder = expand_home(path).resolve()
+    if not folder.is_dir():
+        raise InputError(f"--config-dir {path}: folder not found; create it or correct the path")
+    return folder
+
+
 _POINTER = b"version https://git-lfs.github.com/spec/"
 _PAGES = b"<!doctype html", b"<html"
 

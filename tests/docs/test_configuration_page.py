@@ -46,7 +46,7 @@ def sections() -> dict[str, str]:
 def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
     if isinstance(value, Mapping) and value:
         for name, inner in value.items():
-            if name not in ("_target_", "defaults") and f"{key}.{name}" != "hydra.help":
+            if name not in ("_target_", "defaults"):
                 yield from leaves(inner, f"{key}.{name}" if key else str(name))
     elif key:
         yield key, value
