@@ -37,6 +37,7 @@ from evoros.drive.protocol import (
     Drive,
     DriveDescription,
     require_left,
+    tolerated,
 )
 from evoros.drive.rolling import Candidate, Pair
 from evoros.drive.skid_steer import AT_LEAST_ONE
@@ -60,23 +61,37 @@ _DIAGONAL = (elementary.cos(math.radians(60.0)), elementary.cos(math.radians(30.
 
 
 def refuse_articulated(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
-    """Reject a machine that steers by turning a whole axle, or the frame above the axle."""
+    """Reject a machine whose steering joints turn an axle, a frame or wheels away from the axes."""
     turned: dict[str, list[Candidate]] = {}
     for wheel in wheels:
         if wheel.steering is not None:
             turned.setdefault(wheel.steering.name, []).append(wheel)
     for name, carried in turned.items():
-        if not any(wheel.y > 0.0 for wheel in carried) or all(wheel.y > 0.0 for wheel in carried):
-            continue
         pivot = urdf.poses[urdf.joints[name].child].position[0]
-        far = min(abs(wheel.x - pivot) for wheel in carried) > carried[0].wheel.radius
-        kind = "bends its frame" if far else "steers a whole axle"
-        names = ", ".join(wheel.joint.name for wheel in carried)
-        raise urdf.error(
-            f"the robot {kind} at joint {name!r}, which turns the wheels {names} "
-            f"together; no drive models this",
-            HOLD_STRAIGHT.format(_choose_kind(pair_up(wheels))),
-        )
+        gap, radius = min(abs(wheel.x - pivot) for wheel in carried), carried[0].wheel.radius
+        names, fixes = ", ".join(wheel.joint.name for wheel in carried), []
+        if any(wheel.y > 0.0 for wheel in carried) and any(wheel.y <= 0.0 for wheel in carried):
+            problem = "bends its frame" if gap > radius else "steers a whole axle"
+            problem += f" at joint {name!r}, which turns the wheels {names} together"
+        elif len(turned) == 2 and gap > tolerated(radius):
+            problem = f"steers wheel {names} {gap:.3g} m away from its steering axis {name!r}"
+            others = _choose_kind(pair_up([wheel for wheel in wheels if wheel.steering is None]))
+            if others:
+                fixes = [f"set robot.drive.kind={others} if such wheels only trail, as casters do"]
+        else:
+            continue
+        fixes.append(HOLD_STRAIGHT.format(_choose_kind(pair_up(wheels))))
+        raise urdf.error(f"the robot {problem}; no drive models this", ", or ".join(fixes))
+
+
+def _find_bogies(urdf: Urdf, wheels: Sequence[Candidate]) -> list[str]:
+    """Return the joints on which two or more wheels of one side rise and sink together."""
+    carried: dict[str, list[Candidate]] = {}
+    for wheel in wheels:
+        for joint in list(urdf.joints_above(wheel.joint.child))[1:]:
+            if joint.type in TURNING and abs(float(urdf.axis_of(joint)[LEFT])) > NEARLY_ALIGNED:
+                carried.setdefault(joint.name, []).append(wheel)
+    return [n for n, group in carried.items() if len(group) > len({w.y > 0.0 for w in group}) == 1]
 
 
 def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
@@ -300,6 +315,9 @@ class AutomaticDescription(DriveDescription):
     def _error(self, urdf: Urdf, steered: Sequence[Pair], others: Sequence[Pair]) -> Exception:
         if len(steered) > 1 or (steered and len(others) > 1):
             axles = f"the robot has {len(steered)} steered and {len(others)} other axles"
+            bogies = _find_bogies(urdf, [wheel for pair in [*steered, *others] for wheel in pair])
+            if bogies:
+                axles = f"{axles} on a rocker-bogie ({', '.join(bogies)})"
             return urdf.error(
                 f"drives with steering have one steered and one fixed axle, but {axles}",
                 HOLD_STRAIGHT.format(_choose_kind([*steered, *others])),
@@ -344,12 +362,14 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
     left_out = [joint.name for joint in called if joint.name in driven]
     slippery = [wheel.joint.name for wheel in wheels if _slides(urdf, wheel.joint)]
     fixed = [wheel.joint.name for wheel in wheels if not wheel.turns]
+    bogies = _find_bogies(urdf, wheels)
     notes = {
         "friction of these wheels is rotated by 45 deg in Gazebo (<fdir1>), as for mecanum wheels; "
         "they are treated as plain wheels; set robot.drive if they have rollers": diagonal,
         "in evoros, these wheels grip, although they slide in Gazebo (<mu> is 0)": slippery,
         "driven wheels are not part of the drive": left_out,
         "wheels on fixed joints can turn": fixed,
+        "the joints of a rocker-bogie are held, so not all wheels may touch the ground": bogies,
     }
     for note in list_notes(notes):
         _LOG.warning("%s: %s", urdf.source, note)

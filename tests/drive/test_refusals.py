@@ -201,6 +201,36 @@ def test_more_than_one_steered_axle_is_named_and_held_as_proposed() -> None:
         assert isinstance(choose(*parts, kind="skid_steer"), SkidSteerDescription)
 
 
+def test_a_rocker_bogie_is_named() -> None:
+    """Curiosity and its copies: two steered axles, of which one hangs on a bogie at each side."""
+    arms = "".join(
+        link(f"{side}_bogie", "") + joint(f"{side}_arm", f"{side}_bogie", f"-0.1 {y} 0.1")
+        for side, y in (("left", 0.1), ("right", -0.1))
+    )
+    rear = steered("revolute", LIMIT).replace("left", "rear_left").replace("right", "rear_right")
+    for side in ("left", "right"):
+        hinge = f'<child link="rear_{side}_steering_hinge"/>'
+        rear = rear.replace(
+            f'<parent link="base"/>{hinge}', f'<parent link="{side}_bogie"/>{hinge}'
+        )
+        arms += wheel(f"middle_{side}", "0.1 0 -0.05", parent=f"{side}_bogie")
+    rear = rear.replace('xyz="0.2 0.1 0.05"', 'xyz="-0.1 0 -0.05"')
+    rear = rear.replace('xyz="0.2 -0.1 0.05"', 'xyz="-0.1 0 -0.05"')
+    parts = (steered("revolute", LIMIT), arms, rear)
+    assert "2 steered and 1 other axles on a rocker-bogie (left_arm, right_arm)" in refusal(*parts)
+    assert len(choose(*parts, kind="skid_steer").wheel_joints) == 6
+
+
+def test_driven_swivels_with_trailing_wheels_are_named_and_both_proposals_hold() -> None:
+    trailing = steered("revolute", LIMIT).replace('xyz="0 0 0"', 'xyz="-0.04 0 0"')
+    turned = '<transmission name="t"><joint name="{}_steering_hinge_joint"/></transmission>'
+    parts = (trailing, REAR, turned.format("left"), turned.format("right"))
+    message = refusal(*parts)
+    assert "steers wheel front_left_wheel_joint 0.04 m away from its steering axis" in message
+    kinds = re.findall(r"robot\.drive\.kind=(\w+)", message)
+    assert [len(choose(*parts, kind=kind).wheel_joints) for kind in kinds] == [2, 4]
+
+
 def test_wheels_that_trail_behind_a_free_swivel_are_casters() -> None:
     """They look like steered wheels, and Ackermann's stand below their joints."""
     front = steered("continuous", "").replace("steering_hinge", "fork")

@@ -2,13 +2,15 @@
 
 import logging
 import re
+import shlex
+import subprocess
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from lxml.etree import _Element as Element
-from xacro_cases import write
+from xacro_cases import XACRO, write
 
 from evoros.base.errors import InputError
 from evoros.files.resources import bundled_folder
@@ -93,6 +95,17 @@ def test_a_name_that_an_absent_package_may_define_asks_for_the_package_alone(
     assert (
         "; provide arm (left out, but may define the name) with robot.packages, or edit" in message
     )
+
+
+def test_a_renamed_file_is_named_and_the_proposed_command_mends_it(tmp_path: Path) -> None:
+    (tmp_path / "deg to_rad.xacro").write_text(XACRO.format('<xacro:property name="d" value="2"/>'))
+    include = '<xacro:include filename="deg to_rad.urdf.xacro"/>'
+    name = write(tmp_path, BASE + "\n" + include + '<link name="${d}"/>')
+    message = refused(name)
+    assert f"{name}:2 includes deg to_rad.urdf.xacro, which does not exist" in message
+    command = message.partition("only renamed, by ")[2].partition(" (")[0]
+    subprocess.run(shlex.split(command), check=True)
+    assert expand(name)[1].get("name") == "2"
 
 
 def test_an_argument_without_a_value_is_told_before_absent_packages(tmp_path: Path) -> None:

@@ -6,11 +6,13 @@ import logging
 import math
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +28,8 @@ from evoros.formats.urdf.xacro_packages import IGNORED
 _LOG = logging.getLogger(__name__)
 _UNDEFINED = re.compile(r"is not defined|unknown macro name|Undefined block")
 """Matches errors in files from before 2014, when xacro read all definitions first."""
+
+_ALIKE = 0.7  # minimum similarity of names that may mean the same file
 
 
 @dataclass(frozen=True)
@@ -68,8 +72,7 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
             answer = again
     absences = _collect_absences(file, answer.get("absent", {}), options)
     if "error" in answer:
-        lacking = [*absences.names(), *options.ignored_packages]
-        raise InputError(_explain_error(answer, lacking, options.packages_key))
+        raise InputError(_explain_error(answer, options))
     unknown = sorted(set(texts) - set(answer["known"]))
     if unknown:
         raise InputError(
@@ -113,21 +116,41 @@ def _collect_absences(
         absences.add(Absence("package", name, place, sentence, Remedy(remedy, name)))
     for name, place in absent.get("files", {}).items():
         sentence = f"{place}: includes {name}, which does not exist"
-        absences.add(Absence("file", name, place, sentence, Remedy("correct the name {}", name)))
+        absences.add(Absence("file", name, place, sentence, _find_renamed(name, place)))
     return absences
 
 
-def _explain_error(answer: Mapping[str, Any], lacking: Sequence[str], packages_key: str) -> str:
-    """Explain xacro's error; ``lacking`` are the packages and files that were left out."""
+def _find_renamed(name: str, place: str) -> Remedy:
+    """Return how to get a missing file, which may only have another name in its folder."""
+    path = Path(place.rpartition(":")[0] or place).parent / name
+    files = {_stem(file): str(file) for file in path.parent.glob(f"*{path.suffix}")}
+    for other in get_close_matches(_stem(path), files, 1, _ALIKE):
+        command = shlex.join(["cp", files[other], str(path)])
+        return Remedy("get the file, if it was only renamed, by {}", command)
+    return Remedy("correct the name {}", name)
+
+
+def _stem(path: Path) -> str:
+    return path.name.partition(".")[0]
+
+
+def _explain_error(answer: Mapping[str, Any], options: ReadOptions) -> str:
+    """Explain xacro's error, which may be due to packages and files that were left out."""
     place = f"{answer['file']}:{answer['line']}" if answer.get("line") else answer["file"]
     reason = str(answer["error"])
     if "; " in reason:  # the reason states the fix
         return f"{place}: {reason}"
     argument = re.search(r"Undefined substitution argument (\w+)", reason)
     fix = f"add ++robot.arguments.{argument[1]}=VALUE" if argument else "edit the file"
-    if lacking and _UNDEFINED.search(reason):
-        names = ", ".join(lacking)
-        fix = f"provide {names} (left out, but may define the name) with {packages_key}, or {fix}"
+    if _UNDEFINED.search(reason):
+        absent = answer["absent"]
+        for name, place in absent["files"].items():
+            lack = f"{place} includes {name}, which does not exist but may define the name"
+            fix = f"{_find_renamed(name, place)} ({lack}), or {fix}"
+        names = ", ".join([*absent["packages"], *options.ignored_packages])
+        if names:
+            lack = f"{names} (left out, but may define the name)"
+            fix = f"provide {lack} with {options.packages_key}, or {fix}"
     return f"{place}: xacro cannot expand the file: {reason}; {fix}"
 
 
