@@ -6,63 +6,25 @@
 ``InputError`` from ``evoros``. evoros itself never imports this module.
 """
 
+# fmt: off
+# isort: off
 from numpy.random import Generator
-
 from evoros.allocation.protocol import Allocation, Standing
 from evoros.base import elementary
 from evoros.base.arrays import (
-    CONTACT,
-    DRIVE_SPEED,
-    FROM_X,
-    FROM_Y,
-    LEFT_WHEELS,
-    RIGHT_WHEELS,
-    SPEED,
-    STEERING,
-    TO_X,
-    TO_Y,
-    YAW,
-    YAW_RATE,
-    Array,
-    Matrix,
-    X,
-    Y,
-    product,
+    CONTACT, DRIVE_SPEED, FROM_X, FROM_Y, LEFT_WHEELS, RIGHT_WHEELS, SPEED, STEERING, TO_X, TO_Y,
+    YAW, YAW_RATE, Array, Matrix, X, Y, product,
 )
 from evoros.base.checks import (
-    COUNT,
-    FLAG,
-    INTERVAL,
-    NOT_NEGATIVE,
-    NUMBER,
-    POSITIVE,
-    PROBABILITY,
-    TEXT,
-    WHOLE,
-    Interval,
-    Rule,
-    bounds,
-    check_order,
-    checked,
-    instance_of,
-    invalid,
-    mapping_of,
-    one_of,
-    sequence_of,
+    COUNT, FLAG, INTERVAL, NOT_NEGATIVE, NUMBER, POSITIVE, PROBABILITY, TEXT, WHOLE, Interval, Rule,
+    bounds, check_order, checked, instance_of, invalid, mapping_of, one_of, sequence_of,
 )
 from evoros.base.compilable import compilable
 from evoros.base.errors import LaunchError, PilotLost, SimulationError, WorkerLost
 from evoros.bridge.process import OutsideProcess, start_process
 from evoros.compilation.named_rules import Started
 from evoros.controller.protocol import (
-    Briefing,
-    Controller,
-    Estimator,
-    EvolvedValue,
-    Layer,
-    LiveController,
-    Pilot,
-    StartedLayer,
+    Briefing, Controller, Estimator, EvolvedValue, Layer, LiveController, Pilot, StartedLayer,
 )
 from evoros.design.protocol import Area, BoundRegion, RegionDescription, SensorPose
 from evoros.drive.ackermann import Ackermann, AckermannDescription
@@ -70,28 +32,11 @@ from evoros.drive.protocol import Drive, DriveDescription
 from evoros.executor.protocol import Executor, Pool
 from evoros.failure.onset.protocol import AN_ONSET, Onset
 from evoros.failure.protocol import (
-    AdaptiveFailure,
-    Adversary,
-    Case,
-    Failure,
-    Fault,
-    SystematicFailure,
-    Trigger,
+    AdaptiveFailure, Adversary, Case, Failure, Fault, SystematicFailure, Trigger,
 )
 from evoros.filter.protocol import (
-    A_FILTER,
-    ALTERS,
-    COMMAND,
-    DRIVE,
-    ENDS,
-    FILTERS,
-    GROWS,
-    POSE,
-    READINGS,
-    STRENGTH,
-    Channels,
-    Filter,
-    add_within,
+    A_FILTER, ALTERS, COMMAND, DRIVE, ENDS, FILTERS, GROWS, POSE, READINGS, STRENGTH, Channels,
+    Filter, add_within,
 )
 from evoros.filter.silence import Silence
 from evoros.filter.stuck import Stuck
@@ -103,35 +48,18 @@ from evoros.measure.protocol import Evaluated, Measure
 from evoros.mission.mission import Outcome
 from evoros.observers.protocol import ObservedEnd, ObservedGeneration, ObservedRun, Observer, Send
 from evoros.optimizer.protocol import (
-    Candidate,
-    CoveringSpace,
-    Goals,
-    Individual,
-    Optimizer,
-    Score,
-    Search,
-    Space,
-    View,
+    Candidate, CoveringSpace, Goals, Individual, Optimizer, Score, Search, Space, View,
     check_scores,
 )
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import CONTACT as CONTACT_SIGNAL
 from evoros.sensor.protocol import (
-    MOTION,
-    RANGE,
-    WHEELS,
-    Channel,
-    ContactSensor,
-    RangeSensor,
-    Sensor,
-    SignalSensor,
-    sees,
+    MOTION, RANGE, WHEELS, Channel, ContactSensor, RangeSensor, Sensor, SignalSensor, sees,
 )
 from evoros.simulator.protocol import PlacedRobot, Simulation, Simulator
 from evoros.world.course import Course
 from evoros.world.model import World
 
-# fmt: off
 __all__ = [  # noqa: RUF022 - grouped by topic
     # Fields and their rules.
     "checked", "check_order", "invalid", "Rule", "NUMBER", "POSITIVE", "NOT_NEGATIVE",

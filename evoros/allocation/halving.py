@@ -24,11 +24,9 @@ class SequentialHalving(Allocation):
     max_trials: Annotated[int, COUNT] = 16  # maximum per design and generation
 
     def most_trials(self, trials: int) -> int:
-        """Return ``max_trials`` or ``trials``, whichever is larger."""
         return max(trials, self.max_trials)
 
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
-        """Return the next round, or {} after the last round."""
         remaining = choose_entrants(standings, self.survivors)
         total, rounds = self.budget * len(remaining), max(1, (len(remaining) - 1).bit_length())
         done = 0

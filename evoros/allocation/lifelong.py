@@ -22,11 +22,9 @@ class Lifelong(Allocation):
     again: Annotated[int, COUNT] = 1  # further trials per survivor
 
     def most_trials(self, trials: int) -> int:
-        """Return the number of trials of a new design or of a survivor, whichever is larger."""
         return max(trials, self.again)
 
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
-        """Return the only round, for the new designs and the best survivors."""
         if any(standing.scores for standing in standings):
             return {}
         entrants = choose_entrants(standings, self.survivors)

@@ -11,9 +11,7 @@ class Once(Allocation):
     """Evaluate each new design once; the design keeps this fitness for as long as it survives."""
 
     def most_trials(self, trials: int) -> int:
-        """Return the number of trials of each new design."""
         return trials
 
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
-        """Return the only round, for the new designs."""
         return {item.id: trials for item in standings if item.new and not item.scores}

@@ -40,11 +40,9 @@ class Racing(Allocation):
             )
 
     def most_trials(self, trials: int) -> int:
-        """Return the maximum number of rounds in a race."""
         return max(trials, self.max_trials)
 
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
-        """Return the next round of the race, or {} after the end."""
         racing = choose_entrants(standings, self.survivors)
         start = max(trials, min(self.first, self.max_trials))
         for done in range(start, self.most_trials(trials) + 1):

@@ -25,11 +25,9 @@ class SuccessiveRejects(Allocation):
     max_trials: Annotated[int, COUNT] = 100  # maximum per design and generation
 
     def most_trials(self, trials: int) -> int:
-        """Return ``max_trials`` or ``trials``, whichever is larger."""
         return max(trials, self.max_trials)
 
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
-        """Return the next phase that needs trials, or {} after the last phase."""
         remaining = choose_entrants(standings, self.survivors)
         for lengths in _phases(len(remaining), self.budget):
             done = min(max(lengths, trials), self.most_trials(trials))

@@ -9,13 +9,8 @@ from difflib import get_close_matches
 from typing import Any
 
 import yaml
+from hydra import errors
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.errors import (
-    HydraException,
-    InstantiationException,
-    MissingConfigException,
-    OverrideParseException,
-)
 from hydra.utils import get_object
 from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
@@ -38,9 +33,9 @@ def describe_error(error: BaseException) -> str:
             f"{mark.name}: line {mark.line + 1}, column {mark.column + 1}: not valid YAML: "
             f"{error.problem}; correct the file"
         )
-    if isinstance(error, MissingConfigException):
+    if isinstance(error, errors.MissingConfigException):
         return _no_such_choice(error)
-    if isinstance(error, OverrideParseException):
+    if isinstance(error, errors.OverrideParseException):
         return _describe_word(error.override or "")
     if isinstance(error, OSError) and error.filename:
         path, reason = _shorten(str(error.filename)), error.strerror or _flat(error)
@@ -94,7 +89,7 @@ def describe_build_error(error: BaseException) -> str:
         return _keyed(key, describe_error(cause))
     if isinstance(cause, SyntaxError):
         return f"{where}{cause.filename}, line {cause.lineno}: {cause.msg}; correct the code"
-    if isinstance(cause, InstantiationException):  # Hydra refuses the class
+    if isinstance(cause, errors.InstantiationException):  # Hydra refuses the class
         return f"{where}{_flat(cause)}; correct _target_"
     return f"{where}{type(cause).__name__}: {_flat(cause)}; correct the values, or the code"
 
@@ -136,7 +131,7 @@ def _describe_word(word: str) -> str:
     unlike_keys = re.search("[=/]", value) or not value.isascii()
     if equals and unlike_keys and not re.search("[\"'()\\[\\]{}]", value):
         quoted = override(key, value)
-        with suppress(HydraException):
+        with suppress(errors.HydraException):
             parser.parse_override(quoted)
             return (
                 f"{word!r}: the value needs inner quotes, because Hydra also parses it; "
@@ -218,7 +213,7 @@ def _select(config: Any, name: str) -> Any:
     return OmegaConf.select(config, name, throw_on_missing=False, throw_on_resolution_failure=False)
 
 
-def _no_such_choice(error: MissingConfigException) -> str:
+def _no_such_choice(error: errors.MissingConfigException) -> str:
     group, _, name = (error.missing_cfg_file or "").rpartition("/")
     missing = explain_missing(f"{group}={name}")
     if missing:

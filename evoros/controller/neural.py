@@ -4,14 +4,14 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base import checks
-from evoros.base.arrays import Array
-from evoros.controller import network
+from evoros.base import checks, elementary
+from evoros.base.arrays import DRIVE_SPEED, SPEED, STEERING, TO_X, TO_Y, YAW, Array, Matrix, X, Y
+from evoros.base.compilable import compilable
 from evoros.controller.protocol import (
     LOCALIZATION,
     Controller,
@@ -20,6 +20,202 @@ from evoros.controller.protocol import (
     StartedLayer,
 )
 from evoros.robot.model import Robot
+
+
+class Parameters(NamedTuple):
+    """The parameters of the network's rules."""
+
+    symmetric: float  # 1 or 0
+    recurrent: float  # 1 or 0
+    waypoint: float  # 1, or 0 if the waypoint's bearing is no input
+    range: float  # [m]
+    gain: float
+    cruise: float  # [m/s]
+    slow: float  # [m/s]
+    fast: float  # [m/s]
+    full_lock: float  # [rad]
+    limits: Array  # [m], reading of each sensor when nothing is in range
+    shares: Matrix  # (readings, 4): a sector and its share, another sector and its share
+    hidden: Matrix  # weights of each hidden neuron
+    steering: Array  # weights of the hidden neurons, after the bias of an asymmetric network
+    speed: Array  # bias and weights of the hidden neurons
+
+
+class Memory(NamedTuple):
+    """The inputs, and the current and previous values of the hidden neurons and their twins."""
+
+    sectors: Array  # 0 (free) to 1 (touched), right to left
+    neurons: Array
+    twins: Array  # hidden neurons for the mirror image of the inputs
+    neurons_before: Array
+    twins_before: Array
+
+
+OTHERS = 2  # number of inputs besides the sectors: bearing and speed
+# maximum steering correction in multiples of full lock, enough to go from lock to lock
+AUTHORITY = 2.0
+
+
+class Weight(NamedTuple):
+    """A weight's name, and the name of the neuron that it feeds."""
+
+    name: str
+    neuron: str
+
+
+def list_weights(
+    sectors: int, hidden: int, symmetric: bool, recurrent: bool, waypoint: bool
+) -> list[Weight]:
+    """List the weights of a network in order.
+
+    Each hidden neuron has a bias and weights for the sectors from right to left, the bearing (with
+    ``waypoint``) and the speed. A hidden neuron of a recurrent network also has weights for the
+    previous values of all hidden neurons and, in a symmetric network, of their twins. Steering and
+    speed have a weight for each hidden neuron, and a bias except for the steering of a symmetric
+    network."""
+    sides = [f"sector{i}" for i in range(sectors)]
+    neurons = [f"hidden{i}" for i in range(hidden)]
+    before = neurons if recurrent else []
+    twins = [f"twin{i}" for i in range(hidden)] if recurrent and symmetric else []
+    bearing = ["bearing"] if waypoint else []
+    inputs = ["bias", *sides, *bearing, "speed", *before, *twins]
+    weights = [Weight(f"{neuron}_from_{name}", neuron) for neuron in neurons for name in inputs]
+    bias = [] if symmetric else ["bias"]
+    weights += [Weight(f"steering_from_{name}", "steering") for name in [*bias, *neurons]]
+    return weights + [Weight(f"speed_from_{name}", "speed") for name in ["bias", *neurons]]
+
+
+def split_weights(
+    weights: Sequence[float], hidden: int, symmetric: bool
+) -> tuple[Matrix, Array, Array]:
+    """Return the weights of the hidden neurons, of the steering and of the speed."""
+    speed = len(weights) - hidden - 1
+    steering = speed - hidden - (not symmetric)
+    values = np.array(weights, dtype=float)
+    return values[:steering].reshape(hidden, -1), values[steering:speed], values[speed:]
+
+
+def share_sectors(yaws: list[float], sectors: int, span: float) -> Array:
+    """Return, for each reading's yaw [rad], two sectors and its share in each, (readings, 4).
+
+    The centres of the outermost sectors are ``span`` [rad] apart. A share falls linearly from 1 at
+    the centre of a sector to 0 at the centre of the next sector, and at the same rate beyond the
+    outermost centres. A reading without a yaw (NaN) has no share. Mirror images have exactly equal
+    shares.
+    """
+    entries = np.zeros((len(yaws), 4))
+    middle = (sectors - 1) // 2
+    width = span / max(sectors - 1, 1)
+    for entry, yaw in zip(entries, yaws, strict=True):
+        if math.isnan(yaw):
+            continue
+        wrapped = elementary.atan2(*elementary.sin_cos(yaw))
+        steps, side = abs(wrapped) / width, 1 if wrapped >= 0 else -1
+        inner = int(steps)
+        shares = (1.0 - (steps - inner), steps - inner)
+        for place, share in enumerate(shares):
+            if inner + place <= middle:
+                entry[2 * place : 2 * place + 2] = middle + side * (inner + place), share
+    return entries
+
+
+@compilable
+def look(parameters: Parameters, sectors: Array, readings: Array) -> bool:
+    """Fill the sectors; return True if any is occupied. A silent sensor (NaN) sees nothing."""
+    for i in range(len(sectors)):
+        sectors[i] = 0.0
+    near = False
+    for i in range(len(readings)):
+        reading = float(readings[i])
+        if reading < float(parameters.limits[i]):
+            closeness = 1.0 - max(reading, 0.0) / parameters.range
+            for place in range(0, 4, 2):
+                sector = int(parameters.shares[i, place])
+                share = float(parameters.shares[i, place + 1])
+                sectors[sector] = max(float(sectors[sector]), share * closeness)
+                near = near or share > 0.0
+    return near
+
+
+@compilable
+def command_from(
+    parameters: Parameters, memory: Memory, state: Array, leg: Array, command: Array
+) -> bool:
+    """Compute the command from the sectors in the memory; return False if the pose is silent (NaN).
+
+    If all weights are 0, the robot heads for the waypoint.
+    """
+    bearing = elementary.atan2(leg[TO_Y] - state[Y], leg[TO_X] - state[X])
+    error = bearing - float(state[YAW])
+    speed = float(state[SPEED])
+    if math.isnan(error + speed):
+        return False
+    error = parameters.waypoint * ((error + math.pi) % (2.0 * math.pi) - math.pi)
+    update_hidden(parameters, memory, error / math.pi, speed / parameters.fast)
+    turn, pace = sum_outputs(parameters, memory)
+    lock = parameters.full_lock
+    heading = min(max(parameters.gain * error, -lock), lock)
+    steering = heading + AUTHORITY * lock * elementary.tanh(turn)
+    change = elementary.tanh(pace)
+    end = parameters.fast if change > 0.0 else parameters.slow
+    command[DRIVE_SPEED] = parameters.cruise + abs(change) * (end - parameters.cruise)
+    command[STEERING] = min(max(steering, -lock), lock)
+    return True
+
+
+@compilable
+def update_hidden(parameters: Parameters, memory: Memory, bearing: float, speed: float) -> None:
+    """Update the hidden neurons, and their twins, which see the mirror image of the inputs."""
+    symmetric, recurrent = parameters.symmetric > 0.0, parameters.recurrent > 0.0
+    hidden, sectors = len(memory.neurons), len(memory.sectors)
+    for i in range(hidden):
+        memory.neurons_before[i] = memory.neurons[i]
+        memory.twins_before[i] = memory.twins[i]
+    for i in range(hidden):
+        weights = parameters.hidden[i]
+        neuron = twin = float(weights[0])
+        for k in range(sectors):
+            neuron += float(weights[1 + k]) * float(memory.sectors[k])
+            twin += float(weights[1 + k]) * float(memory.sectors[sectors - 1 - k])
+        at = 1 + sectors
+        neuron += float(weights[at]) * bearing
+        twin -= float(weights[at]) * bearing
+        neuron += float(weights[at + 1]) * speed
+        twin += float(weights[at + 1]) * speed
+        at += OTHERS
+        if recurrent:
+            for k in range(hidden):
+                neuron += float(weights[at + k]) * float(memory.neurons_before[k])
+                twin += float(weights[at + k]) * float(memory.twins_before[k])
+            at += hidden
+        if recurrent and symmetric:
+            for k in range(hidden):
+                neuron += float(weights[at + k]) * float(memory.twins_before[k])
+                twin += float(weights[at + k]) * float(memory.neurons_before[k])
+        memory.neurons[i] = elementary.tanh(neuron)
+        memory.twins[i] = elementary.tanh(twin)
+
+
+@compilable
+def sum_outputs(parameters: Parameters, memory: Memory) -> tuple[float, float]:
+    """Return the output sums for steering and speed.
+
+    In a symmetric network, mirrored inputs reverse the steering and leave the speed unchanged.
+    """
+    symmetric = parameters.symmetric > 0.0
+    first = 0 if symmetric else 1
+    turn = 0.0 if symmetric else float(parameters.steering[0])
+    pace = float(parameters.speed[0])
+    for i in range(len(memory.neurons)):
+        difference = float(memory.neurons[i])
+        total = difference
+        if symmetric:
+            difference -= float(memory.twins[i])
+            total += float(memory.twins[i])
+        turn += float(parameters.steering[first + i]) * difference
+        pace += float(parameters.speed[1 + i]) * total
+    return turn, pace
+
 
 ODD = checks.Rule(
     "an odd integer, at most 99", lambda v: checks.is_whole(v) and v % 2 == 1 and 0 < v < 100
@@ -78,9 +274,9 @@ class Neural(Controller):
             raise checks.invalid(self, "weights", given, rule, "use null for zeros")
 
     @property
-    def _listed(self) -> list[network.Weight]:
+    def _listed(self) -> list[Weight]:
         kind = self.symmetric, self.recurrent, self.waypoint
-        return network.list_weights(self.sectors, self.hidden, *kind)
+        return list_weights(self.sectors, self.hidden, *kind)
 
     @property
     def evolved(self) -> Mapping[str, EvolvedValue]:
@@ -99,10 +295,10 @@ class Neural(Controller):
     ) -> Iterator[Sequence[StartedLayer]]:
         """Start the network for one mission, with one memory for the rules of both modes."""
         parameters, hidden = self._parameters(robot), [np.zeros(self.hidden) for _ in range(4)]
-        memory = network.Memory(np.zeros(self.sectors), *hidden)
-        yield [StartedLayer(rule, (parameters, memory)) for rule in (avoid, network.command_from)]
+        memory = Memory(np.zeros(self.sectors), *hidden)
+        yield [StartedLayer(rule, (parameters, memory)) for rule in (avoid, command_from)]
 
-    def _parameters(self, robot: Robot) -> network.Parameters:
+    def _parameters(self, robot: Robot) -> Parameters:
         fastest = float(robot.drive.max_speed_mps)
         if self.speed_mps > fastest:
             rule = f"must be at most the robot's maximum speed, {fastest:g}"
@@ -114,10 +310,10 @@ class Neural(Controller):
             for channel in sensor.channels
         ]
         weights = self.weights or ()
-        hidden, steering, speed = network.split_weights(weights, self.hidden, self.symmetric)
+        hidden, steering, speed = split_weights(weights, self.hidden, self.symmetric)
         if not self.waypoint:
             hidden = np.insert(hidden, 1 + self.sectors, 0.0, axis=1)  # weights of the bearing
-        return network.Parameters(
+        return Parameters(
             symmetric=self.symmetric,
             recurrent=self.recurrent,
             waypoint=self.waypoint,
@@ -128,7 +324,7 @@ class Neural(Controller):
             fast=fastest,
             full_lock=robot.drive.steering_limit,
             limits=np.array(limits, dtype=float),
-            shares=network.share_sectors(robot.channel_yaws(), self.sectors, span),
+            shares=share_sectors(robot.channel_yaws(), self.sectors, span),
             hidden=hidden,
             steering=steering,
             speed=speed,
@@ -136,14 +332,14 @@ class Neural(Controller):
 
 
 def avoid(
-    parameters: network.Parameters,
-    memory: network.Memory,
+    parameters: Parameters,
+    memory: Memory,
     state: Array,
     leg: Array,
     readings: Array,
     command: Array,
 ) -> bool:
     """Fill the sectors, and command the drive if something is within range."""
-    if not network.look(parameters, memory.sectors, readings):
+    if not look(parameters, memory.sectors, readings):
         return False
-    return network.command_from(parameters, memory, state, leg, command)
+    return command_from(parameters, memory, state, leg, command)

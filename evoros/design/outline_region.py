@@ -12,15 +12,7 @@ from evoros.base import elementary
 from evoros.base.arrays import Array, product
 from evoros.base.checks import INTERVAL, NOT_NEGATIVE, TEXT, Interval, bounds, checked, one_of
 from evoros.base.errors import InputError
-from evoros.design.protocol import (
-    Area,
-    Point,
-    Range,
-    RegionDescription,
-    SensorPose,
-    check_link,
-    require_height,
-)
+from evoros.design import protocol
 from evoros.design.region import ELEVATION, HEADING, FreePlaces, check_height, find_free_places
 from evoros.geometry.footprint import Footprint, convex_hull, distances
 from evoros.robot.model import Robot
@@ -37,7 +29,7 @@ _ROUNDING_DEG = 1e-6
 class SideLine:
     """A polyline along an outline, counter-clockwise; it may be a single corner."""
 
-    corners: tuple[Point, ...]  # [m]
+    corners: tuple[protocol.Point, ...]  # [m]
     normals_deg: tuple[float, ...]  # outward normal of each segment, or of the single corner
 
     @property
@@ -45,7 +37,7 @@ class SideLine:
         """The length [m] of each segment."""
         return [math.dist(a, b) for a, b in pairwise(self.corners)]
 
-    def at(self, share: float) -> tuple[Point, float]:
+    def at(self, share: float) -> tuple[protocol.Point, float]:
         """Return the point at a fraction of the length, and the outward normal [deg] there."""
         rest = share * math.fsum(self.lengths)
         for i, length in enumerate(self.lengths):
@@ -89,7 +81,7 @@ def trace_side(outline: Array, side: str) -> SideLine:
 
 @dataclass(frozen=True)
 @checked
-class OutlineRegion(RegionDescription):
+class OutlineRegion(protocol.RegionDescription):
     """A side of the outline, at a height, of a robot or one of its links.
 
     The sensor lies on the outline of the collision shapes at that height, or of all shapes if
@@ -114,7 +106,7 @@ class OutlineRegion(RegionDescription):
         self._check_link(link, robot, mirrored, key)
         height = self.height_m
         if height is None:
-            require_height(link, robot, f"{key}.height_m")
+            protocol.require_height(link, robot, f"{key}.height_m")
             height = robot.sensor_links[link][2] + robot.mount_z_m
         heights = bounds(height)
         check_height(robot, key, "height_m", heights, self.overhang_m)
@@ -135,7 +127,7 @@ class OutlineRegion(RegionDescription):
         return replace(whole, free=free)
 
     def _check_link(self, link: str, robot: Robot, mirrored: bool, key: str) -> None:
-        check_link(link, robot, mirrored, key)
+        protocol.check_link(link, robot, mirrored, key)
         if self.link is not None and not _solids(robot, link):
             known = dict.fromkeys(solid.link for solid in robot.solids)
             choices = [name for name in known if name in robot.sensor_links]
@@ -168,12 +160,12 @@ class BoundOutlineRegion:
     """A side of a robot's outline."""
 
     link: str
-    ranges: Mapping[str, Range]
+    ranges: Mapping[str, protocol.Range]
     frame: tuple[float, float, float, float]  # x, y, z [m] and yaw [rad] of the link frame
     lines: tuple[tuple[float, SideLine], ...]  # (maximum height above the ground [m], line)
     free: FreePlaces | None = None  # None: all places are free
 
-    def place(self, values: Mapping[str, float]) -> SensorPose:
+    def place(self, values: Mapping[str, float]) -> protocol.SensorPose:
         """Return the pose at a fraction of the side's free length, from right to left."""
         if self.free is not None:
             values = self.free.adapt(values)
@@ -185,21 +177,21 @@ class BoundOutlineRegion:
         dx, dy = x - x0, y - y0
         heading = normal - math.degrees(yaw) + values["yaw_deg"]
         position = (cos * dx + sin * dy, cos * dy - sin * dx, values["z_m"])
-        return SensorPose(position, heading, values["pitch_deg"])
+        return protocol.SensorPose(position, heading, values["pitch_deg"])
 
-    def area(self) -> Area:
+    def area(self) -> protocol.Area:
         """Return the line in the lowest height band, for drawing."""
         line, (low, high) = self.lines[0][1], self.ranges["yaw_deg"]
         facing = tuple((normal + low, normal + high) for normal in line.normals_deg)
         headings, angles = (facing[0][0], facing[-1][1]), self.ranges["pitch_deg"]
-        return Area(self.link, line.corners, headings, self.ranges["z_m"], angles, facing)
+        return protocol.Area(self.link, line.corners, headings, self.ranges["z_m"], angles, facing)
 
 
 def _solids(robot: Robot, link: str | None) -> list[SolidShape]:
     return [solid for solid in robot.solids if link in (None, solid.link)]
 
 
-def _split(heights: Range, solids: Sequence[SolidShape]) -> list[tuple[float, float]]:
+def _split(heights: protocol.Range, solids: Sequence[SolidShape]) -> list[tuple[float, float]]:
     """Return (top, middle) [m] of each height band within which no shape starts or ends."""
     low, high = heights
     ends = {end for solid in solids for end in solid.height_range if low < end < high}

@@ -13,15 +13,7 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import INTERVAL, NOT_NEGATIVE, TEXT, Interval, Rule, bounds, checked
 from evoros.base.errors import InputError
-from evoros.design.protocol import (
-    ANGLES,
-    Area,
-    Range,
-    RegionDescription,
-    SensorPose,
-    check_link,
-    require_height,
-)
+from evoros.design import protocol
 from evoros.robot.model import Robot
 from evoros.robot.mounting import make_frames, place_on_links
 from evoros.robot.self_sight import BlindShares
@@ -39,7 +31,7 @@ class View:
     """Tests whether sensors at places in a region see past the robot."""
 
     frame: Array  # the link's x, y, z [m] and yaw [rad]
-    place: Callable[[Mapping[str, float]], SensorPose]
+    place: Callable[[Mapping[str, float]], protocol.SensorPose]
     sensors: Sequence[BlindShares]
     mirrored: bool  # True if the mirror image of a place must also be free
 
@@ -62,7 +54,7 @@ class FreePlaces:
     genomes.
     """
 
-    ranges: Mapping[str, Range]  # the range of each value, in the order of the grid axes
+    ranges: Mapping[str, protocol.Range]  # the range of each value, in the order of the grid axes
     free: NDArray[np.bool_]
     view: View
 
@@ -94,8 +86,8 @@ class FreePlaces:
 def find_free_places(
     robot: Robot,
     link: str,
-    ranges: Mapping[str, Range],
-    place: Callable[[Mapping[str, float]], SensorPose],
+    ranges: Mapping[str, protocol.Range],
+    place: Callable[[Mapping[str, float]], protocol.SensorPose],
     sensors: Sequence[Sensor],
     mirrored: bool,
 ) -> FreePlaces | None:
@@ -115,13 +107,13 @@ def find_free_places(
     return None if cells.all() or not cells.any() else FreePlaces(axes, cells, view)
 
 
-def _list_corners(axes: Mapping[str, Range]) -> Iterator[dict[str, float]]:
+def _list_corners(axes: Mapping[str, protocol.Range]) -> Iterator[dict[str, float]]:
     corners = [_list_ends(ends, CELLS[name]) for name, ends in axes.items()]
     for values in product(*corners):
         yield dict(zip(axes, values, strict=True))
 
 
-def _list_ends(ends: Range, cells: int) -> list[float]:
+def _list_ends(ends: protocol.Range, cells: int) -> list[float]:
     return list(np.linspace(*ends, cells + 1).tolist())
 
 
@@ -141,7 +133,7 @@ ELEVATION = _within(90, "from -90 to 90")
 
 @dataclass(frozen=True)
 @checked
-class Region(RegionDescription):
+class Region(protocol.RegionDescription):
     """A sensor's possible position and angles, each a number or [low, high]."""
 
     x_m: Annotated[Interval, INTERVAL]  # x and y are in the frame of ``link``
@@ -158,9 +150,9 @@ class Region(RegionDescription):
     ) -> "BoundRegion":
         """Return this region bound to ``robot``, with None values taken from the default mount."""
         link = robot.mount_link if self.link is None else self.link
-        check_link(link, robot, mirrored, key)
+        protocol.check_link(link, robot, mirrored, key)
         if self.z_m is None:
-            require_height(link, robot, f"{key}.z_m")
+            protocol.require_height(link, robot, f"{key}.z_m")
         bound = replace(
             self,
             z_m=robot.mount_z_m if self.z_m is None else self.z_m,
@@ -168,7 +160,7 @@ class Region(RegionDescription):
             link=link,
         )
         bound._check_outline(link, robot, mirrored, key)
-        ranges = {name: bounds(getattr(bound, name)) for name in (*COORDINATES, *ANGLES)}
+        ranges = {name: bounds(getattr(bound, name)) for name in (*COORDINATES, *protocol.ANGLES)}
         x, y, base, yaw = robot.sensor_links[link]
         low, high = ranges["z_m"]
         check_height(robot, key, "z", (base + low, base + high), self.overhang_m, base)
@@ -197,7 +189,7 @@ class Region(RegionDescription):
 
 
 def check_height(
-    robot: Robot, key: str, name: str, heights: Range, overhang: float, base: float = 0.0
+    robot: Robot, key: str, name: str, heights: protocol.Range, overhang: float, base: float = 0.0
 ) -> None:
     """Raise an InputError if heights [m] above the ground are off the robot or its ``base``."""
     low, high = heights
@@ -217,19 +209,19 @@ class BoundRegion:
     """A box region bound to a robot."""
 
     link: str
-    ranges: Mapping[str, Range]
+    ranges: Mapping[str, protocol.Range]
     # x, y [m] and yaw [rad] of the link frame in the robot's frame
     frame: tuple[float, float, float]
     free: FreePlaces | None = None  # None: all places are free
 
-    def place(self, values: Mapping[str, float]) -> SensorPose:
+    def place(self, values: Mapping[str, float]) -> protocol.SensorPose:
         """Return the pose with these coordinates and angles."""
         if self.free is not None:
             values = self.free.adapt(values)
-        x, y, z, yaw, pitch = (values[name] for name in (*COORDINATES, *ANGLES))
-        return SensorPose((x, y, z), yaw, pitch)
+        x, y, z, yaw, pitch = (values[name] for name in (*COORDINATES, *protocol.ANGLES))
+        return protocol.SensorPose((x, y, z), yaw, pitch)
 
-    def area(self) -> Area:
+    def area(self) -> protocol.Area:
         """Return the box's rectangle in top view."""
         x, y, yaw = self.frame
         (a, b), (c, d) = self.ranges["x_m"], self.ranges["y_m"]
@@ -239,4 +231,6 @@ class BoundRegion:
             for p, q in ((a, c), (b, c), (b, d), (a, d))
         )
         low, high = (end + math.degrees(yaw) for end in self.ranges["yaw_deg"])
-        return Area(self.link, corners, (low, high), self.ranges["z_m"], self.ranges["pitch_deg"])
+        return protocol.Area(
+            self.link, corners, (low, high), self.ranges["z_m"], self.ranges["pitch_deg"]
+        )

@@ -48,15 +48,12 @@ class AdversarialFailure(AdaptiveFailure):
 
     @property
     def parts(self) -> Sequence[str]:
-        """The parts that can fail outside selection."""
         return self.validation.parts
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return the faults of a mission outside selection."""
         return self.validation.draw(channels, rng)
 
     def start(self, sensors: int, trials: int, rng: Generator) -> "EvolvingCases":
-        """Return random initial cases."""
         return EvolvingCases(self, sensors, trials, rng)
 
 

@@ -34,7 +34,6 @@ class BatteryFailure(Failure):
             raise invalid(self, "idle_w", self.idle_w, "must be above 0 if drive_j_per_m is 0")
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return the fault that starts when this mission's charge is used up."""
         charge = max(self.charge_wh + self.sd_wh * float(rng.standard_normal()), 0.0)
         trigger = Trigger.by_use(charge * JOULES, self.idle_w, self.drive_j_per_m)
         return (Fault(self.effect, np.zeros(1), "", DRIVE, trigger, self.parts[0], (DRIVE_SPEED,)),)

@@ -33,7 +33,6 @@ class CombinedFailure(Failure):
 
     @property
     def parts(self) -> Sequence[str]:
-        """The parts that any of the failures can affect."""
         parts = (part for failure in self.failures.values() for part in failure.parts)
         return tuple(dict.fromkeys(parts))
 

@@ -32,11 +32,9 @@ class ExhaustiveFailure(SystematicFailure):
         check_order(self, "least", "most")
 
     def count_cases(self, sensors: int) -> int:
-        """Return the number of cases of a robot with ``sensors`` sensors."""
         return sum(self._count(sensors, size) for size in self._sizes(sensors))
 
     def state_case(self, sensors: int, number: int) -> Case:
-        """Return the case with this number, counted from 0."""
         for size in self._sizes(sensors):
             count = self._count(sensors, size)
             if number < count:
@@ -47,7 +45,6 @@ class ExhaustiveFailure(SystematicFailure):
         raise ValueError(f"number must be below {self.count_cases(sensors)}")
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return the fault of a case drawn uniformly; none if no sensor fails."""
         number = int(rng.random() * self.count_cases(channels.size))
         return make_faults(self, self.state_case(channels.size, number), channels.size)
 

@@ -44,7 +44,6 @@ class GivenFailure(Failure):
         return Case.of(zip(self.sensors, self.time_s, strict=True))
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return one fault with the onsets of these sensors; none if no sensors are given."""
         beyond = [sensor for sensor in self.sensors if sensor >= channels.size]
         if beyond:
             raise InputError(

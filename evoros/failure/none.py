@@ -13,5 +13,4 @@ class NoFailure(Failure):
     """No sensor fails."""
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return no fault."""
         return ()

@@ -46,11 +46,9 @@ class PartFailure(Failure):
 
     @property
     def parts(self) -> Sequence[str]:
-        """The part that fails."""
         return (self.part,)
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return the fault; its onset is infinite if the part does not fail."""
         fails = rng.random() < self.probability
         trigger, delay = self.onset.draw(rng)
         signal, values = SPOILED[self.part]

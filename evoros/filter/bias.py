@@ -31,14 +31,12 @@ class Bias(Filter):
         high: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Draw the offsets."""
         onset = select_channels(channels, onset, self.of, "Bias")
         offset = self.offset_m + self.sd_m * rng.standard_normal(channels.size)
         return self.Parameters(offset, onset, channels.low, channels.high)
 
     @staticmethod
     def rule(parameters: Parameters, values: Array, time: float) -> None:
-        """Add each channel's offset."""
         offset, onset, low, high = parameters
         for i in range(len(values)):
             if time >= onset[i]:

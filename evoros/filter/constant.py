@@ -27,7 +27,6 @@ class Constant(Filter):
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Check the value against the limits."""
         refuse_pose(channels, "Constant")
         low, high = channels.low, channels.high
         if channels.stops is not None:

@@ -31,7 +31,6 @@ class Delay(Filter):
         ring: Matrix  # (samples, n)
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Memory]:
-        """Return a ring buffer of zeros, which the first call fills."""
         ring = np.zeros((channels.samples(self.delay_s), channels.size))
         return self.Parameters(onset), self.Memory(np.zeros(1), ring)
 

@@ -35,14 +35,12 @@ class Drift(Filter):
         high: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Draw the rates."""
         onset = select_channels(channels, onset, self.of, "Drift")
         rate = self.rate_mps + self.sd_mps * rng.standard_normal(channels.size)
         return self.Parameters(rate, self.limit_m, onset, channels.low, channels.high)
 
     @staticmethod
     def rule(parameters: Parameters, values: Array, time: float) -> None:
-        """Add the offset that each channel has accumulated since its onset."""
         rate, limit, onset, low, high = parameters
         for i in range(len(values)):
             if time >= onset[i]:

@@ -37,7 +37,6 @@ class Dropout(Filter):
         return ENDS if self.probability == 1 else ALTERS
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Held]:
-        """Start outside an outage."""
         values = self.probability, max(1, channels.samples(self.duration_s)), self.lost == "last"
         return self.Parameters(*values, onset), hold_nothing(channels)
 

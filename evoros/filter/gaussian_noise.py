@@ -29,7 +29,6 @@ class GaussianNoise(Filter):
         high: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Select the channels."""
         onset = select_channels(channels, onset, self.of, "GaussianNoise")
         return self.Parameters(self.sigma_m, onset, channels.low, channels.high)
 

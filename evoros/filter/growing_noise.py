@@ -31,7 +31,6 @@ class GrowingNoise(Filter):
         high: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Return the parameters."""
         return self.Parameters(self.sigma_m, self.growth_per_m, onset, channels.low, channels.high)
 
     @staticmethod

@@ -32,7 +32,6 @@ class Hold(Filter):
         value: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Memory]:
-        """Return a memory that precedes the first period."""
         memory = self.Memory(np.array([-1.0]), np.full(channels.size, math.nan))
         return self.Parameters(self.period_s, onset), memory
 

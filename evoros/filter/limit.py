@@ -24,7 +24,6 @@ class Limit(Filter):
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Return the parameters."""
         refuse_pose(channels, "Limit")
         return self.Parameters(self.limit, onset)
 

@@ -39,7 +39,6 @@ class Mask(Filter):
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Mark the masked channels."""
         refuse_pose(channels, "Mask")
         if channels.size % self.scan:
             raise InputError(

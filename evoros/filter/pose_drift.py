@@ -30,7 +30,6 @@ class PoseDrift(Filter):
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Draw the direction."""
         require_pose(channels, "PoseDrift", INSTEAD)
         rate = move(self.rate_mps, self.direction_deg, self.yaw_rate_dps, rng)
         longest = math.inf if self.longest_s is None else self.longest_s
@@ -38,7 +37,6 @@ class PoseDrift(Filter):
 
     @staticmethod
     def rule(parameters: Parameters, values: Array, time: float) -> None:
-        """Add the error accumulated since the onset."""
         rate, longest, onset = parameters
         for i in range(len(values)):
             if time >= onset[i]:

@@ -30,14 +30,12 @@ class PoseJump(Filter):
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Draw the direction."""
         require_pose(channels, "PoseJump", INSTEAD)
         jump = move(self.distance_m, self.direction_deg, self.yaw_deg, rng)
         return self.Parameters(jump, onset)
 
     @staticmethod
     def rule(parameters: Parameters, values: Array, time: float) -> None:
-        """Add the jump."""
         for i in range(len(values)):
             if time >= parameters.onset[i]:
                 values[i] += parameters.jump[i]

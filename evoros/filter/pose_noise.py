@@ -27,7 +27,6 @@ class PoseNoise(Filter):
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Return the standard deviations of x, y, yaw [rad] and speed."""
         instead = "put it into the controller's localization, or use GaussianNoise instead"
         require_pose(channels, "PoseNoise", instead)
         position, yaw = self.sigma_position_m, math.radians(self.sigma_yaw_deg)

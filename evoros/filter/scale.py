@@ -34,7 +34,6 @@ class Scale(Filter):
         high: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Draw the factors."""
         onset = select_channels(channels, onset, self.of, "Scale")
         factor = 1.0 + self.mean + self.sd * rng.standard_normal(channels.size)
         return self.Parameters(factor, self.slip_sd, onset, channels.low, channels.high)

@@ -28,7 +28,6 @@ class EquationOne(AdditiveFitness):
 
     @property
     def title(self) -> str:
-        """The name in figures, which says whether penalties are subtracted."""
         penalizes = self.sensor_penalty > 0 or self.price_weight > 0
         return f"fitness (Eq. 1{' less penalties' * penalizes})"
 
@@ -39,7 +38,6 @@ class EquationOne(AdditiveFitness):
         return worlds * NOTHING_DONE, worlds * COMPLETED_AT_ONCE
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
-        """Sum Eq. 1 over the missions, and subtract the penalties for the design's sensors."""
         return sum(map(equation_one, outcomes)) - self._penalty(outcomes)
 
     def score_missions(self, outcomes: Sequence[Outcome]) -> list[float]:
@@ -48,7 +46,6 @@ class EquationOne(AdditiveFitness):
         return [worlds * equation_one(outcome) - penalty for outcome in outcomes]
 
     def worst(self, outcomes: Sequence[Outcome]) -> float:
-        """Return 1 for each world, minus the penalties."""
         return len(outcomes) * NOTHING_DONE - self._penalty(outcomes)
 
     def _penalty(self, outcomes: Sequence[Outcome]) -> float:

@@ -37,24 +37,19 @@ class WorstCase(CombiningFitness):
 
     @property
     def title(self) -> str:
-        """The name in figures: the title of ``of``, and the share."""
         return f"{name_fitness(self.of).title}, mean of the lowest {100 * self.share:.3g} %"
 
     @property
     def unit(self) -> str:
-        """The unit of ``of``."""
         return name_fitness(self.of).unit
 
     def bounds(self, worlds: int) -> tuple[float, ...]:
-        """Return the bounds of ``of``."""
         return bound_fitness(self.of, worlds)
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
-        """Return the score of a trial."""
         return self.of.score(outcomes)
 
     def worst(self, outcomes: Sequence[Outcome]) -> float:
-        """Return the score of a trial in which a mission could not be run."""
         return self.of.worst(outcomes)
 
     def combine(self, scores: Sequence[float], trials: int | None = None) -> float:

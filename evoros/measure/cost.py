@@ -23,6 +23,5 @@ class Cost(Measure):
     unit: Annotated[str, A_NAME] = ""
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Return the sum over all robots that have separate designs."""
         robots = evaluated.robots.values()
         return math.fsum(add_prices(robot.mounts, robot.sensors) for robot in robots)

@@ -30,7 +30,6 @@ class Coverage(Measure):
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Return the fraction, from 0 to 1."""
         seen = find_seen(evaluated.robot(self.robot), self.distance_m)
         sector = choose_sector(self.bearing_deg, self.width_deg, self.both_sides)
         return int((seen.sum(axis=0)[sector] > 0).sum()) / int(sector.sum())

@@ -18,5 +18,4 @@ class FitnessMeasure(Measure):
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Return the fitness."""
         return evaluated.fitness

@@ -24,5 +24,4 @@ class Function(Measure):
     of_design: Annotated[bool, FLAG] = False  # True if outcomes, fitness and score are not used
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Call the function."""
         return float(self.function(evaluated))

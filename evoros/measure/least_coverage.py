@@ -29,7 +29,6 @@ class LeastCoverage(Measure):
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Return the fraction, from 0 to 1; 0 if all sensors may fail."""
         seen = find_seen(evaluated.robot(self.robot), self.distance_m)
         if len(seen) <= self.failed:
             return 0.0

@@ -21,6 +21,5 @@ class Mass(Measure):
     direction: Annotated[str, DIRECTION] = MINIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Return the sum over all robots that have separate designs."""
         robots = evaluated.robots.values()
         return math.fsum(sensor.mass_kg for robot in robots for sensor in robot.mounted_sensors())

@@ -24,6 +24,5 @@ class Redundancy(Measure):
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Return the fraction, from 0 to 1."""
         seen = find_seen(evaluated.robot(self.robot), self.distance_m)
         return int((seen.sum(axis=0) >= 2).sum()) / COUNT

@@ -19,5 +19,4 @@ class SensorNumber(Measure):
     direction: Annotated[str, DIRECTION] = MINIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Return the sum over all robots that have separate designs."""
         return float(sum(len(robot.mounts) for robot in evaluated.robots.values()))

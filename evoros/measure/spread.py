@@ -28,7 +28,6 @@ class Spread(Measure):
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Return the normalized distance; 0 without sensors."""
         robot = evaluated.robot(self.robot)
         places = robot.sensor_poses[:, :2]
         if not len(places):

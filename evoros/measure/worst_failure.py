@@ -27,8 +27,6 @@ class WorstFailure(Measure):
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Regroup missions by their scores in each world, and average the lowest quarter."""
-
         def score(outcomes: Outcomes) -> float:
             return evaluated.score([outcomes])
 

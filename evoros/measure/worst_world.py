@@ -19,6 +19,5 @@ class WorstWorld(Measure):
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Score each mission as if its world were the only one."""
         worlds = zip(*evaluated.trials, strict=True)
         return min(fmean(evaluated.score([one]) for one in outcomes) for outcomes in worlds)

@@ -36,7 +36,6 @@ class CatCma(Optimizer):
     packages = ("cmaes",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search that maximizes fitness; ``rng`` seeds its random generators."""
         require_genes(space)
         with require_extra("search", "optimizer=cat_cma"):
             from cmaes import CatCMAwM

@@ -43,7 +43,6 @@ class CmaEs(Optimizer):
     packages = ("cmaes",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search that maximizes fitness; ``rng`` seeds its random generators."""
         require_genes(space)
         with require_extra("search", "optimizer=cma_es"):
             from cmaes import CMA

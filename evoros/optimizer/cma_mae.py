@@ -50,7 +50,6 @@ class CmaMae(Optimizer):
             raise invalid(self, "population_size", self.population_size, rule)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search guided by fitness and descriptors; ``rng`` seeds its random generators."""
         require_genes(space)
         with require_extra("search", "optimizer=cma_mae"):
             from ribs.emitters import EvolutionStrategyEmitter

@@ -50,7 +50,6 @@ class GeneticAlgorithm(Optimizer):
     elite: Annotated[str, one_of("best_so_far", "best_child")] = "best_so_far"
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search that maximizes fitness and draws only from ``rng``."""
         require_genes(space)
         return _GeneticSearch(self, space, rng)
 

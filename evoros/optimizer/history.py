@@ -195,5 +195,4 @@ class ArchiveSearch(FitnessSearch):
         )
 
     def champions(self) -> list[Individual]:
-        """Return the elites, the fittest first."""
         return self._history.rank(map(int, self._archive.data("id")))

@@ -46,7 +46,6 @@ class MapElites(Optimizer):
     packages = ("ribs",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search guided by fitness and descriptors; ``rng`` seeds its random generators."""
         require_genes(space)
         with require_extra("search", "optimizer=map_elites"):
             from ribs.emitters import IsoLineEmitter

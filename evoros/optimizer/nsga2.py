@@ -45,7 +45,6 @@ class Nsga2(protocol.Optimizer):
     def start(
         self, space: protocol.Space, goals: protocol.Goals, rng: Generator
     ) -> protocol.Search:
-        """Start a search guided by the objectives; ``rng`` seeds its random generators."""
         protocol.require_genes(space)
         if len(goals.objectives) < 2:
             raise InputError(

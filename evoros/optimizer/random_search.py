@@ -21,7 +21,6 @@ class RandomSearch(Optimizer):
     validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search that draws only from ``rng``."""
         return FitnessSearch(_Uniform(self.population_size, space.size, rng))
 
 

@@ -52,7 +52,6 @@ class SetCover(protocol.Optimizer):
     def start(
         self, space: protocol.Space, goals: protocol.Goals, rng: Generator
     ) -> protocol.Search:
-        """Start a search over the drawn covers and all genes that do not belong to sensors."""
         if not isinstance(space, protocol.CoveringSpace):
             raise InputError(
                 "optimizer: set_cover needs a space that computes what sensors see (slots, "

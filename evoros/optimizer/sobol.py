@@ -32,7 +32,6 @@ class Sobol(Optimizer):
     packages = ("scipy",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search along a sequence that ``rng`` scrambles."""
         if space.size > MOST_GENES:
             raise InputError(
                 f"design: must have at most {MOST_GENES} genes for optimizer=sobol, not "

@@ -41,7 +41,6 @@ class Tpe(Optimizer):
     packages = ("optuna",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search that maximizes fitness; ``rng`` seeds its random generators."""
         require_genes(space)
         with require_extra("search", "optimizer=tpe"):
             import optuna

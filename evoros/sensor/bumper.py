@@ -40,19 +40,16 @@ class Bumper(ContactSensor):
 
     @property
     def channels(self) -> tuple[Channel]:
-        """One channel, which is 1 if something has touched the zone."""
         return (Channel("touch", "", 0.0, 1.0),)
 
     class Memory(NamedTuple):
         touches: Array  # (1,) number of touches at the last reading
 
     def start(self) -> tuple[None, Memory]:
-        """Return a memory without touches."""
         return None, self.Memory(np.zeros(1))
 
     @staticmethod
     def rule(memory: Memory, signal: Array, values: Array) -> None:
-        """Compare the number of touches with the number at the last reading."""
         values[0] = 1.0 if signal[TOUCHES] > memory.touches[0] else 0.0
         memory.touches[0] = signal[TOUCHES]
 

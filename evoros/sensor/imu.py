@@ -42,7 +42,6 @@ class Imu(SignalSensor):
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """Three angular rates, then three accelerations."""
         fastest, strongest = self.rate_max_radps, self.acceleration_max_mps2
         return (
             *(Channel(f"rate_{axis}", "radps", -fastest, fastest) for axis in _AXES),
@@ -62,7 +61,6 @@ class Imu(SignalSensor):
         weight: Array  # (3,) specific force at rest, opposite to gravity [m/s2]
 
     def start(self) -> tuple[Parameters, Memory]:
-        """Return the limits, and a memory without a reading."""
         memory = self.Memory(np.array([-math.inf]), np.zeros(4), np.zeros(3), np.zeros(3))
         return self.Parameters(self.rate_max_radps, self.acceleration_max_mps2), memory
 
@@ -101,7 +99,6 @@ class Imu(SignalSensor):
             memory.weight[i] = weight[i]
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>`` without noise; ``name`` is also the topic."""
         return gazebo_sensor(name, "imu", self.period_s)
 
 

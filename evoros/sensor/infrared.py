@@ -39,16 +39,13 @@ class Infrared(RangeSensor):
     filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # order matters
 
     def channel_of(self) -> NDArray[np.int64]:
-        """Return the only channel, 0, for each ray."""
         return np.zeros(1 + RIM, dtype=np.int64)
 
     def rays(self) -> Array:
-        """Return (9, 3) unit vectors in the sensor's frame, x forward and z up."""
         half, turns = math.radians(self.fov_deg) / 2, 2.0 * math.pi * np.arange(RIM) / RIM
         sin, cos = elementary.sin_cos(half)
         rim = np.column_stack((np.full(RIM, cos), sin * cos_all(turns), sin * sin_all(turns)))
         return np.vstack(([1.0, 0.0, 0.0], rim / np.linalg.norm(rim, axis=1, keepdims=True)))
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>``, a horizontal fan of three rays without noise."""
         return gazebo_rays(name, self, Fan(3, *find_field(self)))

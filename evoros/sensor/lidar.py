@@ -38,11 +38,9 @@ class Lidar(RangeSensor):
     filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # order matters
 
     def channel_of(self) -> NDArray[np.int64]:
-        """Return a separate channel for each ray."""
         return np.arange(self.beams)
 
     def rays(self) -> Array:
-        """Return (beams, 3) unit vectors in the sensor's frame, x forward and y left."""
         angles = self._angles()
         return np.column_stack((cos_all(angles), sin_all(angles), np.zeros(self.beams)))
 
@@ -51,7 +49,6 @@ class Lidar(RangeSensor):
         return spread_bearings(self.beams, self.fov_deg, spaces)
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>``; ``name`` is its name and topic."""
         angles = self._angles()
         fan = Fan(self.beams, angles[0], angles[-1])
         return gazebo_rays(name, self, fan, noise=self.filters.values())

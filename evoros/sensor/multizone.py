@@ -44,16 +44,13 @@ class Multizone(RangeSensor):
         return self.base_price + self.zone_price * self.zones
 
     def channel_of(self) -> NDArray[np.int64]:
-        """Return the zone of each ray."""
         return np.repeat(np.arange(self.zones), self.rays_per_zone)
 
     def rays(self) -> Array:
-        """Return (zones * rays_per_zone, 3) unit vectors in the sensor's frame, x forward."""
         count = self.zones * self.rays_per_zone
         angles = spread_bearings(count, self.fov_deg, count)  # the middles of equal parts
         return np.column_stack((cos_all(angles), sin_all(angles), np.zeros(count)))
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>``, with the rays of all zones and only Gaussian noise."""
         fan = Fan(self.zones * self.rays_per_zone, *find_field(self))
         return gazebo_rays(name, self, fan, noise=self.filters.values())

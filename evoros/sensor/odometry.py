@@ -32,7 +32,6 @@ class Odometry(SignalSensor):
 
     @property
     def channels(self) -> tuple[Channel, Channel]:
-        """The speed and the yaw rate (left positive)."""
         return (
             Channel("speed", "mps", -math.inf, math.inf),
             Channel("yaw_rate", "radps", -math.inf, math.inf),
@@ -43,7 +42,6 @@ class Odometry(SignalSensor):
         signal: Array  # (2,) signal at the last reading
 
     def start(self) -> tuple[None, Memory]:
-        """Return a memory in which no wheel has rolled yet."""
         return None, self.Memory(np.zeros(1), np.zeros(2))
 
     @staticmethod

@@ -35,7 +35,6 @@ class Sonar(RangeSensor):
     filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # order matters
 
     def channel_of(self) -> NDArray[np.int64]:
-        """Return the only channel, 0, for each ray."""
         return np.zeros(self.rays_per_axis**2, dtype=np.int64)
 
     def rays(self) -> Array:
@@ -50,6 +49,5 @@ class Sonar(RangeSensor):
         return np.column_stack((cos_all(a) * cos_all(b), sin_all(a) * cos_all(b), sin_all(b)))
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>``, which publishes all rays, with only Gaussian noise."""
         fan = Fan(self.rays_per_axis, *find_field(self))
         return gazebo_rays(name, self, fan, fan, self.filters.values())

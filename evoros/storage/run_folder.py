@@ -12,15 +12,7 @@ from evoros.evolution.journal import Champion, Champions, Generation
 from evoros.files.disk import sync
 from evoros.mission.mission import Mission, MissionKey, Outcomes, name_conditions
 from evoros.mission.plan import SELECTION
-from evoros.storage import layout, tables
-from evoros.storage.champion_files import (
-    CHAMPION,
-    CHAMPIONS,
-    champion_files,
-    champions_files,
-    track_file,
-    track_files,
-)
+from evoros.storage import champion_files, layout, tables
 from evoros.storage.creation import create_folder, require_unused
 from evoros.storage.digests import Report, describe_file, ignore
 from evoros.storage.figure_context import FigureContext
@@ -192,9 +184,9 @@ class RunFolder(MissionLog):
 
     def write_champions(self, champions: Champions) -> None:
         """Write the files of several champions; replace files from an earlier end of the search."""
-        if len(champions.designs) < 2 and not (self.path / CHAMPIONS).is_dir():
+        if len(champions.designs) < 2 and not (self.path / champion_files.CHAMPIONS).is_dir():
             return
-        for name, content in champions_files(champions).items():
+        for name, content in champion_files.champions_files(champions).items():
             if self._read(name) == content:
                 self.digests.add({name: describe_file(content)})
             else:
@@ -202,11 +194,11 @@ class RunFolder(MissionLog):
 
     def has_champion(self, champion: Champion) -> bool:
         """Return True if this champion and its stored trajectories are recorded."""
-        files = champion_files(champion)
+        files = champion_files.champion_files(champion)
         whole = all(self._read(name) == content for name, content in files.items())
         if whole:  # restores digests, which may be damaged
             self.digests.add({name: describe_file(content) for name, content in files.items()})
-        tracks = map(track_file, champion.tracks)
+        tracks = map(champion_files.track_file, champion.tracks)
         return whole and all(self.digests.is_whole(name, self._read(name)) for name in tracks)
 
     def _read(self, name: str) -> bytes:
@@ -215,10 +207,13 @@ class RunFolder(MissionLog):
 
     def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
         """Replace the champion's files; ``design.csv`` exists only while all other files do."""
-        files = {**track_files(champion, trajectories), **champion_files(champion)}
+        files = {
+            **champion_files.track_files(champion, trajectories),
+            **champion_files.champion_files(champion),
+        }
         for name in files:
             self.set_aside(name)
-        folder = self.path / CHAMPION
+        folder = self.path / champion_files.CHAMPION
         self.make_folder(folder)
         self.digests.reopen(files)
         (self.path / list(files)[-1]).unlink(missing_ok=True)

@@ -11,15 +11,6 @@ from evoros.base.errors import InputError
 from evoros.files.disk import require_no_links
 from evoros.formats.sdf.writer import require_closed
 from evoros.storage import digests, layout
-from evoros.storage.layout import (
-    damaged,
-    hash_file,
-    is_damaged,
-    is_sealed,
-    read_bytes,
-    read_sealed,
-    split_lines,
-)
 from evoros.storage.run_key import is_foreign, read_key
 
 NEEDED = "generations/"  # folder of the generations' tables, all of which are required
@@ -36,15 +27,15 @@ def verify_folder(folder: Path) -> None:
     """
     require_no_links(folder)
     manifest, status = (
-        read_sealed(folder, name) if (folder / name).is_file() else {}
+        layout.read_sealed(folder, name) if (folder / name).is_file() else {}
         for name in (layout.MANIFEST, layout.STATUS)
     )
     entries = _read_entries(folder)
     digests.require_origin(folder, manifest, entries.by_name)
     if is_foreign(status, manifest):
-        raise damaged(folder, layout.STATUS, f" (it is {digests.FOREIGN})")
+        raise layout.damaged(folder, layout.STATUS, f" (it is {digests.FOREIGN})")
     if not _has_generations(entries.by_name, status):
-        raise damaged(folder, layout.DIGESTS, " (it lacks the table of a generation)")
+        raise layout.damaged(folder, layout.DIGESTS, " (it lacks the table of a generation)")
     for name in entries.by_name:
         if name.startswith(NEEDED) or (not name.startswith(LARGE) and (folder / name).is_file()):
             _verify(folder, name, entries)
@@ -65,7 +56,7 @@ def is_complete(folder: Path) -> bool:
 
 def has_all_digests(folder: Path, status: Mapping[str, Any]) -> bool:
     """Return True if ``digests.csv`` of a finished folder is complete and sorted."""
-    content = read_bytes(folder / layout.DIGESTS)
+    content = layout.read_bytes(folder / layout.DIGESTS)
     entries = digests.read_entries(content).by_name
     ordered = digests.write_entries({name: entries[name] for name in sorted(entries)})
     return (
@@ -120,7 +111,7 @@ def read_text(path: Path) -> str:
     try:
         folder = _find_folder(path)
         verify_file(folder, str(path.relative_to(folder)))
-        return read_bytes(path).decode()
+        return layout.read_bytes(path).decode()
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
 
@@ -133,9 +124,9 @@ def _find_folder(path: Path) -> Path:
 
 
 def _read_entries(folder: Path) -> digests.Entries:
-    entries = digests.read_entries(read_bytes(folder / layout.DIGESTS))
+    entries = digests.read_entries(layout.read_bytes(folder / layout.DIGESTS))
     if entries.damaged:
-        raise damaged(folder, layout.DIGESTS, f": line {entries.damaged[0]}")
+        raise layout.damaged(folder, layout.DIGESTS, f": line {entries.damaged[0]}")
     return entries
 
 
@@ -146,15 +137,15 @@ def _verify(folder: Path, name: str, entries: digests.Entries) -> None:
         return
     now = _read_entries(folder)  # a running process may have replaced the file
     if now.by_name.get(name) == entry:
-        raise damaged(folder, name, line)
+        raise layout.damaged(folder, name, line)
     _verify(folder, name, now)
 
 
 def _find_damage(folder: Path, name: str, entry: digests.Entry) -> str | None:
     """Return a message suffix for the damage, such as ``: line 7`` or ""; None if undamaged."""
-    if entry.sha256 and hash_file(folder / name) == entry.sha256:
+    if entry.sha256 and layout.hash_file(folder / name) == entry.sha256:
         return None
-    content = read_bytes(folder / name)
+    content = layout.read_bytes(folder / name)
     key = read_key(layout.read_json(folder / layout.MANIFEST))
     row = _find_row(content, entry, key) if name == layout.MISSIONS else ""
     if not entry.sha256:
@@ -164,12 +155,12 @@ def _find_damage(folder: Path, name: str, entry: digests.Entry) -> str | None:
 
 def _find_row(content: bytes, entry: digests.Entry, key: bytes) -> str:
     """Return the first damaged, repeated or foreign line of ``missions.csv``."""
-    header, *lines = split_lines(content) or [b""]
+    header, *lines = layout.split_lines(content) or [b""]
     if entry.lines and digests.find_line(header, entry):
         return ": line 1"
     known = set[bytes]()
     for line_number, line in enumerate(lines, 2):
-        if line in known or (not is_sealed(line, key) and is_damaged(line, key)):
+        if line in known or (not layout.is_sealed(line, key) and layout.is_damaged(line, key)):
             return f": line {line_number}"
         known.add(line)
     return ""

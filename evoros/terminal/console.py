@@ -9,14 +9,7 @@ from functools import wraps
 from itertools import takewhile
 from typing import NoReturn
 
-from evoros.base.errors import (
-    EvorosError,
-    InputError,
-    explain_path,
-    override,
-    shell_line,
-    single_line,
-)
+from evoros.base import errors
 from evoros.terminal.log import LOGGER, escape_control, log_to_terminal, silence, silence_unwritable
 
 # Exit statuses:
@@ -55,10 +48,10 @@ def report_errors(
             return int(ended.code or DONE)
         except KeyboardInterrupt:
             return report_error(name, *explain())
-        except EvorosError as error:
+        except errors.EvorosError as error:
             return report_error(name, str(error), status_of(error))
         except (OSError, RuntimeError) as error:
-            explanation = explain_path(error)
+            explanation = errors.explain_path(error)
             if not explanation:
                 raise
             return report_error(name, explanation, INPUT)
@@ -75,13 +68,13 @@ def reports_errors(name: str) -> Callable[[Command], Command]:
 
 def report_error(name: str, message: str, status: int) -> int:
     """Log the error that ended a command or job, in one line, and return ``status``."""
-    LOGGER.error("%s: %s", name, single_line(message))
+    LOGGER.error("%s: %s", name, errors.single_line(message))
     return status
 
 
-def status_of(error: EvorosError) -> int:
+def status_of(error: errors.EvorosError) -> int:
     """Return the exit status of an error."""
-    return INPUT if isinstance(error, InputError) else STOPPED
+    return INPUT if isinstance(error, errors.InputError) else STOPPED
 
 
 def print_result(text: str) -> None:
@@ -117,7 +110,7 @@ class CommandParser(ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raise an InputError with the parser's message."""
-        raise InputError(f"{message}; see {self.prog} --help")
+        raise errors.InputError(f"{message}; see {self.prog} --help")
 
     def parse(self, words: Sequence[str]) -> Namespace:
         """Parse a command's words; suggest quotes if a path with spaces was split."""
@@ -140,7 +133,7 @@ def require_keys(words: Sequence[str], before: str) -> None:
             before = word
             continue
         rest = takewhile(_stands_alone, words[i:])
-        raise InputError(f"{word!r}: must be key=value; {_advise_quotes(before, *rest)}")
+        raise errors.InputError(f"{word!r}: must be key=value; {_advise_quotes(before, *rest)}")
 
 
 def _stands_alone(word: str) -> bool:
@@ -150,7 +143,7 @@ def _stands_alone(word: str) -> bool:
 def _advise_quotes(before: str, *rest: str) -> str:
     key, equals, value = before.partition("=")
     if not equals:
-        return f"a path with a space needs quotes: {shell_line(' '.join((before, *rest)))}"
+        return f"a path with a space needs quotes: {errors.shell_line(' '.join((before, *rest)))}"
     whole = " ".join(filter(None, (value, *rest)))
     advice = "a value with a space needs quotes:" if " " in whole else "type"
-    return f"{advice} {shell_line(override(key, whole))}"
+    return f"{advice} {errors.shell_line(errors.override(key, whole))}"

@@ -18,8 +18,7 @@ from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.config.compose import compose
-from evoros.controller.network import list_weights, share_sectors
-from evoros.controller.neural import Neural
+from evoros.controller.neural import Neural, list_weights, share_sectors
 from evoros.design.genes import Gene
 from evoros.evolution.experiment import Experiment
 from evoros.mission.member import find_declared_genes

@@ -30,7 +30,6 @@ class CourseOnset(Onset):
             raise invalid(self, "latest", self.latest, "must be at most 1, the whole route")
 
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
-        """Draw the share or length of the route."""
         part = scale(float(rng.random()), self.earliest, self.latest)
         make = Trigger.on_course if self.unit == SHARE else Trigger.after_distance
         return make(part), 0.0

@@ -21,5 +21,4 @@ class PlaceOnset(Onset):
     delay_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time from the event to the failure
 
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
-        """Return the event that the robot reaches the place, and the delay."""
         return Trigger.at_place(self.x_m, self.y_m, self.radius_m), self.delay_s

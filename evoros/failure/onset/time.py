@@ -22,5 +22,4 @@ class TimeOnset(Onset):
         check_order(self, "earliest_s", "latest_s")
 
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
-        """Draw the time."""
         return AT_START, scale(float(rng.random()), self.earliest_s, self.latest_s)

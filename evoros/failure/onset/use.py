@@ -24,5 +24,4 @@ class UseOnset(Onset):
             raise invalid(self, "per_m", self.per_m, "must be above 0 if per_s is 0")
 
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
-        """Return the event that ``amount`` is used up."""
         return Trigger.by_use(self.amount, self.per_s, self.per_m), 0.0

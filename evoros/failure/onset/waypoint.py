@@ -19,5 +19,4 @@ class WaypointOnset(Onset):
     delay_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time from the event to the failure
 
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
-        """Return the event that the robot reaches the waypoint, and the delay."""
         return Trigger.at_waypoint(self.number), self.delay_s

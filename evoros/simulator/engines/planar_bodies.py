@@ -9,14 +9,7 @@ import numpy as np
 
 from evoros.base.arrays import NO_VALUES, Array, Matrix
 from evoros.base.compilable import compilable
-from evoros.geometry.footprint import (
-    FOOTPRINT_SIZE,
-    Footprint,
-    Outlines,
-    bounding_circle,
-    find_heights,
-    project_shape,
-)
+from evoros.geometry import footprint
 from evoros.geometry.grid import GRID_SIZE, Grid
 from evoros.geometry.polygon import polygon_contact, transform_polygon
 from evoros.geometry.ray import FACE_SIZE, OBSTACLE_SIZE, place_obstacle
@@ -59,7 +52,10 @@ def _penetration(first: Part, second: Part) -> float:
     """Return the overlap [m] of two shapes in top view; 0 if their height ranges are disjoint."""
     if first.bottom > second.top + GAP_M or second.bottom > first.top + GAP_M:
         return 0.0
-    (ax, ay, reach), (bx, by, other) = bounding_circle(first.area), bounding_circle(second.area)
+    (ax, ay, reach), (bx, by, other) = (
+        footprint.bounding_circle(first.area),
+        footprint.bounding_circle(second.area),
+    )
     if math.hypot(bx - ax, by - ay) >= reach + other:
         return 0.0
     a, b = first.area, second.area
@@ -68,14 +64,14 @@ def _penetration(first: Part, second: Part) -> float:
 
 def _describe(body: Body, parts: tuple[Part, ...]) -> Pushable:
     centre = np.array(body.pose.position[:2])
-    circles = [bounding_circle(part.area) for part in parts]
+    circles = [footprint.bounding_circle(part.area) for part in parts]
     radius = max(math.dist((x, y), centre) + reach for x, y, reach in circles)
     lowest = min(part.bottom for part in parts)
     carrying = [part.area for part in parts if part.bottom <= lowest + GAP_M]
     return Pushable(body, parts, radius, _friction_arm(carrying, centre))
 
 
-def _friction_arm(areas: Sequence[Footprint], centre: Array) -> float:
+def _friction_arm(areas: Sequence[footprint.Footprint], centre: Array) -> float:
     """Return the mean distance [m] from a body's supports to its centre of mass.
 
     It is the ratio of the maximum friction moment to the maximum friction force if the corners or
@@ -101,10 +97,10 @@ Radius around its corners [m], index of its first corner, end index of its corne
 highest point [m].
 """
 PART_SIZE = 5
-FIXED_BOTTOM, FIXED_TOP = FOOTPRINT_SIZE, FOOTPRINT_SIZE + 1
+FIXED_BOTTOM, FIXED_TOP = footprint.FOOTPRINT_SIZE, footprint.FOOTPRINT_SIZE + 1
 """Columns of a fixed shape after its footprint (``evoros.geometry.footprint``): height range [m].
 """
-FIXED_SIZE = FOOTPRINT_SIZE + 2
+FIXED_SIZE = footprint.FOOTPRINT_SIZE + 2
 
 BODY_X, BODY_Y, BODY_COS, BODY_SIN = range(4)
 """Columns of a body's pose.
@@ -187,9 +183,9 @@ def _lay_out_bodies(pushable: Sequence[Pushable]) -> tuple[Array, ...]:
 
 def _lay_out_fixed(fixed: Sequence[Body], reach: float) -> tuple[Array, ...]:
     solids = [solid for body in fixed for solid in body.placed if solid[0].kind != "plane"]
-    areas = [project_shape(shape, pose) for shape, pose in solids]
-    heights = [find_heights(shape, pose) for shape, pose in solids]
-    grid, outlines = Grid.around(areas, reach), Outlines.of(areas)
+    areas = [footprint.project_shape(shape, pose) for shape, pose in solids]
+    heights = [footprint.find_heights(shape, pose) for shape, pose in solids]
+    grid, outlines = Grid.around(areas, reach), footprint.Outlines.of(areas)
     rows = np.concatenate([outlines.rows, np.array(heights).reshape(-1, 2)], axis=1)
     return grid.to_array(), *grid.list_near(areas, reach), rows, outlines.corners
 

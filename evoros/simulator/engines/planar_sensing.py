@@ -17,17 +17,6 @@ from evoros.geometry.ray import Point, cast_rays, is_beside, is_beyond, place_ob
 from evoros.sensor import signals as signal
 from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_bodies import Movables, Placed, PlanarPose
-from evoros.simulator.engines.planar_layout import (
-    FRAME,
-    GRAVITY,
-    PLACE,
-    Drive,
-    Memory,
-    Plane,
-    pose_of,
-    probes_of,
-    sight_of,
-)
 from evoros.simulator.engines.rays import see_parts_at
 
 FULL_TURN = 2.0 * math.pi
@@ -39,7 +28,7 @@ UNSURE_RAD = 1e-4
 @compilable
 def fill_signals(parameters: Array, memory: Array, index: int, signals: Array) -> None:
     """Write the signal of each of a robot's probes."""
-    probes, now = probes_of(parameters, index), unpack(Memory, memory)
+    probes, now = layout.probes_of(parameters, index), unpack(layout.Memory, memory)
     motion = now.motions[index]
     for i in range(len(probes.motion)):
         fill_motion(parameters, memory, index, probes.motion[i], signals)
@@ -47,30 +36,30 @@ def fill_signals(parameters: Array, memory: Array, index: int, signals: Array) -
         place = int(probes.wheels[i])
         signals[place + signal.DISTANCE] = motion[layout.ROLLED]
         signals[place + signal.TURN] = motion[layout.TURNED]
-    touched = int(unpack(Plane, parameters).places[index, layout.TOUCHES])
+    touched = int(unpack(layout.Plane, parameters).places[index, layout.TOUCHES])
     for i in range(len(probes.contact)):
-        place = int(probes.contact[i, PLACE])
+        place = int(probes.contact[i, layout.PLACE])
         signals[place + signal.TOUCHES] = now.touches[touched + i]
 
 
 @compilable
 def fill_motion(parameters: Array, memory: Array, index: int, probe: Array, signals: Array) -> None:
     """Write the motion of a probe's frame on a robot."""
-    motion = unpack(Memory, memory).motions[index]
-    drive = unpack(Drive, unpack(Plane, parameters).drives[index])
-    x, y, cos, sin = pose_of(memory, index)
-    signals = signals[int(probe[PLACE]) :]
-    px = probe[FRAME]
-    py = probe[FRAME + 1]
+    motion = unpack(layout.Memory, memory).motions[index]
+    drive = unpack(layout.Drive, unpack(layout.Plane, parameters).drives[index])
+    x, y, cos, sin = layout.pose_of(memory, index)
+    signals = signals[int(probe[layout.PLACE]) :]
+    px = probe[layout.FRAME]
+    py = probe[layout.FRAME + 1]
     signals[signal.POSITION] = x + cos * px - sin * py
     signals[signal.POSITION + 1] = y + sin * px + cos * py
-    signals[signal.POSITION + 2] = probe[FRAME + 2]
+    signals[signal.POSITION + 2] = probe[layout.FRAME + 2]
     # The robot's yaw rotation times the sensor's mounting rotation.
     z, w = elementary.sin_cos(0.5 * motion[YAW])
-    qw = probe[FRAME + 3]
-    qx = probe[FRAME + 4]
-    qy = probe[FRAME + 5]
-    qz = probe[FRAME + 6]
+    qw = probe[layout.FRAME + 3]
+    qx = probe[layout.FRAME + 4]
+    qy = probe[layout.FRAME + 5]
+    qz = probe[layout.FRAME + 6]
     signals[signal.ORIENTATION] = w * qw - z * qz
     signals[signal.ORIENTATION + 1] = w * qx - z * qy
     signals[signal.ORIENTATION + 2] = w * qy + z * qx
@@ -84,7 +73,7 @@ def fill_motion(parameters: Array, memory: Array, index: int, probe: Array, sign
     signals[signal.TURNING] = 0.0
     signals[signal.TURNING + 1] = 0.0
     signals[signal.TURNING + 2] = motion[YAW_RATE]
-    signals[signal.GRAVITY] = probe[GRAVITY]
+    signals[signal.GRAVITY] = probe[layout.GRAVITY]
 
 
 class Sensors(NamedTuple):
@@ -100,7 +89,7 @@ class Sensors(NamedTuple):
 @compilable
 def sense(parameters: Array, memory: Array, signals: Array) -> None:
     """Fill ``signals`` with the range [m] of each beam of all robots, within its limits."""
-    places = unpack(Plane, parameters).places
+    places = unpack(layout.Plane, parameters).places
     place_shapes(parameters, memory)
     for i in range(len(places) - 1):
         see(parameters, memory, i, signals[int(places[i, layout.SIGNALS]) :])
@@ -112,7 +101,7 @@ def sense_signals(parameters: Array, memory: Array, signals: Array) -> None:
     This takes a sixth longer to compile than ``sense``, which is enough for most first runs.
     """
     sense(parameters, memory, signals)
-    places = unpack(Plane, parameters).places
+    places = unpack(layout.Plane, parameters).places
     for i in range(len(places) - 1):
         fill_signals(parameters, memory, i, signals[int(places[i, layout.SIGNALS]) :])
 
@@ -120,9 +109,9 @@ def sense_signals(parameters: Array, memory: Array, signals: Array) -> None:
 @compilable
 def place_shapes(parameters: Array, memory: Array) -> None:
     """Move the shapes of the robots to the robots' poses."""
-    plane, placed = unpack(Plane, parameters), unpack(Memory, memory).shapes
+    plane, placed = unpack(layout.Plane, parameters), unpack(layout.Memory, memory).shapes
     for i in range(len(plane.drives)):
-        x, y, cos, sin = pose_of(memory, i)
+        x, y, cos, sin = layout.pose_of(memory, i)
         for k in range(
             int(plane.places[i, layout.SHAPES]), int(plane.places[i + 1, layout.SHAPES])
         ):
@@ -132,14 +121,14 @@ def place_shapes(parameters: Array, memory: Array) -> None:
 @compilable
 def see(parameters: Array, memory: Array, index: int, ranges: Array) -> None:
     """Write the range [m] of each beam of a robot."""
-    plane, now = unpack(Plane, parameters), unpack(Memory, memory)
-    sight = sight_of(parameters, index)
+    plane, now = unpack(layout.Plane, parameters), unpack(layout.Memory, memory)
+    sight = layout.sight_of(parameters, index)
     beams = sight.beams
     for i in range(len(beams)):
         ranges[i] = beams[i, layout.FREE_RANGE]
     if len(sight.steered) > 0:
         see_parts_at(sight.steered, now.motions[index, layout.STEERING_ANGLE], ranges)
-    pose = pose_of(memory, index)
+    pose = layout.pose_of(memory, index)
     sensors = Sensors(beams, sight.groups, sight.rays, pose, ranges)
     cell = cell_at(sight.grid, pose[0], pose[1])
     placed, faces = unpack(Placed, now.movables).sights, unpack(Movables, plane.movables).faces
