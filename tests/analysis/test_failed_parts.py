@@ -19,7 +19,6 @@ from evoros.certificate.validation import Validation
 from evoros.cli.replay import replay as replay_command
 from evoros.evolution.loop import _rate_parts
 from evoros.mission.mission import Outcome
-from evoros.plugins.recordings.video.mission import _list_failed_parts
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run
 from evoros.terminal.console import DONE
@@ -123,9 +122,7 @@ def test_player_and_video_name_parts() -> None:
         ("steering", 1.0, 0.0),
         ("battery", 2.0, 1.0),
     ]
-    assert [*_list_failed_parts(TRACK)] == [(0.1, "steering"), (0.1, "battery"), (0.3, "drive")]
     assert list(_encode_part_faults(pd.Series(dtype=object), TRACK, {})) == []
-    assert list(_list_failed_parts(TRACK.drop(columns="failed_parts"))) == []
 
 
 def test_a_certificate_rates_the_missions_in_which_a_part_failed() -> None:

@@ -29,7 +29,7 @@ from evoros.config.compose import compose
 from evoros.dispatch.dispatcher import Dispatcher
 from evoros.mission.mission import TRAJECTORY
 from evoros.plugins.recordings.bags.messages import list_messages
-from evoros.plugins.recordings.bags.missions import list_rows, read_mission
+from evoros.plugins.recordings.missions import list_rows, read_mission
 from evoros.storage.creation import create_folder
 from evoros.storage.digests import ignore
 from evoros.storage.mission_log import MissionLog

@@ -15,7 +15,7 @@ PLUGIN = Plugin(
     __name__,
     "videos, rosbags and recordings for Rerun",
     figures={
-        "video": f"{__name__}.video.subcommand",
+        "video": f"{__name__}.video.film",
         "bag": f"{__name__}.bags.bag",
         "rerun": f"{__name__}.rerun.subcommand",
     },

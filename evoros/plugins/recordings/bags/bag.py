@@ -14,7 +14,7 @@ from evoros.analysis.subcommands import Product
 from evoros.analysis.tables.study import Study
 from evoros.base.errors import InputError, write_count
 from evoros.plugins.recordings.bags import messages as ros
-from evoros.plugins.recordings.bags.missions import RecordedMission, add_missions, choose_missions
+from evoros.plugins.recordings.missions import RecordedMission, add_missions, choose_missions
 
 TEMPLATE = Path(__file__).with_name("foxglove.json")  # panels of the layout, without topics
 SHOWN = (

@@ -14,7 +14,7 @@ from evoros.analysis.tables.walkers import WalkerTrack
 from evoros.base.arrays import Array
 from evoros.geometry.polyhedron import convex_polyhedron
 from evoros.geometry.shapes import Pose, Shape
-from evoros.plugins.recordings.bags.missions import RecordedMission
+from evoros.plugins.recordings.missions import RecordedMission
 from evoros.sensor.protocol import CONTACT, MOTION, WHEELS
 from evoros.storage.figure_context import Beam, Signal
 from evoros.world.model import World

@@ -15,12 +15,11 @@ from scipy.spatial.transform import Rotation
 
 from evoros.analysis.tables import designs
 from evoros.analysis.tables.records import Record
-from evoros.analysis.tables.tracks import NONE, list_failures, list_part_failures
+from evoros.analysis.tables.tracks import NONE
 from evoros.analysis.tables.walkers import WalkerTrack
 from evoros.base.arrays import Array
-from evoros.filter.protocol import ENDS
 from evoros.geometry.shapes import Shape
-from evoros.plugins.recordings.bags.missions import RecordedMission
+from evoros.plugins.recordings.missions import RecordedMission
 from evoros.plugins.recordings.rerun.robot import (
     LINE,
     TIME,
@@ -33,8 +32,8 @@ from evoros.plugins.recordings.rerun.robot import (
     show_sensor,
     to_mesh,
 )
-from evoros.plugins.recordings.video import mission as film
 from evoros.plugins.recordings.video.captions import CLEAR
+from evoros.plugins.recordings.video.motion import flag_ends, interpolate, measure_errors
 from evoros.plugins.recordings.video.renderer import FIXED, MOVABLE
 from evoros.plugins.recordings.video.scene import MOST_FACES, WALKER, ShownRobot
 from evoros.plugins.recordings.video.sensors import colour_sensors, make_views
@@ -66,7 +65,7 @@ def record_study(record: Record, missions: Sequence[RecordedMission]) -> bytes:
         robots = sum(1 + len(mission.others) for mission in missions)
         most_faces = min(MOST_FACES, _ALL_FACES // (robots + 1))
         for mission in missions:
-            show_mission(top.below(mission.name), mission, film.find_near(record), most_faces)
+            show_mission(top.below(mission.name), mission, most_faces)
         if not record.run.evaluates:
             _show_evolution(top.below(_EVOLUTION), record, missions[0].loaded_urdf, most_faces)
         stream.flush()
@@ -168,33 +167,25 @@ def _describe(row: Mapping[Hashable, Any], record: Record) -> str:
     return f"Generation {row['generation']}: design {design}{named}, fitness {row['fitness']:.4g}"
 
 
-def show_mission(
-    top: Entities, mission: RecordedMission, near_m: float | None, most_faces: int
-) -> None:
-    """Add a mission below the path ``top``; see ``make_views`` for ``near_m``."""
+def show_mission(top: Entities, mission: RecordedMission, most_faces: int) -> None:
+    """Add a mission below the path ``top``."""
     top.show(rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     _show_world(top.below("world"), mission)
     for walker in mission.walkers:
         _show_walker(top.below("walkers", walker.name), walker)
-    _show_member(top, mission, near_m, most_faces)
+    _show_member(top, mission, most_faces)
     for name, other in mission.others.items():
-        _show_member(top.below(AGENTS, name), other, near_m, most_faces)
+        _show_member(top.below(AGENTS, name), other, most_faces)
 
 
-def _show_member(
-    top: Entities, mission: RecordedMission, near_m: float | None, most_faces: int
-) -> None:
+def _show_member(top: Entities, mission: RecordedMission, most_faces: int) -> None:
     robot = ShownRobot(mission.loaded_urdf, most_faces)
     times = mission.trajectory["time_s"].to_numpy(float)
-    motion = film.interpolate(mission.trajectory, times, robot.tree)
-    effects, failures = mission.context.failure.effects, list_failures(mission.row)
-    faults = [
-        film.ShownFault(sensor, time, effects.get(name, ENDS)) for sensor, time, name in failures
-    ]
-    count = len(mission.sensors)
-    ended, errors = film.flag_ends(times, count, faults), film.measure_errors(times, count, faults)
-    records = np.arange(len(times))
-    shown = list(make_views(robot.tree, mission.sensors, records, near_m))
+    motion = interpolate(mission.trajectory, times, robot.tree)
+    count, records = len(mission.sensors), np.arange(len(times))
+    ended = flag_ends(times, count, mission.faults)
+    errors = measure_errors(times, count, mission.faults)
+    shown = list(make_views(robot.tree, mission.sensors, records, mission.near_m))
     painted = [colour_sensors(shown, ended, errors, i) for i in records.tolist()]
     colours = np.array(painted, dtype=np.uint8).reshape(len(times), count, 3)
     _show_course(top.below("course"), mission)
@@ -204,19 +195,19 @@ def _show_member(
         show_sensor(top, sensor, shown[i], times, colours[:, i])
     route = np.stack([motion.x_m, motion.y_m, np.full(len(times), 0.01)], axis=1)
     top.below("path").show(rr.LineStrips3D([route], colors=PATH, radii=0.01))
-    show_faults(top.below("robot", "faults"), robot, mission, faults)
-    _tell_events(top.below("events"), mission, faults)
+    show_faults(top.below("robot", "faults"), robot, mission)
+    _tell_events(top.below("events"), mission)
 
 
-def _tell_events(top: Entities, mission: RecordedMission, faults: list[film.ShownFault]) -> None:
+def _tell_events(top: Entities, mission: RecordedMission) -> None:
     rows, names = mission.trajectory, (NONE, *mission.context.modes)
     changes = find_changes(rows["mode"].to_numpy(float))
     events = [(float(rows["time_s"].iloc[i]), names[int(rows["mode"].iloc[i])]) for i in changes]
     entries = [(time, f"mode {name}", rr.TextLogLevel.INFO) for time, name in events]
-    for fault in faults:
+    for fault in mission.faults:
         text = f"{mission.sensors[fault.sensor].link}: {fault.kind}"
         entries.append((fault.at_s, text, rr.TextLogLevel.WARN))
-    for part, time, effect in list_part_failures(mission.row):
+    for part, time, effect in mission.part_failures:
         entries.append((time, f"{part}: {effect}", rr.TextLogLevel.WARN))
     entries.sort(key=lambda event: event[0])
     times, texts, levels = zip(*entries, strict=True)

@@ -9,11 +9,10 @@ import rerun as rr
 from scipy.spatial.transform import Rotation
 
 from evoros.analysis.tables.readings import RecordedSensor
-from evoros.analysis.tables.tracks import list_part_failures
 from evoros.base.arrays import Array
-from evoros.plugins.recordings.bags.missions import RecordedMission
+from evoros.plugins.recordings.missions import RecordedMission
 from evoros.plugins.recordings.video.camera import Pixels
-from evoros.plugins.recordings.video.mission import Motion, ShownFault
+from evoros.plugins.recordings.video.motion import Motion
 from evoros.plugins.recordings.video.scene import ShownRobot
 from evoros.plugins.recordings.video.sensors import SILENT_M, FieldOfView, ShownSensor
 from evoros.plugins.recordings.video.surfaces import Surface
@@ -138,16 +137,14 @@ def _move_links(robot: ShownRobot, motion: Motion) -> dict[str, Array]:
     return dict(zip(moving, frames, strict=True))
 
 
-def show_faults(
-    top: Entities, robot: ShownRobot, mission: RecordedMission, faults: Sequence[ShownFault]
-) -> None:
+def show_faults(top: Entities, robot: ShownRobot, mission: RecordedMission) -> None:
     """Mark failed sensors, and name other failed parts, from the time of failure on."""
     marks: list[tuple[float, Array, str]] = []
-    for fault in faults:
+    for fault in mission.faults:
         link = mission.sensors[fault.sensor].link
         x, y, z = robot.tree.poses[link].position
         marks.append((fault.at_s, np.array([x, y, z + _ABOVE_M]), f"{link}: {fault.kind}"))
-    for part, time, effect in list_part_failures(mission.row):
+    for part, time, effect in mission.part_failures:
         marks.append((time, np.array([0.0, 0.0, 3 * _ABOVE_M]), f"{part}: {effect}"))
     if not marks:
         return

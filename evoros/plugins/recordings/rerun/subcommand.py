@@ -5,7 +5,7 @@ import argparse
 from evoros.analysis.subcommands import Product
 from evoros.analysis.tables.study import Study
 from evoros.base.errors import InputError, require_extra, write_count
-from evoros.plugins.recordings.bags.missions import add_missions, choose_missions
+from evoros.plugins.recordings.missions import add_missions, choose_missions
 
 WORST_MISSION = True
 HELP = "recorded missions and the best designs of all generations, for the Rerun viewer"

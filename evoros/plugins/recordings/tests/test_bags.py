@@ -32,7 +32,7 @@ from evoros.plugins.recordings.bags.messages import (
     list_messages,
     list_topics,
 )
-from evoros.plugins.recordings.bags.missions import RecordedMission, read_champion_mission
+from evoros.plugins.recordings.missions import RecordedMission, read_champion_mission
 from evoros.storage.reading import load_run
 from evoros.terminal.console import DONE, INPUT
 

@@ -18,8 +18,7 @@ from rerun.error_utils import RerunWarning
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.tables.designs import select_bests, trace_fitness
 from evoros.analysis.tables.records import Record, read_record
-from evoros.analysis.tables.tracks import list_failures
-from evoros.plugins.recordings.bags.missions import RecordedMission, read_champion_mission
+from evoros.plugins.recordings.missions import RecordedMission, read_champion_mission
 from evoros.plugins.recordings.rerun import subcommand
 from evoros.plugins.recordings.rerun.robot import MOST_RAYS, draw_rays, find_changes
 from evoros.plugins.recordings.video.captions import FAILED
@@ -164,7 +163,7 @@ def test_every_sensor_has_rays_as_long_as_its_readings(
 def test_a_faulty_sensor_is_marked_from_its_failure_on(
     recorded: Recorded, mission: RecordedMission
 ) -> None:
-    failures = list_failures(mission.row)
+    failures = mission.faults
     assert failures
     grey = FAILED[0] << 24 | FAILED[1] << 16 | FAILED[2] << 8 | 255
     marks = recorded.rows("/near/robot/faults", "Points3D:labels", TIME)

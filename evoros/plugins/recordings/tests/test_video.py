@@ -31,6 +31,7 @@ from evoros.formats.strict_xml import parse
 from evoros.formats.urdf.tree import Urdf, read_tree
 from evoros.geometry.footprint import top_height
 from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.plugins.recordings.missions import ShownFault, assemble
 from evoros.plugins.recordings.video.camera import (
     Camera,
     Pixels,
@@ -48,10 +49,7 @@ from evoros.plugins.recordings.video.captions import (
     write_caption,
 )
 from evoros.plugins.recordings.video.film import encode_mp4, film
-from evoros.plugins.recordings.video.mission import (
-    FilmedMission,
-    OtherRobot,
-    ShownFault,
+from evoros.plugins.recordings.video.motion import (
     flag_ends,
     interpolate,
     measure_errors,
@@ -95,6 +93,7 @@ def table(*readings: list[float], yaw: float = 0.0) -> pd.DataFrame:
     """A robot that stands at 1, 2 [m]; a row each 0.1 s."""
     count = len(readings)
     poses = {"x_m": 1.0, "y_m": 2.0, "yaw_rad": yaw, "mode": 2, "visited": 0, "contact": 0}
+    poses |= {"speed_mps": 0.0, "steering_rad": 0.0}
     ranges = {f"range_{i}_m": ranges_m for i, ranges_m in enumerate(zip(*readings, strict=True))}
     return pd.DataFrame({"time_s": 0.1 * np.arange(count), **poses, **ranges})
 
@@ -213,7 +212,7 @@ def shown(
     """The picture of these readings, and its camera, which follows."""
     options = RenderOptions(size=SIZE, fps=10.0, speed=1.0, end_s=0.05)
     path = table(readings, readings)
-    (first, *_) = film(FilmedMission(path, urdf, world, setting, **more), options)
+    (first, *_) = film(assemble(path, urdf, world, setting, **more), options)
     return first, chase_camera(1.0, 2.0, 0.0, SIZE)
 
 
@@ -331,7 +330,7 @@ def test_a_fan_is_hidden_behind_an_obstacle(
 
 def test_a_robot_of_another_mission_is_refused(urdf: str, setting: FigureContext) -> None:
     with pytest.raises(InputError, match="sensors 0, 1, 2, 3, 4, 5, 6, but"):
-        list(film(FilmedMission(table([1.0] * 7), urdf, OPEN, setting)))
+        assemble(table([1.0] * 7), urdf, OPEN, setting)
 
 
 # The world ----------------------------------------------------------------------------------
@@ -455,7 +454,7 @@ def test_as_many_pictures_as_speed_and_rate_say(
 ) -> None:
     path = table(*[[1.0] * 6] * 10)
     options = RenderOptions("above", (64, 64), fps, speed, start, end)
-    pictures = list(film(FilmedMission(path, urdf, OPEN, setting), options))
+    pictures = list(film(assemble(path, urdf, OPEN, setting), options))
     assert [ranges_m.shape for ranges_m in pictures] == [(64, 64, 3)] * count
 
 
@@ -463,7 +462,7 @@ def test_as_many_pictures_as_speed_and_rate_say(
 def pictures(run: Run, urdf: str, setting: FigureContext) -> list[Pixels]:
     path = run.trajectory("near")
     options = RenderOptions(size=(160, 90), fps=5.0, speed=2.0, end_s=2.0, title="near")
-    return list(film(FilmedMission(path, urdf, OPEN, setting), options))
+    return list(film(assemble(path, urdf, OPEN, setting), options))
 
 
 def test_an_mp4_plays_the_pictures_at_their_rate(pictures: list[Pixels]) -> None:
@@ -494,7 +493,7 @@ def test_another_trajectory_gives_another_video(
     path = run.trajectory("near")
     options = RenderOptions(size=(160, 90), fps=5.0, speed=2.0, end_s=2.0, title="near")
     path["yaw_rad"] += 0.3 * path["time_s"]
-    assert encode_mp4(film(FilmedMission(path, urdf, OPEN, setting), options), 5.0) != encode_mp4(
+    assert encode_mp4(film(assemble(path, urdf, OPEN, setting), options), 5.0) != encode_mp4(
         pictures, 5.0
     )
 
@@ -609,7 +608,7 @@ def test_another_robot_is_seen_where_it_is_and_nowhere_else(
     ahead = table([4.5] * 6, [4.5] * 6).assign(x_m=2.5)
     behind = ahead.assign(x_m=-20.0)
     pictures = [
-        shown(urdf, setting, [4.5] * 6, others=[OtherRobot(track, urdf, setting)])[0]
+        shown(urdf, setting, [4.5] * 6, others={"other": assemble(track, urdf, OPEN, setting)})[0]
         for track in (ahead, behind)
     ]
     changed = np.abs(pictures[0].astype(int) - alone).max(axis=2) > 20

@@ -14,8 +14,9 @@ from evoros.base.checks import NOT_NEGATIVE, POSITIVE, Rule, checked, invalid, i
 from evoros.base.errors import InputError
 from evoros.filter.protocol import ENDS
 from evoros.geometry.shapes import Pose
+from evoros.plugins.recordings.missions import RecordedMission
 from evoros.plugins.recordings.video.captions import CLEAR, ERRING, FAILED, NEAR, Caption
-from evoros.plugins.recordings.video.mission import FilmedMission, Motion
+from evoros.plugins.recordings.video.motion import Motion
 from evoros.sensor.protocol import CONTACT
 from evoros.world.model import World
 
@@ -156,7 +157,7 @@ def place_cameras(
 
 
 def make_captions(
-    mission: FilmedMission, motion: Motion, options: RenderOptions
+    mission: RecordedMission, motion: Motion, options: RenderOptions
 ) -> Iterator[Caption]:
     """Yield the caption for each picture, without the states of the sensors."""
     trajectory, context = mission.trajectory, mission.context
@@ -172,7 +173,7 @@ def make_captions(
         visited, mode = int(trajectory["visited"].iloc[row]), int(trajectory["mode"].iloc[row])
         state = "collision" if contacts[row] else modes[mode] if mode < len(modes) else str(mode)
         goal = "completed" if visited == goals else f"waypoint {visited + 1} of {goals}"
-        failed = ", ".join(part for at, part in mission.failed_parts if at <= time)
+        failed = ", ".join(part for part, at, _ in mission.part_failures if at <= time)
         state += f", failed: {failed}" * bool(failed)
         texts = (options.title, f"{time:.0f} s of {end:.0f} s", goal, state)
         yield Caption(texts, f"{options.speed:g} x real time", (), key)

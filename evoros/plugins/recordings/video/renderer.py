@@ -21,7 +21,7 @@ from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.plugins.recordings.video.camera import NEAR_M, Camera, Floats, Pixels, to_matrix
 from evoros.plugins.recordings.video.captions import CLEAR, FAILED, NEAR, Colour
 from evoros.plugins.recordings.video.ground import GOAL, RING, Ground
-from evoros.plugins.recordings.video.mission import Flags, Motion
+from evoros.plugins.recordings.video.motion import Flags, Motion
 from evoros.plugins.recordings.video.scene import Scene
 from evoros.plugins.recordings.video.sensors import (
     SILENT_M,

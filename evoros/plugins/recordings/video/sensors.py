@@ -13,7 +13,7 @@ from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.shapes import Pose
 from evoros.plugins.recordings.video.camera import to_matrix
 from evoros.plugins.recordings.video.captions import CLEAR, ERRING, FAILED, NEAR, Colour
-from evoros.plugins.recordings.video.mission import Flags
+from evoros.plugins.recordings.video.motion import Flags
 from evoros.sensor.protocol import CONTACT, RAY_DEG
 from evoros.storage.figure_context import Beam
 

@@ -7,21 +7,23 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from evoros.analysis.subcommands import add_run, add_worlds
 from evoros.analysis.tables import tracks
-from evoros.analysis.tables.agents import select_agent
+from evoros.analysis.tables.agents import list_robots, select_agent
 from evoros.analysis.tables.champions import adapt_context
 from evoros.analysis.tables.designs import adapt_types, read_evolved
 from evoros.analysis.tables.readings import RecordedSensor, read_sensors
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.shown import is_kept
 from evoros.analysis.tables.study import Study
-from evoros.analysis.tables.walkers import WalkerTrack, list_walkers
+from evoros.analysis.tables.walkers import WalkerTrack, list_walkers, read_walkers
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
+from evoros.filter.protocol import ENDS
 from evoros.formats.strict_xml import parse
 from evoros.formats.urdf.parts import Joint, read_joint
 from evoros.formats.urdf.tree import read_tree
@@ -34,48 +36,91 @@ from evoros.storage.verification import read_text
 from evoros.terminal.log import LOGGER
 from evoros.world.model import World
 
-_LARGEST = 1e9  # upper limit of numbers in a mission, which must fit into messages
+_MAX_VALUE = 1e9  # upper limit of numbers in a mission, which must fit into messages
+_REQUIRED = ("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "steering_rad", "mode", "visited")
+
+
+class ShownFault(NamedTuple):
+    """A sensor fault in a mission."""
+
+    sensor: int  # index, from 0
+    at_s: float  # onset
+    kind: str = ENDS  # effect on readings, one of ``FailureContext.effects``
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedMission:
     """A recorded mission from the point of view of one robot."""
 
-    name: str  # WORLD, or GENERATION_DESIGN_WORLD_TRIAL
-    row: "pd.Series[str]"  # the mission's row of ``missions.csv``
-    context: FigureContext  # includes the evolved parameters of the sensor types
     trajectory: pd.DataFrame  # has the columns of ``trajectory_WORLD.csv``
     urdf: str  # description of the robot with its sensors
     loaded_urdf: str  # description that engines load
+    world: World
+    context: FigureContext  # includes the evolved parameters of the sensor types
     joints: Sequence[Joint]
     root: str  # root link
     root_pose: Pose  # pose of the root link in the frame that the trajectory records
     sensors: Sequence[RecordedSensor]
-    world: World
-    route: Array  # (legs, 2) waypoints [m] in the order of the route
+    name: str = ""  # WORLD, or GENERATION_DESIGN_WORLD_TRIAL
+    route: Array = field(default_factory=lambda: np.empty((0, 2)))
+    """The waypoints (legs, 2) [m] in the order of the route."""
+    faults: Sequence[ShownFault] = ()
+    part_failures: Sequence[tuple[str, float, str]] = ()  # part, time [s] and effect
+    near_m: float | None = None  # range at which readings are marked; None: half of the maximum
     others: Mapping[str, "RecordedMission"] = field(default_factory=dict)
     """The mission from the point of view of each other robot, by name."""
     walkers: Sequence[WalkerTrack] = ()
 
 
+def assemble(
+    trajectory: pd.DataFrame,
+    urdf: str,
+    world: World,
+    context: FigureContext,
+    loaded_urdf: str = "",
+    sources: tuple[str, str] = ("trajectory", "robot.urdf"),
+    **more: Any,
+) -> RecordedMission:
+    """Check a trajectory and a robot's description, and return the mission.
+
+    ``loaded_urdf`` is the description that engines load, if it differs. ``sources`` names the
+    files of the trajectory and the description in errors; ``more`` holds the remaining fields.
+    """
+    _check(trajectory, sources[0], len(context.modes))
+    elements = parse(urdf.encode(), sources[1])
+    # ``read_tree`` rejects meshes, which only the loaded robot replaces with shapes.
+    links = [str(link.get("name")) for link in elements.findall("link")]
+    joints = [read_joint(joint, links) for joint in elements.findall("joint")]
+    root = next(iter({*links} - {joint.child for joint in joints}))
+    root_pose = Pose()  # engines may add a link above the root
+    if loaded_urdf:
+        tree = read_tree(parse(loaded_urdf.encode(), ROBOT_AS_LOADED), ROBOT_AS_LOADED)
+        root_pose = tree.poses.get(root, root_pose)
+    sensors = read_sensors(trajectory, links, context, sources[1])
+    robot = urdf, loaded_urdf or urdf, world, context, joints, root, root_pose, sensors
+    return RecordedMission(trajectory, *robot, **more)
+
+
 def read_champion_mission(record: Record, world: str) -> RecordedMission:
-    """Read the champion's first mission in a world."""
-    row, context = tracks.find_champion_mission(record.run, world), adapt_context(record)
-    files = _Files(
-        world,
+    """Read the champion's first mission in a world, with all robots."""
+    robots = {robot.agent: place_champion(robot, world) for robot in list_robots(record)}
+    mission = robots.pop(record.agent)
+    return replace(mission, others=robots, walkers=read_walkers(record, world))
+
+
+def place_champion(
+    record: Record, world: str, trajectory: pd.DataFrame | None = None
+) -> RecordedMission:
+    """Return a champion's first mission in a world, or the mission with this trajectory."""
+    files = (
         record.run.champion_file(f"trajectory_{world}.csv"),
         record.run.champion_file("robot.urdf", record.agent),
         record.run.champion_file(ROBOT_AS_LOADED, record.agent),
     )
-    scene = tracks.load_champion_world(record.run, record.context, world), context
-    mission = _assemble(record, row, files, record.run.trajectory(world), scene)
-    return replace(mission, others=_read_others(record, read_champion_mission, world))
-
-
-def _read_others(
-    record: Record, read: Callable[[Record, Any], RecordedMission], mission: Any
-) -> dict[str, RecordedMission]:
-    return {name: read(select_agent(record, name), mission) for name in record.context.agents}
+    row = tracks.find_champion_mission(record.run, world)
+    shown = tracks.load_champion_world(record.run, record.context, world), adapt_context(record)
+    recorded = record.run.trajectory(world) if trajectory is None else trajectory
+    return _assemble(record, row, files, recorded, shown, name=world)
 
 
 def read_mission(record: Record, row: "pd.Series[str]") -> RecordedMission:
@@ -83,85 +128,86 @@ def read_mission(record: Record, row: "pd.Series[str]") -> RecordedMission:
     generation, design, trial = (int(row[name]) for name in ("generation", "design", "trial"))
     key = (generation, design, str(row["world"]), trial)
     file, agent = trajectory_file(key), record.agent
-    files = _Files(
-        f"{generation:05d}_{file.stem}",
-        record.path / file,
-        record.path / robot_file(design, agent),
-        record.path / loaded_robot_file(design, agent),
+    files = file, robot_file(design, agent), loaded_robot_file(design, agent)
+    trajectory = record.run.mission_trajectory(*key)
+    shown = (
+        tracks.load_mission_world(record.run, record.context, row),
+        adapt_types(record.context, read_evolved(record, design)),
     )
-    context = adapt_types(record.context, read_evolved(record, design))
-    scene = tracks.load_mission_world(record.run, record.context, row), context
-    mission = _assemble(record, row, files, record.run.mission_trajectory(*key), scene)
-    return replace(mission, others=_read_others(record, read_mission, row))
-
-
-class _Files(NamedTuple):
-    mission: str
-    trajectory: Path
-    described: Path  # description of the robot with its sensors
-    loaded: Path  # description that engines load, if it differs from ``described``
+    return _assemble(
+        record,
+        row,
+        [record.path / file for file in files],
+        trajectory,
+        shown,
+        name=f"{generation:05d}_{file.stem}",
+        walkers=list_walkers(trajectory, record.values),
+        others={
+            name: read_mission(select_agent(record, name), row) for name in record.context.agents
+        },
+    )
 
 
 def _assemble(
     record: Record,
     row: "pd.Series[str]",
-    files: _Files,
+    files: Sequence[Path],
     trajectory: pd.DataFrame,
-    scene: tuple[World, FigureContext],
+    shown: tuple[World, FigureContext],
+    **more: Any,
 ) -> RecordedMission:
-    (world, context), agent = scene, record.agent
-    _check(trajectory, files.trajectory, context)
-    urdf, source = read_text(files.described), str(files.described)
-    loaded = read_text(files.loaded) if files.loaded.is_file() else urdf
-    elements = parse(urdf.encode(), source)
-    # ``read_tree`` rejects meshes, which only the loaded robot replaces with shapes.
-    links = [str(link.get("name")) for link in elements.findall("link")]
-    joints = [read_joint(joint, links) for joint in elements.findall("joint")]
-    root = next(iter({*links} - {joint.child for joint in joints}))
-    root_pose = Pose()  # engines may add a link above the root
-    if loaded != urdf:
-        tree = read_tree(parse(loaded.encode(), files.loaded.name), str(files.loaded))
-        root_pose = tree.poses.get(root, root_pose)
-    rng = generator(str(row["draws"]), f"agents.{agent}.course" if agent else "course")
+    """Assemble a mission from the files of its trajectory, its robot and its loaded robot."""
+    source, described, loaded = files
+    world, context = shown
+    urdf = read_text(described)
+    loaded_urdf = read_text(loaded) if loaded.is_file() else ""
+    rng = generator(
+        str(row["draws"]), f"agents.{record.agent}.course" if record.agent else "course"
+    )
     round_index = count_round(str(row["purpose"]), int(row["generation"]), int(row["trial"]))
-    return RecordedMission(
-        name=files.mission,
-        row=row,
-        context=context,
-        trajectory=trajectory,
-        urdf=urdf,
-        loaded_urdf=loaded,
-        joints=joints,
-        root=root,
-        root_pose=root_pose,
-        sensors=read_sensors(trajectory, links, context, source),
-        world=world,
+    near = record.values.get("controller.avoidance.range_m")
+    effects = context.failure.effects
+    return assemble(
+        trajectory,
+        urdf,
+        world,
+        context,
+        loaded_urdf * (loaded_urdf != urdf),
+        (str(source), str(described)),
         route=world.course.route(world.course.goes_forward(round_index, rng)),
-        walkers=list_walkers(trajectory, record.values),
+        faults=[
+            ShownFault(sensor, time, effects.get(effect, ENDS))
+            for sensor, time, effect in tracks.list_failures(row)
+        ],
+        part_failures=tracks.list_part_failures(row),
+        near_m=float(near) if isinstance(near, int | float) else None,
+        **more,
     )
 
 
-def _check(trajectory: pd.DataFrame, source: Path, context: FigureContext) -> None:
+def _check(trajectory: pd.DataFrame, source: str, modes: int) -> None:
+    for name in _REQUIRED:
+        if name not in trajectory:
+            raise InputError(f"{source}: no column {name}; restore the file")
     if trajectory.empty:
         raise InputError(
             f"{source}: no rows, because the mission could not be run; choose another mission"
         )
-    numbers = ("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "steering_rad", "mode", "visited")
-    if trajectory[[*numbers]].isna().to_numpy().any() or (trajectory["time_s"].diff() < 0).any():
-        raise InputError(
-            f"{source}: a cell other than a reading is empty, or times decrease; restore the file"
-        )
+    for row in np.flatnonzero(trajectory[[*_REQUIRED]].isna().any(axis=1)):
+        raise InputError(f"{source}: row {row + 1} has an empty cell; restore the file")
+    for row in np.flatnonzero(np.diff(trajectory["time_s"]) < 0):
+        raise InputError(f"{source}: time_s decreases after row {row + 1}; restore the file")
     recorded = trajectory.select_dtypes("number")
-    far = (recorded.abs() > _LARGEST).to_numpy().any()
+    far = (recorded.abs() > _MAX_VALUE).to_numpy().any()
     if far or len(recorded.columns) < len(trajectory.columns) or (trajectory["visited"] < 0).any():
         raise InputError(
-            f"{source}: a cell is not a number of at most {_LARGEST:g}, or a number of visited "
+            f"{source}: a cell is not a number of at most {_MAX_VALUE:g}, or a number of visited "
             f"waypoints is negative; restore the file"
         )
-    if not trajectory["mode"].between(0, len(context.modes)).all():
+    if not trajectory["mode"].between(0, modes).all():
         raise InputError(
-            f"{source}: mode must be from 0 to {len(context.modes)}, the number of modes in "
-            f"setting.json, not {trajectory['mode'].max():g}; restore both files"
+            f"{source}: mode must be from 0 to {modes}, the number of modes in setting.json, not "
+            f"{trajectory['mode'].max():g}; restore both files"
         )
 
 
