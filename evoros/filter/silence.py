@@ -21,6 +21,7 @@ class Silence(Filter):
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
+        """Return the parameters."""
         return self.Parameters(onset)
 
     @staticmethod

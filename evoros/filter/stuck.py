@@ -20,6 +20,7 @@ class Stuck(Filter):
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Held]:
+        """Return a memory that holds no value yet."""
         return self.Parameters(onset), hold_nothing(channels)
 
     @staticmethod
