@@ -33,6 +33,12 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
         "draw figures, tables, reports, videos",
         ("--where", "--treatments", "--output"),
     ),
+    "show": Subcommand(
+        "evoros.cli.show:show",
+        "DESIGN",
+        "list and draw the sensors of a design",
+        ("--design", "--picture", "--browser", "--config-dir"),
+    ),
     "status": Subcommand(
         "evoros.cli.status:status",
         "[FOLDER]",

@@ -109,6 +109,7 @@ class Beam:
     bearings_deg: tuple[float, ...] = ()
     """The bearing of each range in the sensor frame, left positive; empty for a single range."""
     radiation: str = "ultrasound"  # radiation type in ROS messages
+    price: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,7 @@ class Signal:
     period_s: float  # sampling period
     width_m: float = 0.0  # width of a bumper's contact zone; 0 for other sensors
     depth_m: float = 0.0  # distance of the back of the zone behind the mount
+    price: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -252,13 +254,15 @@ def _beam(sensor: RangeSensor) -> Beam:
     bearings = [round(math.degrees(bearing), 9) for bearing in sensor_bearings(sensor)]
     several = tuple(bearings) if len(bearings) > 1 else ()
     radiation = sensor.radiation or Beam.radiation
-    return Beam(round(opening, 9), *limits, float(sensor.period_s), several, radiation)
+    return Beam(
+        round(opening, 9), *limits, float(sensor.period_s), several, radiation, sensor.price
+    )
 
 
 def _signal(sensor: Sensor) -> Signal:
     channels = tuple((channel.name, channel.unit) for channel in sensor.channels)
-    zone = [float(getattr(sensor, name, 0.0)) for name in ("width_m", "depth_m")]
-    return Signal(sensor.measures, channels, float(sensor.period_s), *zone)
+    width, depth = (float(getattr(sensor, name, 0.0)) for name in ("width_m", "depth_m"))
+    return Signal(sensor.measures, channels, float(sensor.period_s), width, depth, sensor.price)
 
 
 def _rings(failure: Failure) -> Iterator[Ring]:
