@@ -90,7 +90,7 @@ class Subcommand(Protocol):
 
     HELP: str  # one line
     NEEDS: str  # completes "Needs ..."
-    FILES: Mapping[str, str]  # a description of each file except the picture, by file name
+    FILES: Sequence[str]  # names of all files except the picture
 
     def make_product(self, study: "Study", options: argparse.Namespace) -> "Product":
         """Make the figure, tables and files for a study."""

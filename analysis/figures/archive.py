@@ -30,10 +30,7 @@ from .options import RUN, add_grouping, group_runs
 FIRST_ROBOT = True
 HELP = "the best design in each cell of two descriptors; growth of coverage and QD score"
 NEEDS = "runs that recorded at least two descriptors"
-FILES = {
-    "archive.csv": "the best design in each cell",
-    "archive_growth.csv": "coverage and QD score by the number of missions",
-}
+FILES = ("archive.csv", "archive_growth.csv")
 DESIGNS, COLUMNS = 6, 2  # designs drawn next to a single map
 MOST_COLUMNS = 5  # maximum number of maps in a row
 MAP_IN, PANEL_IN, BELOW_IN = 3.5, 1.02, 1.95

@@ -38,7 +38,7 @@ from .own_claims import judge_own, read_claims
 FIRST_ROBOT = True
 HELP = "claims with measured values, intervals and verdicts"
 NEEDS = "finished runs"
-FILES = {"claims.csv": "a row for each claim"}
+FILES = ("claims.csv",)
 READS: tuple[Callable[[Record], object], ...] = (
     identify_champion,
     read_champion,

@@ -32,10 +32,7 @@ from .options import add_conditions, score_runs
 
 HELP = "treatments by recorded and validated fitness: tests, effects, intervals"
 NEEDS = "finished runs; for tests, at least two treatments with replicates"
-FILES = {
-    "compare.csv": "the tests, a row for each measure and pair of treatments",
-    "compare_runs.csv": "the scores of each run",
-}
+FILES = ("compare.csv", "compare_runs.csv")
 MAX_TESTS = 30  # maximum number of tests below the figure; longer lists appear only in the table
 NAME_LENGTH = 10  # maximum length of a treatment's name in the tests; longer names become letters
 LINE_LENGTH = 20  # maximum number of characters in a line of a label

@@ -24,10 +24,7 @@ from ..tables.study import Study
 
 HELP = "each champion against no sensors, random search and hand-made designs"
 NEEDS = "runs with controls"
-FILES = {
-    "controls.csv": "a row for each run and control",
-    "controls_summary.csv": "means over the runs, a row for each treatment and control",
-}
+FILES = ("controls.csv", "controls_summary.csv")
 LOOKS = {"control": (VERMILLION, 7.0, "white"), "champion": (BLUE, 4.0, BLUE)}
 """Edge colour, size and face colour of each side's marker."""
 INTERVAL = "95 % confidence interval for the difference"

@@ -37,7 +37,7 @@ from .options import add_conditions, score_runs
 
 HELP = "the effects of one or two factors and their interaction, with 95 % intervals"
 NEEDS = "finished runs with replicates of each combination of levels"
-FILES = {"factors.csv": "the tests", "factors_effects.csv": "the differences of means"}
+FILES = ("factors.csv", "factors_effects.csv")
 TESTS = (
     *("measure", "effect", "replicates", "test", "df", "df_error", "f"),
     *("a12", "a12_low", "a12_high", "p", "p_holm"),

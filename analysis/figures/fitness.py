@@ -18,7 +18,7 @@ from ..tables.study import Study
 
 HELP = "fitness over generations: every individual of one run, or quartiles of several"
 NEEDS = "runs with at least one generation"
-FILES = {"fitness.csv": "the individuals of one run, or quartiles over the replicates"}
+FILES = ("fitness.csv",)
 LABELS = {"recorded": "best, recorded", "validated": "best, validated", "mean": "mean of pool"}
 ONE = "dots: designs in the generation's pool"
 SEVERAL = "lines: medians over the runs; bands: quartiles"

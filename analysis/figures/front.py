@@ -21,7 +21,7 @@ from .options import add_grouping, group_runs
 FIRST_ROBOT = True
 HELP = "the Pareto front of two objectives, with some of its designs"
 NEEDS = "runs that recorded at least two objectives"
-FILES = {"front.csv": "the designs on the front"}
+FILES = ("front.csv",)
 DESIGNS, COLUMNS = 6, 3  # designs drawn next to the front
 HEIGHT_IN, PLOT_IN, LINE_IN = 3.25, 2.65, 0.14
 LEFT_IN, BOTTOM_IN = 0.8, 0.56  # room for two-line labels

@@ -35,10 +35,7 @@ from ..tables.walkers import WalkerTrack, read_walkers, to_table
 WORST_MISSION = True
 HELP = "maps of the champion's missions: path by mode, collisions, sensor failures"
 NEEDS = "a run that keeps trajectories, finished or with record=all, or an evaluation"
-FILES = {
-    "mission.csv": "the tracks of the missions",
-    "mission_walkers.csv": "the tracks of walkers, if there are any",
-}
+FILES = ("mission.csv", "mission_walkers.csv")
 ENDINGS = {
     "completed": "completed in {:.0f} s",
     "collision": "collision at {:.0f} s",

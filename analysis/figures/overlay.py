@@ -39,11 +39,7 @@ from ..tables.study import Study
 ONE_ROBOT = True
 HELP = "sensors and cones of the champions on one robot, darker where they overlap (Fig. 8)"
 NEEDS = "runs with at least one generation"
-FILES = {
-    "overlay.csv": "the number of champions that cover each point",
-    "overlay_sensors.csv": "the champions' sensors",
-    "overlay_signals.csv": "the champions' sensors that cast no rays, if there are any",
-}
+FILES = ("overlay.csv", "overlay_sensors.csv", "overlay_signals.csv")
 Shades = tuple[ListedColormap, BoundaryNorm]
 PER_ROW_IN = 1.5  # minimum width of a panel
 LETTERS_PER_IN = 16  # title characters per inch

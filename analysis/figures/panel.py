@@ -25,10 +25,7 @@ from ..tables.study import Study
 ONE_ROBOT = True
 HELP = "the sensors and cones of each replicate's champion (Figs. 7 and 11)"
 NEEDS = "runs with at least one generation"
-FILES = {
-    "panel.csv": "the champions' sensors",
-    "panel_signals.csv": "the champions' sensors that cast no rays, if there are any",
-}
+FILES = ("panel.csv", "panel_signals.csv")
 CUT = 0.6  # maximum cone length in robot lengths, so that the robot stays large
 PANEL_IN, MIN_PANEL_IN = 1.25, 0.8  # width of a panel, and its minimum on a full page
 PAGE_HEIGHT_IN = 9.2

@@ -29,10 +29,7 @@ from .options import add_conditions, score_runs
 
 HELP = "number of replicates needed to detect a given difference, simulated from these runs"
 NEEDS = "finished runs with replicates"
-FILES = {
-    "power.csv": "the number of replicates for each difference",
-    "power_curves.csv": "the power for each number of replicates",
-}
+FILES = ("power.csv", "power_curves.csv")
 USUAL = (0.5, 1.0, 1.5)  # default differences, in standard deviations
 BAR_STEP = 0.03  # vertical distance between the bars of two differences, in units of power
 TITLE_LENGTH = 36  # maximum number of characters per line of the legend title

@@ -26,7 +26,7 @@ from ..tables.study import Study
 ONE_ROBOT = True
 HELP = "regions of the robot in which sensors may be placed, and allowed headings (Fig. 5)"
 NEEDS = "runs"
-FILES = {"regions.csv": "the corners and headings of each region"}
+FILES = ("regions.csv",)
 FAN = 0.25  # radius of a fan, in robot lengths
 TWINS = "twins are mirrored across the dash-dotted line"
 MINUS = "\N{MINUS SIGN}"

@@ -49,11 +49,7 @@ HELP = (
     "p-values"
 )
 NEEDS = "two evaluations or two runs with the same draws, the older one first"
-FILES = {
-    "regression.csv": "the tests, a row for each design, world and quantity",
-    "regression_missions.csv": "a row for each mission, the worst change first",
-    "regression_margins.csv": "the results of `--margin`",
-}
+FILES = ("regression.csv", "regression_missions.csv", "regression_margins.csv")
 SKEWED = ("change in completion time, bootstrap", "paired values change, sign flips")
 SHOWN = 5  # maximum number of missions whose replay commands are printed
 LOOKS: Mapping[str, tuple[str, str, str, float]] = {

@@ -35,7 +35,7 @@ from .options import add_thresholds, check_thresholds
 ONE_ROBOT = True
 HELP = "evolved features: coverage, front arrays, side mounts, redundancy, clusters"
 NEEDS = "finished runs"
-FILES = {"strategies.csv": "the measures of each treatment and of random designs"}
+FILES = ("strategies.csv",)
 RANDOM = "0.45"  # grey of random designs
 MARKERS = "os^Dvp"
 PANEL_IN = 1.6  # minimum width of a panel

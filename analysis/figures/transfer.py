@@ -40,10 +40,7 @@ from ..tables.study import Study
 
 HELP = "designs in two simulators or under two failure models: changes in rank and fitness"
 NEEDS = "evaluations of the same designs under different conditions, or runs with a confirmation"
-FILES = {
-    "transfer.csv": "a row for each design",
-    "transfer_summary.csv": "rank correlation and mean change, a row for each panel and group",
-}
+FILES = ("transfer.csv", "transfer_summary.csv")
 NUMBERS = ("n", "spearman", "spearman_low", "spearman_high", "change", "change_low", "change_high")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 _NUMBER_HEADS = {

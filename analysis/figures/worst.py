@@ -39,11 +39,7 @@ from ..tables.study import Study
 ONE_ROBOT = True
 HELP = "the smallest set of failed sensors that stops a design, and the risk of failure"
 NEEDS = "evaluations in one simulator"
-FILES = {
-    "worst.csv": "the cases: sets of failed sensors and times",
-    "worst_sets.csv": "the sets, by size",
-    "worst_risks.csv": "the probability of failure in each world",
-}
+FILES = ("worst.csv", "worst_sets.csv", "worst_risks.csv")
 REACH_M = 0.25  # length of the drawn cones
 
 

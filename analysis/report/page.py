@@ -80,7 +80,7 @@ def _take_turns(maps: Mapping[str, DesignMap]) -> Iterator[tuple[str, int]]:
 
 HELP = "one HTML page with all results, in which the champions' missions can be played"
 NEEDS = "runs or evaluations"
-FILES = {"report.html": "the page"}
+FILES = ("report.html",)
 FORMATS = {"html": ""}
 CLAIMS = "claims"
 LEFT_OUT = {"report", "requirements", "video", "power", "regression", CLAIMS, *EXPORTS}

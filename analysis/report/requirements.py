@@ -24,7 +24,7 @@ from .summary import name_page, summarize, tabulate_versions
 
 HELP = "one HTML page with verdicts on requirements and a player of worst missions"
 NEEDS = "an evaluation with requirements"
-FILES = {"requirements.html": "the page"}
+FILES = ("requirements.html",)
 FORMATS = {"html": ""}
 SCRIPTS = (*PLAYER, "verdicts", "tables")
 

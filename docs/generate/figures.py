@@ -64,7 +64,7 @@ def _list_special(module: Subcommand, common: Options) -> Options:
 def _describe(name: str, module: Subcommand, options: Options, shared: Options) -> str:
     special = {o: about for o, about in options.items() if shared.get(o) != about}
     also = [f"`{option.strip('`').split()[0]}`" for option in options if option not in special]
-    files = {f"`{file}`": about for file, about in module.FILES.items()}
+    files = ", ".join(f"`{file}`" for file in module.FILES)
     folder = getattr(module, "OUTPUT", "figures")
     where = "" if folder == "figures" else f" in `{folder}/`"
     return markdown.join(
@@ -72,8 +72,7 @@ def _describe(name: str, module: Subcommand, options: Options, shared: Options) 
             f"## {name}",
             _list(special),
             f"{'Also accepts' if special else 'Accepts'} {', '.join(also)}." if also else "",
-            f"[Files]({_find_page(name)}){where}:",
-            _list(files),
+            f"[Files]({_find_page(name)}){where}: {files}",
         ]
     )
 

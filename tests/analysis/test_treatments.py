@@ -2,7 +2,7 @@
 
 import argparse
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -339,7 +339,7 @@ class Tables:
     tables: dict[str, pd.DataFrame]
     HELP: str = field(default="", init=False)
     NEEDS: str = field(default="", init=False)
-    FILES: Mapping[str, str] = field(default_factory=dict, init=False)
+    FILES: Sequence[str] = field(default=(), init=False)
 
     def make_product(self, study: Study, options: argparse.Namespace) -> Product:
         return Product(self.tables["main"], tables=self.tables)

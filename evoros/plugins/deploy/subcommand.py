@@ -24,7 +24,7 @@ _SAME_MM = 0.5  # wheels whose centres differ by less share an axle
 ONE_ROBOT = True
 HELP = "the champion as a ROS 2 package, with a drawing of the mounting poses"
 NEEDS = "a finished run"
-FILES = {"ROBOT_champion/": "the package; `--name` renames it"}
+FILES = ("ROBOT_champion/",)
 FORMATS: Mapping[str, str] = {}
 OUTPUT = "deploy"
 

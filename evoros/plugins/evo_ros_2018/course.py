@@ -28,7 +28,7 @@ from evoros.world.model import World
 FIRST_ROBOT = True
 HELP = "the course of each world: waypoints, home, path of the first phase (Fig. 6)"
 NEEDS = "a run, finished or with record=all"
-FILES = {"course.csv": "the waypoints of each world"}
+FILES = ("course.csv",)
 _PANEL_IN = 1.7  # minimum width of a panel
 _WORDS_IN, _LEGEND_IN = 0.6, 0.55  # heights of a panel's title and labels, and of the legend
 _ARROW = {"arrowstyle": "-|>", "mutation_scale": 8, "lw": 1.0, "color": BLUE, "shrinkB": 0.0}

@@ -28,7 +28,7 @@ from evoros.storage.figure_context import FigureContext, Ring
 ONE_ROBOT = True
 HELP = "sensors destroyed by spatial damage centred at each sensor of a champion (Fig. 10)"
 NEEDS = "a run with spatial failure"
-FILES = {"failure.csv": "a row for each pair of a sensor and the sensor at the damage's centre"}
+FILES = ("failure.csv",)
 PANEL_IN = 1.4  # minimum width of a panel
 MIN_RATIO = 0.65  # minimum ratio of a panel's height to its width
 LABEL_IN, LINE_IN, TICK_IN = 0.42, 0.11, 0.06  # width, height and distance of a sensor's label

@@ -15,11 +15,7 @@ from evoros.base.errors import InputError, single_line
 
 HELP = "Figs. 5 to 11 of the 2018 paper, with the paper's numbering"
 NEEDS = "the runs of a case study (`experiment=case_study`)"
-FILES = {
-    "paper.csv": "a list of the figures drawn",
-    "figure_NN_NAME.FORMAT": "a picture for each figure",
-    "figure_NN_NAME.csv": "the table of each figure",
-}
+FILES = ("paper.csv", "figure_NN_NAME.FORMAT", "figure_NN_NAME.csv")
 OUTPUT = "paper"
 BASELINE, SPATIAL = "none", "spatial"  # failures in the first and third of the paper's treatments
 Select = Callable[[Study], Study]

@@ -87,11 +87,7 @@ _FRAME_FIELDS = ("frame_id", "child_frame_id")
 WORST_MISSION = True
 HELP = "recorded missions as rosbags, with a layout for Foxglove"
 NEEDS = "a run or an evaluation that recorded trajectories, and the package rosbags"
-FILES = {
-    "bag_WORLD/": "a rosbag2; with `--format ros1`, a file `bag_WORLD.bag`",
-    "bag_GENERATION_DESIGN_WORLD_TRIAL/": "name with --design, --generation or --trial",
-    "bag.foxglove.json": "a layout for Foxglove",
-}
+FILES = ("bag_WORLD/", "bag_GENERATION_DESIGN_WORLD_TRIAL/", "bag.foxglove.json")
 FORMATS = {"mcap": "rosbag2, also for Foxglove", "ros1": "for rosbag play"}
 OUTPUT = "bags"
 DISTRO = "jazzy"

@@ -10,7 +10,7 @@ from evoros.plugins.recordings.missions import add_missions, choose_missions
 WORST_MISSION = True
 HELP = "recorded missions and the best designs of all generations, for the Rerun viewer"
 NEEDS = "a run or an evaluation that recorded trajectories, and the package rerun-sdk"
-FILES = {"rerun.rrd": "a recording for `rerun rerun.rrd`, with a layout of the views"}
+FILES = ("rerun.rrd",)
 FORMATS: dict[str, str] = {}
 OUTPUT = "rerun"
 MAX_BYTES = 20_000_000  # maximum size [bytes] that the viewer opens without a delay

@@ -124,7 +124,7 @@ ONE_ROBOT = IN_VIEW = True  # show one robot with its sensors, and the other rob
 WORST_MISSION = True
 HELP = "a video of one of the champion's missions, with its sensor readings"
 NEEDS = "a finished run, or an evaluation, that recorded trajectories"
-FILES = {"video.mp4": "the video"}
+FILES = ("video.mp4",)
 FORMATS: dict[str, str] = {}
 _OPTION_NAMES = {"start_s": "--from", "end_s": "--to"}
 """Options whose names differ from the fields of ``RenderOptions``."""
