@@ -10,8 +10,8 @@ from evoros.base.errors import InputError
 
 from .subcommands import SUBCOMMANDS, Product, Subcommand, import_subcommand, parse
 from .tables.agents import choose_robot
+from .tables.shown import show_worst
 from .tables.study import Study
-from .tables.worst_missions import show_worst
 
 OF_COMMAND = {"subcommand", "folders", "where", "treatments", "output", "style", "panel_letters"}
 NAMING = ("treatment", "group", "run")  # columns of a treatment; the first one present counts

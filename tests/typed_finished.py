@@ -108,7 +108,7 @@ OF_FIGURES = (
     ),
     Finished("analysis/run_figures.py figures", {}, f"{{tiny}} figures=[nothing] {_NEW}"),
     Finished(
-        "analysis/tables/conditions.py failure=none",
+        "analysis/tables/treatments.py failure=none",
         _TWO,
         "analyze fitness r none --where failure",
         ("analyze fitness r none --where {}",),

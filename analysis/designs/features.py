@@ -1,7 +1,6 @@
 """Features of designs, one row per design, and comparisons of champions with random designs."""
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
 
 import numpy as np
 import pandas as pd
@@ -124,13 +123,10 @@ def measure_nearness(
 
 def _designs(sensors: pd.DataFrame) -> Iterator[tuple[tuple[object, ...], Array]]:
     """Yield each design's key, and the ``_PLACE`` columns (n, 6) of its sensors."""
-    ordered = sensors.sort_values(DESIGN, kind="stable", ignore_index=True)
-    keys = list(zip(*(ordered[name].tolist() for name in DESIGN), strict=True))
-    values = ordered[_PLACE].to_numpy(float)
-    begins = [i for i, key in enumerate(keys) if i == 0 or key != keys[i - 1]]
-    for begin, end in pairwise([*begins, len(keys)]):
-        rows = values[begin:end]
-        yield keys[begin], rows[~np.isnan(rows[:, 0])]
+    values = sensors[_PLACE].to_numpy(float)
+    for key, places in sensors.groupby(DESIGN).indices.items():
+        rows = values[places]
+        yield key, rows[~np.isnan(rows[:, 0])]  # type: ignore[misc]
 
 
 def _measure(

@@ -15,9 +15,8 @@ from evoros.storage.verdicts import Row, name_worst, read_verdicts
 
 from ..subcommands import Product
 from ..tables.records import EvaluationRecord
-from ..tables.shown import ShownDesign, read_champion_shown
+from ..tables.shown import ShownDesign, list_kept, read_champion_shown, show_missions
 from ..tables.study import Study
-from ..tables.worst_missions import list_kept, show_missions
 from .frame import Page, format_table, render, render_page
 from .playback import PLAYER, Json, encode_shown
 from .summary import name_page, summarize, tabulate_versions

@@ -12,11 +12,18 @@ from evoros.storage.layout import folders_below
 from evoros.storage.verification import list_strays
 from evoros.terminal.log import LOGGER, warn_left_out
 
-from .conditions import Conditions, find_record_factors, parse_conditions, select_rows
 from .factors import list_conditions, read_given
 from .records import EvaluationRecord, Record, read_record
 from .study import AnyRecord, Study
-from .treatments import label_treatments, name_treatments, read_treatments
+from .treatments import (
+    Conditions,
+    find_record_factors,
+    label_treatments,
+    name_treatments,
+    parse_conditions,
+    read_treatments,
+    select_rows,
+)
 
 _MOST_SPACES = 3  # limit for a path without quotes to be put together again
 

@@ -1,20 +1,25 @@
-"""Designs whose missions a run has stored, with all data needed to replay the missions."""
+"""Designs with stored missions, and evaluations in the form of a run with such a champion."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
 from typing import NamedTuple
 
 import pandas as pd
 
 from evoros.base.errors import InputError
+from evoros.mission.plan import EVALUATION
 from evoros.storage.figure_context import FigureContext
-from evoros.storage.trajectory_files import trajectory_file
+from evoros.storage.layout import ROBOT_AS_LOADED
+from evoros.storage.reading import Run
+from evoros.storage.trajectory_files import loaded_robot_file, robot_file, trajectory_file
 from evoros.world.model import World
 
 from . import designs, tracks
 from .champions import adapt_context, find_shown, read_champion_sensors, read_champion_signals
-from .records import Record
-from .study import read_complete
+from .records import EvaluationRecord, Record
+from .study import Study, read_complete
 
 
 class ShownMission(NamedTuple):
@@ -117,3 +122,106 @@ def _require_rows(record: Record, missions: Sequence[ShownMission]) -> list[Show
     if not run:
         raise InputError(f"{record.path}: none of the missions was run; choose another run")
     return run
+
+
+KEEPING = "evaluate with requirements, or with record=all"
+_KEY = ["source", "design"]
+# Columns that rank missions; true if lower values are worse.
+_WORST_FIRST = {"completed": True, "progress": True, "collisions": False, "time_s": False}
+
+
+@dataclass(frozen=True)
+class _WorstRun(Run):
+    """An evaluation as a run whose champion is the design with the worst stored mission."""
+
+    record: EvaluationRecord
+    source: str
+    design: str
+    missions: pd.DataFrame  # one mission for each world, the worst first
+
+    @cached_property
+    def champion(self) -> pd.DataFrame:
+        return self._select(self.record.mounts)
+
+    @cached_property
+    def genes(self) -> pd.DataFrame:
+        return self._select(self.record.genes)
+
+    def _select(self, table: pd.DataFrame) -> pd.DataFrame:
+        rows = (table[_KEY].astype(str) == [self.source, self.design]).all(axis=1)
+        number = int(self.missions["design"].iloc[0])
+        return table[rows].drop(columns="source").assign(design=number)
+
+    def trajectory(self, world: str) -> pd.DataFrame:
+        return self._read_trajectory(
+            str(trajectory_file(tracks.find_key(tracks.find_champion_mission(self, world))))
+        )
+
+    def champion_file(self, name: str, agent: str = "") -> Path:
+        row = self.missions.iloc[0]
+        files = {
+            "robot.urdf": robot_file(row["design"], agent),
+            ROBOT_AS_LOADED: loaded_robot_file(row["design"], agent),
+        }
+        world = name.removeprefix("world_").removesuffix(".sdf")
+        if world in set(self.missions["world"]):
+            return tracks.find_mission_world(self, tracks.find_champion_mission(self, world))
+        return self.path / files.get(name, name)
+
+
+def show_worst(study: Study, name: str | None) -> tuple[Study, list[str]]:
+    """Reduce a study that has only evaluations to its worst kept mission; also return a message."""
+    if study.records or not study.evaluations:
+        return study, []
+    candidates = study.keep(study.evaluations)
+    given = candidates.records if name is None else [candidates.find(name)]
+    if len(given) == 1:
+        found = [_find_worst(given[0])]
+    else:
+        found = [worst for _, worst in study.read_each(given, _find_worst)]
+    if not found:
+        raise InputError(f"no evaluation has kept the trajectory of a mission; {KEEPING}")
+    firsts = [record.run.missions.iloc[:1] for record in found]
+    chosen = found[int(_sort(pd.concat(firsts, ignore_index=True)).index[0])]
+    assert isinstance(chosen.run, _WorstRun)
+    row = chosen.run.missions.iloc[0]
+    about = f"design {chosen.run.design}, trial {row['trial']} in {row['world']}"
+    return study.keep([chosen]), [f"{chosen.name}: the worst kept mission is {about}"]
+
+
+def _find_worst(record: Record) -> Record:
+    assert isinstance(record, EvaluationRecord)
+    ranked = _sort(list_kept(record))
+    if ranked.empty:
+        raise InputError(f"{record.path}: no trajectory of a mission was kept; {KEEPING}")
+    of_design = ranked[ranked["number"] == ranked["number"].iloc[0]]
+    return show_missions(record, of_design.drop_duplicates("world"))
+
+
+def list_kept(record: EvaluationRecord) -> pd.DataFrame:
+    """List the missions whose trajectories were kept, with the ``number`` of each design."""
+    designs = record.mounts[_KEY].astype(str).drop_duplicates().to_numpy().tolist()
+    numbers = {(source, design): number for number, (source, design) in enumerate(designs)}
+    missions = record.run.missions.astype(dict.fromkeys(_KEY, str))
+    keys = zip(missions["source"], missions["design"], strict=True)
+    missions = missions.assign(number=[numbers[key] for key in keys], generation=0)
+    rows = zip(missions["number"], missions["world"], missions["trial"], strict=True)
+    files = [trajectory_file((0, number, world, trial)) for number, world, trial in rows]
+    return missions[[(record.path / file).is_file() for file in files]]
+
+
+def show_missions(record: EvaluationRecord, missions: pd.DataFrame) -> Record:
+    """Return an evaluation as a run whose champion flew these missions of ``list_kept``."""
+    source, design, number = missions.iloc[0][[*_KEY, "number"]]
+    shown = missions.drop(columns="number").assign(design=number, purpose=EVALUATION)
+    run = _WorstRun(record.path, record, source, design, shown)
+    courses = {world: record.context.courses[world] for world in shown["world"]}
+    context = replace(record.context, courses=courses)
+    return Record(record.name, run, context, record.values, record.treatment, record.levels)
+
+
+def _sort(missions: pd.DataFrame) -> pd.DataFrame:
+    names = [name for name in _WORST_FIRST if name in missions]
+    return missions.sort_values(
+        names, ascending=[_WORST_FIRST[name] for name in names], kind="stable"
+    )

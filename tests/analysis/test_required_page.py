@@ -92,7 +92,7 @@ def test_an_evaluation_that_keeps_no_mission_has_none_to_show(
     words = ["mission", str(tmp_path / "bare"), f"--output={tmp_path / 'out'}"]
     error = refused(lambda: evoros_analyze(words), capsys)
     assert "bare: no trajectory of a mission was kept; evaluate with" in error
-    assert is_of(error, "analysis/tables/worst_missions.py record=all")
+    assert is_of(error, "analysis/tables/shown.py record=all")
     assert required(tmp_path / "all", "record=all", claims=()) == DONE
     assert evoros_analyze(["mission", str(tmp_path / "all"), f"--output={tmp_path}"]) == DONE
 

@@ -19,7 +19,6 @@ from evoros.analysis.command import evoros_analyze
 from evoros.analysis.drawing.style import choose_style
 from evoros.analysis.products import make_product
 from evoros.analysis.subcommands import Product
-from evoros.analysis.tables.conditions import parse_conditions, select_rows
 from evoros.analysis.tables.factors import find_factors, list_conditions
 from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.records import Record
@@ -28,7 +27,9 @@ from evoros.analysis.tables.treatments import (
     SINGLE,
     label_treatments,
     name_treatments,
+    parse_conditions,
     read_treatments,
+    select_rows,
 )
 from evoros.base.errors import InputError
 from evoros.terminal.console import DONE, INPUT

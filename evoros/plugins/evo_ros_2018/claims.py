@@ -183,9 +183,7 @@ def read_gains(record: Record) -> pd.DataFrame:
 def judge_gain(table: pd.DataFrame, line: str) -> finding.Finding:
     """Judge the share of the total gain that was reached early; ``table`` is from ``read_gains``.
 
-    Supported: the interval is above the share for random designs, the best of which grows with the
-    logarithm of their number. Not supported: the interval is below the share for a steady gain. If
-    the interval of the total gain contains 0, there is no verdict.
+    The best of random designs grows with the logarithm of their number.
     """
     claim = GAIN[line]
     names = [f"{line}_{name}" for name in ("first", "early", "last")]
@@ -222,11 +220,7 @@ def _advise(table: pd.DataFrame, line: str) -> str:
 
 
 def judge_approach(table: pd.DataFrame) -> finding.Finding:
-    """Judge how close the pool's mean comes to the best; ``table`` is from ``read_gains``.
-
-    Supported: the interval of the last distance is below half the first distance. Not supported:
-    the interval is above.
-    """
+    """Judge how close the pool's mean comes to the best; ``table`` is from ``read_gains``."""
     if len(table) < 2:
         return APPROACH.lack("two mirrored runs")
     ratio = small_samples.ratio_interval(
@@ -239,12 +233,7 @@ def judge_approach(table: pd.DataFrame) -> finding.Finding:
 
 
 def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> finding.Finding:
-    """Judge how far the heading swings; ``table`` has ``run`` and ``swing_deg``.
-
-    The value is the median over the runs' medians. Supported: the interval is within 60 deg +/- 25
-    %. Not supported: the interval is outside. If the controller weaves by design, the verdict is
-    built in.
-    """
+    """Judge the median over runs of the median swing; ``table`` has ``run`` and ``swing_deg``."""
     if table.empty:
         return SWING.lack("mirrored runs in which the heading swings for two periods in a row")
     medians = table.groupby("run").swing_deg.median()
@@ -264,8 +253,7 @@ def judge_completion(
     """Judge the champions' completion rate with a failed sensor, by kind and source.
 
     The tables are from ``list_missions`` and ``list_random_missions``. Champions are resampled, not
-    missions. Supported: the interval is above one half and above the random designs' rate. Not
-    supported: the interval is below one half.
+    missions.
     """
     for kind in (RANDOM, SPATIAL):
         missions = table[table.kind == kind] if len(table) else table

@@ -45,10 +45,7 @@ WITHIN = finding.Claim(
 def judge_configurations(table: pd.DataFrame) -> finding.Finding:
     """Judge whether mirrored champions fall into two clusters, one of which looks ahead.
 
-    ``table`` has the columns of ``describe_designs`` and ``kind``, the kind of failure. Supported:
-    there are two clusters, a front array and side mounts, and such a silhouette is rare among
-    clouds without clusters and among samples of random designs (p < 0.05 for both). Not supported:
-    there are other clusters, or p is at least 0.5.
+    ``table`` has the columns of ``describe_designs`` and ``kind``, the kind of failure.
     """
     champions = table[~table.random]
     if len(champions) < MIN_POINTS:
@@ -76,13 +73,7 @@ def judge_configurations(table: pd.DataFrame) -> finding.Finding:
 
 
 def judge_redundancy(table: pd.DataFrame) -> finding.Finding:
-    """Judge the share of champions under random failure that have a redundant pair.
-
-    Supported: the share is higher than among random designs (p < 0.05), and the interval reaches
-    six of ten. Not supported: the interval is below six of ten, or the share is lower than among
-    random designs (p < 0.05). Built in: six of ten are reached, and the difference from random
-    designs is below ``SIZE`` over its whole interval.
-    """
+    """Judge the share of champions under random failure that have a redundant pair."""
     shares = _compare_shares(table, RANDOM, table.redundant)
     if shares is None:
         return REDUNDANCY.lack("mirrored runs with failure=random")
@@ -91,13 +82,7 @@ def judge_redundancy(table: pd.DataFrame) -> finding.Finding:
 
 
 def judge_damage_clusters(table: pd.DataFrame, radius_m: float) -> finding.Finding:
-    """Judge the share of champions under spatial failure that have two sensors within a radius.
-
-    Supported: the interval is above one half, and the share is higher than among random designs.
-    Not supported: the interval is below one half, or the share is lower than among random designs
-    (p < 0.05). Built in: the interval is above one half, and the difference from random designs is
-    below ``SIZE`` over its whole interval.
-    """
+    """Judge the share of champions under spatial failure that have two sensors within a radius."""
     radius = f"{1000 * radius_m:.0f} mm"
     claim = finding.Claim(DAMAGE, f"champions with two sensors within {radius} of each other")
     shares = _compare_shares(table, SPATIAL, table.closest_m <= radius_m)
@@ -146,8 +131,7 @@ def _compare_shares(table: pd.DataFrame, kind: str, having: "pd.Series[bool]") -
 def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.Finding:
     """Judge whether champions of runs without symmetry differ more from one another.
 
-    Both spreads are relative to the spread of random designs. Supported: the interval of their
-    difference is above 0. Not supported: the interval is below ``SIZE``.
+    Both spreads are relative to the spread of random designs.
     """
     ratios = []
     for table in (free, mirrored):
@@ -167,11 +151,7 @@ def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.
 
 
 def judge_spread_within(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.Finding:
-    """Judge whether populations without symmetry stay more diverse; see ``read_diversity``.
-
-    Supported: more diverse (p < 0.05). Not supported: less diverse, or less than a medium effect by
-    the interval of A12.
-    """
+    """Judge whether populations without symmetry stay more diverse; see ``read_diversity``."""
     ratios = [(table["last"] / table["first"]).to_numpy(float) for table in (free, mirrored)]
     if min(map(len, ratios)) < 2:
         return WITHIN.lack(_missing_runs(mirrored, free))
