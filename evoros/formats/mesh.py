@@ -23,7 +23,7 @@ from evoros.geometry.shapes import MeshFile, Shape, Vector, is_flat
 
 TOLD_M = 0.01  # minimum deviation that is reported
 WORK = 3e6  # maximum work per mesh (see ``divide_mesh``), which takes about 15 s on one core
-_VERSION = 3  # increased with every change to the algorithm
+_VERSION = 4  # increased with every change to the algorithm
 Corners = tuple[Vector, ...]
 
 

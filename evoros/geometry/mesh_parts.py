@@ -201,6 +201,7 @@ class _Divider:
         most, few = max(_PLATES, share), max(_limit_pieces(_PLATES, extent), share)
         most_faces = min(8 * most, (self._limit - self.work) / _MERGE)
         coarse, error, cell = surface, 0.0, min(max(extent / 200, 0.002), 0.1)
+        reach = float(np.abs(surface.points).max())  # cells beyond it all join the same points
         polygons: list[Array] = []
         while True:
             joined, kept, moved = join_near(surface, cell)
@@ -209,7 +210,7 @@ class _Divider:
                 self.work += _MERGE * len(coarse.faces)
                 if len(polygons) <= (few if moved <= TOLERANCE_M else most):
                     break
-            if not len(kept):
+            if not len(kept) or cell > 1.5 * reach:
                 break
             coarse, error, cell = joined, moved, 1.5 * cell
         self.is_cut_short |= error > 0.0 and most_faces < 8 * most

@@ -1,6 +1,7 @@
 """The convex parts of a mesh fill what it encloses, and nothing else."""
 
 from itertools import pairwise, product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,11 +12,12 @@ from mesh_cases import grid_mesh
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
+from evoros.geometry import mesh_parts
 from evoros.geometry.convex_parts import TOLERANCE_M
 from evoros.geometry.hull import MOST_CORNERS
 from evoros.geometry.mesh_parts import Parts, divide_mesh
 from evoros.geometry.shapes import Pose
-from evoros.geometry.triangles import find_normals, join_near, weld
+from evoros.geometry.triangles import Surface, find_normals, join_near, weld
 
 
 def turned(triangles: Array) -> Array:
@@ -187,6 +189,21 @@ def test_joined_corners_leave_no_face_without_area() -> None:
     joined, kept, _ = join_near(weld(np.array([flat, other])), 0.1)
     assert kept.tolist() == [1]
     assert find_normals(joined.triangles)[0, 2] != 0.0
+
+
+def test_coarsening_ends_when_cells_exceed_the_surface(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Around the origin, cubes of any size leave a corner in each octant, so faces remain."""
+    calls: list[float] = []
+
+    def join(surface: Surface, cell: float) -> Any:
+        calls.append(cell)
+        return join_near(surface, cell)
+
+    monkeypatch.setattr(mesh_parts, "join_near", join)
+    ribbon = np.random.default_rng(1).uniform(-0.05, 0.05, (300, 3))
+    divide_mesh(np.stack([ribbon[:-2], ribbon[1:-1], ribbon[2:]], axis=1))
+    assert len(calls) > 5
+    assert max(calls) < 0.2
 
 
 def test_specks_are_left_out() -> None:
