@@ -15,6 +15,7 @@ from numba import njit
 from numba.core.caching import FunctionCache, UserProvidedCacheLocator
 from numba.core.errors import NumbaError, NumbaExperimentalFeatureWarning
 from numba.extending import overload
+from numba.np import linalg
 
 from evoros.base.compilable import take_waiting
 from evoros.files.disk import sync
@@ -110,6 +111,7 @@ def compiling() -> Iterator[bool]:
     """Make numba use the cache folder of evoros; yield True if there is one."""
     folder = cache_folder()
     with announce("compiling"), _COMPILING, warnings.catch_warnings():
+        _import_array_functions()
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
         places = {"CACHE_DIR": str(folder), "CACHE_LOCATOR_CLASSES": LOCATOR} if folder else {}
         settings = SETTINGS | places
@@ -119,6 +121,20 @@ def compiling() -> Iterator[bool]:
             yield folder is not None
         finally:
             vars(numba.config).update(before)
+
+
+@cache
+def _import_array_functions() -> None:
+    """Import numba's array functions, without the check that SciPy's linear algebra is installed.
+
+    The check imports ``scipy.linalg``, which takes a tenth of the shortest run in every process.
+    numba repeats it if a rule multiplies matrices.
+    """
+    check, linalg.ensure_blas = linalg.ensure_blas, lambda: None
+    try:
+        import numba.np.arraymath  # noqa: F401
+    finally:
+        linalg.ensure_blas = check
 
 
 @cache

@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Iterable
+from html import escape
 from typing import NamedTuple
-from xml.sax.saxutils import escape, quoteattr
 
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import Filter
@@ -76,5 +76,5 @@ def gazebo_rays(
 
 def gazebo_sensor(name: str, kind: str, period_s: float, content: str = "") -> str:
     """Return the SDF ``<sensor>`` of a Gazebo type; ``name`` is its name and topic."""
-    names = {"name": quoteattr(name), "topic": escape(name)}
+    names = {"name": f'"{escape(name)}"', "topic": escape(name)}
     return _SENSOR.format(**names, kind=kind, rate=1 / period_s, content=content)

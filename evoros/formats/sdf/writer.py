@@ -9,8 +9,8 @@ import re
 import struct
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
+from html import escape
 from pathlib import Path
-from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
@@ -85,7 +85,7 @@ def write_sdf(
         gravity = f"    <gravity>0 0 -{_format_exact(gravity_mps2)}</gravity>\n"
     files = _name_files(bodies, stem or name)
     models = "\n".join(_format_model(body, files) for body in bodies)
-    text = _FRAME.format(comment=note, name=quoteattr(name), gravity=gravity, models=models)
+    text = _FRAME.format(comment=note, name=f'"{escape(name)}"', gravity=gravity, models=models)
     return errors.escape(text)
 
 
@@ -128,7 +128,7 @@ def _format_model(body: Body, files: dict[int, str]) -> str:
         moments = "" if body.inertia is None else _MOMENTS.format(*map(_format_exact, body.inertia))
         solids.insert(0, _INERTIAL.format(mass=_format_exact(body.mass), moments=moments))
     return _MODEL.format(
-        name=quoteattr(body.name.replace("::", "-")),  # `::` separates the names in a path
+        name=f'"{escape(body.name.replace("::", "-"))}"',  # `::` separates the names in a path
         static="      <static>true</static>\n" if body.mass is None else "",
         pose=_format_pose(body.pose),
         content="\n".join(solids),

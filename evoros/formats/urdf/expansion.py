@@ -3,8 +3,8 @@
 import logging
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from html import escape
 from pathlib import Path
-from xml.sax.saxutils import escape
 
 from lxml.etree import _Element as Element
 
