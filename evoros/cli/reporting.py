@@ -79,7 +79,7 @@ def explain_end(
     from evoros.storage.layout import FINISHED, LOG, MISSIONS, STATUS, read_json, resume_command
 
     resume, place = resume_command(folder, config_dir), ""
-    hint = f"; to continue type: {resume}" if exists(folder / MISSIONS) else ""
+    hint = f"; to continue, type: {resume}" if exists(folder / MISSIONS) else ""
     cause = error.__cause__ if isinstance(error, RunStopped) else error
     if not isinstance(cause, EvorosError | MemoryError | KeyboardInterrupt):
         place = locate_fault(error)

@@ -1,5 +1,6 @@
 """The summary printed when a run is finished."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean
@@ -78,10 +79,14 @@ def _describe_designs(rows: Sequence[Mapping[str, str]]) -> list[str]:
     scores = [float(row["fitness_mean"]) for row in rows]
     trials = int(rows[0]["trials"])
     if len(rows) == 1:
-        fitness = f"{scores[0]:.3f}, the mean of {write_count(trials, 'trial')}"
+        fitness = f"{scores[0]:.3f} in 1 trial"
         if rows[0]["fitness_sd"]:
             spread = float(rows[0]["fitness_sd"])
-            fitness += f" (standard deviation {spread:.{count_digits(spread)}f})"
+            digits = min(
+                count_digits(4 * spread / math.sqrt(trials)), 3
+            )  # width of a 95 % interval
+            fitness = f"{scores[0]:.{digits}f}, the mean of {trials:,} trials (standard deviation "
+            fitness += f"{spread:.{count_digits(spread)}f})"
     else:
         best = max(range(len(rows)), key=scores.__getitem__)
         fitness = (
@@ -251,7 +256,9 @@ def _describe_rivals(certificate: Mapping[str, Any]) -> str:
     if not rivals:
         return "none tested on the same draws; to test some, set validation.rivals"
     if advantage is None:
-        return f"{len(rivals)} on the same draws, but without an interval to compare them by"
+        return (
+            f"{len(rivals)} tested on the same draws, but there is no interval to compare them with"
+        )
     better = [rival for rival in rivals if rival["low"] > certificate["fitness_high"]]
     if better:
         best = max(better, key=lambda rival: rival["low"])

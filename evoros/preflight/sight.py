@@ -11,6 +11,7 @@ import numpy as np
 
 from evoros.base import elementary
 from evoros.base.arrays import Array, product
+from evoros.base.errors import write_count
 from evoros.compilation.elementary_arrays import atan2_all
 from evoros.filter.mask import Mask
 from evoros.geometry.footprint import Footprint, bounding_circle
@@ -162,17 +163,27 @@ def check_housings(subject: Subject) -> Iterator[str]:
 
 
 def check_designs(robots: Mapping[str, Robot]) -> Iterator[str]:
-    """Yield a warning for each robot, by name, whose sensors overlap or see the robot."""
-    for name, robot in robots.items():
-        overlaps = list(find_overlaps(list_housings(robot)))
-        if overlaps:
-            yield (
-                f"{name}: sensor housings overlap, by up to {_describe_overlap(max(overlaps))}; "
-                f"simulation allows this, but the robot could not be built; move one sensor"
-            )
-        sights = list(find_self_sights(robot))
-        if sights:
-            yield f"{name}: {_describe_sight(max(sights, key=attrgetter('hidden_share')))}"
+    """Yield a warning if sensors of the named robots overlap, and another if they see the robot."""
+    overlaps = {name: list(find_overlaps(list_housings(robot))) for name, robot in robots.items()}
+    for names, overlap in _find_worst(overlaps, attrgetter("depth_m")):
+        yield (
+            f"{names}: sensor housings overlap, by up to {_describe_overlap(overlap)}; simulation "
+            "allows this, but the robot could not be built; move one sensor"
+        )
+    sights = {name: list(find_self_sights(robot)) for name, robot in robots.items()}
+    for names, sight in _find_worst(sights, attrgetter("hidden_share")):
+        yield f"{names}: {_describe_sight(sight)}"
+
+
+def _find_worst(
+    found: Mapping[str, Sequence[T]], badness: Callable[[T], float]
+) -> Iterator[tuple[str, T]]:
+    """Yield the worst item, if any, with its robot and the number of other robots with items."""
+    worst = {name: max(items, key=badness) for name, items in found.items() if items}
+    if worst:
+        name = max(worst, key=lambda name: badness(worst[name]))
+        others = f" and {write_count(len(worst) - 1, 'other')}" if len(worst) > 1 else ""
+        yield f"{name}{others}", worst[name]
 
 
 def _describe_overlap(overlap: Overlap) -> str:

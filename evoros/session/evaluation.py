@@ -31,8 +31,6 @@ from evoros.storage.verdicts import write_verdicts
 from evoros.terminal.activity import tell_slow
 from evoros.terminal.log import LOGGER
 
-MAX_WARNINGS = 3  # maximum number of warnings about given designs
-
 
 def build_evaluation(config: Configuration) -> tuple[Experiment, list[NamedDesign]]:
     """Build and check the experiment and the given designs of an evaluation."""
@@ -102,16 +100,13 @@ def _check_levels(designs: Sequence[NamedDesign], experiment: Experiment) -> Non
 
 
 def list_faults(designs: Sequence[NamedDesign], scenario: Scenario) -> Iterator[str]:
-    """Yield the first few warnings about designs, then the number of further warnings."""
+    """Yield warnings about sensors of the designs that overlap or see the robot."""
     robots = {
         f"{member.name}: design {named.name} of {named.source}".removeprefix(": "): member.robot
         for named in designs
         for member in scenario.equip(named.design)
     }
-    warnings = list(check_designs(robots))
-    yield from warnings[:MAX_WARNINGS]
-    if len(warnings) > MAX_WARNINGS:
-        yield f"{len(warnings) - MAX_WARNINGS} more warnings of this kind"
+    yield from check_designs(robots)
 
 
 class Evaluation:

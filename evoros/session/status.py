@@ -10,7 +10,7 @@ from logging import LogRecord
 from pathlib import Path
 from typing import Any, Protocol
 
-from evoros.base.errors import RunStopped
+from evoros.base.errors import EvorosError, RunStopped
 from evoros.evolution.journal import Generation, Watcher
 from evoros.mission.mission import Mission, Outcomes, judge
 from evoros.mission.plan import describe
@@ -94,12 +94,17 @@ class Status:
                 yield
             except BaseException as error:
                 LOGGER.debug("stopped", exc_info=True)  # the traceback goes only to the file
-                interrupted = isinstance(error, KeyboardInterrupt)
-                self.write(layout.STOPPED, "interrupted" if interrupted else str(error))
+                self.write(layout.STOPPED, _explain_stop(error))
                 if isinstance(error, SystemExit):  # a part called exit()
                     raise RunStopped(f"SystemExit: {error}") from error
                 raise
             self.write(layout.FINISHED)
+
+
+def _explain_stop(error: BaseException) -> str:
+    if isinstance(error, KeyboardInterrupt):
+        return "interrupted"
+    return str(error) if isinstance(error, EvorosError) else f"{type(error).__name__}: {error}"
 
 
 CONSEQUENCES = {

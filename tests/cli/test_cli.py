@@ -351,7 +351,7 @@ def test_ctrl_c_again_until_the_process_ends_changes_nothing(tmp_path: Path) -> 
         time.sleep(0.03)
     _, err = process.communicate()
     assert process.returncode == INTERRUPTED
-    assert err.splitlines()[-1].startswith("evoros: interrupted; to continue type: evoros resume")
+    assert err.splitlines()[-1].startswith("evoros: interrupted; to continue, type: evoros resume")
     assert resume(tmp_path / "run", "executor=serial") == DONE
 
 

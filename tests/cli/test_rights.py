@@ -181,7 +181,7 @@ def test_rights_that_go_in_mid_run_stop_it_in_one_line_and_it_goes_on_with_them(
         assert (
             "cannot be used (Permission denied); give this user read and write permission" in last
         )
-        assert "to continue type: evoros resume run" in last
+        assert "to continue, type: evoros resume run" in last
         assert "Traceback" not in errors
     assert resume(tmp_path / "run", "executor=serial") == DONE
     assert content(tmp_path / "run") == content(whole)

@@ -134,7 +134,7 @@ def test_ctrl_c_on_a_terminal_says_how_to_go_on(
     assert process.wait(60) == INTERRUPTED
     assert "Traceback" not in text
     after = text[text.rindex(SHOW) :]
-    assert f"evoros: interrupted; to continue type: evoros resume run {OPTION}" in after
+    assert f"evoros: interrupted; to continue, type: evoros resume run {OPTION}" in after
     assert resume(tmp_path / "run", "executor=serial", "optimizer.generations=3") == DONE
 
 

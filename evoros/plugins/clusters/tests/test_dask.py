@@ -91,7 +91,7 @@ def test_a_killed_scheduler_stops_the_run_in_one_line_and_a_cluster_of_its_own_g
         assert run.returncode == STOPPED
         last = errors.splitlines()[-1]
         assert f"the Dask scheduler at {first.address} exited or can no longer be reached" in last
-        assert "to continue type: evoros resume run" in last
+        assert "to continue, type: evoros resume run" in last
         assert not any(sign in errors for sign in ("Traceback", "distributed"))
     assert resume(tmp_path / "run", "executor.address=null", "executor.workers=2") == DONE
     assert content(tmp_path / "run") == whole
@@ -133,7 +133,7 @@ def test_nobody_at_the_address_is_told_in_one_line(
     )
     *_, line = capsys.readouterr().err.splitlines()  # behind the progress of the attempts
     assert f"executor.address: no Dask scheduler answers at tcp://127.0.0.1:{port}" in line
-    assert f"to continue type: evoros resume {tmp_path}/run" in line
+    assert f"to continue, type: evoros resume {tmp_path}/run" in line
     assert resume(tmp_path / "run", "executor=serial") == DONE
     assert content(tmp_path / "run") == whole
 
