@@ -111,4 +111,4 @@ def test_an_interrupt_while_figures_are_drawn_leaves_the_run_finished(run: Path)
     result = explain_end(None, Interrupts(), run, KeyboardInterrupt())
     assert result.status == INTERRUPTED
     assert "interrupted while drawing figures; the run itself is finished" in result.message
-    assert "; to draw them type: evoros" in result.message
+    assert "; to draw them, type: evoros" in result.message
