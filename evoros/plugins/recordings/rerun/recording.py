@@ -33,10 +33,10 @@ from evoros.plugins.recordings.rerun.robot import (
     to_mesh,
 )
 from evoros.plugins.recordings.video.captions import CLEAR
-from evoros.plugins.recordings.video.motion import flag_ends, interpolate, measure_errors
+from evoros.plugins.recordings.video.motion import interpolate
 from evoros.plugins.recordings.video.renderer import FIXED, MOVABLE
 from evoros.plugins.recordings.video.scene import MOST_FACES, WALKER, ShownRobot
-from evoros.plugins.recordings.video.sensors import colour_sensors, make_views
+from evoros.plugins.recordings.video.sensors import make_views
 from evoros.plugins.recordings.video.surfaces import Surface
 from evoros.world.standing import standing_obstacles
 
@@ -182,17 +182,11 @@ def _show_member(top: Entities, mission: RecordedMission, most_faces: int) -> No
     robot = ShownRobot(mission.loaded_urdf, most_faces)
     times = mission.trajectory["time_s"].to_numpy(float)
     motion = interpolate(mission.trajectory, times, robot.tree)
-    count, records = len(mission.sensors), np.arange(len(times))
-    ended = flag_ends(times, count, mission.faults)
-    errors = measure_errors(times, count, mission.faults)
-    shown = list(make_views(robot.tree, mission.sensors, records, mission.near_m))
-    painted = [colour_sensors(shown, ended, errors, i) for i in records.tolist()]
-    colours = np.array(painted, dtype=np.uint8).reshape(len(times), count, 3)
+    shown = list(make_views(robot.tree, mission, times, np.arange(len(times))))
     _show_course(top.below("course"), mission)
-    sensors = {sensor.link: colours[:, i] for i, sensor in enumerate(shown)}
-    show_robot(top.below("robot"), robot, motion, sensors)
-    for i, sensor in enumerate(mission.sensors):
-        show_sensor(top, sensor, shown[i], times, colours[:, i])
+    show_robot(top.below("robot"), robot, motion, {sensor.link: sensor.colours for sensor in shown})
+    for sensor, view in zip(mission.sensors, shown, strict=True):
+        show_sensor(top, sensor, view, times)
     route = np.stack([motion.x_m, motion.y_m, np.full(len(times), 0.01)], axis=1)
     top.below("path").show(rr.LineStrips3D([route], colors=PATH, radii=0.01))
     show_faults(top.below("robot", "faults"), robot, mission)

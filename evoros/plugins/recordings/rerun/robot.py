@@ -160,23 +160,21 @@ def show_faults(top: Entities, robot: ShownRobot, mission: RecordedMission) -> N
     top.show_over_time(np.array(times), columns.partition(sizes))
 
 
-def show_sensor(
-    top: Entities, sensor: RecordedSensor, shown: ShownSensor, times: Array, colours: Pixels
-) -> None:
-    """Show each change in a sensor's readings, with ``colours`` (n, 3) for each time [s]."""
+def show_sensor(top: Entities, sensor: RecordedSensor, shown: ShownSensor, times: Array) -> None:
+    """Show each change in a sensor's readings at ``times`` (n,) [s]."""
     _plot(top.below("readings", sensor.link), sensor, times)
     if shown.view is None or not isinstance(sensor.kind, Beam):
         return
     rays, view = top.below("robot", "rays", sensor.link), shown.view
     rays.show(rr.Transform3D(translation=view.frame[:3, 3], mat3x3=view.frame[:3, :3]))
-    changes = find_changes(sensor.readings, colours)
+    changes = find_changes(sensor.readings, shown.colours)
     ranges = np.where(np.isnan(sensor.readings), min(SILENT_M, view.range_m), sensor.readings)
     bearings = np.radians(sensor.kind.bearings_deg)
     strips = [strip for i in changes for strip in draw_rays(ranges[i], bearings, view)]
     count = len(strips) // len(changes)
     columns = rr.LineStrips3D.columns(
         strips=strips,
-        colors=np.repeat(colours[changes], count, axis=0),
+        colors=np.repeat(shown.colours[changes], count, axis=0),
         radii=np.full(len(strips), LINE),
     )
     rays.show_over_time(times[changes], columns.partition([count] * len(changes)))

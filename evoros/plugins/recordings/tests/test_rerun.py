@@ -245,7 +245,7 @@ def test_the_same_run_gives_the_same_data(run: Path, recorded: Recorded, tmp_pat
 def test_a_scan_has_few_rays_that_end_at_its_readings() -> None:
     bearings = np.radians(np.linspace(-90.0, 90.0, 181))
     ranges = np.linspace(1.0, 2.0, 181)
-    lines = draw_rays(ranges, bearings, FieldOfView(np.eye(4), math.pi / 2, 3.0, 1.0))
+    lines = draw_rays(ranges, bearings, FieldOfView(np.eye(4), math.pi / 2, 3.0))
     assert MOST_RAYS / 2 <= len(lines) <= MOST_RAYS
     step = 181 // len(lines) + 1
     for line, reading, bearing in zip(lines, ranges[::step], bearings[::step], strict=True):

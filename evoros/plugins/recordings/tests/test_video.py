@@ -556,7 +556,7 @@ def test_a_damaged_trajectory_is_said_in_one_line(
         (["--world", "moon"], "one of near, far"),
         (["--size", "wide"], "854x480"),
         (["--size", "641x480"], "even"),
-        (["--speed", "0"], "greater than 0"),
+        (["--speed", "0"], "positive number"),
         (["--from", "5", "--to", "5"], "greater than start_s"),
         (["--from", "5000"], "ends at"),
         (["--run", "none"], "--run"),

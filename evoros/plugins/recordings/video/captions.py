@@ -28,7 +28,7 @@ class Caption(NamedTuple):
 
     left: Sequence[str]  # columns in the top strip
     right: str
-    states: Sequence[Colour]  # one per sensor
+    states: Sequence[tuple[int, ...]]  # the colour of each sensor
     key: Sequence[tuple[Colour, str]]  # meanings of the colours
 
 
@@ -66,7 +66,11 @@ def _shorten(draw: ImageDraw.ImageDraw, text: str, font: Font, room: float) -> s
 
 
 def _draw_states(
-    draw: ImageDraw.ImageDraw, states: Sequence[Colour], em: int, x: float, middle: float
+    draw: ImageDraw.ImageDraw,
+    states: Sequence[tuple[int, ...]],
+    em: int,
+    x: float,
+    middle: float,
 ) -> float:
     """Draw a numbered square for each sensor; return the x coordinate after the last square."""
     font = _font(em)

@@ -38,7 +38,7 @@ from evoros.plugins.recordings.video.camera import (
     sample_times,
 )
 from evoros.plugins.recordings.video.captions import write_caption
-from evoros.plugins.recordings.video.motion import flag_ends, interpolate, measure_errors
+from evoros.plugins.recordings.video.motion import interpolate
 from evoros.plugins.recordings.video.scene import Scene
 from evoros.plugins.recordings.video.sensors import make_views
 from evoros.storage.reading import Run
@@ -58,16 +58,14 @@ def film(mission: RecordedMission, options: RenderOptions | None = None) -> Iter
     scene = Scene(urdfs, obstacles, rendering.shape_walkers(walkers))
     robot, *others = (shown.tree for shown in scene.robots)
     times = sample_times(mission.trajectory, options)
-    count = len(mission.sensors)
     motion = interpolate(mission.trajectory, times, robot)
+    sensors = list(make_views(robot, mission, times, motion.record))
     places = mission.trajectory[["x_m", "y_m"]].to_numpy(float)
     goals = rendering.find_goals(mission.world, places, mission.trajectory["visited"].to_numpy(int))
     renderer = rendering.Renderer(
         scene,
         motion,
-        list(make_views(robot, mission.sensors, motion.record, mission.near_m)),
-        flag_ends(times, count, mission.faults),
-        measure_errors(times, count, mission.faults),
+        sensors,
         goals[motion.record],
         mission.context,
         rendering.paint_ground(mission.world, places),
@@ -81,7 +79,8 @@ def film(mission: RecordedMission, options: RenderOptions | None = None) -> Iter
     captions = make_captions(mission, motion, options)
     for index, (camera, caption) in enumerate(zip(cameras, captions, strict=True)):
         picture = Image.fromarray(renderer.render(index, camera))
-        write_caption(picture, caption._replace(states=renderer.colour_sensors(index)))
+        states = [tuple(sensor.colours[index].tolist()) for sensor in sensors]
+        write_caption(picture, caption._replace(states=states))
         yield np.asarray(picture)
 
 

@@ -19,17 +19,11 @@ from evoros.geometry.footprint import bottom_height, top_height
 from evoros.geometry.polyhedron import clip_polyhedron, convex_polyhedron, placed_corners
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.plugins.recordings.video.camera import NEAR_M, Camera, Floats, Pixels, to_matrix
-from evoros.plugins.recordings.video.captions import CLEAR, FAILED, NEAR, Colour
 from evoros.plugins.recordings.video.ground import GOAL, RING, Ground
-from evoros.plugins.recordings.video.motion import Flags, Motion
+from evoros.plugins.recordings.video.motion import Motion
 from evoros.plugins.recordings.video.scene import Scene
-from evoros.plugins.recordings.video.sensors import (
-    SILENT_M,
-    ShownSensor,
-    classify_sensors,
-    colour_sensors,
-)
-from evoros.plugins.recordings.video.surfaces import Colour as Shade
+from evoros.plugins.recordings.video.sensors import SILENT_M, ShownSensor
+from evoros.plugins.recordings.video.surfaces import Colour
 from evoros.storage.figure_context import FigureContext, Part
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
@@ -46,7 +40,7 @@ class Fan(NamedTuple):
     half_rad: float  # half the field of view
     reach_m: Array  # (k,) readings of equal sectors, from right to left
     range_m: float
-    colour: tuple[int, int, int]
+    colour: Pixels  # (3,)
 
 
 def _blend_fan(picture: Floats, depth: Floats, camera: Camera, fan: Fan) -> None:
@@ -69,7 +63,7 @@ def _blend_fan(picture: Floats, depth: Floats, camera: Camera, fan: Fan) -> None
     visible = (far < depth[box]) & (height > 0.0)
     alpha = np.where(visible, _opacity(u, v, camera.pixels_per_radian / far, fan), 0.0)
     part = picture[box]
-    part += (np.array(fan.colour, np.float32) - part) * alpha.astype(np.float32)[..., None]
+    part += (fan.colour.astype(np.float32) - part) * alpha.astype(np.float32)[..., None]
 
 
 def _opacity(u: Floats, v: Floats, scale: Floats, fan: Fan) -> Floats:
@@ -147,8 +141,6 @@ class Renderer:
     scene: Scene  # the robot of ``motion`` comes first
     motion: Motion
     sensors: Sequence[ShownSensor]
-    ended: Flags  # (n, sensors) True after a sensor's readings have ended
-    errors: Array  # (n, sensors) error to display, 0 to 1
     goals: Array  # (n, 2) [m], next waypoint; NaN if there is none
     context: FigureContext
     ground: Ground
@@ -162,18 +154,13 @@ class Renderer:
             joints = {name: float(angles[index]) for name, angles in motion.joints.items()}
             robot.move(_frame(motion, index), joints)
         self.scene.move_walkers([places[index] for places in self.walkers])
-        for sensor, colour in zip(self.sensors, self.colour_sensors(index), strict=True):
-            red, green, blue = (part / 255 for part in colour)
-            self.scene.robots[0].paint(sensor.link, (red, green, blue))
+        for sensor in self.sensors:
+            self.scene.robots[0].paint(sensor.link, sensor.colours[index] / 255)
         self._extend_track(index, camera)
         picture, depth = self._render_solids(self._project_floor(index, camera), camera)
         for fan in self._make_fans(index, _frame(self.motion, index)):
             _blend_fan(picture, depth, camera, fan)
         return np.clip(np.round(picture), 0, 255).astype(np.uint8)
-
-    def colour_sensors(self, index: int) -> list[Colour]:
-        """Return each sensor's colour at a time index."""
-        return colour_sensors(self.sensors, self.ended, self.errors, index)
 
     def _extend_track(self, index: int, camera: Camera) -> None:
         steps = slice(max(index - 2, 0), index + 1)  # strokes overlap to hide their joints
@@ -183,19 +170,17 @@ class Renderer:
         self.ground.extend_track(points, width)
 
     def _make_fans(self, index: int, robot: Array) -> list[Fan]:
-        fans: list[tuple[int, Fan]] = []
-        states = classify_sensors(self.sensors, self.ended, index)
-        colours = self.colour_sensors(index)
-        for sensor, state, colour in zip(self.sensors, states, colours, strict=True):
+        fans = []
+        for sensor in sorted(self.sensors, key=lambda sensor: sensor.states[index]):
             if sensor.view is None:
                 continue
             ranges, view = sensor.readings[index], sensor.view
             silent = np.isnan(ranges)
             reach = np.where(silent, min(SILENT_M, view.range_m), ranges)
             range_m = SILENT_M if silent.all() else view.range_m
-            fan = Fan(robot @ view.frame, view.half_rad, reach, range_m, colour)
-            fans.append(((CLEAR, FAILED, NEAR).index(state), fan))
-        return [fan for _, fan in sorted(fans, key=lambda pair: pair[0])]
+            frame, colour = robot @ view.frame, sensor.colours[index]
+            fans.append(Fan(frame, view.half_rad, reach, range_m, colour))
+        return fans
 
     def _project_floor(self, index: int, camera: Camera) -> Image.Image:
         ground = self.ground.copy()
@@ -241,7 +226,7 @@ def shape_walkers(walkers: Sequence[WalkerTrack]) -> list[Shape]:
     return [Shape("cylinder", size, Pose((0.0, 0.0, size[1] / 2))) for size in sizes]
 
 
-def cut_obstacles(world: World) -> list[tuple[Body, Shade]]:
+def cut_obstacles(world: World) -> list[tuple[Body, Colour]]:
     """Return the bodies of a world, cut off at ``CUT_M``, with their colours."""
     shown = []
     for body in standing_obstacles(world):

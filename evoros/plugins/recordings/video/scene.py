@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from lxml.etree import _Element as Element
 from numba import types
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
@@ -125,8 +125,8 @@ class ShownRobot:
                 turned[:3, :3] @= Rotation.from_rotvec(angle * joint.axis).as_matrix()
                 self.frames[link] = self.frames[joint.parent] @ turned
 
-    def paint(self, link: str, colour: Colour) -> None:
-        """Change the colour of a link."""
+    def paint(self, link: str, colour: ArrayLike) -> None:
+        """Change the colour (3,) of a link."""
         surface = self.surfaces[link]
         painted = np.broadcast_to(colour, surface.colours.shape)
         self.surfaces[link] = replace(surface, colours=painted)
