@@ -10,13 +10,12 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
-from matplotlib.patheffects import withStroke
 
 from evoros.base.arrays import Array
 from evoros.filter.protocol import ALTERS, ENDS, GROWS
 
 from ..tables.tracks import PARTS
-from .style import ORANGE, VERMILLION, YELLOW
+from .style import HALO, ORANGE, VERMILLION, YELLOW
 
 _LABEL_M = 1.2  # failures closer than this share a label
 DASHES: Mapping[int, Any] = {1: "-", 2: (0, (2.5, 1.0))}  # line style by phase
@@ -31,9 +30,9 @@ _MARKS: Mapping[str, Mapping[str, Any]] = {
     GROWS: {**_POINT, "mfc": "white", "marker": "^"},
 }
 _WORDS = {
-    ENDS: "sensor fails: {} (with its number)",
-    ALTERS: "sensor error: {} (with its number)",
-    GROWS: "error starts: {} (with sensor number)",
+    ENDS: "sensor fails: {}",
+    ALTERS: "sensor error: {}",
+    GROWS: "error starts: {}",
 }
 _PART: dict[str, Any] = {**_POINT, "marker": "D", "ms": 5.5, "mfc": VERMILLION}
 _WEDGE: dict[str, Any] = {"color": ORANGE, "alpha": 0.45}
@@ -60,9 +59,8 @@ def draw_faults(axes: Axes, path: pd.DataFrame, effects: Mapping[str, str]) -> N
 def _name_part(axes: Axes, place: tuple[float, float], name: str) -> None:
     left = place[0] > sum(axes.get_xlim()) / 2
     style: dict[str, Any] = {"ha": "right" if left else "left", "va": "center", "zorder": 6}
-    halo = [withStroke(linewidth=2.0, foreground="white")]
     offset = (-6 if left else 6, 0)
-    style |= {"textcoords": "offset points", "fontsize": "small", "path_effects": halo}
+    style |= {"textcoords": "offset points", "fontsize": "small", "path_effects": [HALO]}
     axes.annotate(name, place, xytext=offset, **style).set_in_layout(False)
 
 
@@ -145,8 +143,9 @@ def draw_direction(axes: Axes, path: pd.DataFrame, phase: int) -> None:
 
 def make_phase_handles(tracks: pd.DataFrame) -> list[Line2D]:
     """Make the legend entries of the phases; none if there is only one phase."""
-    phases = set(tracks["phase"]) if "phase" in tracks else {1}
-    words = {1: "first phase", 2: "second phase, backwards"}
+    worlds = [rows for _, rows in tracks.groupby("world")]
+    phases = {phase for rows in worlds for phase, _ in split_by_phase(rows)}
+    words = {1: "first phase", 2: "second phase"}
     return [
         Line2D([], [], color="0.3", lw=1.0, marker=(3, 0, -90), label=words[phase], **look)
         for phase in sorted(phases)
@@ -170,6 +169,7 @@ def write_numbers(
 ) -> None:
     """Write the sensor numbers in a column next to the rows' positions."""
     style: dict[str, Any] = {"textcoords": "offset points", "fontsize": "small", "zorder": 6}
+    style["path_effects"] = [HALO]
     for place, text in _group_labels(rows, column):
         axes.annotate(text, place, xytext=offset_pt, **style)
 

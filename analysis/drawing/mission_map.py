@@ -21,8 +21,8 @@ from ..designs.cones import outline_part
 from ..tables.tracks import NONE, TOUCHED
 from ..tables.walkers import WalkerTrack
 from . import faults
-from .style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
-from .worlds import HALO, draw_course, draw_obstacles
+from .style import BLACK, BLUE, GREEN, HALO, ORANGE, PURPLE, SKY, VERMILLION
+from .worlds import draw_course, draw_obstacles
 
 _ESTIMATED = Line2D([], [], color=BLACK, lw=0.9, ls=(0, (3, 1.5)), label="estimated path")
 OBSTACLE = "0.8"
@@ -32,13 +32,13 @@ UNDECIDED = ("0.3", 0.8)
 _POINT: dict[str, Any] = {"ls": "none", "zorder": 5}
 HOME = {**_POINT, "marker": "*", "color": "black", "ms": 6, "label": "home (arrow: start)"}
 WAYPOINT = {**_POINT, "marker": "o", "mfc": "none", "mec": "0.5", "ms": 7}
-WAYPOINT["label"] = "waypoint (with its number)"
+WAYPOINT["label"] = "waypoint"
 END = {**_POINT, "marker": "D", "ms": 3.5, "mfc": "white", "mec": "black", "mew": 0.9}
 END["label"] = "end"
 COLLISION = {**_POINT, "marker": "X", "ms": 7, "mfc": "black", "mec": "white", "mew": 0.6}
 COLLISION["label"] = "collision"
 TOUCH = {**_POINT, "marker": "s", "ms": 9, "mfc": "none", "mec": PURPLE, "mew": 1.2}
-TOUCH["label"] = "bumper closed (with its number)"
+TOUCH["label"] = "bumper closed (number)"
 _WAY: dict[str, Any] = {"color": SKY, "lw": 0.5, "ls": (0, (1, 1.5)), "alpha": 0.6}
 _TIME: dict[str, Any] = {"fontsize": "x-small", "zorder": 4.7, "textcoords": "offset points"}
 _TIME["xytext"] = (3, 2)

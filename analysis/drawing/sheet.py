@@ -6,14 +6,17 @@ Matplotlib's layouts would fit such panels into cells of different aspect ratios
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.gridspec import GridSpec
 
 from .style import COLUMN_IN, scale_type
 
 SMALL = "small"
 LINE_IN, TABLE_IN, EDGE_IN = 0.13, 3.38, 0.06  # line height, table width, distance from the edge
+_SPARE_IN = 0.03
 Heads = Mapping[str, tuple[float, str]]  # position (fraction of the width) and alignment by head
 
 
@@ -65,6 +68,38 @@ class Sheet:
 def table_height(rows: int, note: bool = False) -> float:
     """Return the height [in] of a table with column heads and, if given, a note."""
     return scale_type(LINE_IN) * (rows + 2 + note)
+
+
+def fit_height(
+    figure: Figure,
+    panels: Sequence[Any],
+    rows: int,
+    stack: GridSpec | None = None,
+    below: Sequence[float] = (),
+) -> None:
+    """Give a figure the height that its rows of equal-scale panels need at its width.
+
+    Below them, a ``stack`` may have further parts, of heights ``below`` [in].
+    """
+
+    def resize(height: float) -> None:
+        figure.set_figheight(height + sum(below))
+        if stack is not None:
+            stack.set_height_ratios((height, *below))
+
+    (left, right), (low, high) = panels[0].get_xlim(), panels[0].get_ylim()
+    width = figure.get_figwidth() / len({axes.get_subplotspec().colspan for axes in panels})
+    tall = rows * (width * (high - low) / (right - left) + 2.0) + 2.0  # more than they need
+    resize(tall)
+    engine: Any = figure.get_layout_engine()
+    engine.execute(figure)
+    unused = []
+    for axes in panels:
+        slot = axes.get_position(original=True).transformed(axes.get_figure().transSubfigure)
+        used = axes.get_tightbbox()  # titles and labels may lie within the slot
+        unused.append(max(0.0, slot.y1 - used.y1) + max(0.0, used.y0 - slot.y0))
+    # Panels of another size may have other ticks, so a little room is left.
+    resize(round(tall - rows * (min(unused) / figure.dpi - _SPARE_IN), 2))
 
 
 @dataclass(frozen=True)

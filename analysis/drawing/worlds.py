@@ -9,7 +9,6 @@ from matplotlib.collections import PatchCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Polygon
-from matplotlib.patheffects import withStroke
 
 from evoros.base.arrays import Array
 from evoros.geometry.footprint import Footprint, find_heights, project_shape
@@ -18,10 +17,9 @@ from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
 from ..designs.cones import dilate
-from .style import COLUMN_IN, VERMILLION, render, use_style
+from .style import COLUMN_IN, HALO, VERMILLION, render, use_style
 
 HEIGHTS_M = Normalize(0.0, 1.0)
-HALO = withStroke(linewidth=1.5, foreground="white")
 _NUMBER: dict[str, Any] = {"fontsize": "x-small", "ha": "center", "va": "center", "zorder": 4.8}
 PICTURE_IN = 4.5  # width of a world's picture
 OVERHEAD_M = 1.0  # parts with a higher underside hide nothing that robots can touch or see
@@ -95,7 +93,10 @@ def _to_patch(area: Footprint) -> Patch:
 def draw_course(axes: Axes, course: Course) -> None:
     """Draw the route, a star at home, and numbered waypoints with acceptance circles."""
     axes.plot(*course.first_phase.T, color="0.5", lw=0.7, ls=":")
-    for index, (x, y) in enumerate(course.waypoints, 1):
+    numbers: dict[Sequence[float], list[str]] = {}
+    for index, place in enumerate(course.waypoints, 1):
+        numbers.setdefault(place, []).append(str(index))
+    for (x, y), names in numbers.items():
         axes.add_patch(Circle((x, y), course.acceptance_m, fill=False, ec="0.5", lw=0.7))
-        axes.text(x, y, f"{index}", path_effects=[HALO], **_NUMBER)
+        axes.text(x, y, ", ".join(names), path_effects=[HALO], **_NUMBER)
     axes.plot(*course.home[:2], marker="*", color="black", ms=6, ls="none")

@@ -21,6 +21,7 @@ from evoros.terminal.log import LOGGER
 from evoros.world.model import World
 
 from ..drawing import mission_map
+from ..drawing.sheet import fit_height
 from ..drawing.style import CATEGORIES, PAGE_IN, figure_width, scale_type, use_style, wrap_all
 from ..subcommands import Product, add_run, add_worlds
 from ..tables.agents import read_tracks
@@ -43,7 +44,6 @@ ENDINGS = {
 }
 _PANEL_IN = 1.7  # minimum width of a panel
 _ERRORS_IN = 1.3  # height of a panel of errors
-_WORDS_IN, _LINE_IN = 0.45, 0.15  # heights of a panel's labels and of a title line
 _PER_IN, _SMALL_PER_IN = 13.5, 16.5  # title and legend characters per inch
 _HARD_SPACE = "\N{NO-BREAK SPACE}"
 _HANDLE = 6  # width of a legend marker, in characters
@@ -129,7 +129,7 @@ def draw_missions(missions: Missions, width: float = PAGE_IN) -> Figure:
     room = _PER_IN / scale_type(1.0) * width / columns
     rows = math.ceil(len(missions.worlds) / columns)
     with use_style():
-        figure = Figure(layout="constrained")
+        figure = Figure((width, width), layout="constrained")
         below = _list_parts_below(missions, columns)
         stack = figure.add_gridspec(1 + len(below), 1) if below else None
         upper = figure if stack is None else figure.add_subfigure(stack[0])
@@ -146,14 +146,10 @@ def draw_missions(missions: Missions, width: float = PAGE_IN) -> Figure:
                 axes.remove()
             free = []
         across = _count_columns(handles, width)
-        height = rows * _measure_panel(panels, (width - 0.5) / columns)
-        height += 0.0 if free else scale_type(0.15 + _LINE_IN * math.ceil(len(handles) / across))
-        if stack is not None:
-            stack.set_height_ratios((height, *(tall for _, tall in below)))
+        _add_legend(upper, free, handles, across)
         for place, (draw_part, _) in enumerate(below, 1):
             draw_part(figure.add_subfigure(stack[place]))  # type: ignore[index]
-        figure.set_size_inches(width, height + sum(tall for _, tall in below))
-        _add_legend(upper, free, handles, across)
+        fit_height(figure, panels, rows, stack, [tall for _, tall in below])
     return figure
 
 
@@ -186,13 +182,6 @@ def _list_parts_below(
         rows = math.ceil(len(missions.traces) / columns)
         parts.append((draw, rows * len(_list_units(missions.traces)) * PANEL_IN + LEGEND_IN))
     return parts
-
-
-def _measure_panel(panels: Sequence[Axes], width: float) -> float:
-    limits = (panels[0].get_xlim(), panels[0].get_ylim())
-    x_span, y_span = (abs(end - begin) for begin, end in limits)
-    lines = max(len(axes.get_title().splitlines()) for axes in panels)
-    return width * y_span / x_span + scale_type(_WORDS_IN + _LINE_IN * lines)
 
 
 def _read(
@@ -230,9 +219,7 @@ def _report(record: Record, runs: int) -> str:
 def _count_columns(handles: Sequence[Artist], width: float) -> int:
     lengths = [len(str(handle.get_label())) + _HANDLE for handle in handles]
     for count in range(min(6, len(lengths)), 1, -1):
-        deep = math.ceil(len(lengths) / count)
-        columns = [lengths[i : i + deep] for i in range(0, len(lengths), deep)]
-        if sum(map(max, columns)) <= width * _SMALL_PER_IN / scale_type(1.0):
+        if sum(map(max, np.array_split(lengths, count))) <= width * _SMALL_PER_IN / scale_type(1.0):
             return count
     return 1
 

@@ -105,8 +105,8 @@ def test_a_collision_is_where_a_contact_begins(worlds: dict[str, World]) -> None
 
 def test_failures_are_marked_with_the_numbers_of_their_sensors(worlds: dict[str, World]) -> None:
     axes = panel(worlds)
-    assert marked(axes, "sensor fails: silence (number)") == [(1.0, 0.0), (4.0, 0.0)]
-    assert marked(axes, "sensor fails: stuck (number)") == [(4.0, 0.0)]
+    assert marked(axes, "sensor fails: silence") == [(1.0, 0.0), (4.0, 0.0)]
+    assert marked(axes, "sensor fails: stuck") == [(4.0, 0.0)]
     notes = [text.get_text() for text in axes.texts if isinstance(text, Annotation)]
     assert [note for note in notes if note] == ["3", "0", "2"]
 
@@ -119,12 +119,12 @@ def test_a_fault_is_drawn_as_what_it_does_to_readings(
     context = replace(setting, failure=replace(setting.failure, effects=effects))
     near = {"near": worlds["near"]}
     (axes,) = draw_missions(Missions(TABLE, near, MODES, robots={"": context})).axes
-    assert marked(axes, "error starts: stuck (number)") == [(4.0, 0.0)]
+    assert marked(axes, "error starts: stuck") == [(4.0, 0.0)]
     lines = [item for item in axes.collections if isinstance(item, LineCollection)]
     (band,) = (item for item in lines if item.get_alpha())
     assert [part.tolist() for part in band.get_segments()] == [[[4.0, 0.0], [5.0, 0.0]]]
     legend = [text.get_text() for text in axes.figure.legends[0].get_texts()]
-    assert {"error grows", "sensor fails: silence (number)"} <= set(legend)
+    assert {"error grows", "sensor fails: silence"} <= set(legend)
 
 
 def test_the_title_says_how_the_mission_ended(worlds: dict[str, World]) -> None:

@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from evoros.analysis.drawing.mission_map import HOME, OBSTACLE, WAYPOINT
+from evoros.analysis.drawing.sheet import fit_height
 from evoros.analysis.drawing.style import BLUE, PAGE_IN, figure_width, is_wide, use_style
 from evoros.analysis.drawing.worlds import draw_course, draw_obstacles
 from evoros.analysis.subcommands import Product, add_worlds
@@ -30,7 +31,6 @@ HELP = "the course of each world: waypoints, home, path of the first phase (Fig.
 NEEDS = "a run, finished or with record=all"
 FILES = ("course.csv",)
 _PANEL_IN = 1.7  # minimum width of a panel
-_WORDS_IN, _LEGEND_IN = 0.6, 0.55  # heights of a panel's title and labels, and of the legend
 _ARROW = {"arrowstyle": "-|>", "mutation_scale": 8, "lw": 1.0, "color": BLUE, "shrinkB": 0.0}
 
 
@@ -69,7 +69,7 @@ def draw_courses(worlds: Mapping[str, World], width: float = PAGE_IN) -> Figure:
     columns = min(len(worlds), max(1, int(width / _PANEL_IN)))
     rows = math.ceil(len(worlds) / columns)
     with use_style():
-        figure = Figure(layout="constrained")
+        figure = Figure((width, width), layout="constrained")
         grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
         panels = list(grid.flat)
         for axes, (name, world) in zip(panels, worlds.items(), strict=False):
@@ -83,25 +83,30 @@ def draw_courses(worlds: Mapping[str, World], width: float = PAGE_IN) -> Figure:
             axes.remove()
         for row in grid:
             row[0].set_ylabel("y [m]")
-        (left, right), (low, high) = panels[0].get_xlim(), panels[0].get_ylim()
-        panel = (width - 0.5) / columns * (high - low) / (right - left) + _WORDS_IN
-        figure.set_size_inches(width, rows * panel + _LEGEND_IN)
         drawn = (solid for axes in panels[: len(worlds)] for solid in axes.collections)
-        _add_legend(figure, any(len(solid.get_paths()) for solid in drawn))
+        one_way = all(world.course.is_one_way for world in worlds.values())
+        _add_legend(figure, any(len(solid.get_paths()) for solid in drawn), one_way)
+        fit_height(figure, panels[: len(worlds)], rows)
     return figure
 
 
 def _draw_first_phase(axes: Axes, course: Course) -> None:
-    for begin, end in pairwise(course.first_phase):
+    legs = [*pairwise(course.first_phase)]
+    ways = {(*begin, *end) for begin, end in legs}
+    for begin, end in legs:
+        if (*end, *begin) in ways:  # driven both ways: each way has a line, to its right
+            x, y = (end - begin) / np.hypot(*(end - begin))
+            aside = 0.25 * course.acceptance_m * np.array([y, -x])
+            begin, end = begin + aside, end + aside
         middle = begin + 0.6 * (end - begin)  # keeps the arrowhead away from all markers
         axes.plot(*np.array([begin, end]).T, color=BLUE, lw=1.0, zorder=2)
         axes.annotate("", middle, begin, arrowprops={**_ARROW, "shrinkA": 0.0}, zorder=2)
 
 
-def _add_legend(figure: Figure, with_obstacles: bool) -> None:
+def _add_legend(figure: Figure, with_obstacles: bool, one_way: bool) -> None:
     first: dict[str, Any] = {"color": BLUE, "lw": 1.0, "marker": ">", "ms": 4}
     entries: list[Line2D | Patch] = [
-        Line2D([], [], label="first phase (second: in reverse)", **first),
+        Line2D([], [], label="course" if one_way else "first phase (second: in reverse)", **first),
         Line2D([], [], **{**HOME, "label": "home"}),
         Line2D([], [], **{**WAYPOINT, "label": "waypoint and radius"}),
     ]
