@@ -98,7 +98,8 @@ def tabulate_findings(
 
 
 def _report(row: Any) -> str:
-    return f"{row.verdict}: {row.claim}: {row.measure}: {format_value(row)} ({row.why})"
+    result = row.why if np.isnan(row.value) else f"{format_value(row)} ({row.why})"
+    return f'{row.verdict}: "{row.claim}"; {row.measure}: {result}'
 
 
 def draw_claims(table: pd.DataFrame, width: float = PAGE_IN) -> Figure:

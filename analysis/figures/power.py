@@ -120,11 +120,12 @@ def _trace(simulation: Simulation, plans: Sequence[Mapping[str, float]]) -> pd.D
 def _conclude(row: Mapping[Hashable, Any], title: str) -> str:
     pairs = row["comparisons"]
     adjusted = "one comparison" if pairs == 1 else f"Holm over {pairs} comparisons"
+    deviations = f"{row['in_sd']:.2g} standard deviation" + "s" * (row["in_sd"] != 1)
     needed, low, high = (_format(row[f"replicates{end}"]) for end in ("", "_low", "_high"))
     return (
         f"{title}: {needed} replicates per treatment [95 % interval, "
         f"assuming normally distributed values: {low} to {high}] detect a difference of "
-        f"{row['difference']:.3g} ({row['in_sd']:.2g} standard deviations) at the "
+        f"{row['difference']:.3g} ({deviations}) at the "
         f"{100 * LEVEL:.0f} % level with a probability of {100 * row['power']:.0f} % ({TEST}, "
         f"{adjusted}), if they scatter like the {row['runs']} given runs"
     )
