@@ -48,6 +48,7 @@ _DATES = {"svg": "Date", "pdf": "CreationDate"}
 BLACK, ORANGE, SKY, GREEN = "#000000", "#e69f00", "#56b4e9", "#009e73"
 YELLOW, BLUE, VERMILLION, PURPLE = "#f0e442", "#0072b2", "#d55e00", "#cc79a7"
 HALO = withStroke(linewidth=1.5, foreground="white")
+DASHES: Sequence[Any] = ("-", (0, (4, 1)), (0, (1, 1)), (0, (4, 1, 1, 1)), (0, (8, 1.5)))
 CATEGORIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
 
 
@@ -116,6 +117,12 @@ def assign_colours(treatments: Sequence[str]) -> dict[str, str]:
     """Assign a colour to each treatment, the same in all figures of a study."""
     names = dict.fromkeys(treatments)
     return {name: CATEGORIES[i % len(CATEGORIES)] for i, name in enumerate(names)}
+
+
+def assign_dashes(treatments: Sequence[str]) -> dict[str, tuple[str, Any]]:
+    """Assign the colour and a dash pattern, which greyscale print keeps, to each treatment."""
+    colours = assign_colours(treatments)
+    return {name: (colours[name], DASHES[i % len(DASHES)]) for i, name in enumerate(colours)}
 
 
 def abbreviate(names: Sequence[str], length: int) -> dict[str, str]:

@@ -1,24 +1,25 @@
 """A comparison of treatments: every replicate, box plots, and pairwise tests."""
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator
 
 from evoros.base.arrays import Array
-from evoros.base.errors import shell_line
+from evoros.base.errors import InputError, shell_line
 
 from ..drawing import style
 from ..drawing.sheet import SMALL, Layout, table_height, write_table
 from ..statistics import comparison
-from ..statistics.small_samples import LEVEL, choose_form, median_interval
+from ..statistics.small_samples import LEVEL, choose_form, median_interval, share_interval
 from ..statistics.two_samples import TEST, minimum_replicates
 from ..subcommands import Product
+from ..tables.costs import AXES, Race, add_budget, check_axis, hold_race
 from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
 from ..tables.validated import (
@@ -33,7 +34,9 @@ from .options import add_conditions, score_runs
 HELP = "treatments by recorded and validated fitness: tests, effects, intervals"
 NEEDS = "finished runs; for tests, at least two treatments with replicates"
 FILES = ("compare.csv", "compare_runs.csv")
-MAX_TESTS = 30  # maximum number of tests below the figure; longer lists appear only in the table
+LISTED = 5  # number of tests above which the tests of all pairs are a matrix
+MAX_TESTS = 12  # maximum number of rows below the figure; longer lists appear only in the table
+HEAD_LENGTH = 4  # maximum length of a treatment's name in a matrix
 NAME_LENGTH = 10  # maximum length of a treatment's name in the tests; longer names become letters
 LINE_LENGTH = 20  # maximum number of characters in a line of a label
 TITLE_LENGTH = 28  # maximum number of characters in a line below an axis
@@ -44,27 +47,71 @@ HEADS = {"treatments": (0.0, "left"), "p (Holm)": (0.62, "right"), "A12 [95 %]":
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add ``--under`` and ``--without-tables``."""
+    """Add the choice of scores, of the cost of searches, and of the tests."""
     add_conditions(parser)
+    add_budget(parser)
+    about = "also compare the shares of runs that reach this fitness by the budget"
+    parser.add_argument("--target", type=float, metavar="FITNESS", help=about)
+    about = "test only the differences from this treatment; default: all pairs"
+    parser.add_argument("--reference", metavar="NAME", help=about)
     about = "leave out the tests below the figure"
     parser.add_argument("--without-tables", action="store_true", help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the comparison; the tables list the tests and the scores of each run."""
-    runs, measures = score_runs(study, options.under)
-    width, label = style.figure_width(options.columns), label_fitness(study.records)
-    if options.under is None:
-        messages = [*_report_sources(runs), *_report_unused(study), *_report_conditions(study)]
+    label, race = label_fitness(study.records), None
+    check_axis(options)
+    if options.reference not in (None, *study.treatments):
+        raise InputError(
+            f"--reference: {options.reference!r} is not a treatment; choose one of "
+            f"{', '.join(map(repr, study.treatments))}"
+        )
+    if options.axis is not None:
+        race = hold_race(study, options.axis, options.budget, options.target)
+        runs, measures, messages = race.runs, [race.measure], describe_race(race, label)
     else:
-        (measure,) = measures
-        known = int(runs[measure].notna().sum())
-        what = comparison.title_measure(measure, label)
-        messages = [f"{what} is known for {known} of {len(runs)} champions"]
-    table = comparison.compare_treatments(runs, measures)
-    figure = draw_comparison(runs, table, width, label, not options.without_tables)
+        runs, measures = score_runs(study, options.under)
+        messages = _report_scores(study, runs, measures, options.under, label)
+    table = comparison.compare_treatments(runs, measures, options.reference)
+    width = style.figure_width(options.columns)
+    tested = not options.without_tables
+    figure = draw_comparison(runs, table, width, label, tested, race)
+    if race is not None and race.target is not None:
+        table = comparison.compare_reached(table, runs, race.reached)
     messages = [*messages, *comparison.conclude(table, label)]
     return Product(table, figure, messages, {"compare_runs.csv": runs})
+
+
+def _report_scores(
+    study: Study, runs: pd.DataFrame, measures: Sequence[str], under: str | None, label: str
+) -> list[str]:
+    if under is None:
+        return [*_report_sources(runs), *_report_unused(study), *_report_conditions(study)]
+    (measure,) = measures
+    what = comparison.title_measure(measure, label)
+    return [f"{what} is known for {runs[measure].notna().sum()} of {len(runs)} champions"]
+
+
+def describe_race(race: Race, label: str) -> list[str]:
+    """Describe the span of a race, and the share of each treatment's runs that reach the target."""
+    start, budget = race.span
+    unit = AXES[race.axis]
+    lines = [f"{race.measure}: {race.line} {label} from {start:g} to {budget:g} {unit}"]
+    for name, costs in _list_reached(race).items():
+        share = share_interval(int(costs.count()), len(costs)).write()
+        lines.append(
+            f"{name}: {costs.count()} of {len(costs)} runs reach {race.target:g} by {budget:g} "
+            f"{unit}: {share}"
+        )
+    return lines
+
+
+def _list_reached(race: Race) -> "dict[str, pd.Series[float]]":
+    if race.target is None:
+        return {}
+    groups = race.runs.groupby("treatment", sort=False)[race.reached]
+    return {str(name): costs for name, costs in groups}
 
 
 def _report_sources(runs: pd.DataFrame) -> Iterator[str]:
@@ -110,39 +157,104 @@ def draw_comparison(
     width: float = style.COLUMN_IN,
     label: str = FITNESS,
     with_tests: bool = True,
+    race: Race | None = None,
 ) -> Figure:
-    """Draw one panel per measure: a dot for each run below a box plot, with test results below."""
+    """Draw one panel per measure: a dot for each run below a box plot, with test results below.
+
+    With the target of a race, another panel shows the share of runs that have reached it.
+    """
     names = list(dict.fromkeys(runs["treatment"].astype(str)))
-    letters = style.abbreviate(names, NAME_LENGTH)
-    full = (name if short == name else f"{short}: {name}" for name, short in letters.items())
-    labels = [style.wrap(label, LINE_LENGTH) for label in full]
     measures = list(dict.fromkeys(table["measure"]))
     tests = {name: table[(table["measure"] == name) & (table["b"] != "")] for name in measures}
-    most = MAX_TESTS if with_tests else 0
-    written = {name: rows for name, rows in tests.items() if 0 < len(rows) <= most}
+    pairs = max(map(len, tests.values())) if with_tests else 0
+    is_matrix = LISTED < pairs == len(names) * (len(names) - 1) / 2
+    letters = style.abbreviate(names, HEAD_LENGTH if is_matrix else NAME_LENGTH)
+    full = (name if short == name else f"{short}: {name}" for name, short in letters.items())
+    labels = [style.wrap(label, LINE_LENGTH) for label in full]
+    count = len(names) if is_matrix else pairs
+    below = table_height(count, note=True) if 0 < count <= MAX_TESTS else 0.0
     row_in = max(ROW_IN, *(0.11 * (label.count("\n") + 1.5) for label in labels))
-    heights = (table_height(len(rows), note=True) for rows in written.values())
-    lines = max(
-        style.wrap(comparison.title_measure(name, label), TITLE_LENGTH).count("\n")
-        for name in measures
-    )
+    titles = {
+        name: style.wrap(comparison.title_measure(name, label), TITLE_LENGTH) for name in measures
+    }
+    lines = max(title.count("\n") for title in titles.values())
     panel_in = row_in * len(names) + style.scale_type(0.65 + 0.14 * lines)
-    layout = Layout(len(measures), width, panel_in, max(heights, default=0.0))
+    reached = {} if race is None else _list_reached(race)
+    layout = Layout(len(measures) + bool(reached), width, panel_in, below)
     with style.use_style():
         figure, parts = layout.make_figure()
-        for (top, bottom), measure in zip(parts, measures, strict=True):
+        for (top, bottom), measure in zip(parts, measures, strict=False):
             axes = top.subplots()
             axes.set_yticks(range(len(labels)), labels, fontsize=SMALL)
             _draw_panel(axes, runs, measure, names)
-            axes.set_xlabel(style.wrap(comparison.title_measure(measure, label), TITLE_LENGTH))
+            axes.set_xlabel(titles[measure])
             top.suptitle(KEY, fontsize="small")
-            if measure in written:
-                rows = _table_rows(written[measure], letters)
-                few = bool((written[measure]["least_p_holm"] >= LEVEL).any())
-                needed = f"; *too few runs: {minimum_replicates(len(rows))} each needed" * few
-                note = f"{TEST}; [ ]: 95 %{needed}"
-                write_table(bottom, HEADS, rows, layout.table_size, note)
+            if below and len(tests[measure]):
+                write = _write_matrix if is_matrix else _write_pairs
+                write(bottom, tests[measure], letters, layout.table_size)
+        if race is not None and reached:
+            _draw_profile(parts[-1], race, reached)
     return figure
+
+
+def _write_pairs(
+    figure: SubFigure, tests: pd.DataFrame, letters: Mapping[str, str], size: tuple[float, float]
+) -> None:
+    rows = [
+        (f"{letters[row['a']]} vs {letters[row['b']]}{_mark(row)}", *_write_test(row))
+        for row in tests.to_dict("records")
+    ]
+    few = bool((tests["least_p_holm"] >= LEVEL).any())
+    needed = f"; *too few runs: {minimum_replicates(len(rows))} each needed" * few
+    write_table(figure, HEADS, rows, size, f"{TEST}; [ ]: 95 %{needed}")
+
+
+def _write_matrix(
+    figure: SubFigure, tests: pd.DataFrame, letters: Mapping[str, str], size: tuple[float, float]
+) -> None:
+    names = list(letters.values())
+    cells = {(name, name): "\N{MINUS SIGN}" for name in names}
+    for row in tests.to_dict("records"):
+        a, b = letters[row["a"]], letters[row["b"]]
+        cells[a, b], cells[b, a] = _write_test(row)[0] + _mark(row), f"{1 - row['a12']:.2f}"
+    step = 1 / (len(names) + 0.4)
+    heads = {"": (0.0, "left")}
+    heads |= {name: (1 - step * (len(names) - i - 1), "right") for i, name in enumerate(names)}
+    rows = [(name, *(cells.get((name, other), "") for other in names)) for name in names]
+    few = "; *too few runs" * bool((tests["least_p_holm"] >= LEVEL).any())
+    write_table(figure, heads, rows, size, f"upper: p (Holm); lower: A12, row over column{few}")
+
+
+def _mark(row: Mapping[Hashable, Any]) -> str:
+    return "*" if row["least_p_holm"] >= LEVEL else ""
+
+
+def _write_test(row: Mapping[Hashable, Any]) -> tuple[str, str]:
+    p = comparison.format_p(row["p_holm"]).removeprefix("p").removeprefix(" = ").strip()
+    return p, comparison.format_effect(row)
+
+
+def _draw_profile(
+    parts: tuple[SubFigure, SubFigure], race: Race, reached: "Mapping[str, pd.Series[float]]"
+) -> None:
+    """Draw the share of runs that have reached the target, by cost (Hansen et al. 2021)."""
+    top, bottom = parts
+    axes, (start, budget) = top.subplots(), race.span
+    for place, (name, (colour, dashes)) in enumerate(style.assign_dashes(list(reached)).items()):
+        costs, total = np.sort(reached[name].dropna()), len(reached[name])
+        shares = np.arange(len(costs) + 1) / total
+        steps: dict[str, Any] = {"ds": "steps-post", "lw": 1.2, "ls": dashes, "label": name}
+        x, y = [min(start, *costs), *costs, budget], [*shares, shares[-1]]
+        axes.plot(x, y, color=colour, **steps)
+        share, beside = share_interval(len(costs), total), budget * (1.04 + 0.03 * place)
+        axes.vlines(beside, share.low, share.high, color=colour, lw=1.2)
+        axes.plot(beside, share.value, "o", color=colour, ms=3)
+    axes.set(xlabel=AXES[race.axis], ylabel=f"share of runs\nthat reached {race.target:g}")
+    axes.set_ylim(-0.03, 1.03)
+    axes.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+    top.suptitle("bars: 95 % intervals at the budget", fontsize="small")
+    corner: Any = "outside lower center" if top is bottom else "upper center"
+    bottom.legend(*axes.get_legend_handles_labels(), loc=corner, frameon=False)
 
 
 def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[str]) -> None:
@@ -173,13 +285,3 @@ def _draw_box(axes: Axes, y: float, values: Array) -> None:
     axes.hlines([y, y], [low, q3], [q1, high], color="0.4", lw=0.7, zorder=1)
     axes.barh(y, q3 - q1, BOX[1], left=q1, color="0.9", ec="0.4", lw=0.7, zorder=1)
     axes.vlines(median, y - BOX[1] / 2, y + BOX[1] / 2, color="black", lw=1.4, zorder=2)
-
-
-def _table_rows(tests: pd.DataFrame, letters: Mapping[str, str]) -> list[tuple[str, ...]]:
-    rows: list[tuple[str, ...]] = []
-    for row in tests.to_dict("records"):
-        mark = "*" if row["least_p_holm"] >= LEVEL else ""
-        pair = f"{letters[row['a']]} vs {letters[row['b']]}{mark}"
-        p = comparison.format_p(row["p_holm"]).removeprefix("p").removeprefix(" = ").strip()
-        rows.append((pair, p, comparison.format_effect(row)))
-    return rows

@@ -1,22 +1,31 @@
-"""Fitness over generations: every individual of one run (Fig. 9), or quartiles of several runs."""
+"""Fitness over generations or cost: every individual of one run (Fig. 9), or several runs."""
 
 import argparse
 import math
-from collections.abc import Mapping
+from typing import Any
 
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ..drawing.style import COLUMN_IN, VERMILLION, figure_width, use_style, wrap
+from ..drawing.style import (
+    COLUMN_IN,
+    VERMILLION,
+    assign_dashes,
+    figure_width,
+    is_wide,
+    use_style,
+    wrap,
+)
 from ..statistics.small_samples import Interval
 from ..subcommands import Product
-from ..tables.designs import compute_quartiles, list_individuals, trace_fitness
-from ..tables.records import FITNESS, label_by_treatment
+from ..tables.costs import AXES, GENERATION, add_axis, add_costs, compute_quartiles, trace_costs
+from ..tables.designs import list_individuals
+from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
 
-HELP = "fitness over generations: every individual of one run, or quartiles of several"
+HELP = "fitness over generations or cost: every individual of one run, or quartiles of several"
 NEEDS = "runs with at least one generation"
 FILES = ("fitness.csv",)
 LABELS = {"recorded": "best, recorded", "validated": "best, validated", "mean": "mean of pool"}
@@ -27,20 +36,22 @@ STYLES = {  # colours and dash patterns, both distinct in greyscale print
     "validated": (VERMILLION, (0, (4, 1))),
     "mean": ("0.45", (0, (1, 1.2))),
 }
-_PANEL_IN = 2.2  # minimum width of a panel
-_LETTERS_PER_IN = 13  # title characters per inch
+_LETTERS_PER_IN, _LEGEND_PER_IN = 13, 16  # characters per inch of titles and of the legend
+
+
+add_arguments = add_axis
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the individuals of one run, or the quartiles of several."""
-    generations = study.generations
+    generations, axis = add_costs(study, options.axis), options.axis
     several = generations["run"].nunique() > 1
-    panels = generations["treatment"].nunique() if several else 1
-    width = figure_width(options.columns, 1 if panels == 1 else 2)
-    table = compute_quartiles(generations) if several else list_individuals(generations)
+    treatments = generations["treatment"].nunique() if several else 1
+    width = figure_width(options.columns, min(2, treatments))
+    table = compute_quartiles(generations, axis) if several else list_individuals(generations, axis)
     interval = None if several else _read_interval(study)
-    labels = label_by_treatment(study.records)
-    return Product(table, draw_fitness(generations, width, interval, labels))
+    label = label_fitness(study.records)
+    return Product(table, draw_fitness(generations, width, interval, label, axis))
 
 
 def _read_interval(study: Study) -> Interval | None:
@@ -54,79 +65,88 @@ def draw_fitness(
     generations: pd.DataFrame,
     width: float = COLUMN_IN,
     champion: Interval | None = None,
-    labels: Mapping[str, str] | None = None,
+    label: str = FITNESS,
+    axis: str = GENERATION,
 ) -> Figure:
-    """Draw one run's individuals, or the quartiles of several runs in a panel per treatment."""
-    names = labels or {}
-    several = "run" in generations and generations["run"].nunique() > 1
+    """Draw one run's individuals, or the quartiles of several runs by treatment."""
     with use_style():
-        if several:
-            return _draw_several(compute_quartiles(generations), width, names)
-        return _draw_one(generations, width, champion, next(iter(names.values()), FITNESS))
+        if "run" not in generations or generations["run"].nunique() == 1:
+            return _draw_one(generations, width, champion, label, axis)
+        return _draw_several(compute_quartiles(generations, axis), width, label, axis)
 
 
 def _draw_one(
-    generations: pd.DataFrame, width: float, champion: Interval | None, label: str
+    generations: pd.DataFrame, width: float, champion: Interval | None, label: str, axis: str
 ) -> Figure:
     figure = Figure(figsize=(width, min(0.72 * width, 3.2)), layout="constrained")
-    axes, traced = figure.subplots(), trace_fitness(generations)
-    x, y = generations["generation"], generations["fitness"]
-    axes.scatter(x, y, s=5, c=x, cmap="viridis", alpha=0.6, linewidths=0)
+    axes, traced, x = figure.subplots(), trace_costs(generations, axis), generations[axis]
+    axes.scatter(x, generations["fitness"], s=5, c=x, cmap="viridis", alpha=0.6, linewidths=0)
     for name, meaning in LABELS.items():
         if traced[name].notna().any():
             colour, dashes = STYLES[name]
             axes.plot(traced[name], color=colour, lw=1.2, ls=dashes, label=meaning)
     if champion is not None:
-        beside = x.max() + 0.02 * max(25, x.max())
+        last = float(x.max())
+        beside = last + 0.02 * (max(25.0, last) if axis == GENERATION else last)
         axes.vlines(beside, champion.low, champion.high, color=VERMILLION, lw=1.6)
         axes.plot(beside, champion.value, "o", c=VERMILLION, ms=3.5, label="champion, interval")
-    axes.set(xlabel="generation", ylabel=wrap(label, _LETTERS_PER_IN * figure.get_figheight()))
-    _finish(figure, [axes], ONE)
+    _finish(figure, [axes], ONE, label, axis)
     return figure
 
 
-def _draw_several(table: pd.DataFrame, width: float, labels: Mapping[str, str]) -> Figure:
-    treatments = list(dict.fromkeys(table["treatment"]))
-    rows = math.ceil(len(treatments) / max(1, int(width / _PANEL_IN)))
-    columns = math.ceil(len(treatments) / rows)
-    height = min(0.72 * width / columns, 1.7) * rows + 0.4
+def _draw_several(table: pd.DataFrame, width: float, label: str, axis: str) -> Figure:
+    """Draw the lines of one treatment in a panel, or all treatments in a panel for each line."""
+    counts = table.groupby("treatment", sort=False)["replicates"].max()
+    names = {str(name): f"{name} (n = {count})" for name, count in counts.items()}
+    (first, *others), looks = names.values(), assign_dashes(list(names))
+    panels = {first: [(table, name, STYLES[name], LABELS[name]) for name in LABELS]}
+    if others:
+        known = [
+            name for name in ("recorded", "validated") if table[f"{name}_median"].notna().any()
+        ]
+        by = [
+            (table[table["treatment"] == name], look, names[name]) for name, look in looks.items()
+        ]
+        panels = {LABELS[line]: [(r, line, look, name) for r, look, name in by] for line in known}
+    across = len(panels) if is_wide(width) else 1
+    below = len(panels) // across
+    height = below * min(0.72 * width / across, 2.4) + 0.14 * (2 + len(others))
     figure = Figure(figsize=(width, height), layout="constrained")
-    common = len(set(labels.values())) <= 1
-    grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=common)
-    panels = list(grid.flat)
-    for axes, treatment in zip(panels, treatments, strict=False):
-        quartiles = table[table["treatment"] == treatment]
-        _draw_quartiles(axes, quartiles)
-        title = f"{treatment} (n = {quartiles['replicates'].max()})"
-        axes.set_title(wrap(title, _LETTERS_PER_IN * width / columns))
+    grid = figure.subplots(below, across, squeeze=False, sharex=True, sharey=True)
+    for axes, (title, curves) in zip(grid.flat, panels.items(), strict=True):
+        axes.set_title(wrap(title, _LETTERS_PER_IN * width / across))
         axes.tick_params(labelbottom=True)
-        if axes in grid[:, 0] or not common:
-            label = labels.get(str(treatment), FITNESS)
-            axes.set_ylabel(wrap(label, _LETTERS_PER_IN * height / rows))
-    for axes in panels[len(treatments) :]:
-        axes.remove()
-    for axes in panels[max(0, len(treatments) - columns) : len(treatments)]:
-        axes.set_xlabel("generation")
-    _finish(figure, panels[: len(treatments)], SEVERAL)
+        for curve in curves:
+            _draw_quartiles(axes, *curve, axis)
+    _finish(figure, list(grid.flat), SEVERAL, label, axis)
     return figure
 
 
-def _draw_quartiles(axes: Axes, table: pd.DataFrame) -> None:
-    for name, label in LABELS.items():
-        known = table[table[f"{name}_median"].notna()]
-        if known.empty:
-            continue
-        colour, dashes = STYLES[name]
-        generation = known["generation"]
-        median, low, high = (known[f"{name}_{end}"] for end in ("median", "q1", "q3"))
-        axes.plot(generation, median, color=colour, lw=1.2, ls=dashes, label=label)
-        if name != "mean":
-            axes.fill_between(generation, low, high, color=colour, alpha=0.2, lw=0)
+def _draw_quartiles(
+    axes: Axes, table: pd.DataFrame, name: str, look: tuple[str, Any], meaning: str, axis: str
+) -> None:
+    """Draw a median with its quartiles, at costs that all runs have reached."""
+    by_cost = axis != GENERATION
+    everyone = table["replicates"] == table["replicates"].max()
+    known = table[table[f"{name}_median"].notna() & (everyone | (not by_cost))]
+    if known.empty:
+        return
+    colour, dashes = look
+    median, low, high = (known[f"{name}_{end}"] for end in ("median", "q1", "q3"))
+    steps: dict[str, Any] = {"ds": "steps-post"} if by_cost else {}
+    axes.plot(known[axis], median, color=colour, lw=1.2, ls=dashes, label=meaning, **steps)
+    if name != "mean":
+        step: Any = "post" if by_cost else None
+        axes.fill_between(known[axis], low, high, color=colour, alpha=0.15, lw=0, step=step)
 
 
-def _finish(figure: Figure, panels: list[Axes], meaning: str) -> None:
+def _finish(figure: Figure, panels: list[Axes], meaning: str, label: str, axis: str) -> None:
     for axes in panels:
+        axes.set_xlabel(AXES[axis])
         axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True, steps=[1, 2, 5, 10]))
+        if len({other.get_position().y0 for other in panels}) == len(panels) or axes is panels[0]:
+            axes.set_ylabel(wrap(label, _LETTERS_PER_IN * figure.get_figheight() / 2))
     handles, labels = panels[0].get_legend_handles_labels()
-    style = {"ncols": 2 if len(handles) == 4 else 3, "frameon": False, "handlelength": 2.0}
+    fit = int(_LEGEND_PER_IN * figure.get_figwidth() / (max(map(len, labels)) + 4))
+    style = {"ncols": max(1, min(3, len(labels) // 2 + 1, fit)), "frameon": False}
     figure.legend(handles, labels, title=meaning, loc="outside lower center", **style)

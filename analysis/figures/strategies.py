@@ -1,7 +1,8 @@
 """Evolved and random designs compared: coverage, front arrays, side mounts, redundancy, damage."""
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,9 @@ from ..drawing.style import PAGE_IN, abbreviate, assign_colours, figure_width, u
 from ..statistics.small_samples import describe_shortfalls
 from ..subcommands import Product
 from ..tables.champions import read_champion
+from ..tables.costs import AXES, add_budget, check_axis, find_span, read_best_within, read_costs
 from ..tables.designs import read_initial_sensors
+from ..tables.records import Record
 from ..tables.study import Study
 from .options import add_thresholds, check_thresholds
 
@@ -56,14 +59,26 @@ _LOWER_KEY = [
     Line2D([], [], color="black", lw=1, marker="_", ms=5, label="champions: mean, 95 % interval"),
 ]
 
-add_arguments = add_thresholds
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the redundancy thresholds, and a common cost of the designs."""
+    add_thresholds(parser)
+    add_budget(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Compare all champions of the study with random designs."""
     check_thresholds(options)
+    check_axis(options)
     study = study.select_finished(read_champion, read_initial_sensors)
-    champions, near = study.gather(read_champion), (options.near_m, options.near_deg)
+    read: Callable[[Record], pd.DataFrame] = read_champion
+    about = list[str]()
+    if options.axis is not None:
+        costs = {record.name: read_costs(record, options.axis) for record in study.records}
+        _, budget = find_span(costs, options.axis, options.budget)
+        read = partial(read_best_within, axis=options.axis, budget=budget)
+        about = [f"the designs are the best after {budget:g} {AXES[options.axis]}, not champions"]
+    champions, near = study.gather(read), (options.near_m, options.near_deg)
     table = describe_designs(champions, study.initial, study.rings, *near)
     # Other figures also assign colours and letters in the order of the runs.
     order = table.treatment.map(study.treatments.index).sort_values(kind="stable").index
@@ -71,7 +86,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     summary = compare_with_random(table, study.rings)
     figure = draw_strategies(table, summary, figure_width(options.columns, 2))
     short = describe_shortfalls("mean, bootstrap")
-    return Product(summary, figure, [*report_designs(summary), *short])
+    return Product(summary, figure, [*about, *report_designs(summary), *short])
 
 
 def report_designs(summary: pd.DataFrame) -> list[str]:

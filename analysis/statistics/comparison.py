@@ -1,6 +1,6 @@
 """Pairwise comparisons of treatments: tests, effect sizes, intervals and conclusions."""
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
@@ -9,10 +9,11 @@ import pandas as pd
 from evoros.base.arrays import Array
 
 from ..tables.records import FITNESS
-from .small_samples import LEVEL, holm, median_interval
+from .small_samples import LEVEL, fisher, holm, median_interval, share_interval
 from .two_samples import TEST, a12_interval, brunner_munzel, minimum_p, minimum_replicates
 
 MEASURES = ("recorded", "validated")
+MANY = 3  # number of pairs above which the conclusions list only significant differences
 SIDE = ("n", "median", "median_low", "median_high")
 COLUMNS = (
     *("measure", "a", "b"),
@@ -21,9 +22,18 @@ COLUMNS = (
 )
 
 
-def compare_treatments(runs: pd.DataFrame, measures: Sequence[str] = MEASURES) -> pd.DataFrame:
-    """Compare each pair of treatments by each measure; a single treatment has one row."""
-    rows = [row for measure in measures for row in _compare(measure, group_values(runs, measure))]
+def compare_treatments(
+    runs: pd.DataFrame, measures: Sequence[str] = MEASURES, reference: str | None = None
+) -> pd.DataFrame:
+    """Compare each pair of treatments, or each treatment with the ``reference``, by each measure.
+
+    A single treatment has one row.
+    """
+    rows = [
+        row
+        for measure in measures
+        for row in _compare(measure, group_values(runs, measure), reference)
+    ]
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
@@ -34,11 +44,13 @@ def group_values(runs: pd.DataFrame, measure: str) -> dict[str, Array]:
     return {str(name): values.to_numpy(float) for name, values in groups}
 
 
-def _compare(measure: str, values: Mapping[str, Array]) -> Iterator[dict[str, object]]:
+def _compare(
+    measure: str, values: Mapping[str, Array], reference: str | None
+) -> Iterator[dict[str, object]]:
     if len(values) == 1:
         ((name, single),) = values.items()
         yield {"measure": measure, "a": name, "b": "", **_describe_side("a", single)}
-    pairs = list(combinations(values, 2))
+    pairs = list_pairs(values, reference)
     p = [brunner_munzel(values[a], values[b]) for a, b in pairs]
     minima = [minimum_p(values[a].size, values[b].size) for a, b in pairs]
     for i, (adjusted, minimum) in enumerate(zip(holm(p), holm(minima), strict=True)):
@@ -53,10 +65,38 @@ def _compare(measure: str, values: Mapping[str, Array]) -> Iterator[dict[str, ob
         }
 
 
+def list_pairs(names: Iterable[str], reference: str | None) -> list[tuple[str, str]]:
+    """List all pairs of treatments, or each other treatment with the reference."""
+    pairs = combinations(names, 2)
+    return [(a, b) for a, b in pairs if reference in (None, a, b)]
+
+
 def _describe_side(side: str, values: Array) -> dict[str, object]:
     median = median_interval(values)
     numbers = (values.size, median.value, median.low, median.high)
     return {f"{name}_{side}": value for name, value in zip(SIDE, numbers, strict=True)}
+
+
+def compare_reached(table: pd.DataFrame, runs: pd.DataFrame, column: str) -> pd.DataFrame:
+    """Add the share of runs that reached a target, with Fisher's exact test, to each comparison.
+
+    ``column`` of ``runs`` is empty if the target was not reached.
+    """
+    groups = runs.groupby("treatment", sort=False)[column]
+    known = {str(name): (int(cost.count()), len(cost)) for name, cost in groups}
+    rows = []
+    for a, b in zip(table["a"], table["b"], strict=True):
+        sides = {side: known.get(name, (0, 0)) for side, name in (("a", a), ("b", b))}
+        row = {"p_reached": fisher(*sides["a"], *sides["b"])}
+        for side, (count, total) in sides.items():
+            share = share_interval(count, total)
+            row[f"reached_{side}"] = share.value
+            row[f"reached_low_{side}"], row[f"reached_high_{side}"] = share.low, share.high
+        rows.append(row)
+    added = pd.DataFrame(rows)
+    added["p_reached_holm"] = holm(added["p_reached"].to_numpy(float))
+    order = [f"reached{end}_{side}" for side in "ab" for end in ("", "_low", "_high")]
+    return table.assign(**added[[*order, "p_reached", "p_reached_holm"]])
 
 
 def title_measure(measure: str, label: str = FITNESS) -> str:
@@ -65,16 +105,22 @@ def title_measure(measure: str, label: str = FITNESS) -> str:
 
 
 def conclude(table: pd.DataFrame, label: str = FITNESS) -> list[str]:
-    """Return a sentence for each row, but a single one for a measure without enough replicates."""
+    """Return a sentence for each row; of many rows, only for those with a significant difference.
+
+    A measure without enough replicates has a single sentence.
+    """
     said: list[str] = []
     for measure, rows in table.groupby("measure", sort=False):
         pairs = rows.to_dict("records")
+        head = f"{title_measure(str(measure), label)}, {len(pairs)} pairs"
         if len(pairs) > 1 and (rows["least_p_holm"] >= LEVEL).all():
             counts = [row[name] for row in pairs for name in ("n_a", "n_b")]
-            head = f"{title_measure(str(measure), label)}, {len(pairs)} pairs"
             said.append(f"{head}: {ask_for_replicates(counts, len(pairs))}")
-        else:
-            said += [_conclude_pair(row, len(pairs), label) for row in pairs]
+            continue
+        told = [row for row in pairs if len(pairs) <= MANY or row["p_holm"] < LEVEL]
+        said += [_conclude_pair(row, len(pairs), label) for row in told]
+        if len(told) < len(pairs):
+            said.append(f"{head}: no significant difference in {len(pairs) - len(told)} of them")
     return said
 
 

@@ -28,11 +28,15 @@ def read_champion_signals(record: Record) -> pd.DataFrame:
 
 def read_champion(record: Record) -> pd.DataFrame:
     """Read the champion's sensors, or a single row with only the fitness if it has none."""
-    frame = read_champion_sensors(record)
+    return require_row(read_champion_sensors(record), **_fitness(record))
+
+
+def require_row(frame: pd.DataFrame, **scores: float) -> pd.DataFrame:
+    """Return a table of sensors, or a single row with only the scores if it is empty."""
     if len(frame):
         return frame
     missing = dict.fromkeys(("design", "sensor", "pair"), "Int64")  # stay integers in joins
-    return frame.reindex([0]).assign(**_fitness(record)).astype(missing)
+    return frame.reindex([0]).assign(**scores).astype(missing)
 
 
 def adapt_context(record: Record) -> FigureContext:

@@ -205,9 +205,6 @@ def _slot(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
     return mounts.assign(type=next(kind for kind in record.context.types if kind not in fixed))
 
 
-LINES = ("recorded", "validated", "mean")
-
-
 def select_bests(generations: pd.DataFrame) -> pd.DataFrame:
     """Select the best candidate of each generation; confirmed candidates rank first."""
     confirmed = generations["loss"].notna() if "loss" in generations else True
@@ -219,7 +216,7 @@ def select_bests(generations: pd.DataFrame) -> pd.DataFrame:
 
 
 def trace_fitness(generations: pd.DataFrame) -> pd.DataFrame:
-    """Compute a run's ``LINES`` by generation: two scores of the best candidate, and the mean."""
+    """Trace a run by generation: both scores of the best candidate, and the mean fitness."""
     best = select_bests(generations)
     return pd.DataFrame(
         {
@@ -230,23 +227,9 @@ def trace_fitness(generations: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def list_individuals(generations: pd.DataFrame) -> pd.DataFrame:
-    """List one row per candidate of a run, with the ``LINES`` of its generation."""
+def list_individuals(generations: pd.DataFrame, axis: str = "generation") -> pd.DataFrame:
+    """List one row per candidate of a run, with its cost and the trace of its generation."""
     names = {"recorded": "best_recorded", "validated": "best_validated"}
-    table = generations[["generation", "id", "operator", "fitness", "validated_fitness"]]
+    first = dict.fromkeys(("generation", axis, "id", "operator", "fitness", "validated_fitness"))
+    table = generations[list(first)]
     return table.join(trace_fitness(generations).rename(columns=names), on="generation")
-
-
-def compute_quartiles(generations: pd.DataFrame) -> pd.DataFrame:
-    """Compute the quartiles of the ``LINES`` over runs: one row per treatment and generation.
-
-    ``validated_replicates`` is the number of runs that validated the generation's best candidate.
-    """
-    runs = generations.groupby(["treatment", "run"])[list(generations.columns)]
-    grouped = runs.apply(trace_fitness).groupby(["treatment", "generation"])
-    table = grouped["recorded"].count().to_frame("replicates")
-    table["validated_replicates"] = grouped["validated"].count()
-    for line in LINES:
-        for name, share in (("q1", 0.25), ("median", 0.5), ("q3", 0.75)):
-            table[f"{line}_{name}"] = grouped[line].quantile(share)
-    return table.loc[list(dict.fromkeys(generations["treatment"]))].reset_index()

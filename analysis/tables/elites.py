@@ -12,6 +12,7 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.measure.protocol import DESCRIPTORS, OBJECTIVES
 
+from .costs import read_costs
 from .designs import read_generations
 from .records import Record
 from .study import Study
@@ -94,13 +95,6 @@ def take_latest(table: pd.DataFrame) -> pd.DataFrame:
     return table.drop_duplicates("id", keep="last")
 
 
-def _count_missions(record: Record) -> "pd.Series[int]":
-    missions = record.run.missions
-    counts = missions[missions.purpose != "validation"].groupby("generation").size()
-    numbers = sorted(read_generations(record).generation.unique())
-    return counts.reindex(numbers, fill_value=0).cumsum()
-
-
 class Archive(NamedTuple):
     """The candidates of a study's runs on one grid."""
 
@@ -138,7 +132,7 @@ def read_archive(study: Study, options: argparse.Namespace) -> Archive:
     grid = (x, y, cells)
     tables = [_read_measured(record, (x, y)) for record in study.records]
     growth = [
-        trace_growth(table, _count_missions(record), grid).assign(
+        trace_growth(table, read_costs(record, "missions").astype(int), grid).assign(
             run=record.name, treatment=record.treatment
         )
         for record, table in zip(study.records, tables, strict=True)

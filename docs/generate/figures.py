@@ -33,7 +33,7 @@ def write_page() -> str:
     """Write the text of the page: a list, the options of several, then every subcommand."""
     modules = {name: import_subcommand(name) for name in SUBCOMMANDS}
     rows = [(f"[{name}](#{name})", m.HELP, m.NEEDS) for name, m in modules.items()]
-    common = _list_options(modules["fitness"])  # which has no others
+    common = _list_options(modules["controls"])  # which has no others
     about = common | {"`--output FOLDER`": OUTPUT}
     special = {name: _list_special(module, common) for name, module in modules.items()}
     taken = Counter(option for options in special.values() for option in options.items())

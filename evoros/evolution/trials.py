@@ -15,7 +15,7 @@ from evoros.fitness.scoring import list_trials
 from evoros.measure.protocol import DESCRIPTORS, MINIMIZE, OBJECTIVES, Evaluated, Measure
 from evoros.mission.member import Member
 from evoros.mission.mission import Mission, MissionKey, Outcome, Outcomes, judge
-from evoros.mission.plan import ACTIVITIES, CONFIRMATION, SELECTION, VALIDATION
+from evoros.mission.plan import ACTIVITIES, SEARCHING, VALIDATION
 from evoros.mission.scenario import Scenario
 from evoros.optimizer.protocol import Individual, Score
 from evoros.robot.model import Robot
@@ -42,7 +42,7 @@ class Measuring:
     ) -> None:
         """Store the trials that determine the fitness of individuals."""
         measures = list_measures(self.experiment).values()
-        if purpose in (SELECTION, CONFIRMATION) and not all(part.of_design for part in measures):
+        if purpose in SEARCHING and not all(part.of_design for part in measures):
             for design_id, of_design in missions.items():
                 trials = list_trials(of_design, outcomes)
                 self.trials.setdefault((purpose, design_id), []).extend(trials)

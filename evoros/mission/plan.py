@@ -14,6 +14,7 @@ from evoros.mission.mission import Mission
 SELECTION, CONFIRMATION = "selection", "confirmation"
 VALIDATION, EVALUATION = "validation", "evaluation"
 FINAL = "final"
+SEARCHING = (SELECTION, CONFIRMATION)  # purposes of the missions on which a search depends
 ACTIVITIES = {
     **dict.fromkeys((SELECTION, EVALUATION), ""),
     CONFIRMATION: "confirming",
@@ -220,7 +221,7 @@ def count_round(purpose: str, generation: int, trial: int) -> int:
     choice compare designs of all generations, so they count trials, and each design drives in both
     directions. Evaluations count both.
     """
-    if purpose in (SELECTION, CONFIRMATION):
+    if purpose in SEARCHING:
         return generation
     return trial if purpose in (VALIDATION, FINAL) else generation + trial
 

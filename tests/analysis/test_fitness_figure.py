@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from evoros.analysis.drawing.style import save
 from evoros.analysis.figures.fitness import draw_fitness
 from evoros.analysis.statistics.small_samples import Interval
-from evoros.analysis.tables.designs import compute_quartiles, select_bests
+from evoros.analysis.tables.costs import compute_quartiles
+from evoros.analysis.tables.designs import select_bests
 
 NAN = math.nan
 TABLE = pd.DataFrame(
@@ -72,7 +73,7 @@ def test_without_validation_there_is_no_line_of_it() -> None:
 @pytest.mark.parametrize("table", [TABLE, pd.concat([TABLE.assign(run="a", treatment="calm")])])
 @pytest.mark.parametrize("label", ["fitness (Eq. 1)", "way [m]"])
 def test_generations_are_whole_and_named_in_the_axes(table: pd.DataFrame, label: str) -> None:
-    (axes,) = draw_fitness(table, labels={"calm": label}).axes
+    (axes,) = draw_fitness(table, label=label).axes
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("generation", label)
     assert draw_fitness(table).axes[0].get_ylabel() == "fitness"
     assert all(float(tick).is_integer() for tick in axes.get_xticks())
@@ -123,19 +124,32 @@ def test_quartiles_over_the_replicates_are_those_computed_by_hand() -> None:
     assert counts == [[4, 4], [3, 2], [1, 0], [1, 0]]
 
 
-def test_several_runs_are_a_panel_a_treatment_with_the_lines_of_the_table() -> None:
-    table = compute_quartiles(STUDY)
-    panels = [axes for axes in draw_fitness(STUDY, 7.0).axes if axes.get_title()]
-    assert [axes.get_title() for axes in panels] == ["calm (n = 4)", "storm (n = 1)"]
-    drawn = {str(line.get_label()): line.get_ydata() for line in panels[0].get_lines()}
-    calm = table[table["treatment"] == "calm"]
-    for label, name in (("best, recorded", "recorded"), ("best, validated", "validated")):
-        assert np.asarray(drawn[label]).tolist() == calm[f"{name}_median"].tolist()
-    bands = [np.asarray(band.get_paths()[0].vertices) for band in panels[0].collections]
-    spans = [(corners[:, 1].min(), corners[:, 1].max()) for corners in bands]
-    assert spans == [(3.5, 9.5), (1.25, 4.5)]
-    labels = {str(line.get_label()) for line in panels[1].get_lines()}
-    assert labels == {"best, recorded", "mean of pool"}  # nothing there was validated
+def drawn_lines(axes: Axes) -> dict[str, list[float]]:
+    return {str(line.get_label()): np.asarray(line.get_ydata()).tolist() for line in axes.lines}
+
+
+@pytest.mark.parametrize("width", [3.5, 7.0])
+def test_treatments_share_panels_and_one_legend(width: float) -> None:
+    """Nothing of the storm was validated."""
+    figure, table = draw_fitness(STUDY, width), compute_quartiles(STUDY)
+    recorded, validated = figure.axes
+    assert [axes.get_title() for axes in figure.axes] == ["best, recorded", "best, validated"]
+    calm, storm = (table[table["treatment"] == name] for name in ("calm", "storm"))
+    assert drawn_lines(recorded) == {
+        "calm (n = 4)": calm["recorded_median"].tolist(),
+        "storm (n = 1)": storm["recorded_median"].tolist(),
+    }
+    assert drawn_lines(validated) == {"calm (n = 4)": calm["validated_median"].tolist()}
+    (band,) = (np.asarray(band.get_paths()[0].vertices) for band in validated.collections)
+    assert (band[:, 1].min(), band[:, 1].max()) == (1.25, 4.5)
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["calm (n = 4)", "storm (n = 1)"]
+
+
+def test_several_runs_of_one_treatment_have_all_lines_in_one_panel() -> None:
+    (axes,) = draw_fitness(STUDY[STUDY["treatment"] == "calm"]).axes
+    assert axes.get_title() == "calm (n = 4)"
+    assert list(drawn_lines(axes)) == ["best, recorded", "best, validated", "mean of pool"]
 
 
 def test_the_best_of_a_run_with_a_confirmation_is_a_confirmed_one() -> None:
