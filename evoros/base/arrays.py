@@ -49,10 +49,8 @@ STRENGTH_SIZE = 2
 
 @compilable
 def copy_values(source: Array, target: Array) -> None:
-    """Fill ``target`` with the first values of ``source``.
-
-    numba compiles this loop ten times as fast as ``target[:] = source``.
-    """
+    """Fill ``target`` with the first values of ``source``."""
+    # numba compiles this loop ten times as fast as target[:] = source.
     for i in range(len(target)):
         target[i] = source[i]
 

@@ -26,9 +26,7 @@ T = TypeVar("T")
 MAX_VALUE_LENGTH = 80  # maximum length of a value quoted in an error message
 LARGEST = 1e9  # maximum absolute value of a number, to catch typing errors
 MOST = 1_000_000  # maximum count
-LEAST_STEP_S = (
-    1e-5  # minimum time step of a simulation; in shorter ones, motion is lost in rounding
-)
+LEAST_STEP_S = 1e-5  # minimum time step of a simulation; shorter motions are lost in rounding
 
 
 @dataclass(frozen=True)

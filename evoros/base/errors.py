@@ -38,14 +38,11 @@ class WorkerLost(EvorosError):
 
 
 class PilotLost(WorkerLost):
-    """An external controller or engine exited or did not answer; the mission may be repeated.
-
-    ``log`` is the end of the process's output.
-    """
+    """An external controller or engine exited or did not answer; the mission may be repeated."""
 
     def __init__(self, message: str, log: str = "") -> None:
         super().__init__(message, log)
-        self.log = log
+        self.log = log  # end of the output of the process
 
     def __str__(self) -> str:
         return str(self.args[0])

@@ -14,10 +14,7 @@ if TYPE_CHECKING:
 def import_lazily(
     package: str, homes: Mapping[str, str]
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Return the functions ``__getattr__`` and ``__dir__`` of a package.
-
-    ``homes`` maps each public name to its module, relative to the package.
-    """
+    """Return ``__getattr__`` and ``__dir__`` of a package; ``homes`` maps names to its modules."""
 
     def get_name(name: str) -> Any:
         if name in homes:

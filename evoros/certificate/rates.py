@@ -94,10 +94,7 @@ def bound_mean(
 
 
 def guess_highest(scores: Sequence[float], best: float) -> float:
-    """Return an assumed maximum score for a fitness without a maximum.
-
-    It exceeds the best score of any design by as much as ``best`` exceeds the median score.
-    """
+    """Return an assumed maximum score for a fitness without a maximum."""
     top = max(best, *scores)
     return 2 * top - float(np.median(scores))
 

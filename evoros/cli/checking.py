@@ -124,10 +124,7 @@ def _describe(config: Configuration, ignored: Sequence[str]) -> str:
 def describe_faults(
     ready: Sequence[tuple[str, ...]], refused: Sequence[RefusedJob]
 ) -> Iterator[str]:
-    """Describe each fault once, after the overrides that the jobs with this fault share.
-
-    ``ready`` has the overrides of the jobs without a fault. Overrides of all jobs are omitted.
-    """
+    """Describe each fault once, after the overrides that the jobs with this fault share."""
     total = len(ready) + len(refused)
     everywhere = set.intersection(*map(set, (*ready, *(job.overrides for job in refused))))
     faults: dict[str, list[tuple[str, ...]]] = {}

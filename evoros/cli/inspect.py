@@ -114,10 +114,7 @@ def _parser() -> CommandParser:
 
 
 def _parse(words: Sequence[str], name: str | None) -> list[Request]:
-    """Parse ``robot FILE world FILE key=value ...``; the robot comes first.
-
-    Keys of a world may include the world's name, as in a run: ``world.NAME.key=value``.
-    """
+    """Parse ``robot FILE world FILE key=value ...``; the robot comes first."""
     from evoros.config.own_files import ROBOT, WORLD, choose_name, parse_keys
 
     files: dict[str, Path] = {}
@@ -160,10 +157,7 @@ def _parse(words: Sequence[str], name: str | None) -> list[Request]:
 
 
 def _describe(request: Request, chosen: Sequence[str], folder: Path) -> "tuple[OwnFile, str, str]":
-    """Return a part's YAML file, the simulator that the part needs, and where its course is.
-
-    A world without a course gets one that suits the robot.
-    """
+    """Return a part's YAML file, the simulator that the part needs, and where its course is."""
     from evoros.config.own_files import ROBOT, OwnFile, is_bundled
     from evoros.formats.sdf.reading import SdfOptions
     from evoros.session.course_planning import plan_course

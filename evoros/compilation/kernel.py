@@ -214,10 +214,7 @@ def target_host() -> Target:
 
 
 def make_kernel(target: Target, run: Lowered, rules: Parts) -> bytes | NotCompilable:
-    """Compile the code that runs missions, or load it from disk.
-
-    ``run`` is the function that runs one mission, given the address of the mission's row.
-    """
+    """Compile the code that runs missions, or load it from disk."""
     path = _find_path(target, run, rules)
     if path is not None:
         with suppress(OSError):

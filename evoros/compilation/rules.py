@@ -100,11 +100,7 @@ def call_address(typing: Any, address: Any) -> Any:
 
 
 def compile_rule(rule: Any, signature: Any) -> CompiledRule:
-    """Compile a rule, once per process.
-
-    Raises:
-        NotCompilable: numba cannot compile the rule, for example because it is a method.
-    """
+    """Compile a rule, once per process; raise NotCompilable if numba cannot compile it."""
     answer = try_compile(rule, signature)
     if isinstance(answer, NotCompilable):
         raise answer

@@ -161,10 +161,7 @@ def initialize() -> AbstractContextManager[None]:
 
 
 def search_path(config_dir: str | Path) -> str:
-    """Return the override that adds a user's folder, and make the folder's modules importable.
-
-    Warn about files that are not used because a bundled file has the same name.
-    """
+    """Return the override that adds a user's folder, and make the folder's modules importable."""
     folder = add_config_dir(config_dir)
     for bundled, hidden in list_hidden(folder):
         _LOG.warning(

@@ -43,11 +43,7 @@ class Configuration:
     sweep: str | None = None  # folder of this job's sweep
 
     def build(self) -> Experiment:
-        """Build the experiment; this imports and calls the classes named by the configuration.
-
-        Raises:
-            InputError: a value, a file or a class cannot be used.
-        """
+        """Build the experiment; this imports and calls the classes named by the configuration."""
         experiment = build(self.values, self.choices)
         if not isinstance(experiment, Experiment):
             raise InputError(
@@ -118,10 +114,7 @@ def _describe_missing(key: str, name: str) -> str:
 
 
 def freeze(config: DictConfig, evaluates: bool = False) -> Configuration:
-    """Resolve the references of a configuration and drop Hydra's part.
-
-    If the run ``evaluates``, the keys ``designs`` and ``like`` become fields.
-    """
+    """Resolve the references of a configuration and drop Hydra's part."""
     hidden = ("hydra", "designs", "like") if evaluates else ("hydra",)
     shown = OmegaConf.masked_copy(config, [str(key) for key in config if key not in hidden])
     designs = config.get("designs") if evaluates else None
@@ -169,10 +162,7 @@ ROOMS = (
 def check_targets(
     values: Mapping[str, Any], folders: Sequence[Path], where: Path | None = None
 ) -> tuple[str, ...]:
-    """Require that each class named by a configuration is in evoros or in one of the folders.
-
-    Return the names of the classes. ``where`` is the file of a recorded configuration.
-    """
+    """Require that each named class is in evoros or in one of the folders; return their names."""
     named = dict(_list_targets(values, ""))
     for key, target in named.items():
         problem = _find_problem(target, folders)

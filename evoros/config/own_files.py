@@ -135,10 +135,8 @@ _FRAME = re.compile(r'File "(.+?)", line (\d+), in (\S+)')
 
 
 def locate_fault(error: BaseException) -> str:
-    """Return the innermost line of the user's parts that raised an error; empty if none did.
-
-    The formatted traceback is parsed, because worker processes provide nothing else.
-    """
+    """Return the innermost line of the user's parts that raised an error; empty if none did."""
+    # The formatted traceback is parsed, because worker processes provide nothing else.
     frames = _FRAME.findall("".join(traceback.format_exception(error)))
     tops = [folder.resolve() for folder in NAMED_FOLDERS]
     for path, line, name in reversed(frames):

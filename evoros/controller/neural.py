@@ -141,10 +141,7 @@ def look(parameters: Parameters, sectors: Array, readings: Array) -> bool:
 def command_from(
     parameters: Parameters, memory: Memory, state: Array, leg: Array, command: Array
 ) -> bool:
-    """Compute the command from the sectors in the memory; return False if the pose is silent (NaN).
-
-    If all weights are 0, the robot heads for the waypoint.
-    """
+    """Compute the command from the sectors in the memory; False if the pose is silent (NaN)."""
     bearing = elementary.atan2(leg[TO_Y] - state[Y], leg[TO_X] - state[X])
     error = bearing - float(state[YAW])
     speed = float(state[SPEED])
@@ -198,10 +195,7 @@ def update_hidden(parameters: Parameters, memory: Memory, bearing: float, speed:
 
 @compilable
 def sum_outputs(parameters: Parameters, memory: Memory) -> tuple[float, float]:
-    """Return the output sums for steering and speed.
-
-    In a symmetric network, mirrored inputs reverse the steering and leave the speed unchanged.
-    """
+    """Return the output sums for steering and speed."""
     symmetric = parameters.symmetric > 0.0
     first = 0 if symmetric else 1
     turn = 0.0 if symmetric else float(parameters.steering[0])

@@ -64,10 +64,7 @@ class Layer(ControllerPart, ABC):
 
     @abstractmethod
     def start(self, robot: Robot, period: float, rng: Generator) -> Started:
-        """Return the parameters and the memory of ``rule`` for one mission.
-
-        ``period`` [s] is the control period.
-        """
+        """Return the parameters and memory of ``rule``; ``period`` is the control period [s]."""
 
 
 class StartedLayer(NamedTuple):
@@ -127,10 +124,7 @@ class Controller(AnyController):
     def open(
         self, robot: Robot, rng: Callable[[str], Generator]
     ) -> AbstractContextManager[Sequence[StartedLayer]]:
-        """Start the layers for one mission.
-
-        ``rng(name)`` returns the random generator of the named part for this mission.
-        """
+        """Start the layers for one mission; ``rng(name)`` returns the generator of a named part."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,9 +208,5 @@ LIVE_RULES = RULES | {"files": Rule("a list of paths", _are_texts)}
 
 
 def check_controller(controller: Controller | LiveController) -> None:
-    """Check the attributes of a controller against their rules.
-
-    Raises:
-        InputError: an attribute breaks a rule.
-    """
+    """Check the attributes of a controller; raise an InputError if one breaks its rule."""
     require(controller, LIVE_RULES if isinstance(controller, LiveController) else RULES)

@@ -72,10 +72,7 @@ def call_time(workers: int) -> float:
 def run_for_outcomes(
     packed: Shared, missions: Sequence[Mission], seconds: float, keep: bool
 ) -> CallAnswer:
-    """Run missions in order until ``seconds`` have passed; return the finished outcomes.
-
-    With ``keep``, the answer includes their trajectories.
-    """
+    """Run missions in order until ``seconds`` have passed; return the finished outcomes."""
     known = unpack.cache_info().misses
     scenario, begun = unpack(packed), perf_counter()
     end, first = begun + seconds, 0

@@ -16,10 +16,7 @@ ROUND = Rule(
 
 @dataclass
 class Contest:
-    """Designs that may get trials, and their scores so far.
-
-    ``earlier`` has each design's scores from earlier generations; it is empty for a new design.
-    """
+    """Designs that may get trials, and their scores so far."""
 
     allocation: Allocation
     trials: int  # value of the experiment's key ``trials``
@@ -29,11 +26,7 @@ class Contest:
     rounds: list[Mapping[int, int]] = field(default_factory=list)
 
     def next_round(self) -> dict[int, range]:
-        """Return the numbers of each design's next trials, or {} at the end of the contest.
-
-        Raises:
-            InputError: the allocation gives a design too many trials, or a new design no trials.
-        """
+        """Return the numbers of each design's next trials, or {} at the end of the contest."""
         standings = [
             Standing(i, tuple(self.scores.get(i, ())), tuple(earlier), self.combine)
             for i, earlier in self.earlier.items()
@@ -61,10 +54,7 @@ class Contest:
             self.scores.setdefault(design_id, []).extend(new)
 
     def fitness(self) -> dict[int, float]:
-        """Return the fitness of each design with trials, over all its generations.
-
-        No design ranks above designs that stayed in the contest longer.
-        """
+        """Return the fitness of each design with trials, over all its generations."""
         lives = {i: [*self.earlier[i], *new] for i, new in self.scores.items()}
         fitness = {i: self.combine(life, self.compared) for i, life in lives.items()}
         return cap_fitness(fitness, self.rounds)

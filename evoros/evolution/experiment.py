@@ -196,11 +196,7 @@ class Experiment:
 
     @cached_property
     def confirming(self) -> Scenario:
-        """The scenario of confirming missions; ``scenario`` if no confirmation is configured.
-
-        Raises:
-            InputError: the confirming simulator cannot run the scenario.
-        """
+        """The scenario of confirming missions; ``scenario`` if no confirmation is configured."""
         confirmation = self.confirmation
         if confirmation is None:
             return self.scenario
@@ -212,10 +208,7 @@ class Experiment:
             raise InputError(f"{key}: {error}") from None
 
     def scenario_for(self, purpose: str) -> Scenario:
-        """Return ``confirming`` for confirming and later missions, and ``scenario`` otherwise.
-
-        Validated, final and confirmed fitness are therefore comparable.
-        """
+        """Return ``confirming`` for confirming and later missions, and ``scenario`` otherwise."""
         confirming = purpose in (CONFIRMATION, VALIDATION, FINAL)
         return self.confirming if confirming else self.scenario
 

@@ -56,10 +56,7 @@ class Judgement:
         return self.experiment.scoring.bound_combined(fresh.trials, self._limit(fresh), confidence)
 
     def _limit(self, fresh: FreshTrials) -> rates.Bounds:
-        """Return the assumed minimum and maximum score of a design.
-
-        Without a maximum fitness, the missions of all validated designs give an estimate.
-        """
+        """Return the assumed minimum and maximum score of a design."""
         lowest, highest = self.experiment.fitness_bounds or UNBOUNDED
         if math.isinf(highest):
             known = (other.scores for other in self.validated.fresh.values() if other.scores)
@@ -249,10 +246,8 @@ def _name_genes(experiment: Experiment) -> dict[str, dict[str, str]]:
 
 
 def keep_missions(scores: Scores, individuals: Sequence[Individual]) -> None:
-    """Keep the trajectories of these individuals' first missions, and delete all others.
-
-    Of too many individuals, some are kept, spread evenly over the ranks, including the best.
-    """
+    """Keep the trajectories of these individuals' first missions, and delete all others."""
+    # Too many individuals are thinned out evenly over the ranks.
     last = len(individuals) - 1
     count = min(len(individuals), MOST_SHOWN)
     ranks = [round(i * last / max(count - 1, 1)) for i in range(count)]

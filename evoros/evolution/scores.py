@@ -1,13 +1,12 @@
 """Scoring of a run's individuals, generation by generation."""
 
+from array import array
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evoros.allocation.once import Once
-from evoros.base.arrays import Array
 from evoros.base.rng import deal, generator
 from evoros.certificate.confirmation import confirm_best
 from evoros.certificate.final_choice import FinalChoice, find_finalists
@@ -20,42 +19,28 @@ from evoros.failure.protocol import AdaptiveFailure, Case
 from evoros.mission.plan import CONFIRMATION, SELECTION
 from evoros.optimizer.protocol import Candidate, Individual, Score
 
-ROWS = 4096  # number of rows per block
-
 
 class NumberLog:
-    """Rows of ``width`` numbers, each for one individual, in the order in which they were added.
-
-    Runs may have any number of individuals, because a row takes 8 bytes plus 8 per number. The rows
-    are in blocks, because a growing array would fragment the memory.
-    """
+    """Rows of ``width`` numbers, each for one individual, in the order in which they were added."""
 
     def __init__(self, width: int) -> None:
         self._width = width
-        self._blocks: list[tuple[NDArray[np.int64], Array]] = []  # individuals and numbers
-        self._used = ROWS  # rows used in the last block
+        self._individuals, self._numbers = array("q"), array("d")
 
     def add(self, individual: int, row: Sequence[float]) -> None:
         """Add a row of ``width`` numbers."""
         if len(row) != self._width:
             raise ValueError(f"a row must have {self._width} numbers, not {len(row)}")
-        if self._used == ROWS:
-            self._blocks.append((np.empty(ROWS, np.int64), np.empty((ROWS, self._width))))
-            self._used = 0
-        ids, numbers = self._blocks[-1]
-        ids[self._used], numbers[self._used] = individual, row
-        self._used += 1
+        self._individuals.append(individual)
+        self._numbers.extend(row)
 
     def find(self, individuals: Iterable[int]) -> dict[int, list[list[float]]]:
         """Return each individual's rows, or an empty list if it has none."""
         rows: dict[int, list[list[float]]] = {i: [] for i in individuals}
-        wanted = np.array(sorted(rows), dtype=np.int64)
-        for index, (ids, numbers) in enumerate(self._blocks, 1):
-            used = ids[: self._used] if index == len(self._blocks) else ids
-            # Ids increase, so most blocks contain none of the wanted ids.
-            near = wanted[(wanted >= used.min()) & (wanted <= used.max())]
-            for place in np.flatnonzero(np.isin(used, near)).tolist() if len(near) else ():
-                rows[int(ids[place])].append(numbers[place].tolist())
+        known = np.asarray(self._individuals)
+        numbers = np.asarray(self._numbers).reshape(-1, self._width)
+        for place in np.flatnonzero(np.isin(known, list(rows))).tolist():
+            rows[int(known[place])].append(numbers[place].tolist())
         return rows
 
     def find_last(self, individuals: Iterable[int]) -> dict[int, list[float]]:
@@ -88,10 +73,7 @@ class Ledger:
         return {i: row[0] for i, row in self.find_told(individuals).items()}
 
     def show(self, individual: int, generation: int, earlier: int) -> None:
-        """Record the generation whose trials are shown if this individual becomes the champion.
-
-        ``earlier`` is the number of the individual's trials in earlier generations.
-        """
+        """Record the generation whose trials are shown if this individual becomes the champion."""
         self._shown.add(individual, (generation, earlier))
 
     def find_shown(self, individual: int) -> tuple[int, int]:
@@ -100,12 +82,10 @@ class Ledger:
         return int(generation), int(earlier)
 
     def keep_finalists(self, alive: Iterable[Individual]) -> None:
-        """Keep the individuals that a final choice may need.
-
-        Only ``alive`` individuals can still rise into the best.
-        """
+        """Keep the individuals that a final choice may need."""
         if self._final_choice is None:
             return
+        # Only living individuals can still rise into the best.
         living = {individual.id: individual for individual in alive}
         known = self.finalists | living
         ended = self.find_fitness(known.keys() - living.keys())
@@ -222,11 +202,7 @@ class Scores:
         self.validated = Validated(self.trials)
 
     def evaluate(self, generation: int, individuals: Sequence[Individual]) -> dict[int, Score]:
-        """Return the scores of new individuals, and of survivors with further trials.
-
-        Confirmed individuals have their confirmed fitness. For errors, see ``Contest.next_round``
-        and ``Trials.score``.
-        """
+        """Return the scores of new individuals, and of survivors with further trials."""
         new = {individual.id for individual in individuals}
         self.survivors = [old for old in self.survivors if old.id not in new]
         everyone = [*individuals, *self.survivors]

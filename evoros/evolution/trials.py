@@ -130,10 +130,7 @@ def read_score(experiment: Experiment, row: Mapping[str, float]) -> Score:
 
 
 def equip_robots(scenario: Scenario, design: Design) -> dict[str, Robot]:
-    """Return the robots that have separate designs, equipped with the design's sensors.
-
-    If a part refuses the evolved values, the sensors are as configured.
-    """
+    """Return the robots that have separate designs, equipped with the design's sensors."""
     owners = (member for member in scenario.members if member.has_own_design)
     return {member.name: _equip(member, member.find_design(design)) for member in owners}
 
@@ -141,7 +138,7 @@ def equip_robots(scenario: Scenario, design: Design) -> dict[str, Robot]:
 def _equip(member: Member, design: Design) -> Robot:
     try:
         return member.with_design(design).robot
-    except InputError:
+    except InputError:  # a part refuses the evolved values
         return member.robot.with_sensors(design.mounts, member.design.sensors)
 
 

@@ -26,10 +26,7 @@ class Pool(Protocol):
 
     @property
     def shares_files(self) -> bool:
-        """True if the workers see the files of this process under the same paths.
-
-        Otherwise, this process draws the figures itself.
-        """
+        """True if workers see the files of this process; otherwise, it draws the figures itself."""
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
         """Call ``function(*args)`` in a worker; raise an InputError if anything does not pickle.

@@ -81,12 +81,7 @@ class Worker:
         self._leader = self._pool.schedule(prepare, (self._folders,))
 
     def answer(self, call: Call) -> Answer:
-        """Send the call to the process; return the answer of ``worker_main.run_call``.
-
-        Raises:
-            NoAnswerError: the process crashed or hung.
-            CancelledError: the pool is being closed.
-        """
+        """Return the answer of ``run_call``; raise NoAnswerError if the process crashed or hung."""
         if self._answered == self._calls_per_process:
             self.stop()
         try:

@@ -80,10 +80,7 @@ def end_with_main_process() -> None:
 
 
 def end_with(sentinel: int) -> None:
-    """Kill the process group that this process leads when the other end of a pipe closes.
-
-    Nothing may ever be written to the pipe.
-    """
+    """Kill the group that this process leads when the other end of an unused pipe closes."""
     if sys.platform == "linux":
         # The kernel kills the group when the other end closes, even in endless C code.
         fcntl.fcntl(sentinel, fcntl.F_SETOWN, -os.getpid())

@@ -30,10 +30,7 @@ class IndependentFailure(Failure):
         check_order(self, "earliest_s", "latest_s")
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return one fault with the onsets of all failing sensors; none if there are no sensors.
-
-        With the same generator, sensors of the same index fail at the same times in every robot.
-        """
+        """Draw the onsets; with equal generators, sensors of equal index fail at equal times."""
         onset = np.full(channels.size, math.inf)
         for sensor in range(channels.size):
             chance, share = rng.random(), rng.random()

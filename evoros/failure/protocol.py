@@ -157,10 +157,7 @@ _FAULTS = sequence_of(Fault, "faults")
 def draw_faults(
     failure: Failure, channels: Channels, rng: Generator, earlier: Sequence[Fault] = ()
 ) -> tuple[Fault, ...]:
-    """Draw and check the faults of a mission, and number them after a robot's ``earlier`` ones.
-
-    ``channels`` has one value per sensor.
-    """
+    """Draw and check the faults of a mission, and number them after a robot's ``earlier`` ones."""
     faults: tuple[Fault, ...] = ask("failure", failure.draw, _FAULTS, channels, rng)
     for fault in faults:
         _check_fault(fault, failure, channels.size)
@@ -242,10 +239,7 @@ class Adversary(Protocol):
 
 
 class AdaptiveFailure(Failure):
-    """A failure model whose cases during selection depend on the scores of designs.
-
-    All other missions use ``draw``.
-    """
+    """A failure model whose cases during selection depend on the scores of designs."""
 
     @abstractmethod
     def start(self, sensors: int, trials: int, rng: Generator) -> Adversary:

@@ -31,10 +31,7 @@ class RandomFailure(Failure):
         check_order(self, "earliest_s", "latest_s")
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return one fault with the onsets of all chosen sensors; none if there are no sensors.
-
-        The number of draws does not depend on the robot, so equal generators give equal times.
-        """
+        """Draw the onsets, with a number of draws that does not depend on the robot."""
         onset = np.full(channels.size, math.inf)
         intact = list(range(channels.size))
         for _ in range(self.count):

@@ -45,10 +45,7 @@ class SpatialFailure(Failure):
             raise checks.invalid(self, "probabilities", probabilities, rule)
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return one fault with the onsets of all sensors hit; none if there are no sensors.
-
-        With the same generator, all robots receive the same impact.
-        """
+        """Draw the damage; with equal generators, all robots receive the same impact."""
         choice, share = rng.random(), rng.random()
         luck = rng.random(channels.size)
         if not channels.size:

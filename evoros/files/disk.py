@@ -89,10 +89,8 @@ def separate(path: Path) -> None:
 
 
 def require_no_links(folder: Path) -> None:
-    """Require that a folder, which may be a link, contains only regular files and folders.
-
-    Links in a folder from somebody else might point to the user's files.
-    """
+    """Require that a folder, which may be a link, contains only regular files and folders."""
+    # Links in somebody else's folder might point to the user's files.
     folders = [folder]
     while folders:
         with _scan(folders.pop()) as entries:

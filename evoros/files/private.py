@@ -23,11 +23,9 @@ def find_home() -> Path | None:
 
 
 def cache_home() -> Path:
-    """Return the user's cache folder, or a temporary one for users without a home.
-
-    The XDG Base Directory Specification requires a relative XDG_CACHE_HOME to be ignored.
-    """
+    """Return the user's cache folder, or a temporary one for users without a home."""
     named, home = os.environ.get("XDG_CACHE_HOME", ""), find_home()
+    # The XDG Base Directory Specification requires a relative path to be ignored.
     if os.path.isabs(named):
         return Path(named)
     return _temporary_cache() if home is None else home / ".cache"
@@ -38,10 +36,8 @@ def _temporary_cache() -> Path:
 
 
 def private_folder(name: str) -> Path | None:
-    """Return an existing cache folder that only this user can write; None if impossible.
-
-    Cached code is executed, so nobody else may be able to write to the folder.
-    """
+    """Return an existing cache folder that only this user can write; None if impossible."""
+    # Cached code is executed, so nobody else may be able to write to the folder.
     for base in (cache_home() / "evoros", _temporary_cache()):
         folder = base / name
         with suppress(OSError):
@@ -54,10 +50,7 @@ def private_folder(name: str) -> Path | None:
 
 
 def keep_fonts() -> None:
-    """Let matplotlib cache its font list in a private folder if the user has no writable home.
-
-    Otherwise, every process would spend seconds rebuilding the list.
-    """
+    """Let matplotlib cache its font list, slow to rebuild, if the user has no writable home."""
     home = find_home()
     if home is None or not os.access(home, os.W_OK):
         folder = private_folder("matplotlib")

@@ -29,11 +29,7 @@ class Fitness(ABC):
         return ()
 
     def check_worlds(self, worlds: Mapping[str, World]) -> None:  # noqa: B027 - accepts any worlds
-        """Check before a run that the worlds have everything that the fitness function needs.
-
-        Raises:
-            InputError: a world lacks something.
-        """
+        """Raise an InputError, before a run, if a world lacks something that the fitness needs."""
 
     @abstractmethod
     def score(self, outcomes: Sequence[Outcome]) -> float:
@@ -82,8 +78,5 @@ class CombiningFitness(Fitness):
     def bound_combined(
         self, scores: Sequence[float], limits: tuple[float, float], confidence: float
     ) -> tuple[float, float]:
-        """Return the confidence interval for the fitness; NaN if unknown.
-
-        All trial scores lie within ``limits``.
-        """
+        """Return the interval of the fitness, NaN if unknown; all scores are within ``limits``."""
         return math.nan, math.nan

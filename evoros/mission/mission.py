@@ -1,6 +1,6 @@
 """A mission with the key of its random draws, and its outcome."""
 
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
 from evoros.design.design import Design
@@ -62,28 +62,14 @@ class Outcome:
 
     @classmethod
     def failure(
-        cls,
-        ended: str,
-        reason: str,
-        time_limit: float,
-        sensors: int,
-        price: float = 0.0,
-        touched: tuple[str, ...] | None = None,
-        shortest: float | None = None,
+        cls, ended: str, reason: str, time_limit_s: float, sensors: int, **known: Any
     ) -> "Outcome":
-        """Create the outcome of a mission that was not run."""
+        """Create the outcome of a mission that was not run; ``known`` has further fields."""
         blank: dict[Any, Any] = {bool: False, int: 0, float: float("nan"), str: ""}
-        values = {field.name: blank.get(field.type, ()) for field in fields(cls)}
-        known = {
-            "ended": ended,
-            "reason": " ".join(reason.split()),
-            "time_limit_s": time_limit,
-            "sensors": sensors,
-            "price": price,
-            "touched_walkers": touched,
-            "shortest_m": shortest,
-        }
-        return cls(**values | known | {"progress": 0.0, "time_s": 0.0, "distance_m": 0.0})
+        values = {f.name: blank.get(f.type, ()) for f in fields(cls) if f.default is MISSING}
+        values |= dict.fromkeys(("progress", "time_s", "distance_m", "price"), 0.0)
+        values |= {"ended": ended, "reason": " ".join(reason.split()), **known}
+        return cls(**values | {"time_limit_s": time_limit_s, "sensors": sensors})
 
 
 Outcomes = tuple[Outcome, ...]  # one per robot, in the order of the scenario's members

@@ -126,11 +126,7 @@ def _describe_channels(robot: Robot, sensors: slice) -> protocol.Channels:
 def start_sensors(
     robot: Robot, targets: Sequence[Target], signals: Array, draws: Draws
 ) -> list[FilterStage]:
-    """Start the readings and the filters of each sensor type.
-
-    ``signals`` is the simulation's output for the robot's sensors. A stage acts on all sensors of
-    one type.
-    """
+    """Start the readings and the filters of each sensor type."""
     stages: list[FilterStage] = []
     for target in targets:
         part, sensor = f"sensor.{target.name}", robot.sensors[target.name]

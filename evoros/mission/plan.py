@@ -1,6 +1,6 @@
 """Plan the missions that score a design, with the keys of their random draws."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice, repeat
@@ -65,18 +65,6 @@ class Plan:
     evaluation_draws: str = EVALUATION  # VALIDATION: use the draws of a run's validation
     revalidation_trials: int = 0  # number of trials if ``evaluation_draws`` is VALIDATION
     systematic: SystematicFailure | None = None  # failure model, if it has cases
-
-    def missions(
-        self, purpose: str, generation: int, design_id: int, design: Design
-    ) -> list[Mission]:
-        """Return the missions of a design for a purpose, for example ``SELECTION``."""
-        plans: dict[str, Callable[[int, int, Design], list[Mission]]] = {
-            SELECTION: self.selection,
-            VALIDATION: self.validation,
-            CONFIRMATION: self.confirmation,
-            EVALUATION: self.evaluation,
-        }
-        return plans[purpose](generation, design_id, design)
 
     def selection(
         self,

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -225,10 +225,10 @@ def take_failure(
 def failed_mission(scenario: Scenario, mission: Mission, ended: str, reason: str) -> Outcomes:
     """Create the outcomes of a mission that could not be run."""
     limit = scenario.world[mission.world].course.time_limit_s
-    touched = () if scenario.any_walkers else None
-    shortest = math.nan if scenario.states_shortest else None
+    known: dict[str, Any] = {"touched_walkers": ()} if scenario.any_walkers else {}
+    known |= {"shortest_m": math.nan} if scenario.states_shortest else {}
     return tuple(
-        Outcome.failure(ended, reason, limit, sensors, price, touched, shortest)
+        Outcome.failure(ended, reason, limit, sensors, price=price, **known)
         for sensors, price in scenario.count_sensors(mission.design)
     )
 

@@ -71,11 +71,7 @@ class Observer(ABC):
     """Sends runs to a tracker. An observer affects no result, and its errors stop no run."""
 
     def check(self) -> None:  # noqa: B027 - an observer may need nothing
-        """Check for local requirements, such as a package, without connecting to anything.
-
-        Raises:
-            InputError: a requirement is missing.
-        """
+        """Check local requirements, such as a package; raise an InputError if one is missing."""
 
     @abstractmethod
     def open(self, run: ObservedRun) -> AbstractContextManager[Send]:

@@ -51,10 +51,7 @@ class History:
         return [self.individuals[index] for index in ranked]
 
     def tabulate(self, shown: Iterable[int], survivors: Iterable[int]) -> list[Candidate]:
-        """Return table rows for earlier individuals ``shown`` and for the current generation.
-
-        The column ``survived`` is 1 for ``survivors`` and 0 otherwise.
-        """
+        """Return table rows for earlier individuals ``shown`` and for the current generation."""
         kept = set(survivors)
         asked = {individual.id for individual in self.asked}
         earlier = sorted(set(shown) - asked)

@@ -292,9 +292,7 @@ def name_readings(index: int, channels: Sequence[tuple[str, str]]) -> Iterator[s
 
 
 def spread_bearings(count: int, width_deg: float, spaces: int) -> Array:
-    """Return ``count`` evenly spaced bearings [rad], left positive, ``width_deg / spaces`` apart.
-
-    Unlike the values of ``linspace``, mirrored bearings are bitwise opposite.
-    """
+    """Return ``count`` bearings [rad], left positive, evenly spaced by ``width_deg / spaces``."""
     half_space = math.radians(width_deg) / spaces / 2
+    # Unlike the values of linspace, mirrored bearings are bitwise opposite.
     return np.asarray(np.arange(1.0 - count, count, 2.0) * half_space)

@@ -75,11 +75,7 @@ def build_reproduction(
     config_dir: str | None,
     places: Relocation = NOWHERE,
 ) -> Session:
-    """Start a rerun, or resume an unfinished one.
-
-    ``overrides`` may change the executor; ``config_dir`` has the user's own parts; ``places`` maps
-    recorded folders to folders of an unpacked archive.
-    """
+    """Start a rerun, or resume an unfinished one."""
     for text in overrides:
         if not text.startswith(("executor=", "executor.")):
             raise InputError(

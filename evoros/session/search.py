@@ -13,7 +13,7 @@ from evoros.evolution.journal import Generation
 from evoros.evolution.loop import evolve
 from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission, Outcomes
-from evoros.mission.plan import CONFIRMATION, EVALUATION, SELECTION
+from evoros.mission.plan import EVALUATION
 from evoros.mission.scenario import Scenario
 from evoros.preflight.preflight import preflight
 from evoros.session.given_designs import check_controls
@@ -86,11 +86,10 @@ class Search:
         experiment = self.experiment
         individual = experiment.start_search().ask()[0]
         design = experiment.space.decode(individual.genome)
-        scenarios = {SELECTION: experiment.scenario}
-        if experiment.confirmation is not None and experiment.confirmation.controller is not None:
-            scenarios[CONFIRMATION] = experiment.confirming
-        for purpose, scenario in scenarios.items():
-            yield scenario, experiment.plan.missions(purpose, 0, individual.id, design)[0]
+        plan, confirmation = experiment.plan, experiment.confirmation
+        yield experiment.scenario, plan.selection(0, individual.id, design)[0]
+        if confirmation is not None and confirmation.controller is not None:
+            yield experiment.confirming, plan.confirmation(0, individual.id, design)[0]
 
     def run(self, pool: Pool, status: Status) -> None:
         """Run to the end, as ``Session.run`` does."""

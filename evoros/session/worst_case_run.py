@@ -39,9 +39,8 @@ class WorstCaseRun:
     settings: WorstCases
     designs: Sequence[NamedDesign]
     rates: Sequence[Mapping[str, float]]  # fraction of completed trials by world, per design
-    conditions: Sequence[
-        int
-    ]  # number of conditions per design; worst cases are numbered from there
+    # number of conditions per design; worst cases are numbered from there
+    conditions: Sequence[int]
     folder: RunFolder
     dispatcher: Dispatcher
     status: Status

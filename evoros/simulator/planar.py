@@ -42,11 +42,8 @@ _Description: TypeAlias = tuple[str, tuple[str, ...], tuple[str, ...], frozenset
 
 
 def list_shapes(robots: Sequence[Robot]) -> tuple[Array, Array, list[int]]:
-    """Return the ray shapes of several robots, the shapes' faces, and the number per robot.
-
-    A single robot needs no shapes, because robots do not see themselves.
-    """
-    if len(robots) == 1:
+    """Return the ray shapes of several robots, the shapes' faces, and the number per robot."""
+    if len(robots) == 1:  # robots do not see themselves
         return *sight_rows([])[:2], [0]
     return _list_shapes(tuple(map(_describe, robots)))
 

@@ -85,19 +85,10 @@ class Simulator(ABC):
     def open(
         self, robots: Sequence[PlacedRobot], world: "World"
     ) -> AbstractContextManager[Simulation]:
-        """Place the robots, at most ``max_robots``, and the bodies of the world.
-
-        Raises:
-            SimulationError: the engine cannot simulate these robots or this world.
-        """
+        """Place robots and bodies; raise a SimulationError if the engine cannot simulate them."""
 
     def check_world(self, world: "World") -> None:  # noqa: B027 - accepts any world
-        """Reject a world before any mission starts.
-
-        Raises:
-            InputError: the simulator cannot simulate the world; the message omits the world's
-                name.
-        """
+        """Raise an InputError, without the world's name, for a world that cannot be simulated."""
 
     def doubt_drive(self, drive: "Drive") -> str:
         """Return why the engine is inaccurate for a drive at any time step, or ""."""

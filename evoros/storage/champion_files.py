@@ -77,10 +77,7 @@ def design_table(designs: Mapping[int, Design]) -> str:
 
 
 def sensor_rows(design: Design) -> Iterator[list[object]]:
-    """Yield the cells of each sensor that follow the design's name; the robot's name is last.
-
-    A robot without sensors has one row with only the robot's name.
-    """
+    """Yield the cells of each sensor that follow the design's name; the robot's name is last."""
     for robot, part in design.parts.items():
         for index, mount in enumerate(part.mounts):
             pose = (getattr(mount, name) for name in _POSE_COLUMNS)

@@ -89,9 +89,7 @@ DESIGN_FILE, GENE_FILE = "designs_in.csv", "genes_in.csv"
 """Files with the given designs of an evaluation, complete and independent of their sources."""
 ORIGINALS = (CONFIG, DESIGN_FILE, GENE_FILE)
 """Files that, with the manifest, determine all other files; a search has only the first."""
-ROBOT_AS_LOADED = (
-    "robot_as_loaded.urdf"  # the URDF that engines load, if different from ``robot.urdf``
-)
+ROBOT_AS_LOADED = "robot_as_loaded.urdf"  # loaded by engines, if not ``robot.urdf``
 SELF_SIGHT = "self_sight.csv"  # the champion's sensors that see the robot itself
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"  # states in ``status.json``
 LOG, LOST = "evoros.log", "lost"

@@ -125,11 +125,7 @@ class Run:
     def mission_trajectory(
         self, generation: int, design: int, world: str, trial: int
     ) -> pd.DataFrame:
-        """Read the stored trajectory of a mission.
-
-        Raises:
-            InputError: the run does not store the trajectory, or the file is missing or damaged.
-        """
+        """Read the stored trajectory of a mission; raise an InputError if there is none."""
         self.require_trajectories(of_others=True)
         file = trajectory_file((generation, design, world, trial))
         if self.manifest.get("record") != "all" and not (self.path / file).is_file():

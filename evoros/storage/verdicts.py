@@ -23,10 +23,7 @@ def write_verdicts(
     requirements: Mapping[str, Requirement],
     judged: Mapping[tuple[str, str], Mapping[str, Judged]],
 ) -> dict[str, str]:
-    """Return the files with the verdicts on each requirement and design, by file name.
-
-    ``judged`` maps (source, name) of each design to verdicts. Levels follow their requirement.
-    """
+    """Return the files with the verdicts on each requirement and design, by file name."""
     rows: list[Sequence[object]] = [COLUMNS]
     for design, verdicts in judged.items():
         for name, requirement in requirements.items():

@@ -91,10 +91,8 @@ def print_result(text: str) -> None:
 
 
 def _open_standard_streams() -> None:
-    """Open closed standard streams on the null device.
-
-    Otherwise, files that are opened next would get these descriptors, to which C libraries print.
-    """
+    """Open closed standard streams on the null device."""
+    # Otherwise, C libraries print to the files that are opened next.
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         try:
             os.fstat(descriptor)

@@ -152,10 +152,7 @@ def collect_messages() -> Iterator[list[logging.LogRecord]]:
 
 @contextmanager
 def withhold_messages() -> Iterator[list[logging.LogRecord]]:
-    """Collect this thread's messages without showing them; if nested, the inner context collects.
-
-    A logger's filters do not see the records of child loggers, so filters are set on handlers.
-    """
+    """Collect, but do not show, the messages of this thread; the innermost context collects."""
     memory, thread = BufferingHandler(sys.maxsize), get_ident()
     memory.addFilter(lambda record: record.thread == thread)
     handlers = tuple(LOGGER.handlers)
@@ -163,6 +160,7 @@ def withhold_messages() -> Iterator[list[logging.LogRecord]]:
     def is_of_another(record: logging.LogRecord) -> bool:
         return record.thread != thread
 
+    # A logger's filters do not see the records of child loggers.
     for handler in handlers:
         handler.filters.insert(0, is_of_another)  # precedes _SHOW_ONCE, which marks lines as shown
     try:
@@ -188,10 +186,7 @@ class _LogFile(logging.FileHandler):
 
 @contextmanager
 def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterator[None]:
-    """Send messages, with tracebacks, also to a file, after the ``earlier`` messages.
-
-    A later failure to write, for example on a full disk, is reported once.
-    """
+    """Send messages, with tracebacks, also to a file, after the ``earlier`` messages."""
     try:
         handler = _LogFile(path, encoding="utf-8", errors="backslashreplace")
     except OSError as error:
@@ -210,10 +205,7 @@ def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterat
 
 
 class _Everything:
-    """Passes messages of all levels to the handlers until the last context exits.
-
-    Contexts, such as jobs of a sweep, may exit in any order.
-    """
+    """Passes messages of all levels until the last context, such as a job, exits."""
 
     def __init__(self) -> None:
         self._holders, self._level = 0, logging.NOTSET
@@ -295,10 +287,8 @@ def read_again(log: Path) -> Iterator[None]:
 
 
 def silence(stream: TextIO) -> None:
-    """Redirect a stream to the null device, also for processes that start later.
-
-    Otherwise, the unwritten buffer would make later flushes fail, as at the start of each worker.
-    """
+    """Redirect a stream to the null device, also for processes that start later."""
+    # Otherwise, the unwritten buffer would make later flushes fail.
     with suppress(OSError, ValueError):  # the stream has no file descriptor
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, stream.fileno())

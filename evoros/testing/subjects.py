@@ -68,7 +68,5 @@ def list_trials() -> list[list[Outcome]]:
 
 def list_lost_trials() -> list[list[Outcome]]:
     """Return trials in which one mission could not be run."""
-    return [
-        [Outcome.failure(ended, "why", TIME_LIMIT_S, 3, 30.0), example_outcome(1.0, COMPLETED)]
-        for ended in (LOST, REFUSED)
-    ]
+    lost = (Outcome.failure(ended, "why", TIME_LIMIT_S, 3, price=30.0) for ended in (LOST, REFUSED))
+    return [[outcome, example_outcome(1.0, COMPLETED)] for outcome in lost]

@@ -33,9 +33,7 @@ class WorstCases:
     # when sets fail
     times_s: Annotated[Sequence[float], checks.NOT_NEGATIVES] = (0.0, 40.0, 80.0)
     latest_s: Annotated[float, checks.NOT_NEGATIVE] = 80.0  # latest failure time of a mutant
-    max_cases: Annotated[int, checks.COUNT] = (
-        500  # maximum number of cases of a size that are all tried
-    )
+    max_cases: Annotated[int, checks.COUNT] = 500  # up to this number of a size, all are tried
     rounds: Annotated[int, checks.WHOLE] = 2  # rounds of mutants per size
     population: Annotated[int, checks.COUNT] = 24  # mutants per round
     screening: Annotated[int, checks.COUNT] = 6  # trials per case, or 2 if both are completed
@@ -78,13 +76,11 @@ class CaseTrials:
 
     @property
     def severity(self) -> tuple[float, float]:
-        """The minimum completion rate and mean progress over the worlds; lower is worse.
-
-        Two imaginary trials, of which one is completed, shrink the rate toward one half.
-        """
+        """The minimum completion rate and mean progress over the worlds; lower is worse."""
         rates, progress = [], []
         for world, outcomes in self.outcomes.items():
             completed, trials = self.count(world)
+            # Two imaginary trials, one of them completed, shrink the rate toward one half.
             rates.append((completed + 1) / (trials + 2))
             done = [
                 0.0 if math.isnan(outcome.progress) else outcome.progress for outcome in outcomes
@@ -206,10 +202,7 @@ class CaseSearch:
         return sorted((trials for trials in cases if len(trials.case.sensors) == size), key=_rank)
 
     def _confirm(self, ranked: Sequence[CaseTrials]) -> list[CaseTrials]:
-        """Try the worst cases on fresh draws; return the cases that stop the design.
-
-        The tests for all candidates and worlds share one error rate.
-        """
+        """Try the worst cases on fresh draws; return the cases that stop the design."""
         settings = self.settings
         new = [trials for trials in ranked if trials.lost_any and trials not in self.confirmed]
         chosen = new[: settings.candidates]

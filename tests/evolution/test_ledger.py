@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from evoros.allocation.successive_rejects import SuccessiveRejects
 from evoros.certificate.final_choice import FinalChoice
-from evoros.evolution.scores import ROWS, Ledger, NumberLog
+from evoros.evolution.scores import Ledger, NumberLog
 from evoros.optimizer.protocol import Individual
 
 NUMBERS = st.floats(allow_nan=False)
@@ -33,9 +33,9 @@ def test_a_log_can_grow_after_it_was_read() -> None:
         assert log.find_last([1]) == {1: [row]}
 
 
-def test_rows_are_found_in_every_block() -> None:
+def test_rows_are_found_among_many() -> None:
     log = NumberLog(1)
-    for row in range(2 * ROWS + 1):
+    for row in range(9000):
         log.add(row % 5000, [row])
     assert log.find([0, 4999]) == {0: [[0], [5000]], 4999: [[4999]]}
     assert log.find([-1]) == {-1: []}

@@ -88,7 +88,7 @@ def test_a_validation_is_the_same_round_for_every_generation_and_has_both_direct
         purpose: [
             [
                 count_round(mission.purpose, mission.generation, mission.trial)
-                for mission in plan.missions(purpose, generation, 1, DESIGN)
+                for mission in getattr(plan, purpose)(generation, 1, DESIGN)
                 if mission.world == "a"
             ]
             for generation in range(3)

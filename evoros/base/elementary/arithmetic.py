@@ -23,10 +23,8 @@ def nearest(x: float) -> float:
 
 @inlined
 def scale(x: float, k: int) -> float:
-    """Return x 2**k, for k from -1080 to 1080.
-
-    Two factors avoid intermediate under- and overflow.
-    """
+    """Return x 2**k, for k from -1080 to 1080."""
+    # Two factors avoid intermediate under- and overflow.
     half = k >> 1
     return x * float(_POWERS[half + _HALFWAY]) * float(_POWERS[k - half + _HALFWAY])
 

@@ -44,10 +44,7 @@ def place_outline(parameters: Array, memory: Array, index: int, pose: PlanarPose
 
 @compilable
 def touches(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> bool:
-    """Return True if a robot at a pose overlaps a fixed obstacle or another robot.
-
-    The contact is recorded for the other robot.
-    """
+    """Return True if a robot overlaps a fixed obstacle or another robot; record that contact."""
     motions = unpack(Memory, memory).motions
     touched = False
     for other in range(len(motions)):

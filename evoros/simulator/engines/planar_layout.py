@@ -109,9 +109,8 @@ class Drive(NamedTuple):
     steering_mean: float  # mean curvature over a step, from 0 (initial value) to 1 (final value)
     speed_mean: float  # mean speed over a step, on the same scale
     max_speed: float  # [m/s]
-    speed_limit_offset: (
-        float  # [m], lateral distance from the rear axle's centre to the point with the speed limit
-    )
+    # [m], lateral distance from the rear axle's centre to the point with the speed limit
+    speed_limit_offset: float
     steering_limit: float  # [rad]
     wheelbase: float  # [m]
     rear_axle_x: float  # [m]

@@ -247,14 +247,12 @@ def find_span(fan: Fan, x: float, y: float, radius: float) -> tuple[float, float
 
 @compilable
 def estimate_bearing(x: float, y: float) -> float:
-    """Return atan2(y, x) [rad] with an error below 2e-5.
-
-    The polynomial is 4.4.47 of Abramowitz and Stegun, Handbook of Mathematical Functions (1964).
-    """
+    """Return atan2(y, x) [rad] with an error below 2e-5."""
     across, along = abs(y), abs(x)
     steep = across > along
     ratio = along / across if steep else across / along
     z = ratio * ratio
+    # 4.4.47 of Abramowitz and Stegun, Handbook of Mathematical Functions (1964)
     angle = 0.0208351
     angle = angle * z - 0.0851330
     angle = angle * z + 0.1801410

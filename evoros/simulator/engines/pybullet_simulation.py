@@ -49,10 +49,7 @@ class BulletRays:
         self._low = np.array([span.range_min for batch in self._batches for span in batch.spans])
 
     def cast(self, ranges: Array) -> None:
-        """Fill ``ranges`` (n,) with the nearest hit [m] of each beam, within the sensor's range.
-
-        A ray that starts inside a shape ignores that shape.
-        """
+        """Fill ``ranges`` (n,) with the nearest hit [m] of each beam, within the sensor's range."""
         beam = 0
         for starts, ends, spans in self._batches:
             fractions = [hit[2] for hit in self._cast(starts, ends)]

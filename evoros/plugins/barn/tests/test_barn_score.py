@@ -16,7 +16,7 @@ SECONDS = st.floats(0.1, 100.0)
 
 
 def mission(ended: str, time_s: float = 20.0, goal_m: float = 0.5) -> Outcome:
-    nothing = Outcome.failure(ended, "", 100.0, 2, 8.0, shortest=SHORTEST_M)
+    nothing = Outcome.failure(ended, "", 100.0, 2, price=8.0, shortest_m=SHORTEST_M)
     done = ended == COMPLETED
     distances = (goal_m, 0.0)
     return replace(nothing, completed=done, time_s=time_s, least_waypoint_distances_m=distances)
@@ -54,7 +54,7 @@ def test_the_way_counts_by_its_weight(goal_m: float, weight: float) -> None:
 
 
 def test_a_mission_that_was_not_run_scores_nothing() -> None:
-    lost = Outcome.failure(LOST, "why", 100.0, 2, shortest=float("nan"))
+    lost = Outcome.failure(LOST, "why", 100.0, 2, shortest_m=float("nan"))
     assert Barn(way_weight=0.2).worst([lost]) == 0.0
 
 
