@@ -16,15 +16,16 @@ from evoros.geometry.polyhedron import box_corners, placed_corners
 from evoros.geometry.shapes import Pose, Shape
 
 _RIM = 64  # number of points on a cylinder's rim
+_TREAD = 0.9  # fraction of the radius from which points belong to the tread, not to the hub
 _ALONG = 1.0 - 1e-6  # minimum cosine between two axes that count as parallel
 
 
 class Wheel(NamedTuple):
     """A wheel as a cylinder about its axle."""
 
-    centre: Array  # (3,) [m]
+    centre: Array  # (3,) [m], of the tread
     radius: float  # [m]
-    width: float  # [m]
+    width: float  # [m], of the tread
     roundness: float  # 0: round; otherwise the missing fraction of the radius in some direction
 
     @property
@@ -66,7 +67,10 @@ def group_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
 
 
 def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
-    """Measure the wheel that shapes form about the direction ``axis`` (3,) through their middle."""
+    """Measure the wheel that shapes form about the direction ``axis`` (3,) through their middle.
+
+    Width and centre are those of the tread, because hubs and gears on one side carry no load.
+    """
     if len(shapes) == 1:
         shape, pose = shapes[0]
         if shape.kind == "sphere":
@@ -80,13 +84,15 @@ def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
     flat, along = product(points, across.T), product(points, axis)
     low, high = flat.min(axis=0), flat.max(axis=0)
     middle = (low + high) / 2
-    radius = float(np.sqrt(((flat - middle) ** 2).sum(axis=1)).max())
-    half = (along.min() + along.max()) / 2
+    distances = np.sqrt(((flat - middle) ** 2).sum(axis=1))
+    radius = float(distances.max())
+    tread = along[distances >= _TREAD * radius]
+    half = (tread.min() + tread.max()) / 2
     # A circle is equally wide in every direction.
     angles = np.arange(12) * (math.pi / 12)
     widths = np.ptp(product(flat, np.stack([cos_all(angles), sin_all(angles)])), axis=0)
     roundness = 1.0 - float(widths.min()) / (2.0 * radius) if radius > 0 else 1.0
-    return Wheel(product(middle, across) + half * axis, radius, float(np.ptp(along)), roundness)
+    return Wheel(product(middle, across) + half * axis, radius, float(np.ptp(tread)), roundness)
 
 
 def shape_points(shape: Shape, pose: Pose) -> Array:

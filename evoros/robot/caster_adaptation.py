@@ -9,7 +9,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array, product
 from evoros.drive.protocol import CASTER_GAP_M, TOLERANCE_M
-from evoros.drive.rolling import shape_points
+from evoros.drive.rolling import Wheel, shape_points
 from evoros.formats.notes import list_notes
 from evoros.formats.urdf.elements import (
     add_fixed_link,
@@ -20,7 +20,7 @@ from evoros.formats.urdf.elements import (
 )
 from evoros.formats.urdf.parts import read_origin, read_shape
 from evoros.formats.urdf.tree import Urdf
-from evoros.geometry.footprint import bottom_height
+from evoros.geometry.footprint import Footprint, bottom_height, contains, convex_hull
 from evoros.geometry.shapes import Pose, Shape
 
 CASTER_MASS_KG = 0.01  # mass of a caster that is split off or assumed
@@ -124,45 +124,52 @@ _SIZE: Array = np.full(3, 2.0 * _ASSUMED_RADIUS_M)
 
 
 def add_supports(
-    elements: Element, urdf: Urdf, axle_x_m: float, casters: Sequence[str], corners: Array
+    elements: Element, urdf: Urdf, wheels: Sequence[Wheel], casters: Sequence[str], corners: Array
 ) -> Casters:
-    """Add a ball in front of or behind the axle of a two-wheeled robot that would tip over.
+    """Add balls on which a two-wheeled robot slides that would otherwise tip over.
 
-    ``corners`` (n, 3) [m] are points of the body. If the robot has casters, a ball is added only on
-    a side that has no caster and to which the weight leans.
+    ``corners`` (n, 3) [m] are points of the body. A robot with casters gets a ball in front of or
+    behind the axle only if no caster is there and the weight leans there, or balls opposite the
+    casters if these are all on the left or all on the right and the weight is not between them.
     """
     mass, centre = centre_of_mass(elements, urdf)
+    axle: Array = np.mean([wheel.centre for wheel in wheels], axis=0)
     places = [
-        float(urdf.poses[name].transform(shape.pose.position)[0]) - axle_x_m
+        urdf.poses[name].transform(shape.pose.position)[:2]
         for name in casters
         for shape in urdf.shapes[name]
     ]
-    lean = float(centre[0]) - axle_x_m if mass > 0.0 else 0.0
-    sides = [
-        side
-        for side in (1.0, -1.0)
-        if not any(place * side > 0.0 for place in places) and (not places or lean * side > 0.0)
-    ]
-    names = []
-    for side in sides:
-        reach = max(float((side * (corners[:, 0] - axle_x_m)).max()), 5.0 * _ASSUMED_RADIUS_M)
-        name = f"evoros_support_{'front' if side > 0 else 'rear'}"
-        x = axle_x_m + 0.9 * side * reach
-        root = urdf.poses[urdf.root].inverse() @ Pose((x, 0.0, _ASSUMED_RADIUS_M))
-        link = add_fixed_link(elements, name, urdf.root, root)
+    lean = float(centre[0] - axle[0]) if mass > 0.0 else 0.0
+    balls: dict[str, tuple[float, float]] = {}
+    for name, side in (("front", 1.0), ("rear", -1.0)):
+        is_free = not any((x - axle[0]) * side > 0.0 for x, _ in places)
+        if is_free and (not places or lean * side > 0.0):
+            reach = max(float((side * (corners[:, 0] - axle[0])).max()), 5.0 * _ASSUMED_RADIUS_M)
+            balls[name] = float(axle[0] + 0.9 * side * reach), 0.0
+    track = float(np.ptp([wheel.centre[1] for wheel in wheels]))
+    signs = {math.copysign(1.0, y) for _, y in places if abs(y) > 0.1 * track}
+    if len(signs) == 1 and not balls and mass > 0.0:
+        carried = convex_hull(np.array([*places, *(wheel.centre[:2] for wheel in wheels)]))
+        edges = [(centre[0], centre[1] + share * track) for share in (-0.05, 0.05)]
+        if not all(contains(Footprint(carried), edge) for edge in edges):
+            name = "right" if signs == {1.0} else "left"
+            mirrored = ((x, -y) for x, y in places if abs(y) > 0.1 * track)
+            balls = {f"{name}{i or ''}": place for i, place in enumerate(mirrored)}
+    for name, (x, y) in balls.items():
+        root = urdf.poses[urdf.root].inverse() @ Pose((x, y, _ASSUMED_RADIUS_M))
+        link = add_fixed_link(elements, f"evoros_support_{name}", urdf.root, root)
         link.append(build_collision(Shape("sphere", (_ASSUMED_RADIUS_M,))))
         _complete(link)
-        names.append(name)
-    if not names:
+    if not balls:
         return Casters((), {}, ())
     why = (
         "the centre of mass is not between the axle and the casters"
         if places
         else "no caster supports it"
     )
-    where = " and ".join(name.rpartition("_")[2] for name in names)
+    where = " and ".join(balls)
     note = f"a frictionless support at the {where} of the robot is assumed, because {why}"
-    return Casters(tuple(names), {}, (note,))
+    return Casters(tuple(f"evoros_support_{name}" for name in balls), {}, (note,))
 
 
 def centre_of_mass(elements: Element, urdf: Urdf) -> tuple[float, Array]:

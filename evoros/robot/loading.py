@@ -21,8 +21,10 @@ from evoros.drive.protocol import DriveDescription
 from evoros.drive.rolling import Wheel, shape_points
 from evoros.formats.missing import MISSING
 from evoros.formats.notes import Notes, list_notes, note_degrees
+from evoros.formats.strict_xml import require_child
 from evoros.formats.urdf import expansion
-from evoros.formats.urdf.elements import correct_inertias, give_mass, require_limit
+from evoros.formats.urdf.elements import correct_inertias, give_mass, require_limit, set_inertial
+from evoros.formats.urdf.parts import read_origin
 from evoros.formats.urdf.solids import SolidsReader, read_visual_solids
 from evoros.formats.urdf.tree import Urdf, UrdfDocument, read_tree
 from evoros.formats.urdf.xacro_expansion import ReadOptions
@@ -83,6 +85,7 @@ def adapt(description: Element, source: str, drive: DriveDescription, missing: s
     notes += body_adaptation.complete_body(elements, urdf, rolling_groups, reader, wheels)
     notes += correct_inertias(elements, _extent(read_tree(elements, source), wheels))
     notes += _complete_masses(elements, read_tree(elements, source), chosen, wheels)
+    notes += _balance_wheels(elements, read_tree(elements, source), chosen)
     notes += _tell_dense(elements, read_tree(elements, source))
     casters, chosen = _adapt_casters(elements, source, chosen, wheels, rolling_groups)
     rolling = rolling_groups | {*chosen.caster_links}
@@ -146,6 +149,24 @@ def _complete_masses(
     return [note] if given else []
 
 
+def _balance_wheels(elements: Element, urdf: Urdf, drive: DriveDescription) -> list[str]:
+    """Move centres of mass that are farther from the axle than the wheel's rim into the wheel."""
+    moved = []
+    for joint in (urdf.joints[name] for name in drive.wheel_joints):
+        link = next(link for link in elements.findall("link") if link.get("name") == joint.child)
+        inertial, (shape, *_) = link.find("inertial"), urdf.shapes[joint.child]
+        if inertial is None:
+            continue
+        centre = np.array(read_origin(inertial).position)
+        off = length(np.cross(centre, joint.axis))
+        if off > shape.size[0]:
+            mass = float(require_child(inertial, "mass").get("value", "0"))
+            moment = 0.5 * mass * shape.size[0] * shape.size[0]
+            set_inertial(link, mass, np.array(shape.pose.position), moment * np.eye(3))
+            moved.append(f"{joint.child} ({off:.3g} m from its axle)")
+    return list_notes({"centres of mass outside their wheel are moved into it": moved})
+
+
 def _tell_dense(elements: Element, urdf: Urdf) -> list[str]:
     dense = []
     for link in elements.findall("link"):
@@ -172,8 +193,7 @@ def _adapt_casters(
     urdf = read_tree(elements, source)
     if drive.on_one_axle:
         points = body_adaptation.collision_points(urdf, urdf.shapes)
-        axle_x = float(np.mean([wheel.centre[0] for wheel in wheels]))
-        added = add_supports(elements, urdf, axle_x, casters.links, points)
+        added = add_supports(elements, urdf, wheels, casters.links, points)
         links, notes = (*casters.links, *added.links), (*casters.notes, *added.notes)
         casters = Casters(links, casters.exposed, notes)
     if casters.links == given:

@@ -370,6 +370,17 @@ def test_several_shapes_of_a_wheel_become_one(tmp_path: Path) -> None:
     assert shapes(robot, "tyre") == []
 
 
+@pytest.mark.parametrize("place", ["0 0.04 0", "0 -0.04 0"])
+def test_a_hub_beside_the_tread_changes_neither_track_nor_width(tmp_path: Path, place: str) -> None:
+    hub = DISC.replace("0.05", "0.03").replace('"0.03"/', '"0.1"/')
+    gear = f"<collision>{hub}</collision>".replace("<origin", f'<origin xyz="{place}"')
+    disc = f"<collision>{DISC}</collision>"
+    robot = load(tmp_path, BASE, wheel("left", disc + gear), wheel("right", disc + gear), CASTER)
+    assert two_wheeled(robot).track_m == pytest.approx(0.24)
+    cylinder = element(robot, "link[@name='left_wheel']/collision/geometry/cylinder")
+    assert float(cylinder.get("length", "")) == pytest.approx(0.03)
+
+
 def test_masses_are_completed(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """A description that was made to be looked at has none at all."""
     wheels = wheel("left", mass="") + wheel("right", mass="")
@@ -412,6 +423,19 @@ def test_a_centre_of_mass_far_from_the_robot_is_told(
     inertial = INERTIAL.format(2.0, 0.02).replace("<mass", f'<origin xyz="0 0 {z}"/><mass')
     load(tmp_path, link("base_link", BOX, inertial), WHEELS, CASTER)
     assert any("not be in metres" in m and "base_link" in m for m in caplog.messages) == warns
+
+
+@pytest.mark.parametrize(("x", "moved"), [(0.04, False), (0.16, True)])
+def test_a_wheel_whose_mass_is_elsewhere_is_balanced(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, x: float, moved: bool
+) -> None:
+    """As if the wheel had the body's <inertial>: it would throw the robot about."""
+    mass = INERTIAL.format(2.0, 0.02).replace("<mass", f'<origin xyz="{x} 0 0"/><mass')
+    robot = load(tmp_path, BASE, wheel("left", mass=mass), wheel("right"), CASTER)
+    origin = element(robot, "link[@name='left_wheel']/inertial").find("origin")
+    centre = "0 0 0" if origin is None else str(origin.get("xyz"))
+    assert float(centre.split()[0]) == (0.0 if moved else x)
+    assert any("outside their wheel" in message for message in caplog.messages) == moved
 
 
 @pytest.mark.parametrize(("limit", "warns"), [(0.6, False), (3.1416, False), (35, True)])
@@ -559,6 +583,21 @@ def test_a_robot_without_casters_slides_on_assumed_balls(
     heavy = BASE.replace("<inertial>", f'<inertial><origin xyz="{x} 0 0.1"/>')
     robot = load(tmp_path, heavy, WHEELS, CASTER)
     assert len(robot.drive.caster_links) == (2 if x > 0 else 1)
+
+
+@pytest.mark.parametrize(("y", "sides"), [(0.1, {"right"}), (-0.1, {"left"}), (0.0, set())])
+def test_casters_on_one_side_are_mirrored_if_the_robot_would_tip(
+    tmp_path: Path, y: float, sides: set[str]
+) -> None:
+    heavy = BASE.replace("<inertial>", '<inertial><origin xyz="-0.1 0 0.1"/>')
+    robot = load(tmp_path, heavy, WHEELS, CASTER.replace("-0.12 0 0.02", f"-0.12 {y} 0.02"))
+    assert set(robot.drive.caster_links) - {"caster_link"} == {f"evoros_support_{s}" for s in sides}
+    for side in sides:
+        place = element(robot, f"joint[@name='evoros_support_{side}_joint']/origin").get("xyz", "")
+        assert [float(word) for word in place.split()] == pytest.approx([-0.12, -y, 0.01])
+    light = BASE.replace("<inertial>", '<inertial><origin xyz="-0.02 0 0.1"/>')
+    robot = load(tmp_path, light, WHEELS, CASTER.replace("-0.12 0 0.02", f"-0.12 {y} 0.02"))
+    assert robot.drive.caster_links == ("caster_link",)
 
 
 def test_a_body_without_collision_shapes_has_the_hull_of_its_visuals(
