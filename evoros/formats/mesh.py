@@ -6,11 +6,12 @@ import json
 import os
 import re
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -25,6 +26,7 @@ TOLD_M = 0.01  # minimum deviation that is reported
 WORK = 3e6  # maximum work per mesh (see ``divide_mesh``), which takes about 15 s on one core
 _VERSION = 4  # increased with every change to the algorithm
 Corners = tuple[Vector, ...]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -48,9 +50,9 @@ class Mesh:
         return (f"the mesh is replaced by {parts} ({deviation})", *self.remarks)
 
 
-def read_mesh(file: MeshFile, work: float = WORK) -> Mesh:
-    """Read a file as convex shapes in the mesh's frame; ``work`` is a limit for ``divide_mesh``."""
-    return _read(file, _make_key(file, float(work)), work)
+def read_mesh(file: MeshFile, work: float = WORK, uses: int = 1) -> Mesh:
+    """Read a file as convex shapes in the mesh's frame; see ``divide_mesh`` for the limits."""
+    return _read(file, _make_key(file), work, uses)
 
 
 def find_box(file: MeshFile) -> Array:
@@ -59,14 +61,24 @@ def find_box(file: MeshFile) -> Array:
 
 
 @lru_cache(maxsize=1024)
-def _find_box(file: MeshFile, _: str) -> Array:
-    triangles = read_faces(file).triangles
-    return np.array([triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))])
+def _find_box(file: MeshFile, key: str) -> Array:
+    box = _load(f"{key}-box", lambda stored: np.array(stored, dtype=np.float64).reshape(2, 3))
+    if box is None:
+        triangles = read_faces(file).triangles
+        box = np.array([triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))])
+        _store(f"{key}-box", box.tolist())
+        if sum(map(len, _FACES.values())) + len(triangles) <= _MOST_FACES:
+            _FACES[key] = triangles
+    return box
 
 
-def _make_key(file: MeshFile, *work: float) -> str:
+_FACES: dict[str, Array] = {}  # triangles, by key, of meshes whose boxes are known
+_MOST_FACES = 3_000_000  # maximum number of triangles kept, which take 0.2 GB
+
+
+def _make_key(file: MeshFile) -> str:
     scale, choices = (*map(float, file.scale),), (file.submesh, file.center, file.up_axis)
-    parameters = repr((file.path.suffix.lower(), scale, *choices, *work))
+    parameters = repr((file.path.suffix.lower(), scale, *choices))
     return hashlib.sha256(parameters.encode() + read_content(file.path)).hexdigest()
 
 
@@ -108,18 +120,20 @@ def hull_of(shapes: Iterable[Shape]) -> Shape:
 
 
 @lru_cache(maxsize=1024)
-def _read(file: MeshFile, key: str, work: float) -> Mesh:
-    division = _load(key)
+def _read(file: MeshFile, key: str, work: float, uses: int) -> Mesh:
+    triangles, name = _FACES.pop(key, None), f"{key}-{float(work)}-{uses}"
+    division = _load(name, _Division.parse)
     if division is None:
         from evoros.geometry.mesh_parts import divide_mesh  # imports scipy, which is slow
 
-        parts = divide_mesh(read_faces(file).triangles, work)
+        triangles = read_faces(file).triangles if triangles is None else triangles
+        parts = divide_mesh(triangles, work, uses)
         corners = tuple(_corners(hull.corners) for hull in parts.hulls)
         size = parts.dropped, parts.deviation
         division = _Division(corners, *size, parts.work, parts.is_cut_short)
         if not division.parts:
             raise _too_small(file.path)
-        _store(key, division)
+        _store(name, asdict(division))
     remarks = tuple(_list_remarks(file, division.dropped))
     origin = file if division.deviation_m > TOLD_M else None
     solid = (corners for corners in division.parts if not is_flat(np.array(corners)))
@@ -161,32 +175,31 @@ class _Division:
     work: float
     is_cut_short: bool
 
-
-def _load(key: str) -> _Division | None:
-    folder = private_folder("meshes")
-    if folder is None:
-        return None
-    with suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
-        stored = json.loads((folder / _name(key)).read_text(encoding="utf-8"))
+    @classmethod
+    def parse(cls, stored: dict[str, Any]) -> Self | None:
         parts = tuple(
             tuple((float(x), float(y), float(z)) for x, y, z in part) for part in stored["parts"]
         )
-        if parts and all(len(part) >= 4 for part in parts):
-            deviation, work = float(stored["deviation_m"]), float(stored["work"])
-            cut_short = bool(stored["is_cut_short"])
-            return _Division(parts, int(stored["dropped"]), deviation, work, cut_short)
+        if not parts or any(len(part) < 4 for part in parts):
+            return None
+        deviation, work = float(stored["deviation_m"]), float(stored["work"])
+        return cls(parts, int(stored["dropped"]), deviation, work, bool(stored["is_cut_short"]))
+
+
+def _load(name: str, parse: Callable[[Any], T | None]) -> T | None:
+    folder = private_folder("meshes")
+    if folder is not None:
+        with suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
+            path = folder / f"{_VERSION}-{name}.json"
+            return parse(json.loads(path.read_text(encoding="utf-8")))
     return None
 
 
-def _store(key: str, division: _Division) -> None:
+def _store(name: str, content: object) -> None:
     folder = private_folder("meshes")
     if folder is None:
         return
     with suppress(OSError):
         with tempfile.NamedTemporaryFile("w", dir=folder, delete=False) as unfinished:
-            json.dump(asdict(division), unfinished)
-        os.replace(unfinished.name, folder / _name(key))
-
-
-def _name(key: str) -> str:
-    return f"{_VERSION}-{key}.json"
+            json.dump(content, unfinished)
+        os.replace(unfinished.name, folder / f"{_VERSION}-{name}.json")

@@ -16,6 +16,7 @@ from evoros.formats.strict_xml import list_names, shorten
 from evoros.geometry.shapes import MeshFile
 
 FORMATS = (".stl", ".obj", ".dae")
+MOST_MB = 500  # size of a file above which reading could fill the memory
 _TEXTS = {".stl": ("facet", "endsolid"), ".dae": ("<collada", "collada>")}
 """Words, in lower case, near the start and near the end of a complete mesh file stored as text."""
 _SHORT = 10_000  # number of bytes searched at the start and at the end
@@ -28,6 +29,10 @@ def read_content(path: Path) -> bytes:
     if path.suffix.lower() not in FORMATS:
         known = ", ".join(FORMATS)
         raise InputError(f"{path}: must be a mesh in a known format ({known}); convert the mesh")
+    with suppress(OSError):
+        if (size := path.stat().st_size / 1e6) > MOST_MB:
+            problem = f"{size:.0f} MB exceed the limit of {MOST_MB} MB"
+            raise InputError(f"{path}: {problem}; simplify the mesh, as with Blender's decimation")
     content = read_file(path)
     problem = _find_cut(path.suffix.lower(), content)
     if problem:

@@ -108,8 +108,9 @@ _SMALL, _LARGE = _Limits(256, 0, 64), _Limits(2048, 4096, 256)
 _LARGE_M = 5.0  # extent from which a mesh counts as a building or a landscape
 _MOST_FACES = 2000  # maximum number of faces of a solid that is cut; a finer one is coarsened
 _FULL = 0.9  # fraction of its hull that a solid must fill to be replaced by the hull
-_READ, _MERGE, _HULL, _PART = 4, 10, 400, 400
-"""Work, in faces examined by cuts (5 us each), per face read, face merged, hull and part."""
+_READ, _MERGE, _HULL, _PART, _USE = 4, 10, 400, 400, 120
+"""Work, in faces examined by cuts (5 us each), per face read, face merged, hull, part and use."""
+_USES_SHARE = 0.25  # maximum share of a mesh's work in the handling of further uses
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,36 +124,47 @@ class Parts:
     is_cut_short: bool  # whether more work would give better parts
 
 
-def divide_mesh(triangles: Array, work: float = math.inf) -> Parts:
-    """Divide triangles (n, 3, 3) [m] into convex parts, with at most about ``work`` operations."""
+def divide_mesh(triangles: Array, work: float = math.inf, uses: int = 1) -> Parts:
+    """Divide triangles (n, 3, 3) [m] into convex parts, with at most about ``work`` operations.
+
+    A world handles all parts again in each of the ``uses`` of the mesh.
+    """
     surface, spent = weld(triangles), float(_READ * len(triangles))
     limits = _LARGE if np.ptp(surface.points, axis=0).max() >= _LARGE_M else _SMALL
-    most = int(min(limits.surfaces, max(_FEWEST, (work - spent) / (_HULL + _PART))))
+    again = (uses - 1) * _USE
+    parts = max(_FEWEST, _USES_SHARE * work / again) if again else math.inf
+    most = int(min(limits.surfaces, max(_FEWEST, (work - spent) / (_HULL + _PART)), parts / 2))
     surfaces = list_surfaces(surface)
     groups, deviation = _gather(surfaces, most)
+    if again:  # ground robots meet the lowest surfaces, such as trunks below leaves
+        groups.sort(key=lambda group: min(float(part.points[:, 2].min()) for part in group))
     spent += len(groups) * (_HULL + _PART)
-    divider = _Divider(limits, surface.area, work, spent)
+    divider = _Divider(limits, surface.area, work, spent, parts - len(groups))
     divider.is_cut_short = most < min(limits.surfaces, len(surfaces))
     hulls: list[Hull] = []
     dropped = 0
     for group in groups:
-        parts, error = divider.divide(group)
-        dropped += not parts
+        pieces, error = divider.divide(group)
+        dropped += not pieces
         deviation = max(deviation, error)
-        for hull in parts:
+        for hull in pieces:
             simple, error = simplify(hull)
             hulls.append(simple)
             deviation = max(deviation, error)
-    return Parts(tuple(hulls), dropped, deviation, divider.work, divider.is_cut_short)
+    spent = divider.work + again * len(hulls)
+    return Parts(tuple(hulls), dropped, deviation, spent, divider.is_cut_short)
 
 
 class _Divider:
     """Divides the surfaces of a mesh with a total area [m2] within a limit of work."""
 
-    def __init__(self, limits: _Limits, area: float, limit: float, work: float) -> None:
+    def __init__(
+        self, limits: _Limits, area: float, limit: float, work: float, spare: float
+    ) -> None:
         self._limits = limits
         self._area = area
         self._limit = limit
+        self._spare = spare  # number of parts beyond one for each surface
         self.work = work
         self.is_cut_short = False
 
@@ -179,6 +191,7 @@ class _Divider:
             plates, moved = self._make_plates(surface, extent)
             hulls, error = (plates, moved) if plates and moved < error else (hulls, error)
         self.work += _PART * max(len(hulls) - 1, 0)
+        self._spare = max(0.0, self._spare - max(len(hulls) - 1, 0))
         return (hulls, error) if hulls else ([hull], float(np.cbrt(hull.volume)))
 
     def _cut(self, solid: Any, extent: float, tolerance: float) -> tuple[list[Hull], float]:
@@ -187,18 +200,20 @@ class _Divider:
             error = cell
             solid, cell = solid.simplify(cell), 1.5 * cell
         allowed = (self._limit - self.work) / 2  # the rest is left for other surfaces
-        most = self._limits.parts
+        most = int(min(self._limits.parts, 1 + self._spare))
         few = _limit_pieces(most, extent)
         pieces, work, is_cut_short = divide(solid, tolerance, few, most, allowed)
         self.work += work
-        self.is_cut_short |= is_cut_short
+        self.is_cut_short |= is_cut_short or most <= len(pieces) < self._limits.parts
         hulls = [hull for piece in pieces if (hull := make_hull(piece.points)) is not None]
         return hulls, error + max((piece.concavity for piece in pieces), default=extent)
 
     def _make_plates(self, surface: Surface, extent: float) -> tuple[list[Hull], float]:
         """Return the hulls of a surface's flat polygons, and their deviation [m]."""
         share = int(self._limits.plates * surface.area / self._area)
-        most, few = max(_PLATES, share), max(_limit_pieces(_PLATES, extent), share)
+        wanted = max(_PLATES, share)
+        most = min(wanted, 1 + self._spare)
+        few = min(most, max(_limit_pieces(_PLATES, extent), share))
         most_faces = min(8 * most, (self._limit - self.work) / _MERGE)
         coarse, error, cell = surface, 0.0, min(max(extent / 200, 0.002), 0.1)
         reach = float(np.abs(surface.points).max())  # cells beyond it all join the same points
@@ -213,7 +228,7 @@ class _Divider:
             if not len(kept) or cell > 1.5 * reach:
                 break
             coarse, error, cell = joined, moved, 1.5 * cell
-        self.is_cut_short |= error > 0.0 and most_faces < 8 * most
+        self.is_cut_short |= error > 0.0 and most_faces < 8 * wanted
         return [hull for points in polygons if (hull := make_hull(points)) is not None], error
 
 

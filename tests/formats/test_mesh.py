@@ -6,6 +6,7 @@ import sys
 import tempfile
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from mesh_cases import DAE, TWO_BOXES
 from PIL import Image
 
 from evoros.base.errors import InputError
-from evoros.formats import mesh
+from evoros.formats import mesh, mesh_files
 from evoros.formats.mesh import hull_of, read_mesh
 from evoros.formats.mesh_files import read_faces
 from evoros.geometry import mesh_parts
@@ -218,6 +219,27 @@ def test_a_mesh_is_read_once_and_a_damaged_cache_does_not_matter(
         assert read(path) == first
     write(path, TWO_BOXES.replace("v 5 0 0", "v 6 0 0"))
     assert bounds(*read(path)) == [[0, 0, 0], [6, 1, 1]]
+
+
+def test_the_faces_of_a_mesh_are_read_once_for_its_box_and_its_parts(
+    tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, count = MeshFile(write(tmp_path / "boxes.obj", TWO_BOXES)), Mock(wraps=read_faces)
+    monkeypatch.setattr(mesh, "read_faces", count)
+    for _ in range(2):  # the second time, both come from the cache
+        mesh._find_box.cache_clear()
+        mesh._read.cache_clear()
+        assert mesh.find_box(file).tolist() == [[0, 0, 0], [5, 1, 1]]
+        assert len(read_mesh(file).shapes) == 2
+    count.assert_called_once()
+    assert not mesh._FACES
+    assert len(list(cache.iterdir())) == 2
+
+
+def test_a_huge_mesh_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path / "boxes.obj", TWO_BOXES)
+    monkeypatch.setattr(mesh_files, "MOST_MB", 1e-5)
+    assert "exceed the limit of 1e-05 MB; simplify the mesh" in refused(path)
 
 
 def test_a_cache_that_cannot_be_written_does_not_matter(

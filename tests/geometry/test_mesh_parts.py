@@ -170,6 +170,19 @@ def test_small_furniture_deviates_little_or_has_many_plates(radius: float) -> No
     assert not parts.is_cut_short  # no limit of work, so nothing would be gained
 
 
+def test_a_mesh_with_many_uses_has_fewer_parts_and_they_fit_best_near_the_ground() -> None:
+    trunk = grid_mesh(EL, [[0, 1, 3], [0, 1, 2], [0, 1]]) * [0.2, 0.2, 3.0]
+    leaf = np.asarray(trimesh.creation.box((0.1, 0.1, 0.1)).triangles)
+    places = np.random.default_rng(1).uniform((-3, -3, 2.5), (3, 3, 6), (400, 3))
+    tree = np.concatenate([*(leaf + place for place in places), trunk])
+    few, many = (divide_mesh(tree, 1e6, uses) for uses in (1, 30))
+    assert len(few.hulls) > 400
+    assert len(many.hulls) <= 71  # a quarter of the work, 120 units a part and use
+    assert many.is_cut_short
+    assert not inside(many, (0.5, 0.3, 1.0))  # the notch of the trunk
+    assert inside(many, (0.1, 0.1, 1.0))
+
+
 def test_the_limit_of_work_covers_reading_and_the_number_of_parts() -> None:
     post = np.asarray(trimesh.creation.box((0.1, 0.1, 1.0)).triangles)
     triangles = np.concatenate([post + np.array((0.4 * i, 0.0, 0.0)) for i in range(200)])

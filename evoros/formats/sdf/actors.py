@@ -244,7 +244,10 @@ def _read_flag(script: Element, tag: str) -> bool:
 
 
 def _read_points(script: Element) -> Iterator[Point]:
-    """Yield the waypoints by time; of several at one time, the last one counts, as in Gazebo."""
+    """Yield the waypoints by time; of several at one time, the last one counts.
+
+    Gazebo also stores them in a map by time (gazebo/physics/Actor.cc, rendering/SceneManager.cc).
+    """
     last = -1.0
     for trajectory in script.findall("trajectory"):
         places: dict[float, Vector] = {}

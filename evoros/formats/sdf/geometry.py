@@ -1,6 +1,7 @@
 """The shapes of a collision in an SDF file."""
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -169,15 +170,16 @@ def _identify_mesh(mesh: Element, reading: Reading) -> MeshFile:
     scale = xml.find_child(mesh, "scale")
     x, y, z = (1.0, 1.0, 1.0) if scale is None else _read_scale(scale)
     name, center = _read_submesh(xml.find_child(mesh, "submesh"))
-    place = require_file(element, reading)
-    reading.read(place)
+    place = require_file(element, reading).resolve()
+    if place not in reading.digests:
+        reading.read(place)
     turn = reading.options.mesh_up_axis == "apply"
-    return MeshFile(place.resolve(), (x, y, z), name, center, turn)
+    return MeshFile(place, (x, y, z), name, center, turn)
 
 
-def _read_parts(mesh: Element, file: MeshFile, work: float) -> Mesh:
+def _read_parts(mesh: Element, file: MeshFile, work: float, uses: int = 1) -> Mesh:
     try:
-        return read_mesh(file, work)
+        return read_mesh(file, work, uses)
     except InputError as error:
         problem = f"names a mesh that cannot be read: {error}"
         element = find_uri(mesh)
@@ -192,13 +194,15 @@ def divide_meshes(
 
     Meshes above ``HIGH_M``, such as items on desks, come last. A mesh keeps its coarse convex parts
     if they fit well enough, if it is out of reach of the course, or once the effort for the world
-    is used up. Without a course, every mesh is in reach, and the origin takes its place.
+    is used up, to which each use of a mesh adds the handling of its parts. Without a course, every
+    mesh is in reach, and the origin takes its place.
     """
     effort = reading.options.mesh_effort
     reach = math.inf if course is None else REACH_M * max(effort, 1.0)
     points = np.zeros((1, 2)) if course is None else course
     boxes: dict[MeshFile, Array] = {}
     places: dict[MeshFile, tuple[bool, bool, float, float]] = {}
+    uses: Counter[MeshFile] = Counter()
     elements: dict[MeshFile, Element] = {}
     for mesh, pose in placed:
         with suppress(InputError):  # the body's reader raises the error or leaves the mesh out
@@ -209,6 +213,7 @@ def divide_meshes(
                 with announce(f"reading {use.path.name}, mesh {len(boxes) + 1}"):
                     boxes[use] = np.array([*product(*find_box(use).T)])
             place = _measure_place(boxes[use], pose, points, reach)
+            uses[use] += 1
             elements[use], places[use] = mesh, min(place, places.get(use, place))
     left = effort * _MINUTE
     for index, use in enumerate(sorted(places, key=places.__getitem__), 1):
@@ -222,7 +227,7 @@ def divide_meshes(
             remark = f"the mesh is divided coarsely, because it is over {reach:g} m from the course"
         text = f"dividing {use.path.name} into convex parts, mesh {index} of {len(places)}"
         with suppress(InputError), announce(text):
-            parts = _read_parts(elements[use], use, work)
+            parts = _read_parts(elements[use], use, work, uses[use])
             left -= parts.work
             reading.meshes[use] = parts.shapes
             for note in parts.remarks:

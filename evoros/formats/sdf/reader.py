@@ -146,10 +146,9 @@ def read_sdf(
 
 def _hash(content: bytes, reading: Reading) -> str:
     first = hashlib.sha256(content)
-    if not reading.contents:
+    if not reading.digests:
         return first.hexdigest()
-    others = sorted(hashlib.sha256(other).digest() for other in reading.contents.values())
-    return hashlib.sha256(first.digest() + b"".join(others)).hexdigest()
+    return hashlib.sha256(first.digest() + b"".join(sorted(reading.digests.values()))).hexdigest()
 
 
 def _choose_container(root: Element, reading: Reading) -> Element:

@@ -4,6 +4,7 @@ Files are named by model://, package://, file://, a Fuel address or a path; mode
 are looked up in Fuel's local cache.
 """
 
+import hashlib
 import logging
 import os
 import re
@@ -294,7 +295,7 @@ class Reading:
     options: SdfOptions
     source: str  # name of the world in messages
     notes: Notes = field(default_factory=lambda: Notes(LOG))
-    contents: dict[Path, bytes] = field(default_factory=dict)  # all files except the world's
+    digests: dict[Path, bytes] = field(default_factory=dict)  # all files except the world's
     # keyed by address and folder
     models: dict[tuple[str, Path], Path | None] = field(default_factory=dict)
     meshes: dict[MeshFile, tuple[Shape, ...]] = field(default_factory=dict)
@@ -306,11 +307,11 @@ class Reading:
         self.addresses = Addresses(self.file, self.options.folders(), self.notes)
 
     def read(self, path: Path) -> bytes:
-        """Return the content of a file."""
+        """Return the content of a file, of which only the digest is kept."""
         real = path.resolve()
-        if real not in self.contents:
-            self.contents[real] = read_file(real)
-        return self.contents[real]
+        content = read_file(real)
+        self.digests[real] = hashlib.sha256(content).digest()
+        return content
 
     def parse(self, path: Path) -> Element:
         """Return the root of an XML file, which the caller may modify."""
