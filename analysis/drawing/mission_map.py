@@ -18,8 +18,8 @@ from evoros.storage.figure_context import FigureContext
 from evoros.world.model import World
 
 from ..designs.cones import outline_part
+from ..tables.readings import WalkerTrack
 from ..tables.tracks import NONE, TOUCHED
-from ..tables.walkers import WalkerTrack
 from . import faults
 from .style import BLACK, BLUE, GREEN, HALO, ORANGE, PURPLE, SKY, VERMILLION
 from .worlds import draw_course, draw_obstacles

@@ -18,7 +18,7 @@ from ..drawing.style import BLUE, VERMILLION, cut_short, figure_width, use_style
 from ..statistics.regression import ALL_WORLDS, compare_missions
 from ..statistics.small_samples import mean_interval
 from ..subcommands import Product
-from ..tables.paired_missions import CHAMPION, COMPLETED, QUANTITIES, read_missions
+from ..tables.pairs import CHAMPION, COMPLETED, QUANTITIES, read_missions
 from ..tables.records import Record, label_fitness, read_record
 from ..tables.study import Study
 

@@ -25,13 +25,12 @@ from ..drawing.sheet import fit_height
 from ..drawing.style import CATEGORIES, PAGE_IN, figure_width, scale_type, use_style, wrap_all
 from ..subcommands import Product, add_run, add_worlds
 from ..tables.agents import read_tracks
-from ..tables.champion_missions import describe_rates
 from ..tables.champions import load_shown_world, require_trajectories
-from ..tables.readings import Trace, read_traces
+from ..tables.readings import Trace, WalkerTrack, read_traces, read_walkers, to_table
 from ..tables.records import Record
 from ..tables.study import Study, read_complete
 from ..tables.tracks import name_robots, select_track
-from ..tables.walkers import WalkerTrack, read_walkers, to_table
+from ..tables.validated import describe_rates
 
 WORST_MISSION = True
 HELP = "maps of the champion's missions: path by mode, collisions, sensor failures"

@@ -16,14 +16,13 @@ from ..designs.features import describe_designs
 from ..statistics import finding
 from ..statistics.factorial import contrast_interval
 from ..statistics.small_samples import NOTHING, Interval, mean_interval, share_interval
-from ..tables.champion_missions import list_missions, list_random_missions
 from ..tables.champions import read_champion
 from ..tables.designs import read_generations, select_random, trace_fitness
 from ..tables.factors import name_part
 from ..tables.records import Record, bound_scores
 from ..tables.study import Study
 from ..tables.treatments import Conditions, read_entries, read_levels, select_rows
-from ..tables.validated import validate_champions
+from ..tables.validated import list_missions, list_random_missions, validate_champions
 
 ABOVE, BELOW, WITHIN = "above", "below", "within"
 KEYS = ("claim", "measure", "comparison", "threshold", "treatments", "against")

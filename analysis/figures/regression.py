@@ -27,7 +27,7 @@ from ..statistics.regression import (
 )
 from ..statistics.small_samples import describe_shortfalls
 from ..subcommands import Product
-from ..tables.paired_missions import (
+from ..tables.pairs import (
     BETTER,
     COMPLETED,
     GAINED,

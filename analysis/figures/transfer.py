@@ -34,7 +34,7 @@ from ..statistics.small_samples import (
     spearman,
 )
 from ..subcommands import Product
-from ..tables.paired_scores import climb, pair_scores
+from ..tables.pairs import climb, pair_scores
 from ..tables.records import FITNESS, bound_scores, label_fitness
 from ..tables.study import Study
 

@@ -1,19 +1,34 @@
-"""Pages that open in any browser offline: templates, tables and recorded missions."""
+"""Pages that open in any browser offline: templates, tables and sections with figures."""
 
+import argparse
 import base64
 import hashlib
+import logging
 import math
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
+from evoros.base.arrays import Array
+from evoros.base.errors import InputError, single_line
+from evoros.storage.figure_context import FigureContext
+from evoros.terminal.log import LOGGER, withhold_messages
+
+from ..designs.cones import outline_part, trace_cones
+from ..drawing import style
+from ..products import make_product
+from ..subcommands import import_subcommand, parse
+from ..tables.study import Study
 from .playback import Json
 
 _WEB = Path(__file__).parent / "web"
@@ -137,3 +152,136 @@ def _format_column(column: pd.Series) -> tuple[bool, list[str]]:
     if sizes.size and not whole and sizes.min() < 10.0**-decimals:
         form = ".3g"
     return True, ["" if math.isnan(value) else format(value, form) for value in values]
+
+
+MAX_SVG = 1_000_000  # maximum size [bytes] of an embedded SVG; larger figures become PNGs
+SCALE = 1.5  # magnification on screens, which are viewed from a greater distance than paper
+_CSS_PER_IN, _PT_PER_IN = 96, 72
+_OUTLINE = Markup(
+    '<path d="{}" fill="{}" stroke="#000" stroke-width=".5" vector-effect="non-scaling-stroke"/>'
+)
+_NAMESPACE = re.compile(r"\{[^}]*\}")
+MAX_ROWS = 400  # maximum number of rows of a table on the page; larger tables are left out
+
+
+FIGURE_OF_PAPER = re.compile(r" \([^()]*Figs?\. [^()]*\)")  # captions omit these
+PAPER = "paper"  # value of ``--claims`` that selects the 2018 paper's claims
+
+
+@dataclass(frozen=True)
+class Section:
+    """The content of a section."""
+
+    name: str
+    missing: str = ""  # reason why there is no content
+    caption: str = ""
+    picture: Markup | None = None
+    messages: Sequence[str] = ()
+    rows: int = 0  # number of rows of the table
+    numbers: Table | None = None  # None without a table, or if the table has too many rows
+    left_out: Sequence[str] = ()
+
+    def render(self, own_section: bool) -> Markup:
+        """Render the section, with a heading if it is part of another section."""
+        return render("section.html", section=self, own_section=own_section)
+
+
+def make_section(name: str, study: Study, options: argparse.Namespace) -> Section:
+    """Make a subcommand's results with default options; an error affects only this section."""
+    failure = ""
+    with withhold_messages() as records:
+        try:
+            section = _make_section(name, study, options)
+        except InputError as error:
+            section = Section(name, missing=single_line(error))
+        except Exception as error:
+            failure = f"cannot be drawn ({type(error).__name__}: {single_line(error)})"
+            section = Section(name, missing=f"This {failure}.")
+    if failure:
+        LOGGER.warning("%s: %s; left out", name, failure)
+    left_out = [record.getMessage() for record in records if record.levelno >= logging.WARNING]
+    return replace(section, left_out=list(dict.fromkeys(left_out)))
+
+
+def _make_section(name: str, study: Study, options: argparse.Namespace) -> Section:
+    module = import_subcommand(name)
+    own_claims = name == "claims" and options.claims != PAPER
+    more = ["--claims", options.claims] if own_claims else []
+    chosen = parse([name, *map(str, options.folders), *more])
+    chosen.output = options.output
+    product = make_product(module, study, chosen)
+    figure, table = product.figure, product.table
+    rows = 0 if table is None else len(table)
+    caption = FIGURE_OF_PAPER.sub("", module.HELP)
+    return Section(
+        name,
+        caption=f"{caption[0].upper()}{caption[1:]}.",
+        picture=None if figure is None else embed_figure(figure, name),
+        messages=product.messages,
+        rows=rows,
+        numbers=None if table is None or rows > MAX_ROWS else format_table(table),
+    )
+
+
+def embed_figure(figure: Figure, name: str) -> Markup:
+    """Return a figure as an ``svg`` element with prefixed ids, or as an ``img`` if it is large."""
+    svg = style.render(figure, "svg", as_text=True)  # keeps the text searchable
+    if len(svg) <= MAX_SVG:
+        return _inline_svg(svg, name)
+    data = base64.b64encode(style.render(figure, "png")).decode()
+    width = round(figure.get_figwidth() * _CSS_PER_IN * SCALE)
+    image = Markup('<img alt="{}" width="{}" src="data:image/png;base64,{}">')
+    return image.format(name, width, data)
+
+
+def _inline_svg(svg: bytes, name: str) -> Markup:
+    """Convert an SVG file to an HTML element without metadata, with ids prefixed by ``name``."""
+    root = ElementTree.fromstring(svg)
+    for parent in root.iter():
+        for child in list(parent):
+            if _strip_namespace(child.tag) in ("metadata", "style"):
+                parent.remove(child)
+    for element in root.iter():
+        element.tag = _strip_namespace(element.tag)
+        attributes = {_strip_namespace(key): value for key, value in element.attrib.items()}
+        element.attrib = {key: _prefix(key, value, name) for key, value in attributes.items()}
+    _set_width(root, name)
+    return Markup(ElementTree.tostring(root, encoding="unicode"))
+
+
+def _strip_namespace(name: str) -> str:
+    return _NAMESPACE.sub("", name)
+
+
+def _prefix(key: str, value: str, name: str) -> str:
+    if key == "id":
+        return f"{name}-{value}"
+    if key == "href" and value.startswith("#"):
+        return f"#{name}-{value[1:]}"
+    return value.replace("url(#", f"url(#{name}-")
+
+
+def _set_width(root: ElementTree.Element, name: str) -> None:
+    points = float(root.attrib.pop("width").removesuffix("pt"))
+    width = points * _CSS_PER_IN / _PT_PER_IN * SCALE
+    root.attrib.pop("height")
+    root.attrib |= {"style": f"width:{width:.0f}px", "role": "img", "aria-label": name}
+
+
+def draw_outline(context: FigureContext) -> Markup:
+    """Return a robot's parts in top view as SVG elements."""
+    return Markup("").join(
+        _OUTLINE.format(_trace(outline_part(part)), "#595959" if part.wheel else "#f7f7f7")
+        for part in sorted(context.parts, key=lambda part: part.top_m)
+    )
+
+
+def draw_sensors(sensors: pd.DataFrame, reach_m: float) -> Markup:
+    """Return the cones and positions of sensors as SVG elements."""
+    cones = "".join(_trace(cone) for cone in trace_cones(sensors, reach_m))
+    dots = "".join(f"M{-y:.3f} {-x:.3f}h0" for x, y in sensors[["x_m", "y_m"]].to_numpy(float))
+    return Markup('<path class="cone" d="{}"/><path class="dot" d="{}"/>').format(cones, dots)
+
+
+def _trace(outline: Array) -> str:
+    return "M" + "L".join(f"{-y:.3f} {-x:.3f}" for x, y in outline.tolist()) + "Z"

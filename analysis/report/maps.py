@@ -31,8 +31,8 @@ from ..tables.elites import Axis, read_archive, read_front
 from ..tables.records import Record
 from ..tables.shown import has_missions
 from ..tables.study import Study
+from .frame import draw_outline, draw_sensors
 from .playback import encode_parts, encode_sensors
-from .section import draw_outline, draw_sensors
 
 _CMAP = "viridis"
 

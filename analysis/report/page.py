@@ -16,10 +16,9 @@ from ..tables.records import Record
 from ..tables.shown import keeps_shown, read_shown
 from ..tables.study import Study
 from . import summary
-from .frame import Page, format_table, render, render_page
+from .frame import Page, format_table, make_section, render, render_page
 from .maps import TITLES, DesignMap, make_maps
 from .playback import PLAYER, Flown, Json, encode_shown, select_playbacks
-from .section import make_section
 
 MAX_RECORDS = 300  # maximum number of samples per mission for designs on maps
 

@@ -28,12 +28,18 @@ from evoros.world.standing import standing_obstacles
 
 from ..drawing.faults import GROWN_S
 from ..tables.champions import find_shown
-from ..tables.readings import find_nearest, group_ranges, list_channels, merge_sectors
+from ..tables.readings import (
+    WalkerTrack,
+    find_nearest,
+    group_ranges,
+    list_channels,
+    list_walkers,
+    merge_sectors,
+)
 from ..tables.records import Record
 from ..tables.shown import ShownDesign, ShownMission, keeps_shown, read_champion_shown, read_shown
 from ..tables.study import Study
 from ..tables.tracks import NONE, list_failures, list_part_failures, select_trajectory
-from ..tables.walkers import WalkerTrack, list_walkers
 
 Json = dict[str, Any]
 MARGIN_M = 0.5  # margin around the drawing

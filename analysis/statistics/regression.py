@@ -12,7 +12,7 @@ import scipy
 from evoros.base.arrays import Array
 from evoros.requirement.bets import bound, decide
 
-from ..tables.paired_missions import COMPLETED, QUANTITIES
+from ..tables.pairs import COMPLETED, QUANTITIES
 from .small_samples import CELLS, LEVEL, RESAMPLES, SEED, Interval, holm, mean_interval
 
 MIN_CHANGED = 20  # minimum number of differing pairs for an interval of a mean without known bounds

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.report.playback import encode_playback
+from evoros.analysis.tables.readings import list_walkers
 from evoros.analysis.tables.records import Record, read_record
-from evoros.analysis.tables.walkers import list_walkers
 from evoros.base.arrays import Array
 from evoros.plugins.recordings.bags.messages import CYLINDER, mark_walker
 from evoros.terminal.console import DONE

@@ -18,8 +18,7 @@ from selenium.webdriver.support.ui import Select, WebDriverWait
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.figures import fitness as fitness_module
 from evoros.analysis.figures.fitness import draw_fitness
-from evoros.analysis.report.frame import format_table, render
-from evoros.analysis.report.section import embed_figure, make_section
+from evoros.analysis.report.frame import embed_figure, format_table, make_section, render
 from evoros.analysis.subcommands import parse
 from evoros.analysis.tables.loading import load_study
 
@@ -98,7 +97,7 @@ def test_figures_of_one_page_share_no_name_and_point_at_nothing_else() -> None:
 
 
 def test_too_large_a_drawing_becomes_a_picture(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("evoros.analysis.report.section.MAX_SVG", 100)
+    monkeypatch.setattr("evoros.analysis.report.frame.MAX_SVG", 100)
     ((tag, attributes),) = Elements(embed_figure(draw_fitness(generations(3.0)), "one")).all
     assert tag == "img"
     assert str(attributes["src"]).startswith("data:image/png;base64,iVBOR")

@@ -20,7 +20,7 @@ from evoros.analysis.command import evoros_analyze
 from evoros.analysis.figures.transfer import draw_ladder, draw_transfer, measure_bars, summarize
 from evoros.analysis.statistics.small_samples import mean_interval
 from evoros.analysis.tables.loading import load_study
-from evoros.analysis.tables.paired_scores import climb, pair_scores
+from evoros.analysis.tables.pairs import climb, pair_scores
 from evoros.analysis.tables.records import bound_scores
 from evoros.base.errors import InputError
 from evoros.terminal.console import DONE, INPUT

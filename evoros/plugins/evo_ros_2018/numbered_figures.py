@@ -9,8 +9,8 @@ import pandas as pd
 from evoros.analysis.drawing.style import render
 from evoros.analysis.products import make_product as make_one
 from evoros.analysis.subcommands import Product, import_subcommand, parse, to_csv
-from evoros.analysis.tables.champion_missions import classify_failure
 from evoros.analysis.tables.study import Study
+from evoros.analysis.tables.validated import classify_failure
 from evoros.base.errors import InputError, single_line
 
 HELP = "Figs. 5 to 11 of the 2018 paper, with the paper's numbering"

@@ -15,11 +15,16 @@ from evoros.analysis.tables import tracks
 from evoros.analysis.tables.agents import list_robots, select_agent
 from evoros.analysis.tables.champions import adapt_context
 from evoros.analysis.tables.designs import adapt_types, read_evolved
-from evoros.analysis.tables.readings import RecordedSensor, read_sensors
+from evoros.analysis.tables.readings import (
+    RecordedSensor,
+    WalkerTrack,
+    list_walkers,
+    read_sensors,
+    read_walkers,
+)
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.shown import is_kept
 from evoros.analysis.tables.study import Study
-from evoros.analysis.tables.walkers import WalkerTrack, list_walkers, read_walkers
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.rng import generator

@@ -19,8 +19,8 @@ from evoros.analysis.statistics.finding import (
     SUPPORTED,
     UNKNOWN,
 )
-from evoros.analysis.tables.champion_missions import classify_failure, list_missions
 from evoros.analysis.tables.loading import load_study
+from evoros.analysis.tables.validated import classify_failure, list_missions
 from evoros.cli.command import evaluate
 from evoros.plugins.evo_ros_2018.claims_designs import (
     read_diversity,

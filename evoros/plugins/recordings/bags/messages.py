@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from evoros.analysis.tables.readings import RecordedSensor
+from evoros.analysis.tables.readings import RecordedSensor, WalkerTrack
 from evoros.analysis.tables.tracks import NONE
-from evoros.analysis.tables.walkers import WalkerTrack
 from evoros.base.arrays import Array
 from evoros.geometry.polyhedron import convex_polyhedron
 from evoros.geometry.shapes import Pose, Shape

@@ -14,9 +14,9 @@ import rerun.blueprint as rrb
 from scipy.spatial.transform import Rotation
 
 from evoros.analysis.tables import designs
+from evoros.analysis.tables.readings import WalkerTrack
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.tracks import NONE
-from evoros.analysis.tables.walkers import WalkerTrack
 from evoros.base.arrays import Array
 from evoros.geometry.shapes import Shape
 from evoros.plugins.recordings.missions import RecordedMission

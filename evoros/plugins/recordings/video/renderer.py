@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageChops
 
-from evoros.analysis.tables.walkers import WalkerTrack
+from evoros.analysis.tables.readings import WalkerTrack
 from evoros.base.arrays import Array
 from evoros.geometry.footprint import bottom_height, top_height
 from evoros.geometry.polyhedron import clip_polyhedron, convex_polyhedron, placed_corners
