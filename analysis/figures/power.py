@@ -62,7 +62,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     scatter = measure_scatter(groups)
     if scatter is None:
         raise InputError(
-            f"{title_measure(measure, label)}: too few replicates, or only equal ones; "
+            f"{title_measure(measure, label)}: too few replicates, or all values are equal; "
             f"run at least {MIN_SCATTER} seeds of one treatment to estimate power"
         )
     comparisons = options.comparisons or max(1, comb(len(groups), 2))

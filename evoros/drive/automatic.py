@@ -135,7 +135,7 @@ def refuse_facing_sideways(urdf: Urdf) -> None:
         raise urdf.error(
             f"the robot must drive forward along x (REP 103), but these wheels roll along y: "
             f"{', '.join(joint.name for joint in wheels)}",
-            f"attach its root link {urdf.root} to a new root by a fixed joint with "
+            f"attach its root link {urdf.root} to a new root through a fixed joint with "
             f'rpy="0 0 -1.5708" (or "0 0 1.5708" if it faces along -y)',
         )
 

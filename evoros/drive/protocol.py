@@ -169,7 +169,7 @@ def driven_joint(urdf: Urdf, name: str, kind: str, axis: int) -> Joint:
         raise urdf.error(f"joint {name!r} must have an effort limit above 0", fix)
     if urdf.axis_of(joint)[axis] < 1.0 - 1e-6:
         direction = ("forward (x)", "left (y)", "up (z)")[axis]
-        fix = "turn its <axis> or its <origin>"
+        fix = "rotate its <axis> or <origin>"
         raise urdf.error(f"the axis of joint {name!r} must point {direction}", fix)
     return joint
 
@@ -183,7 +183,7 @@ def wheel(urdf: Urdf, name: str) -> tuple[Array, float]:
         raise urdf.error(rule, "replace its <collision> elements by one of these")
     pose, radius = urdf.poses[link] @ shapes[0].pose, shapes[0].size[0]
     if shapes[0].kind == "cylinder" and abs(pose.rotation[LEFT, 2]) < 1.0 - 1e-6:
-        fix = 'turn its <origin>, for example by rpy="1.5707963 0 0"'
+        fix = 'rotate its <origin>, for example with rpy="1.5707963 0 0"'
         raise urdf.error(f"the cylinder of wheel {link!r} must lie along the joint's axis", fix)
     axle, center = urdf.poses[link].position, pose.position
     if abs(center[0] - axle[0]) + abs(center[2] - axle[2]) > tolerated(radius):

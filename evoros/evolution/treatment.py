@@ -13,7 +13,7 @@ def describe_problem(given: Mapping[Any, Any]) -> str:
     """Describe the first fault in a treatment's name or factors; '' if there is none."""
     for key, value in given.items():
         if not NAME.holds(key) or key in RESERVED:
-            return f"{key!r} must be {NAME.text}, and not one of {', '.join(RESERVED)}"
+            return f"{key!r} must be {NAME.text} other than {', '.join(RESERVED)}"
         name = key == "name"
         if value is None:
             continue

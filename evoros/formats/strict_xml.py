@@ -178,7 +178,7 @@ def read_number(element: Element, rule: str, holds: Callable[[float], bool]) -> 
     """Return the only number in an element; ``rule`` completes "must be ..."."""
     (value,) = read_numbers(element, 1)
     if not holds(value):
-        raise element_error(element, f"must be {rule}, not {value:g}", "write such a value")
+        raise element_error(element, f"must be {rule}, not {value:g}", "correct the value")
     return value
 
 

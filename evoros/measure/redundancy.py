@@ -15,7 +15,7 @@ from evoros.robot.seen import COUNT, find_seen
 class Redundancy(Measure):
     """The fraction of all bearings that at least two sensors see (``robot/seen.py``)."""
 
-    title = "share of bearings seen twice"
+    title = "share of bearings seen by two or more sensors"
     of_design = True
     distance_m: Annotated[float, POSITIVE] = 2.0  # measured from the middle of the robot
     # name of a robot with a separate design; empty: the first robot

@@ -96,7 +96,7 @@ def _strengthen(setting: Setting, simulator: Simulator) -> Iterator[Change]:
                 limit.set("effort", repr(effort))
                 efforts.append(f"{effort:.3g} N m for {name}")
         stronger = replace(robot, engine_urdf=UrdfDocument.from_elements(elements))
-        words = f"the motors are too weak in turns: raise <limit effort> to {', '.join(efforts)}"
+        words = f"the motors are too weak for turns: raise <limit effort> to {', '.join(efforts)}"
         yield words, setting._replace(robot=stronger), simulator
 
 

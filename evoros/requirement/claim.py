@@ -141,7 +141,7 @@ class Claim:
             return
         if self.bounds is None:
             raise InputError(
-                f"must have share (of the missions in which {self._name} keeps the limit) or "
+                f"must have share (of the missions in which {self._name} meets the limit) or "
                 f"within (bounds of {self._name}, for a limit on its mean); add one of the two"
             )
         low, high = self.bounds

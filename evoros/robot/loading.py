@@ -333,7 +333,7 @@ def _find_body(
     ]
     if not solids:
         problem = "a link other than the wheels and casters must have a <collision>"
-        raise urdf.error(problem, "add a box to one of them")
+        raise urdf.error(problem, "add a <collision> with a box to such a link")
     return solids
 
 

@@ -118,7 +118,7 @@ def adapt_steering(
     along = 1.0 if joint.type == "fixed" else float(urdf.axis_of(joint)[UP])
     if abs(along) < NEARLY_ALIGNED:
         problem = f"joint {name!r} must have a vertical axis (z)"
-        raise urdf.error(problem, "turn its <axis> or its <origin>")
+        raise urdf.error(problem, "rotate its <axis> or <origin>")
     _tell_straightened(joint, along, notes)
     lower, upper = joint.lower, joint.upper
     stated = find_joint(elements, name).find("limit")

@@ -128,7 +128,9 @@ def _add_row(
     if robot not in by_name:
         if bare:
             LOGGER.warning(
-                "%s: agent %s not found; ignored, because the row has no sensor", at, robot
+                "%s: row ignored, because the agent %s does not exist and the row has no sensor",
+                at,
+                robot,
             )
             return
         known = ", ".join(filter(None, by_name)) or "none"

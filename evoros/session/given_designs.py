@@ -133,8 +133,8 @@ def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesi
             for one in named:
                 if (one.source, one.name) in names:
                     raise InputError(
-                        f"designs: {quote(one.name)} of {one.source} is repeated in {path}; drop "
-                        f"one of the sources"
+                        f"designs: {quote(one.name)} of {one.source} is repeated in {path}; leave "
+                        f"out one of the sources"
                     )
                 names.add((one.source, one.name))
             designs += named

@@ -35,7 +35,7 @@ def verify_folder(folder: Path) -> None:
     if is_foreign(status, manifest):
         raise layout.damaged(folder, layout.STATUS, f" (it is {digests.FOREIGN})")
     if not _has_generations(entries.by_name, status):
-        raise layout.damaged(folder, layout.DIGESTS, " (it lacks the table of a generation)")
+        raise layout.damaged(folder, layout.DIGESTS, " (the table of a generation is not listed)")
     for name in entries.by_name:
         if name.startswith(NEEDED) or (not name.startswith(LARGE) and (folder / name).is_file()):
             _verify(folder, name, entries)

@@ -229,4 +229,4 @@ def test_a_gpu_that_fails_gives_an_error_of_one_line_and_no_result() -> None:
         assert not driver.taken
 
 
-TOO_OLD = " (the driver is too old; install a newer one)"
+TOO_OLD = " (the driver is too old; install a newer driver)"

@@ -35,7 +35,7 @@ BLIND = [
     "agents.oncoming.design.number=0",
     "agents.oncoming.scored=false",
 ]
-NOBODY = "agent oncoming not found; ignored, because the row has no sensor"
+NOBODY = "row ignored, because the agent oncoming does not exist and the row has no sensor"
 VALIDATION = "evaluation_draws=validation"
 DESIGNS = {"rover": "one_lidar", "neural": "priced_sensors"}
 REACH = "{_target_: evoros.design.genes.Gene, key: KEY, low: 0.8, high: 2.5}"
@@ -202,7 +202,7 @@ def test_a_robot_without_sensors_can_be_left_out(
 ) -> None:
     rows = score(blind, tmp_path / "scores", [*TEAM, "agents=none"])
     assert not any(str(name).startswith("oncoming.") for name in rows)
-    (line,) = (line for line in capsys.readouterr().err.splitlines() if "not found" in line)
+    (line,) = (line for line in capsys.readouterr().err.splitlines() if "row ignored" in line)
     assert line.endswith(f"{blind}/champion/design.csv: line 8: {NOBODY}")
 
 

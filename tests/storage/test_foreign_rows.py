@@ -110,7 +110,9 @@ def test_digests_that_lack_a_generation_are_damaged(
     rows = before.splitlines(keepends=True)
     (lost,) = (row for row in rows if row.startswith(b"generations/00001.csv"))
     (folder / "digests.csv").write_bytes(before.replace(lost, b""))
-    with pytest.raises(InputError, match=r"digests\.csv \(it lacks the table of a generation\)"):
+    with pytest.raises(
+        InputError, match=r"digests\.csv \(the table of a generation is not listed\)"
+    ):
         load_run(folder)
     capsys.readouterr()
     for words in (1, 0):

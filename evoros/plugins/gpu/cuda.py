@@ -16,7 +16,7 @@ THREADS = 32
 _FULL = "CUDA_ERROR_OUT_OF_MEMORY"
 FIXES = {
     _FULL: "free some of the GPU's memory, or reduce executor.workers",
-    "CUDA_ERROR_UNSUPPORTED_PTX_VERSION": "the driver is too old; install a newer one",
+    "CUDA_ERROR_UNSUPPORTED_PTX_VERSION": "the driver is too old; install a newer driver",
     "CUDA_ERROR_SYSTEM_DRIVER_MISMATCH": "restart the machine after a driver update",
 }
 """Remedies for some errors of the driver."""

@@ -17,7 +17,7 @@ SENSOR = "{sensor}"
 ROLES = ("command", "goal", "mode", "odometry", "range", "route")
 
 NODES = Rule(
-    "a list of commands, at least one, each a string or a list of strings",
+    "a non-empty list of commands, each a string or a list of strings",
     lambda v: isinstance(v, list | tuple) and bool(v) and all(map(COMMAND.holds, v)),
 )
 TOPICS = Rule(

@@ -48,7 +48,7 @@ class Folders:
             if not _find(path) and any(files for _, _, files in os.walk(path)):
                 raise InputError(
                     f"{path}: contains files, but no run, evaluation or sweep; give the folder of "
-                    f"one, or an empty folder"
+                    "a run, or an empty folder"
                 )
 
     def look(self) -> Look:
