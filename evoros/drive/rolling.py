@@ -69,7 +69,7 @@ def group_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
 def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
     """Measure the wheel that shapes form about the direction ``axis`` (3,) through their middle.
 
-    Width and centre are those of the tread, because hubs and gears on one side carry no load.
+    Width and centre belong to the tread, because hubs and gears on one side carry no load.
     """
     if len(shapes) == 1:
         shape, pose = shapes[0]

@@ -1,6 +1,7 @@
 """The pipelines in docs/examples: their commands run as they are, and their files are there."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from typing import Any
 import pytest
 import yaml
 from documents import DOCS
-from helpers import USER_PARTS
+from helpers import ROOT, USER_PARTS
 from junitparser import JUnitXml
 
 from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
@@ -120,3 +121,18 @@ def test_gitlab_runs_the_commands_of_github() -> None:
         (folder,) = job["artifacts"]["paths"]
         assert f"={folder}" in job["script"][0] or f"--output {folder}" in job["script"][-1]
     assert content["requirements"]["artifacts"]["reports"]["junit"] == "tested/junit.xml"
+
+
+def test_the_container_has_the_versions_that_the_documents_and_the_tests_use() -> None:
+    """The steps themselves are run by .ci/container, which takes minutes."""
+    steps = re.findall(r"^([A-Z]+) (.+)$", (ROOT / "Containerfile").read_text(), re.M)
+    known = set(re.findall(r"^    ([A-Z]+)\)", (ROOT / ".ci" / "container").read_text(), re.M))
+    assert {name for name, _ in steps} <= known
+    (release,) = (rest for name, rest in steps if name == "FROM")
+    assert release == "debian:12"  # as the README and .ci/run
+    (rclpy,) = (rest for _, rest in steps if "ros-rclpy" in rest)
+    page = (ROOT / "evoros" / "plugins" / "ros" / "README.md").read_text()
+    wanted = set(re.findall(r"ros-[\w-]+(?:\[\w+\])?==[\d.]+", page))
+    assert wanted == set(re.findall(r"ros-[\w-]+(?:\[\w+\])?==[\d.]+", rclpy))
+    order = [name for name, _ in steps]
+    assert order.index("USER") > max(i for i, name in enumerate(order) if name == "RUN")
