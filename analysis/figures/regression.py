@@ -83,7 +83,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--of", action="append", choices=QUANTITIES, help=about)
     about = (
         f"require that the mean of {' or '.join(BOUNDED)} falls by less than X in each world, for "
-        f"example {COMPLETED}=0.05; may be repeated; the exit status then depends on margins only"
+        f"example {COMPLETED}=0.05; may be repeated; the exit status then depends only on the "
+        "margins"
     )
     parser.add_argument("--margin", action="append", default=[], metavar="QUANTITY=X", help=about)
     about = "confidence level of the --margin results; default: 0.95"

@@ -73,7 +73,7 @@ def check_planes(bodies: Sequence[Body], source: str) -> None:
             if normal[2] < _STEEP:
                 raise InputError(
                     f"{source}: the ground plane {body.name!r} must face up, not along "
-                    f"{np.round(normal, 6).tolist()}; use a box for anything else"
+                    f"{np.round(normal, 6).tolist()}; use a box for any other surface"
                 )
 
 

@@ -103,7 +103,7 @@ def test_a_renamed_file_is_named_and_the_proposed_command_mends_it(tmp_path: Pat
     name = write(tmp_path, BASE + "\n" + include + '<link name="${d}"/>')
     message = refused(name)
     assert f"{name}:2 includes deg to_rad.urdf.xacro, which does not exist" in message
-    command = message.partition("only renamed, by ")[2].partition(" (")[0]
+    command = message.partition("only renamed, type ")[2].partition(" (")[0]
     subprocess.run(shlex.split(command), check=True)
     assert expand(name)[1].get("name") == "2"
 

@@ -126,7 +126,7 @@ def _find_renamed(name: str, place: str) -> Remedy:
     files = {_stem(file): str(file) for file in path.parent.glob(f"*{path.suffix}")}
     for other in get_close_matches(_stem(path), files, 1, _ALIKE):
         command = shlex.join(["cp", files[other], str(path)])
-        return Remedy("get the file, if it was only renamed, by {}", command)
+        return Remedy("if the file was only renamed, type {}", command)
     return Remedy("correct the name {}", name)
 
 
