@@ -245,7 +245,9 @@ def _inline_svg(svg: bytes, name: str) -> Markup:
         element.tag = _strip_namespace(element.tag)
         attributes = {_strip_namespace(key): value for key, value in element.attrib.items()}
         element.attrib = {key: _prefix(key, value, name) for key, value in attributes.items()}
-    _set_width(root, name)
+    width = float(root.attrib.pop("width").removesuffix("pt")) * _CSS_PER_IN / _PT_PER_IN * SCALE
+    root.attrib.pop("height")
+    root.attrib |= {"style": f"width:{width:.0f}px", "role": "img", "aria-label": name}
     return Markup(ElementTree.tostring(root, encoding="unicode"))
 
 
@@ -259,13 +261,6 @@ def _prefix(key: str, value: str, name: str) -> str:
     if key == "href" and value.startswith("#"):
         return f"#{name}-{value[1:]}"
     return value.replace("url(#", f"url(#{name}-")
-
-
-def _set_width(root: ElementTree.Element, name: str) -> None:
-    points = float(root.attrib.pop("width").removesuffix("pt"))
-    width = points * _CSS_PER_IN / _PT_PER_IN * SCALE
-    root.attrib.pop("height")
-    root.attrib |= {"style": f"width:{width:.0f}px", "role": "img", "aria-label": name}
 
 
 def draw_outline(context: FigureContext) -> Markup:

@@ -139,8 +139,11 @@ def list_findings(study: Study) -> tuple[list[str], str]:
     except InputError as error:
         return controls, single_line(error)
     warnings = [f"WARNING: {r.name}: {r.not_run}" for r in study.records if r.not_run]
-    best, scale = _describe_best(study, label), _describe_scale(measure)
-    return [*controls, *warnings, *lines, *best, *scale], ""
+    lines += [*_describe_best(study, label), "brackets are 95 % intervals"]
+    if measure == RECORDED:
+        luck = "recorded scores use the draws on which a design was selected, so they include luck"
+        lines.append(luck)
+    return [*controls, *warnings, *lines], ""
 
 
 def list_controls(study: Study) -> list[str]:
@@ -179,9 +182,3 @@ def _describe_best(study: Study, label: str) -> Iterator[str]:
     advantage = status.get("rival_advantage")
     if advantage is not None:
         yield f"on the same draws, no other design is better by more than {advantage:.2g}"
-
-
-def _describe_scale(measure: str) -> Iterator[str]:
-    yield "brackets are 95 % intervals"
-    if measure == RECORDED:
-        yield "recorded scores use the draws on which a design was selected, so they include luck"

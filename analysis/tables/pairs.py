@@ -328,7 +328,11 @@ def _name_designs(
     study: Study, first: Missions, second: Missions
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Match designs by name, or single designs; name them alike, and drop all others."""
-    tables = [table.assign(design=list(_qualify(table))) for _, table in (first, second)]
+    tables = []
+    for _, table in (first, second):
+        ambiguous = table.groupby("design")["source"].transform("nunique") > 1
+        qualified = table["design"] + " of " + table["source"]
+        tables.append(table.assign(design=table["design"].mask(ambiguous, qualified)))
     names = [list(dict.fromkeys(table["design"])) for table in tables]
     if list(map(len, names)) == [1, 1]:
         tables[1] = tables[1].assign(design=names[0][0])
@@ -339,9 +343,3 @@ def _name_designs(
                     study.report(f"{record.path}: design {name} is in this folder only")
     one, other = (table.drop(columns="source") for table in tables)
     return one, other
-
-
-def _qualify(table: pd.DataFrame) -> Iterator[str]:
-    sources = table.groupby("design")["source"].nunique()
-    for design, source in zip(table["design"], table["source"], strict=True):
-        yield design if sources[design] == 1 else f"{design} of {source}"

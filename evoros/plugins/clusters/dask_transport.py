@@ -61,18 +61,14 @@ LOOK_S = 0.5  # interval [s] at which the list of workers is requested
 ALONE_S = 10.0  # time [s] after which calls that wait without any worker are reported
 
 
-def _ignore(loop: object, context: dict[str, Any]) -> None:
-    """Log the errors of Dask coroutines that nobody awaits after calls have been cancelled."""
-    LOGGER.debug("dask: %s", context.get("exception") or context.get("message"))
-
-
 class DaskTransport:
     """A transport that sends each call as one Dask task."""
 
     def __init__(self, client: Any, address: str) -> None:
         self._client, self._address = client, address
         self._loop: asyncio.AbstractEventLoop = client.loop.asyncio_loop
-        self._loop.set_exception_handler(_ignore)
+        # Nobody awaits Dask's coroutines after calls have been cancelled.
+        self._loop.set_exception_handler(lambda _, error: LOGGER.debug("dask: %s", error))
         self._threads: dict[str, int] = {}  # number of threads by worker address
         self._excluded: set[str] = set()
         self._out: set[Sending] = set()  # used only by the loop's thread

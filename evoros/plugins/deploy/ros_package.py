@@ -114,39 +114,29 @@ def _write_parameters(champion: Champion, options: PackageOptions) -> dict[str, 
 def _describe(champion: Champion, options: PackageOptions) -> dict[str, Any]:
     maintainer = _MAINTAINER.fullmatch(options.maintainer)
     assert maintainer is not None  # PackageOptions has checked it
+    values, status = champion.values, champion.record.run.status
+    fitness = f"{status.get('best_fitness'):.3f} on the draws used for selection"
+    if (validated := status.get("best_validated_fitness")) is not None:
+        fitness += f", and {validated:.3f} on fresh draws"
+    command = values.get("controller.command")
+    commands = [command] if command else values.get("controller.nodes") or []
+    start = "controller.topics."
+    topics = {key: str(value) for key, value in values.items() if key.startswith(start)}
     return {
         "package": options.name,
         "robot": champion.name,
         "maintainer": maintainer.groupdict(),
         "license": options.license,
         "title": champion.title,
-        "fitness": _describe_fitness(champion.record.run.status),
+        "fitness": fitness,
         "sensors": champion.sensors,
         "genes": champion.genes,
-        "commands": _list_commands(champion),
-        "topics": _list_topics(champion),
+        "commands": [c if isinstance(c, str) else " ".join(map(str, c)) for c in commands],
+        "topics": [(key.removeprefix(start), topic) for key, topic in topics.items()],
         "origin": _describe_origin(champion, options),
         "finders": _list_finders(champion, options),
         "describe_orientation": parameters.describe_orientation,
     }
-
-
-def _list_commands(champion: Champion) -> list[str]:
-    given = [champion.values.get(f"controller.{key}") for key in ("command", "nodes")]
-    commands = [given[0]] if given[0] else given[1] or []
-    return [line if isinstance(line, str) else " ".join(map(str, line)) for line in commands]
-
-
-def _list_topics(champion: Champion) -> list[tuple[str, str]]:
-    start = "controller.topics."
-    values = champion.values.items()
-    return [(key.removeprefix(start), str(v)) for key, v in values if key.startswith(start)]
-
-
-def _describe_fitness(status: Mapping[str, Any]) -> str:
-    recorded, validated = status.get("best_fitness"), status.get("best_validated_fitness")
-    text = f"{recorded:.3f} on the draws used for selection"
-    return text if validated is None else f"{text}, and {validated:.3f} on fresh draws"
 
 
 def _list_finders(champion: Champion, options: PackageOptions) -> list[parameters.RangeFinder]:

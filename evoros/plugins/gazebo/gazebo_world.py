@@ -76,7 +76,10 @@ def format_link(
 
     The server attaches the meshes, because the library does not load mesh files named in SDF.
     """
-    parts, meshes = [] if inertial is None else [_format_inertial(inertial)], []
+    parts, meshes = [], []
+    if inertial is not None:
+        mass, *moments = format_numbers([inertial.mass, *inertial.moments]).split()
+        parts.append(_INERTIAL.format(*moments, mass=mass, pose=format_pose(inertial.pose)))
     for index, solid in enumerate(solids):
         name = f"{solid.group}{index}"
         if solid.shape.kind in _GEOMETRY:
@@ -98,11 +101,6 @@ def format_pose(pose: Pose) -> str:
     """Return a pose as SDF."""
     numbers = format_numbers((*pose.position, *pose.quaternion))
     return f'<pose rotation_format="quat_xyzw">{numbers}</pose>'
-
-
-def _format_inertial(inertial: Inertial) -> str:
-    mass, *moments = format_numbers([inertial.mass, *inertial.moments]).split()
-    return _INERTIAL.format(*moments, mass=mass, pose=format_pose(inertial.pose))
 
 
 def _format_mesh(place: str, solid: Solid) -> str:
@@ -166,17 +164,17 @@ def _find_solids(
     if not is_wheel and link not in casters:
         return [Solid(SOLID, shape, shape.pose, CHASSIS_FRICTION) for shape in shapes]
     friction = wheel_friction if is_wheel else 0.0
-    rounded = is_wheel and not skids(robot.drive)
-    turning = ((_round(shape) if rounded else shape, shape.pose) for shape in shapes)
-    solids = [Solid(ROLLING, shape, pose, friction) for shape, pose in turning]
+    rolling = list(shapes)
+    if is_wheel and not skids(robot.drive):
+        # A cylinder's edge makes turning radii wrong by up to 11 %.
+        rolling = [
+            Shape("sphere", shape.size[:1], shape.pose) if shape.kind == "cylinder" else shape
+            for shape in shapes
+        ]
+    solids = [Solid(ROLLING, shape, shape.pose, friction) for shape in rolling]
     if link in robot.exposed_links:
         solids += [Solid(OBSTACLE, shape, shape.pose, CHASSIS_FRICTION) for shape in shapes]
     return solids
-
-
-def _round(shape: Shape) -> Shape:
-    """Return a wheel as a sphere; a cylinder's edge makes turning radii wrong by up to 11 %."""
-    return Shape("sphere", shape.size[:1], shape.pose) if shape.kind == "cylinder" else shape
 
 
 def _read_inertial(inertial: Element | None) -> Inertial:

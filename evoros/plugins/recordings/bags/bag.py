@@ -143,18 +143,16 @@ def _list_team_messages(mission: RecordedMission, goal: str) -> list[ros.Message
         return messages
     for name, other in mission.others.items():
         heard = ros.list_messages(other, goal)
-        messages += [_place(name, message) for message in heard if message.topic != "/obstacles"]
+        for stamp, topic, content in heard:
+            own = topic if topic in _OF_ALL else f"/{name}{topic}"
+            if topic != "/obstacles":
+                messages.append(ros.Message(stamp, own, _rename_frames(name, content)))
     fixed = [message for message in messages if message.topic == FIXED_FRAMES]
     # A latched topic retains only the last message, so one message holds all fixed frames.
     frames = [frame for message in fixed for frame in message.content["transforms"]]
     moving = [message for message in messages if message.topic != FIXED_FRAMES]
     joined = fixed[0]._replace(content={"transforms": frames})
     return sorted([joined, *moving], key=lambda message: message.stamp_ns)
-
-
-def _place(name: str, message: ros.Message) -> ros.Message:
-    topic = message.topic if message.topic in _OF_ALL else f"/{name}{message.topic}"
-    return message._replace(topic=topic, content=_rename_frames(name, message.content))
 
 
 def _rename_frames(name: str, content: Any) -> Any:

@@ -1,11 +1,11 @@
 """Makes the recording of a run: missions, evolution, and the layout of the views."""
 
 import math
+import re
 import tempfile
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -131,7 +131,8 @@ def _show_evolution(top: Entities, record: Record, urdf: str, most_faces: int) -
     scene = top.below("best")
     scene.show(rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     robot = ShownRobot(urdf, most_faces)
-    body = [link for link in robot.surfaces if not _is_sensor(link, record)]
+    types = "|".join(map(re.escape, record.context.types))
+    body = [link for link in robot.surfaces if not re.fullmatch(rf".*(?:{types})_\d+", link)]
     show_links(scene.below("robot"), robot, body)
     sensors = designs.place_candidates(bests.drop_duplicates("id"), record)
     fans = {design: _draw(rows) for design, rows in sensors.groupby("design")}
@@ -141,13 +142,13 @@ def _show_evolution(top: Entities, record: Record, urdf: str, most_faces: int) -
     columns = rr.LineStrips3D.columns(strips=strips, colors=colours, radii=radii)
     sizes = [len(design) for design in shown]
     scene.below("sensors").show_over_generations(generations, columns.partition(sizes))
-    texts = [_describe(row, record) for row in bests.to_dict("records")]
+    best = int(record.run.champion["design"].iloc[0])
+    texts = [
+        f"Generation {row.generation}: design {row.id}{' (the champion)' * (row.id == best)}, "
+        f"fitness {row.fitness:.4g}"
+        for row in bests.itertuples()
+    ]
     top.below("text").show_over_generations(generations, rr.TextDocument.columns(text=texts))
-
-
-def _is_sensor(link: str, record: Record) -> bool:
-    kind, _, number = link.rpartition("_")
-    return number.isdigit() and any(kind.endswith(name) for name in record.context.types)
 
 
 def _draw(sensors: pd.DataFrame) -> list[Array]:
@@ -159,12 +160,6 @@ def _draw(sensors: pd.DataFrame) -> list[Array]:
         turn = Rotation.from_euler("ZY", [np.radians(yaw), np.radians(pitch)])
         fans.append(turn.apply(fan) + np.array([x, y, z]))
     return fans
-
-
-def _describe(row: Mapping[Hashable, Any], record: Record) -> str:
-    design, champion = row["id"], int(record.run.champion["design"].iloc[0])
-    named = " (the champion)" if design == champion else ""
-    return f"Generation {row['generation']}: design {design}{named}, fitness {row['fitness']:.4g}"
 
 
 def show_mission(top: Entities, mission: RecordedMission, most_faces: int) -> None:
@@ -243,15 +238,11 @@ def _show_course(top: Entities, mission: RecordedMission) -> None:
     home = [*course.home[:2], 0.0]
     top.below("route").show(rr.LineStrips3D([[home, *goals]], colors=COURSE, radii=0.008))
     distinct = course.route(True)[: len(course.waypoints) + 1]
-    circles = [_circle(x, y, course.acceptance_m) for x, y in distinct.tolist()]
+    angles = np.linspace(0.0, 2 * math.pi, 49)
+    ring = course.acceptance_m * np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
+    circles = [np.array([x, y, 0.0]) + ring for x, y in distinct.tolist()]
     labels = [*(str(i + 1) for i in range(len(course.waypoints))), "home"]
     top.below("acceptance").show(rr.LineStrips3D(circles, colors=COURSE, radii=0.008))
     places = [[x, y, 0.0] for x, y in distinct.tolist()]
     points = rr.Points3D(places, colors=COURSE, radii=0.04, labels=labels)
     top.below("waypoints").show(points)
-
-
-def _circle(x: float, y: float, radius: float) -> Array:
-    angles = np.linspace(0.0, 2 * math.pi, 49)
-    ring = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
-    return np.asarray([x, y, 0.0] + radius * ring)

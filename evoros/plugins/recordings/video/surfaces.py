@@ -98,13 +98,9 @@ def _ring(radius: float, height: float) -> Array:
 
 def _triangulate_heights(shape: Shape) -> Array:
     points = height_points(shape)
-    rows, columns = (_thin(length) for length in points.shape[:2])
+    counts = [(length, min(length, MAX_SIDE)) for length in points.shape[:2]]
+    rows, columns = ([round(i * (n - 1) / (m - 1)) for i in range(m)] for n, m in counts)
     points = points[np.ix_(rows, columns)]
     a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, :-1], points[1:, 1:]
     halves = [np.stack(corners, axis=2).reshape(-1, 3, 3) for corners in ((a, b, d), (a, d, c))]
     return np.concatenate(halves)
-
-
-def _thin(length: int) -> list[int]:
-    count = min(length, MAX_SIDE)
-    return [round(i * (length - 1) / (count - 1)) for i in range(count)]

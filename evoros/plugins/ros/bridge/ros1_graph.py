@@ -150,7 +150,10 @@ class Graph:
 
     def _update(self) -> None:
         published, subscribed, _ = self._master.getSystemState()
-        self._published, self._subscribed = map(_without_bridge, (published, subscribed))
+        self._published, self._subscribed = (
+            {topic: sorted(name for name in names if name != NAME) for topic, names in topics}
+            for topics in (published, subscribed)
+        )
         names = {
             name
             for topics in (self._published, self._subscribed)
@@ -195,7 +198,3 @@ class Graph:
                 if direction == "i" and (not connected or connected[0]):
                     count[name, topic] = count.get((name, topic), 0) + 1
         return count
-
-
-def _without_bridge(topics: list[tuple[str, list[str]]]) -> dict[str, list[str]]:
-    return {topic: sorted(name for name in names if name != NAME) for topic, names in topics}

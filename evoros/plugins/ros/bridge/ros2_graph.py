@@ -69,15 +69,12 @@ class Outlet:
     def deliver(self, together: list[tuple[str, Any]], require_rest: Callable[[], None]) -> None:
         """Publish messages that belong together, and wait until the nodes are at rest."""
         heard = [(topic, message) for topic, message in together if self.hears(topic)]
-        for topic, message in sorted(heard, key=self._place):
+        for topic, message in sorted(heard, key=lambda item: self._order.get(item[0], b"")):
             self._publishers[topic].publish(message)
             if self._one_by_one:
                 require_rest()
         if heard and not self._one_by_one:
             require_rest()
-
-    def _place(self, item: tuple[str, Any]) -> bytes:
-        return self._order.get(item[0], b"")
 
     def hears(self, topic: str) -> bool:
         """Return True if a node of the group subscribes to a topic."""
