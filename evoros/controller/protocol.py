@@ -103,8 +103,7 @@ LOCALIZATION = mapping_of(
 class AnyController(ControllerPart, ABC):
     """Base class of controllers in this process and of external controllers."""
 
-    period_s: float
-    """Time [s] between two decisions."""
+    period_s: float  # time [s] between two decisions
     localization: Mapping[str, Localizer] = MappingProxyType({})
     """The filters, or the estimator, that act on the pose, keyed by name, in order.
 

@@ -63,8 +63,7 @@ class BoundRegion(Protocol):
 class RegionDescription(ABC):
     """A region for any robot."""
 
-    overhang_m: float = 0.0
-    """Maximum distance [m] of a sensor outside the robot's outline."""
+    overhang_m: float = 0.0  # maximum distance [m] of a sensor outside the robot's outline
 
     @abstractmethod
     def bind(

@@ -21,8 +21,7 @@ FIXED = "fixed"  # key of the random draws of a world that is the same in all mi
 class Distribution(ABC):
     """A distribution of worlds: a hashable frozen dataclass, identified by all its fields."""
 
-    kind: ClassVar[str]
-    """The noun for a world, such as "field"."""
+    kind: ClassVar[str]  # noun for a world, such as "field"
     world_name: ClassVar[str]
     course: Course
     seed: int

@@ -19,8 +19,7 @@ from evoros.world.floors import GROUND
 from evoros.world.model import World
 
 MAX_ATTEMPTS = 1000  # maximum number of positions drawn for one decoy
-BEHIND_M = 0.1
-"""Distance [m] between a waypoint and the surface of the object behind the waypoint."""
+BEHIND_M = 0.1  # distance [m] between a waypoint and the surface of the object behind the waypoint
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,7 @@ class ObstacleKind(ABC):
     The SDF of a generated field lists the kind's values under the lower-case class name.
     """
 
-    share: float = 1.0
-    """The relative frequency of this kind."""
+    share: float = 1.0  # relative frequency of this kind
     mass_kg: float | None = None
     """The mass [kg] of an obstacle that can be pushed; None: it is fixed."""
 

@@ -121,8 +121,7 @@ class Filter(ABC):
 
     Results depend on the name, so it must not change if the class is renamed.
     """
-    effect: str = ALTERS
-    """The effect on readings, for figures: ``ENDS``, ``ALTERS`` or ``GROWS``."""
+    effect: str = ALTERS  # effect on readings, for figures: ``ENDS``, ``ALTERS`` or ``GROWS``
     rule: Callable[..., None]
     """The function that changes each sample; a static method, so that numba can compile it.
 

@@ -8,8 +8,7 @@ from evoros.base.checks import NOT_NEGATIVE, checked
 from evoros.fitness.protocol import AdditiveFitness
 from evoros.mission.mission import Outcome
 
-NOTHING_DONE = 1.0
-"""The value of Eq. 1 for a mission without any progress."""
+NOTHING_DONE = 1.0  # value of Eq. 1 for a mission without any progress
 COMPLETED_AT_ONCE = 8.0
 """The value of Eq. 1 for a mission completed instantly: (1 + 1)^2 + (1 + 1)^2."""
 

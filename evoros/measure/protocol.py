@@ -47,10 +47,8 @@ class Evaluated:
 class Measure(ABC):
     """A number that describes a design, as an objective or a descriptor."""
 
-    title: str
-    """The measure's name on the axes of figures."""
-    unit: str = ""
-    """The measure's unit; empty if dimensionless."""
+    title: str  # measure's name on the axes of figures
+    unit: str = ""  # measure's unit; empty if dimensionless
     bounds: Sequence[float]
     """The minimum and maximum that an archive distinguishes; designs may lie outside."""
     direction: str = MAXIMIZE

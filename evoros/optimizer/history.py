@@ -1,7 +1,7 @@
 """Code that searches share: individuals and scores, samplers, archives and levels of genes."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -101,6 +101,17 @@ class Sampler(Protocol):
 
     def learn(self, history: History, changed: bool) -> None:
         """Learn from the generation's scores; ``changed`` is True if earlier scores changed."""
+
+
+@dataclass(frozen=True)
+class FixedSampler:
+    """A sampler that learns nothing from scores."""
+
+    name: str
+    propose: Callable[[], Sequence[Array]]
+
+    def learn(self, history: History, changed: bool) -> None:
+        pass
 
 
 class FitnessSearch:

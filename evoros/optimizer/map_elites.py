@@ -1,7 +1,7 @@
 """MAP-Elites, which finds the best design in each cell of a grid over the descriptors."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 from numpy.random import Generator
@@ -12,15 +12,12 @@ from evoros.base.errors import require_extra
 from evoros.optimizer.history import (
     CELLS,
     ArchiveSearch,
-    History,
+    FixedSampler,
     create_archive,
     draw_seed,
     list_categories,
 )
 from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_genes
-
-if TYPE_CHECKING:
-    from ribs.emitters import IsoLineEmitter
 
 
 @dataclass(frozen=True)
@@ -61,28 +58,17 @@ class MapElites(Optimizer):
             batch_size=self.population_size,
             seed=draw_seed(rng),
         )
-        sampler = _Emitter(emitter, list_categories(space), self.redraw_probability, rng)
-        return ArchiveSearch(archive, sampler)
+        categories = list_categories(space)
 
+        def redraw(genome: Array) -> Array:
+            values = np.array(genome)
+            for gene in categories:
+                if rng.random() < self.redraw_probability:
+                    values[gene] = rng.random()
+            return values
 
-@dataclass(frozen=True)
-class _Emitter:
-    emitter: "IsoLineEmitter"
-    categories: list[int]
-    redraw_probability: float
-    rng: Generator
-    name: str = "iso_line"
+        def propose() -> list[Array]:  # the emitter reads the archive, so it need not learn
+            genomes = list(emitter.ask())
+            return genomes if archive.empty else list(map(redraw, genomes))
 
-    def propose(self) -> list[Array]:
-        genomes = list(self.emitter.ask())
-        return genomes if self.emitter.archive.empty else list(map(self._redraw, genomes))
-
-    def _redraw(self, genome: Array) -> Array:
-        values = np.array(genome)
-        for gene in self.categories:
-            if self.rng.random() < self.redraw_probability:
-                values[gene] = self.rng.random()
-        return values
-
-    def learn(self, history: History, changed: bool) -> None:
-        """Do nothing, because the emitter reads the archive."""
+        return ArchiveSearch(archive, FixedSampler("iso_line", propose))

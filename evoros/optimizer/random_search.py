@@ -7,7 +7,7 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, WHOLE, checked
-from evoros.optimizer.history import FitnessSearch, History
+from evoros.optimizer.history import FitnessSearch, FixedSampler
 from evoros.optimizer.protocol import Goals, Optimizer, Search, Space
 
 
@@ -21,18 +21,8 @@ class RandomSearch(Optimizer):
     validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        return FitnessSearch(_Uniform(self.population_size, space.size, rng))
 
+        def propose() -> list[Array]:
+            return list(rng.random((self.population_size, space.size)))
 
-@dataclass(frozen=True)
-class _Uniform:
-    population_size: int
-    size: int
-    rng: Generator
-    name: str = "random"
-
-    def propose(self) -> list[Array]:
-        return [self.rng.random(self.size) for _ in range(self.population_size)]
-
-    def learn(self, history: History, changed: bool) -> None:
-        """Do nothing."""
+        return FitnessSearch(FixedSampler("random", propose))

@@ -1,7 +1,7 @@
 """A scrambled Sobol' sequence, which covers the space more evenly than random designs."""
 
-from collections import deque
 from dataclasses import dataclass
+from itertools import count, islice
 from typing import Annotated
 
 from numpy.random import Generator
@@ -10,7 +10,7 @@ from scipy.stats import qmc
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, WHOLE, checked
 from evoros.base.errors import InputError
-from evoros.optimizer.history import FitnessSearch, History
+from evoros.optimizer.history import FitnessSearch, FixedSampler
 from evoros.optimizer.protocol import Goals, Optimizer, Search, Space
 
 BLOCK = 512  # number of points per draw; a power of two keeps the sequence balanced
@@ -37,21 +37,10 @@ class Sobol(Optimizer):
                 f"design: must have at most {MOST_GENES} genes for optimizer=sobol, not "
                 f"{space.size}; choose optimizer=random_search"
             )
-        return FitnessSearch(_Sequence(self.population_size, space.size, rng))
+        sequence = qmc.Sobol(max(1, space.size), scramble=True, rng=rng)
+        points = (point[: space.size] for _ in count() for point in sequence.random(BLOCK))
 
+        def propose() -> list[Array]:
+            return list(islice(points, self.population_size))
 
-class _Sequence:
-    name = "sobol"
-
-    def __init__(self, population_size: int, size: int, rng: Generator) -> None:
-        self._population_size, self._size = population_size, size
-        self._points: deque[Array] = deque()
-        self._sequence = qmc.Sobol(max(1, size), scramble=True, rng=rng)
-
-    def propose(self) -> list[Array]:
-        while len(self._points) < self._population_size:
-            self._points.extend(self._sequence.random(BLOCK))
-        return [self._points.popleft()[: self._size] for _ in range(self._population_size)]
-
-    def learn(self, history: History, changed: bool) -> None:
-        """Do nothing."""
+        return FitnessSearch(FixedSampler("sobol", propose))

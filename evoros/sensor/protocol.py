@@ -89,18 +89,14 @@ class Channel(NamedTuple):
 class Sensor(ABC):
     """A type of sensor: measured quantity, channels, period, filters and body."""
 
-    period_s: float
-    """Time between two readings [s]."""
-    measures: str
-    """The measured quantity: ``range`` for a ``RangeSensor``, otherwise a signal."""
+    period_s: float  # time between two readings [s]
+    measures: str  # measured quantity: ``range`` for a ``RangeSensor``, otherwise a signal
     filters: Mapping[str, Filter] = MappingProxyType({})
     """Filters by name, in the order in which they are applied to the readings, noise first."""
     size_m: Sequence[float]
     """Side lengths (3,) [m] of the body, a box centred on the sensor frame that never collides."""
-    mass_kg: float
-    """Mass of the body [kg], greater than 0 because simulators drop massless bodies."""
-    price: float = 0.0
-    """The price, at least 0, in any unit."""
+    mass_kg: float  # mass of the body [kg], greater than 0 because simulators drop massless bodies
+    price: float = 0.0  # price, at least 0, in any unit
 
     @property
     @abstractmethod
@@ -119,12 +115,9 @@ class RangeSensor(Sensor):
     """
 
     measures = RANGE
-    radiation: str = ""
-    """The radiation type in ROS messages: ``infrared``, or empty for ultrasound."""
-    range_min_m: float
-    """The minimum reading [m]."""
-    range_max_m: float
-    """The maximum reading [m], also read if nothing is in range."""
+    radiation: str = ""  # radiation type in ROS messages: ``infrared``, or empty for ultrasound
+    range_min_m: float  # minimum reading [m]
+    range_max_m: float  # maximum reading [m], also read if nothing is in range
 
     def __post_init__(self) -> None:
         if self.range_min_m >= self.range_max_m:
@@ -167,8 +160,7 @@ class ContactSensor(SignalSensor):
     measures = CONTACT
     width_m: float
     """The distance [m] between the left and right edges of the zone, centred on the mount."""
-    depth_m: float
-    """The distance [m] behind the mount at which the zone begins."""
+    depth_m: float  # distance [m] behind the mount at which the zone begins
 
 
 def _are_channels(value: object) -> bool:

@@ -56,8 +56,7 @@ class Simulation(Protocol):
 class Simulator(ABC):
     """A factory of simulations; it imports the engine's library only to open the first."""
 
-    time_step: float
-    """Physics step [s]; all sensor and controller periods are multiples of it."""
+    time_step: float  # physics step [s]; all sensor and controller periods are multiples of it
     packages: Sequence[str]
     """pip names of the packages whose versions can change results, such as the engine's.
 

@@ -9,11 +9,11 @@ from tempfile import TemporaryDirectory
 from evoros.base.errors import InputError
 from evoros.config.recorded import relocate_recorded
 from evoros.plugins.archives.layout import Layout
+from evoros.plugins.archives.portable import PortableRun
 from evoros.session.diff import Diff, diff_runs
 from evoros.session.rebuilding import rebuild
 from evoros.storage import archives
 from evoros.storage.layout import CONFIG, CONFIG_DIR, MANIFEST, folders_below, read_json
-from evoros.storage.portable import PortableRun
 from evoros.terminal.log import warn_left_out
 
 

@@ -33,6 +33,7 @@ from evoros.plugins.archives.layout import (
     place_named,
     read_input,
 )
+from evoros.plugins.archives.portable import PortableRun
 from evoros.plugins.archives.software import list_software, read_code
 from evoros.session.rebuilding import rebuild
 from evoros.storage import archives
@@ -45,7 +46,6 @@ from evoros.storage.layout import (
     read_bytes,
     read_sealed,
 )
-from evoros.storage.portable import PortableRun
 
 _SHORTEST = 8  # length below which names and values of variables are treated as ordinary words
 LOCAL = "localhost"

@@ -17,8 +17,7 @@ from evoros.geometry.shapes import Body, Pose
 from evoros.world.model import KEPT_WORLDS, World
 from evoros.world.standing import GAP_M, Part, place_parts, sight_rows, standing_obstacles
 
-OVERLAP_M = 1e-3
-"""Overlap [m] in top view beyond which one body counts as carrying the other."""
+OVERLAP_M = 1e-3  # overlap [m] in top view beyond which one body counts as carrying the other
 
 
 class Pushable(NamedTuple):

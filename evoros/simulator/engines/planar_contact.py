@@ -15,8 +15,7 @@ from evoros.simulator.engines.planar_layout import ZONE, Memory, Plane, hull_of,
 from evoros.simulator.engines.planar_pushing import TOLERANCE_M, is_near
 from evoros.simulator.engines.rays import Zone, crosses_zone
 
-SKIN_M = 1e-3
-"""Maximum gap [m] at which a robot still touches the body that it has pushed away."""
+SKIN_M = 1e-3  # maximum gap [m] at which a robot still touches the body that it has pushed away
 
 
 class Outline(NamedTuple):

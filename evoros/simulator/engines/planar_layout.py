@@ -17,16 +17,14 @@ from evoros.sensor.protocol import CONTACT, MOTION, WHEELS
 from evoros.simulator.engines.planar_bodies import PlanarPose
 from evoros.simulator.engines.rays import ZONE_SIZE, Beam, find_zones
 
-PLACE = 0
-"""First column of every probe: the index of its signal."""
+PLACE = 0  # first column of every probe: the index of its signal
 FRAME, GRAVITY = 1, 8
 """Columns of a motion probe.
 
 The frame's position (3,) [m] and quaternion (4,), and the gravity [m/s2].
 """
 MOTION_PROBE_SIZE = 9
-ZONE = 1
-"""First column of a contact probe's zone."""
+ZONE = 1  # first column of a contact probe's zone
 CONTACT_PROBE_SIZE = ZONE + ZONE_SIZE
 
 

@@ -39,8 +39,7 @@ from evoros.walkers.layout import Walk, Walking
 from evoros.walkers.motion import walk
 from evoros.world.standing import sight_rows
 
-NEAR_M = 1.0
-"""Upper bound [m] on the distance that a robot moves in a step."""
+NEAR_M = 1.0  # upper bound [m] on the distance that a robot moves in a step
 
 
 def place_crowd(placed: Placed, crowd: Crowd, robots: int) -> Placed:
