@@ -36,6 +36,12 @@ def atan2_all(y: Array, x: Array) -> Array:
     return angles.reshape(y.shape)
 
 
+def compile_all() -> None:
+    """Compile both loops."""
+    for loop in (_fill_sin_cos, _fill_atan2):
+        _compiled(loop)
+
+
 @cache
 def _compiled(function: Any) -> Any:
     # Imported here because numba is slow to import, and most commands need no arrays.

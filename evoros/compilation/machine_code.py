@@ -18,7 +18,7 @@ from numba.extending import overload
 from numba.np import linalg
 
 from evoros.base.compilable import take_waiting
-from evoros.files.disk import sync
+from evoros.files.disk import sync, write_atomically
 from evoros.files.private import cache_home, private_folder
 from evoros.files.resources import PACKAGE
 from evoros.terminal.activity import announce
@@ -40,6 +40,7 @@ RULE_ROOMS = (
     *("mission", "sensor", "simulator", "walkers", "world"),
 )
 """Packages of evoros that have mission rules, or the code that compiles them."""
+BUNDLED = "machine_code"  # folder in the package; editable installations have none
 _IMPORT = re.compile(
     rb"^[ \t]*(?:from (evoros[\w.]*) import (\([^)]*\)|.*)|import (evoros[\w.]*))", re.MULTILINE
 )
@@ -154,7 +155,22 @@ def cache_folder() -> Path | None:
             "that only this user can write to; every process compiles the rules again",
             cache_home(),
         )
+    else:
+        _copy_bundled(folder)
     return folder
+
+
+def _copy_bundled(folder: Path) -> None:
+    """Copy the machine code that was made during installation, unless the sources have changed.
+
+    numba uses it only for the processor and the version of Python for which it was made.
+    """
+    bundled = PACKAGE / BUNDLED / folder.name
+    for file in sorted(bundled.rglob("*.nb?")):  # an index (.nbi) after its code (.nbc)
+        copy = folder / file.relative_to(bundled)
+        if not copy.exists():
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            write_atomically(copy, file.read_bytes())
 
 
 @cache

@@ -23,8 +23,8 @@ from evoros.geometry.footprint import (
 )
 from evoros.geometry.polygon import polygon_distance, transform_polygon
 
-_CLEARANCES = types.void(A2, A2, A2, A2, A1)
-_SUMMARY = types.void(A2, A2, A2, A2, A2, I8, A1)
+CLEARANCES = types.void(A2, A2, A2, A2, A1)
+SUMMARY = types.void(A2, A2, A2, A2, A2, I8, A1)
 LAST_X, LAST_Y, LAST_TOUCH, ALONG = range(4)
 WAY_SIZE = 4
 """Size of the memory of ``add_driven``.
@@ -54,7 +54,7 @@ def summarize_track(
     """
     result = np.empty(2 + len(points))
     arrays = (track, outline, obstacles.rows, obstacles.corners, points)
-    compile_rule(_summarize, _SUMMARY)(*map(np.ascontiguousarray, arrays), untouched, result)
+    compile_rule(fill_summary, SUMMARY)(*map(np.ascontiguousarray, arrays), untouched, result)
     return TrackSummary(float(result[0]), tuple(result[2:].tolist()), float(result[1]))
 
 
@@ -66,11 +66,11 @@ def compute_clearances(outline: Array, poses: Array, obstacles: Sequence[Footpri
     """
     outlines, result = Outlines.of(obstacles), np.empty(len(poses))
     arrays = (poses, outline, outlines.rows, outlines.corners)
-    compile_rule(_fill_clearances, _CLEARANCES)(*map(np.ascontiguousarray, arrays), result)
+    compile_rule(fill_clearances, CLEARANCES)(*map(np.ascontiguousarray, arrays), result)
     return result
 
 
-def _summarize(
+def fill_summary(
     track: Array,
     outline: Array,
     rows: Array,
@@ -79,6 +79,7 @@ def _summarize(
     untouched: int,
     result: Array,
 ) -> None:
+    """Write the length, the clearance and the distances of ``summarize_track``."""
     result[0], way = 0.0, np.zeros(WAY_SIZE)
     way[LAST_X], way[LAST_Y] = track[0, 0], track[0, 1]
     for i in range(1, len(track)):
@@ -115,9 +116,10 @@ def add_driven(way: Array, x: float, y: float, yaw: float, touching: bool) -> fl
     return driven
 
 
-def _fill_clearances(
+def fill_clearances(
     poses: Array, outline: Array, rows: Array, corners: Array, result: Array
 ) -> None:
+    """Write the distances of ``compute_clearances``."""
     reach = _reach(outline)
     placed = outline.copy()
     for i in range(len(poses)):

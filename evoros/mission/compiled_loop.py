@@ -197,12 +197,13 @@ def explain_interpreted(inputs: LoopInputs) -> list[str]:
 
 def _run_tabulated(inputs: LoopInputs, *arguments: Any) -> LoopResult:
     tabulated = tabulate_stages(inputs)  # kept alive until the loop has ended
-    result: LoopResult = _compile_loop()(tabulated, *arguments)
+    result: LoopResult = compile_loop()(tabulated, *arguments)
     return result
 
 
 @cache
-def _compile_loop() -> Any:
+def compile_loop() -> Any:
+    """Compile the loop, once per process, and return its entry point."""
     records = name_records(map(types.FunctionType, SIMULATION_RULES), TABLE)
     signature = types.NamedTuple((I8, I8, types.boolean), LoopResult)(*records.values())
     with compiling() as cached:

@@ -138,7 +138,7 @@ def start_sensors(
                 stages.append(FilterStage(target.every, *rule, rng, signals[signal], values))
         else:  # ranges are the readings
             source = signals[parts[0].start : parts[-1].stop]
-            copy = _start_copy(_copy, source, target.values)
+            copy = _start_copy(copy_signal, source, target.values)
             stages.append(copy._replace(every=target.every))
         stages += _start_filters(part, sensor.filters, target, draws)
     return stages
@@ -235,20 +235,20 @@ class Actuation:
 
         ``driven`` (COMMAND_SIZE,) is the drive's input. ``strength`` is used if a wheel fails.
         """
-        stages = [_start_copy(_copy, self._command, driven)]
+        stages = [_start_copy(copy_signal, self._command, driven)]
         if faults[protocol.COMMAND] or faults[protocol.DRIVE]:
             stages = [
-                _start_copy(_copy, self._command, self._sent),
+                _start_copy(copy_signal, self._command, self._sent),
                 *faults[protocol.COMMAND],
                 _start_copy(_receive, self._sent, self._received),
-                _start_copy(_copy, self._received, self._wanted),
+                _start_copy(copy_signal, self._received, self._wanted),
                 *faults[protocol.DRIVE],
                 _start_copy(_receive, self._wanted, driven),
             ]
         if faults[protocol.STRENGTH]:
             full = np.ones(STRENGTH_SIZE)
             stages += [
-                _start_copy(_copy, full, self._shares),
+                _start_copy(copy_signal, full, self._shares),
                 *faults[protocol.STRENGTH],
                 _start_copy(_weaken, self._shares, strength),
             ]
@@ -262,7 +262,8 @@ def _start_copy(rule: object, source: Array, values: Array) -> FilterStage:
 _NO_DRAWS: Generator = generator("", "copy")  # copies draw no numbers
 
 
-def _copy(signal: Array, values: Array) -> None:
+def copy_signal(signal: Array, values: Array) -> None:
+    """Copy the values that another stage has computed."""
     copy_values(signal, values)
 
 

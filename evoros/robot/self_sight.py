@@ -100,10 +100,13 @@ class BlindShares:
         return np.asarray(np.mean(blind, axis=0))
 
 
+MEET_SHAPES = NOTHING(A2, A2, A1, A1, A1, A2, A2, A2, A1, A1)
+
+
 def cast_at_robot(occluders: OccluderRows, rays: Array) -> tuple[Array, Array]:
     """Return the distance (k,) [m] to the nearest shape on each ray (or infinity) and its index."""
     distances, numbers = np.full(len(rays), math.inf), np.full(len(rays), -1.0)
-    rule = compile_rule(meet_shapes, NOTHING(A2, A2, A1, A1, A1, A2, A2, A2, A1, A1))
+    rule = compile_rule(meet_shapes, MEET_SHAPES)
     backward = np.ascontiguousarray(-rays[:, DIRECTION : DIRECTION + 3])
     rule(*occluders, np.ascontiguousarray(rays), backward, distances, numbers)
     return distances, numbers

@@ -29,7 +29,7 @@ from evoros.controller.protocol import Estimator, Layer
 from evoros.evolution.experiment import Experiment
 from evoros.files.resources import PACKAGE
 from evoros.filter.protocol import FILTER_ARGUMENTS, Channels, Filter
-from evoros.mission.compiled_loop import _compile_loop
+from evoros.mission.compiled_loop import compile_loop
 from evoros.mission.loop import run_loop
 from evoros.mission.rollout import run_mission
 from evoros.preflight.preflight import preflight
@@ -51,15 +51,15 @@ def test_the_compiled_mission_is_the_interpreted_one(overrides: list[str]) -> No
 
 
 def test_one_compiled_loop_serves_any_number_of_robots_and_filters() -> None:
-    before = _compile_loop()
+    before = compile_loop()
     late = [f"+filter@design.sensors.sonar.filters.f{i}=gaussian_noise" for i in range(40)]
     for overrides in ([], ["agents=oncoming", *late]):
         experiment = experiment_of(*overrides, "course.time_limit_s=3")
         mission = missions(experiment, 1)[0]
         whole = run_mission(experiment.scenario, mission)
         assert same(whole, run_mission(experiment.scenario, mission, run_interpreted))
-    assert _compile_loop() is before
-    assert _compile_loop.cache_info().currsize == 1
+    assert compile_loop() is before
+    assert compile_loop.cache_info().currsize == 1
 
 
 @pytest.mark.slow

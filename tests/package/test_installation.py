@@ -7,6 +7,7 @@ works is shown by all other tests.
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -22,6 +23,8 @@ import pytest
 from helpers import ROOT, USER_PARTS
 from own_modules import ONE_NAME, write_own_modules
 from packaging.requirements import Requirement
+
+from evoros.compilation.machine_code import BUNDLED
 
 pytestmark = [pytest.mark.timeout(900), pytest.mark.slow]
 
@@ -218,9 +221,9 @@ def test_the_commands_work_everywhere(installed: Installed, tmp_path: Path) -> N
 
 def test_the_wheel_has_everything_once_and_nothing_else(wheel: Path, installed: Installed) -> None:
     """The wheel of the source distribution, and the one that pip builds from a clone."""
+    names = list(contents(wheel))
     with ZipFile(wheel) as archive:
-        names = [name for name in archive.namelist() if ".dist-info/" not in name]
-    assert len(names) == len(set(names))
+        assert len(archive.namelist()) == len(set(archive.namelist()))
     assert {name.partition("/")[0] for name in names} == {"evoros"}
     for folder in ("analysis", "conf", "robots", "worlds"):
         packed = {name for name in names if name.startswith(f"evoros/{folder}/")}
@@ -230,14 +233,26 @@ def test_the_wheel_has_everything_once_and_nothing_else(wheel: Path, installed: 
     assert direct == contents(wheel)
 
 
+def test_the_first_run_compiles_nothing(installed: Installed, tmp_path: Path) -> None:
+    tiny = ["optimizer.population_size=2", "optimizer.generations=1", "figures=[]"]
+    words = ["experiment=coevolution", *tiny, f"hydra.run.dir={tmp_path / 'run'}"]
+    command = installed.python.with_name("evoros")
+    execute([command, *words], tmp_path, XDG_CACHE_HOME=str(tmp_path / "cache"))
+    compiled, shipped = tmp_path / "cache" / "evoros", installed.package / BUNDLED
+    assert {file.relative_to(shipped): file.read_bytes() for file in shipped.rglob("*.nb?")} == {
+        file.relative_to(compiled): file.read_bytes() for file in compiled.rglob("*.nb?")
+    }
+
+
 def contents(wheel: Path) -> dict[str, bytes]:
-    """The files of the package; the list of all files is in the order of the build."""
+    """The files of the package, without machine code, whose bytes differ between builds."""
     with ZipFile(wheel) as archive:
-        names = [name for name in archive.namelist() if ".dist-info/" not in name]
+        listed = archive.namelist()
+        names = [name for name in listed if not re.search(rf"\.dist-info/|/{BUNDLED}/", name)]
         return {name: archive.read(name) for name in names}
 
 
 def files(folder: Path) -> set[Path]:
-    """Relative paths, without what Python has compiled."""
+    """Relative paths, without what Python and numba have compiled."""
     paths = (path.relative_to(folder) for path in folder.rglob("*.*") if path.is_file())
-    return {path for path in paths if "__pycache__" not in path.parts}
+    return {path for path in paths if not {"__pycache__", BUNDLED} & {*path.parts}}
