@@ -19,6 +19,7 @@ from evoros.config.own_files import NAMED_FOLDERS, find_key
 from evoros.config.references import IS_LATER, settle
 from evoros.evolution.experiment import Experiment
 from evoros.files.plugins import conf_folders
+from evoros.formats.notes import WORLD_KEYS
 
 # Hydra 1.4 and later have only these defaults.
 VERSION_BASE: Mapping[str, Any] = {} if IS_LATER else {"version_base": "1.3"}
@@ -65,10 +66,16 @@ class Configuration:
 def build(values: Mapping[str, Any], choices: Mapping[str, str]) -> Any:
     """Instantiate the class named by ``values``, and nested ones; ``choices`` is for messages."""
     targets = check_classes(values, choices)
+    worlds = values.get("world")
+    names = [*worlds] if isinstance(worlds, Mapping) else []
+    # The world's configuration may lack the proposed keys, hence ``++``.
+    token = WORLD_KEYS.set(f"++world.{names[0]}." if len(names) == 1 else WORLD_KEYS.get())
     try:
         return instantiate(dict(values), _convert_="all", **allow(targets))
     except (Exception, SystemExit) as error:
         raise InputError(describe_build_error(error)) from error
+    finally:
+        WORLD_KEYS.reset(token)
 
 
 def check_classes(values: Mapping[str, Any], choices: Mapping[str, str]) -> tuple[str, ...]:

@@ -4,12 +4,15 @@ import logging
 import math
 import re
 from collections.abc import Mapping, Sequence
+from contextvars import ContextVar
 from pathlib import Path
 
 from lxml.etree import _Element as Element
 
 from evoros.formats.strict_xml import local_tag, locate, name_of, parse_number, walk_up
 
+WORLD_KEYS: ContextVar[str] = ContextVar("world_keys", default="world.NAME.")
+"""Replacement for ``world.NAME.`` in notes, which readers write without knowing the name."""
 _NAMED = 3  # maximum number of further names in a line
 
 
@@ -45,10 +48,14 @@ class Notes:
         for lines in self._kinds.values():
             names = _list([name for _, name in lines])
             more = f" (and {len(lines) - 1} more of this kind{names})" if len(lines) > 1 else ""
-            self._log.warning("%s%s", lines[0][0], more)
+            self._log.warning("%s%s", _name_keys(lines[0][0]), more)
             for text, _ in lines if more else ():
-                self._log.debug("%s", text)
+                self._log.debug("%s", _name_keys(text))
         self._kinds.clear()
+
+
+def _name_keys(text: str) -> str:
+    return text.replace("world.NAME.", WORLD_KEYS.get())
 
 
 def _list(names: list[str]) -> str:

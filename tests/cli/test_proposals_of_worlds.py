@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from proposal_sites import is_of, list_alternatives
+from proposal_sites import OVERRIDE, is_of, list_alternatives
 
 from evoros.base.errors import InputError
 from evoros.cli.inspect import inspect
@@ -69,12 +69,47 @@ def test_nobody_walks_on_a_slope(folder: Path, people: str, words: list[str], ke
     assert build(*kept, typed) == ""
 
 
-def test_a_run_goes_without_models_that_are_missing(folder: Path) -> None:
-    write_world(folder, "<include><uri>model://crate</uri></include>")
-    alternatives = list_alternatives(build(), {})
-    assert len(alternatives) == 2
+@pytest.mark.parametrize("file", ["model://crate", "theirs/crate/model.sdf"])
+def test_a_run_goes_without_missing_models_or_finds_them(folder: Path, file: str) -> None:
+    crate = folder / "away" / file.removeprefix("model://").removesuffix("/model.sdf")
+    crate.mkdir(parents=True)
+    content = model("crate", BOX.format("1 1 1"))
+    (crate / "model.sdf").write_text(f"<sdf version='1.6'>{content}</sdf>")
+    write_world(folder, f"<include><uri>{file}</uri><pose>9 9 0 0 0 0</pose></include>")
+    message = build()
+    unnamed = message.replace("++world.boxes.", "world.NAME.")
+    assert is_of(unnamed, "evoros/formats/sdf/reading.py world.NAME.model_paths")
+    alternatives = list_alternatives(message, {"FOLDER": str(folder / "away")})
+    assert len(alternatives) == 3
     for typed in alternatives:
         assert build(*typed) == ""
+
+
+def test_one_of_several_worlds_is_chosen(folder: Path) -> None:
+    block = model("block", BOX.format("1 1 1"), "5 5 0.5 0 0 0")
+    worlds = "".join(f"<world name='{name}'>{block}</world>" for name in ("first", "second"))
+    (folder / "w.sdf").write_text(f"<sdf version='1.6'>{worlds}</sdf>")
+    message = build()
+    unnamed = message.replace("++world.boxes.", "world.NAME.")
+    assert is_of(unnamed, "evoros/formats/sdf/reader.py world.NAME.world_name=WORLD")
+    (words,) = list_alternatives(message, {"WORLD": "second"})
+    assert build(words[0]) == ""
+
+
+@pytest.mark.parametrize("kind", ["vehicle", "actor"])
+def test_a_note_of_a_run_proposes_keys_of_its_world(
+    folder: Path, kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    plugin = "<plugin filename='libdiff_drive.so' name='p'/></model>"
+    vehicle = model("v", BOX.format("1 1 1"), "9 9 0.5 0 0 0").replace("</model>", plugin)
+    vehicle = vehicle.replace("<static>1</static>", "")
+    write_world(folder, vehicle if kind == "vehicle" else WALK)
+    assert build("++world.boxes.actors=leave_out") == ""
+    (note,) = [text for text in caplog.messages if "++world.boxes." in text]
+    ((key, value),) = OVERRIDE.findall(note)
+    caplog.clear()
+    assert build(f"{key}={value}") == ""
+    assert "is left out" not in caplog.text
 
 
 def test_a_course_is_given_where_a_home_has_no_room(

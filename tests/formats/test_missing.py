@@ -78,10 +78,10 @@ def test_a_line_and_a_count_stand_beside_each_name(tmp_path: Path) -> None:
     message = str(caught.value)
     assert "model://tower/t.dae (line 3, 2 times)" in message
     assert f"{fuel} (line 5)" in message
-    assert "add the folder that holds tower to world.NAME.model_paths" in message
+    assert "add the folder that holds tower to GZ_SIM_RESOURCE_PATH" in message
     assert f'gz fuel download -u "{fuel}" && gz fuel download -u "{fuel}2"' in message
     assert is_of(message, "evoros/formats/sdf/inclusion.py world.NAME.missing=leave_out")
-    for (typed,) in list_alternatives(message, {"world.NAME.": ""}):
+    for (typed,) in list_alternatives(message.rpartition("; ")[2], {"world.NAME.": ""}):
         assert load(tmp_path, text, missing=typed.partition("=")[2]).bodies == ()
 
 

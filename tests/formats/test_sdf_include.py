@@ -284,7 +284,7 @@ def test_an_include_of_itself_is_an_error_with_its_way(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("uri", "says"),
     [
-        ("model://tower", "add the folder that holds tower to world.NAME.model_paths"),
+        ("model://tower", "add the folder that holds tower to GZ_SIM_RESOURCE_PATH"),
         ("tower.sdf", "correct the path"),
         ("https://example.org/tower.sdf", "download https"),
         ("model://empty", "nor a model.config"),

@@ -63,10 +63,12 @@ def test_one_of_several_worlds_is_chosen_by_name(tmp_path: Path) -> None:
     file = write(tmp_path / "w.sdf", f"<sdf version='1.6'>{worlds}</sdf>")
     world = load_world(str(file), square(), world_name="b")
     assert [body.name for body in world.obstacles] == ["b"]
-    with pytest.raises(InputError, match=r"set world\.NAME\.world_name to one of: 'a', 'b'"):
+    with pytest.raises(
+        InputError, match=r"type world\.NAME\.world_name=WORLD, where WORLD is one of: 'a', 'b'"
+    ):
         load_world(str(file), square())
     with pytest.raises(
-        InputError, match=r"no world 'c'; set world.NAME.world_name to one of: 'a', 'b'"
+        InputError, match=r"no world 'c'; type world.NAME.world_name=WORLD, where .*: 'a', 'b'"
     ):
         load_world(str(file), square(), world_name="c")
 

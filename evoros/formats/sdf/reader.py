@@ -162,7 +162,8 @@ def _choose_container(root: Element, reading: Reading) -> Element:
     worlds = root.findall("world")
     wanted = reading.options.world_name
     names = [world.get("name", "") for world in worlds]
-    fix = f"set world.NAME.world_name to one of: {', '.join(map(xml.quote, names)) or 'none'}"
+    listed = ", ".join(map(xml.quote, names)) or "none"
+    fix = f"type world.NAME.world_name=WORLD, where WORLD is one of: {listed}"
     if wanted and wanted not in names:
         raise xml.element_error(root, f"has no world {xml.quote(wanted)}", fix)
     if wanted:

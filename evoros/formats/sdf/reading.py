@@ -105,15 +105,15 @@ class Addresses:
                 f"names {uri}, but no model folder contains {name} (searched: the declared "
                 "folders, the folders around the file, and the folders in environment variables)",
                 Remedy(
-                    "add the folder that holds {} to world.NAME.model_paths or "
-                    "GZ_SIM_RESOURCE_PATH",
+                    "add the folder that holds {} to GZ_SIM_RESOURCE_PATH, or type "
+                    "world.NAME.model_paths=[FOLDER]",
                     name,
                 ),
             )
         if "://" in uri and not uri.startswith("file://"):
             remedy = Remedy("download {}, and give the path of the file", uri)
             return f"names {uri}, which is not on this machine", remedy
-        remedy = Remedy("correct the path {}, or add its folder to world.NAME.model_paths", uri)
+        remedy = Remedy("correct the path {}, or type world.NAME.model_paths=[FOLDER]", uri)
         return f"names {uri}, which is not in {beside}", remedy
 
     def _candidates(self, path: str, uri: str, beside: Path) -> Iterator[Path]:
