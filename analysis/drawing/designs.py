@@ -40,7 +40,7 @@ def draw_shown(designs: Sequence[ShownDesign]) -> Figure:
         handles = [Patch(fc=colour, alpha=0.5, label=kind) for kind, colour in colours.items()]
         if handles:
             cuts = sorted({round(_cut(design), 2) for design in designs})
-            note = f"cones at most {', '.join(map(str, cuts))} m long here"
+            note = f"cones cut off at {', '.join(map(str, cuts))} m"
             figure.legend(
                 handles=handles, title=note, loc="outside lower center", ncols=4, frameon=False
             )

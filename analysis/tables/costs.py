@@ -100,7 +100,7 @@ def compute_quartiles(generations: pd.DataFrame, axis: str = GENERATION) -> pd.D
 
 def add_axis(parser: argparse.ArgumentParser, default: str | None = GENERATION) -> None:
     """Add ``--axis``, the measure of what a search costs."""
-    about = "compare searches by their cost in this measure"
+    about = "measure of cost by which to compare searches"
     parser.add_argument("--axis", choices=AXES, default=default, help=about)
 
 
@@ -135,12 +135,12 @@ def find_span(costs: Mapping[str, "pd.Series[float]"], axis: str, budget: float 
     if start > end:
         raise InputError(
             f"--axis {axis}: the first generation of {late} cost {start:g}, more than the whole "
-            f"run {short} ({end:g}); leave one of them out with --where"
+            f"run {short} ({end:g}); leave out one of these runs with --where"
         )
     if budget is not None and not (start <= budget <= end and budget > 0):
         raise InputError(
             f"--budget: must be from {start:g} (the first generation of {late}) to {end:g} (the "
-            f"end of {short}), and above 0, not {budget:g}; change it, or resume that run further"
+            f"end of {short}), and above 0, not {budget:g}; change the budget, or extend that run"
         )
     return start, end if budget is None else budget
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from evoros.analysis.tables.showing import ShownDesign
 
 NAME = "evoros show"
-ABOUT = """List the sensors of a design, with places, directions, types and prices, and draw them.
+ABOUT = """List the sensors of a design, with their poses, types and prices, and draw them.
 
 SOURCE is a run, a sweep, an evaluation, an archive, or a CSV file of designs:
   evoros show outputs/run                   the champion, or the best design so far
@@ -35,11 +35,11 @@ def show(arguments: Sequence[str]) -> int:
 
     parser = CommandParser(NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("source", metavar="SOURCE")
-    parser.add_argument("overrides", nargs="*", metavar="key=value", help="only for a CSV file")
+    parser.add_argument("overrides", nargs="*", metavar="key=value", help="for a CSV file only")
     parser.add_argument("--design", metavar="DESIGN", help="number or name of the design")
     parser.add_argument("--picture", metavar="FILE", type=expand_home, help="a new PNG, SVG or PDF")
     parser.add_argument("--browser", action="store_true", help="open the picture in the browser")
-    parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder of your own parts")
+    parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder with your own parts")
     options = parser.parse_intermixed_args(list(arguments))
     require_keys(options.overrides, options.source)
     source = expand_home(options.source)
@@ -98,7 +98,7 @@ def _check_picture(picture: Path | None) -> None:
     if picture.exists():
         raise InputError(f"--picture {picture}: already exists; choose another file")
     if not picture.parent.is_dir():
-        raise InputError(f"--picture {picture}: the folder does not exist; make it first")
+        raise InputError(f"--picture {picture}: the folder does not exist; create the folder first")
 
 
 def _choose(shown: "Sequence[ShownDesign]", name: str) -> "list[ShownDesign]":

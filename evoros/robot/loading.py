@@ -164,7 +164,7 @@ def _balance_wheels(elements: Element, urdf: Urdf, drive: DriveDescription) -> l
             moment = 0.5 * mass * shape.size[0] * shape.size[0]
             set_inertial(link, mass, np.array(shape.pose.position), moment * np.eye(3))
             moved.append(f"{joint.child} ({off:.3g} m from its axle)")
-    return list_notes({"centres of mass outside their wheel are moved into it": moved})
+    return list_notes({"centres of mass outside their wheels are moved into the wheels": moved})
 
 
 def _tell_dense(elements: Element, urdf: Urdf) -> list[str]:

@@ -164,7 +164,7 @@ def test_each_figure_takes_each_axis(
     ("words", "told"),
     [
         (["--axis", "missions", "--budget", "0"], "--budget: must be from "),
-        (["--axis", "generation", "--budget", "0"], "above 0, not 0; change it"),
+        (["--axis", "generation", "--budget", "0"], "above 0, not 0; change the budget"),
         (["--axis", "missions", "--budget", "9999"], ", not 9999; "),
         (["--axis", "missions", "--target", "1e6"], "--target: no run reaches 1e+06 by "),
         (["--target", "3"], "--target: needs the option --axis; add --axis missions"),

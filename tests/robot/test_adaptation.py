@@ -435,7 +435,7 @@ def test_a_wheel_whose_mass_is_elsewhere_is_balanced(
     origin = element(robot, "link[@name='left_wheel']/inertial").find("origin")
     centre = "0 0 0" if origin is None else str(origin.get("xyz"))
     assert float(centre.split()[0]) == (0.0 if moved else x)
-    assert any("outside their wheel" in message for message in caplog.messages) == moved
+    assert any("outside their wheels" in message for message in caplog.messages) == moved
 
 
 @pytest.mark.parametrize(("limit", "warns"), [(0.6, False), (3.1416, False), (35, True)])
