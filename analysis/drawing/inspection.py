@@ -12,12 +12,15 @@ from evoros.base.arrays import Array
 from evoros.drive.rolling import shape_points
 from evoros.geometry.footprint import convex_hull
 from evoros.robot.model import Robot
+from evoros.robot.outline import SolidShape
 
 from .style import BLUE, CATEGORIES, PAGE_IN, render, use_style
 
 X, Y, Z = range(3)
 _HEADING_M = 0.03  # length of a sensor's line
-_BODY, _WHEEL, _CASTER, _EDGE = "0.88", "0.45", "0.65", "0.35"
+_BODY, _WHEEL, _CASTER = "body", "driven wheel", "caster"
+_COLOURS = {_BODY: "0.88", _WHEEL: "0.45", _CASTER: "0.65"}
+_EDGE = "0.35"
 
 
 def draw_robot_picture(robot: Robot, places: Mapping[str, Array]) -> bytes:
@@ -36,7 +39,8 @@ def draw_robot_picture(robot: Robot, places: Mapping[str, Array]) -> bytes:
         above.set(xlabel="y, left [m]", ylabel="x, forward [m]", title="top view", aspect="equal")
         above.invert_xaxis()
         side.set(xlabel="x, forward [m]", ylabel="z [m]", title="side view", aspect="equal")
-        figure.legend(handles=_legend(places), loc="outside lower center", ncols=4, frameon=False)
+        entries, place = _legend(robot, places), "outside lower center"
+        figure.legend(handles=entries, loc=place, ncols=4, frameon=False)
     return render(figure, "png")
 
 
@@ -44,11 +48,16 @@ def _draw_view(axes: Axes, robot: Robot, plane: tuple[int, int]) -> None:
     # The part nearest to the viewer (the highest, or the rightmost) is drawn last.
     parts = [(shape_points(part.shape, part.pose), part) for part in robot.visuals]
     parts.sort(key=lambda item: item[0][:, Z].max() if Z not in plane else -item[0][:, Y].min())
-    wheels = {part.link for part in robot.visuals if part.rolls} - {*robot.drive.caster_links}
     for points, part in parts:
-        colour = _BODY if not part.rolls else _WHEEL if part.link in wheels else _CASTER
+        colour = _COLOURS[_name_kind(robot, part)]
         hull = convex_hull(points[:, list(plane)])
         axes.fill(*hull.T, fc=colour, ec=_EDGE, lw=0.5, alpha=0.85, zorder=1)
+
+
+def _name_kind(robot: Robot, part: SolidShape) -> str:
+    if not part.rolls:
+        return _BODY
+    return _CASTER if part.link in robot.drive.caster_links else _WHEEL
 
 
 def _draw_places(above: Axes, side: Axes, poses: Array, colour: str) -> None:
@@ -66,13 +75,12 @@ def _cycle(count: int) -> Sequence[str]:
     return [colours[i % len(colours)] for i in range(count)]
 
 
-def _legend(places: Mapping[str, Array]) -> list[Patch | Line2D]:
+def _legend(robot: Robot, places: Mapping[str, Array]) -> list[Patch | Line2D]:
+    drawn = {_name_kind(robot, part) for part in robot.visuals}
     handles: list[Patch | Line2D] = [
-        Patch(fc=_BODY, ec=_EDGE, label="body"),
-        Patch(fc=_WHEEL, ec=_EDGE, label="driven wheel"),
-        Patch(fc=_CASTER, ec=_EDGE, label="caster"),
-        Line2D([], [], color=BLUE, ls="--", lw=1.0, label="outline"),
+        Patch(fc=colour, ec=_EDGE, label=kind) for kind, colour in _COLOURS.items() if kind in drawn
     ]
+    handles.append(Line2D([], [], color=BLUE, ls="--", lw=1.0, label="outline"))
     for name, colour in zip(places, _cycle(len(places)), strict=True):
         handles.append(Line2D([], [], color=colour, ls="", marker=".", label=f"sensors: {name}"))
     return handles
