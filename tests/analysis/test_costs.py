@@ -153,7 +153,7 @@ def test_each_figure_takes_each_axis(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr("evoros.analysis.drawing.style.save", lambda *_: None)
+    monkeypatch.setattr("evoros.analysis.command.render", lambda *_, **__: b"")
     words = [figure, str(folder), "--axis", axis, "--output", str(tmp_path)]
     status, err = evoros_analyze(words), capsys.readouterr().err
     assert status == (INPUT if axis == "processor_s" else DONE)

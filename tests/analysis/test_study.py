@@ -312,7 +312,7 @@ def test_copies_of_runs_change_no_table(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr("evoros.analysis.drawing.style.save", lambda *_: None)
+    monkeypatch.setattr("evoros.analysis.command.render", lambda *_, **__: b"")
     copies = tmp_path / "copies"
     for run in ("silent_seed-2", "stuck_seed-2", "stuck_seed-10"):
         for number in range(3):

@@ -104,7 +104,8 @@ def test_what_is_whole_is_used_and_what_is_not_is_said(
 ) -> None:
     """And the columns of its tables are those of the document, in order; nothing is drawn."""
     if subcommand != "report":
-        monkeypatch.setattr("evoros.analysis.drawing.style.save", lambda *_: None)
+        for module in ("analysis.command", "plugins.evo_ros_2018.numbered_figures"):
+            monkeypatch.setattr(f"evoros.{module}.render", lambda *_, **__: b"")
     before = everything(mixed)
     given = [subcommand, str(mixed), "--output", str(tmp_path), *SHORT.get(subcommand, ())]
     status = evoros_analyze(given)
