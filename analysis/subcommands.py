@@ -179,7 +179,8 @@ def _add_formats(parser: argparse.ArgumentParser, formats: Mapping[str, str]) ->
         parser.add_argument("--columns", type=int, choices=(1, 2), help=about)
         about = (
             "a matplotlib style file (from a journal, for example) or the name of a matplotlib "
-            "style; sets fonts, font size (font.size) and the width of one column (figure.figsize)"
+            "style; sets fonts, font size (font.size) and the width of one column "
+            "(figure.figsize), but no colours"
         )
         parser.add_argument("--style", metavar="FILE", help=about)
         about = "letter the panels, starting with this letter"

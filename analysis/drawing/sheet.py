@@ -65,9 +65,9 @@ class Sheet:
         )
 
 
-def table_height(rows: int, note: bool = False) -> float:
-    """Return the height [in] of a table with column heads and, if given, a note."""
-    return scale_type(LINE_IN) * (rows + 2 + note)
+def table_height(rows: int, notes: int = 0) -> float:
+    """Return the height [in] of a table with column heads and lines of notes."""
+    return scale_type(LINE_IN) * (rows + 2 + notes)
 
 
 def fit_height(
@@ -157,4 +157,5 @@ def write_table(
     for line, row in enumerate(rows, 1):
         for (x, side), cell in zip(heads.values(), row, strict=True):
             put(x, line, cell, side)
-    put(0, len(rows) + 1, note)
+    for line, text in enumerate(note.split("\n"), len(rows) + 1):
+        put(0, line, text)

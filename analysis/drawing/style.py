@@ -39,7 +39,7 @@ STYLE: dict[Any, Any] = {
     "pdf.fonttype": 42,  # embed TrueType fonts, as most publishers require
     "svg.hashsalt": "evoros",  # otherwise, the ids in an SVG are random
 }
-# A style file cannot change formats, layout and text parsing.
+# A style file cannot change formats, layout, text parsing, and colours, chosen for a light page.
 _OURS = ("savefig.", "backend", "figure.autolayout", "figure.constrained_layout", "text.")
 _chosen: ContextVar[Mapping[Any, Any] | None] = ContextVar("chosen", default=None)
 _DATES = {"svg": "Date", "pdf": "CreationDate"}
@@ -57,7 +57,11 @@ def choose_style(name: str | None) -> Iterator[None]:
     """Apply a matplotlib style, given as a file or by name, inside the context."""
     parameters = {} if name is None else _read_style(name)
     token = _chosen.set(
-        {key: parameters[key] for key in parameters if not str(key).startswith(_OURS)}
+        {
+            key: parameters[key]
+            for key in parameters
+            if not (str(key).startswith(_OURS) or str(key).endswith("color"))
+        }
     )
     try:
         yield

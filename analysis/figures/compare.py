@@ -172,7 +172,7 @@ def draw_comparison(
     full = (name if short == name else f"{short}: {name}" for name, short in letters.items())
     labels = [style.wrap(label, LINE_LENGTH) for label in full]
     count = len(names) if is_matrix else pairs
-    below = table_height(count, note=True) if 0 < count <= MAX_TESTS else 0.0
+    below = table_height(count, notes=1) if 0 < count <= MAX_TESTS else 0.0
     row_in = max(ROW_IN, *(0.11 * (label.count("\n") + 1.5) for label in labels))
     titles = {
         name: style.wrap(comparison.title_measure(name, label), TITLE_LENGTH) for name in measures

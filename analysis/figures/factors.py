@@ -44,7 +44,10 @@ TESTS = (
 )
 EFFECTS = ("measure", "effect", "contrast", "difference", "low", "high")
 PLACES = ((0.0, "left"), (0.66, "right"), (0.81, "right"), (1.0, "right"))
-EFFECT_LENGTH = 32  # maximum length of an effect's name in the table
+EFFECT_LENGTH, LEVEL_LENGTH = (
+    32,
+    24,
+)  # maximum lengths of names of effects, in the table, and levels
 PANEL_IN = 2.2
 LETTERS_PER_IN = 15  # axis label characters per inch
 LEGEND_LETTERS = 44  # maximum number of characters per legend line, without markers
@@ -206,9 +209,10 @@ def draw_factors(
     label: str = FITNESS,
 ) -> Figure:
     """Draw one panel per measure: replicates, means and intervals, with the tests below."""
-    lines = max(_wrap_level(level, width, cells).count("\n") for level in _list_first(cells))
-    panel_in = PANEL_IN + style.scale_type(0.13) * lines
-    layout = Layout(len(cells), width, panel_in, table_height(len(names) * 2 - 1, note=True))
+    levels, upright = _label_levels(width, cells)
+    below = 0.06 * max(map(len, levels)) if upright else 0.13 * max(x.count("\n") for x in levels)
+    panel_in = PANEL_IN + style.scale_type(below)
+    layout = Layout(len(cells), width, panel_in, table_height(len(names) * 2 - 1, notes=1))
     with style.use_style():
         figure, parts = layout.make_figure()
         for (top, bottom), (measure, values) in zip(parts, cells.items(), strict=True):
@@ -217,14 +221,17 @@ def draw_factors(
             axes.set_ylabel(
                 style.wrap(title_measure(measure, label), LETTERS_PER_IN * 0.85 * PANEL_IN)
             )
-            first = [_wrap_level(level, width, cells) for level in _list_first(cells)]
-            axes.set_xticks(range(len(first)), first, fontsize=SMALL)
+            turn = 90 if upright else 0
+            axes.set_xticks(range(len(levels)), levels, fontsize=SMALL, rotation=turn)
             tested = tests[tests.measure == measure]
             statistic = "F" if tested["a12"].isna().all() else "A12 [95 %]"
             heads = dict(zip(("effect", statistic, "p", "p (Holm)"), PLACES, strict=True))
             rows = [_write_test(row) for row in tested.to_dict("records")]
             note = f"bars: 95 % intervals of means; {tested['test'].iloc[0]}"
             write_table(bottom, heads, rows, layout.table_size, note)
+        ends = np.array([top.axes[0].get_ylim() for top, _ in parts])
+        for top, _ in parts:  # all measures are in the unit of the fitness
+            top.axes[0].set_ylim(ends.min(), ends.max())
     return figure
 
 
@@ -241,12 +248,17 @@ def _list_first(cells: Mapping[str, Mapping[Cell, Array]]) -> list[str]:
     return list(dict.fromkeys(cell[0] for values in cells.values() for cell in values))
 
 
-def _wrap_level(level: str, width: float, cells: Mapping[str, Mapping[Cell, Array]]) -> str:
+def _label_levels(
+    width: float, cells: Mapping[str, Mapping[Cell, Array]]
+) -> tuple[list[str], bool]:
+    """Return the labels of the first factor's levels, and True if they fit upright only."""
+    levels = [describe_level(level) for level in _list_first(cells)]
     panel = width / (2 if width > 1.5 * style.COLUMN_IN and len(cells) > 1 else 1) - 0.7
-    room = LETTERS_PER_IN * panel / len(_list_first(cells))
-    return "\n".join(
-        style.cut_short(line, int(room)) for line in style.wrap_lines(describe_level(level), room)
-    )
+    room = LETTERS_PER_IN * panel / len(levels)
+    labels = [style.wrap(level, room) for level in levels]
+    if max(len(line) for label in labels for line in label.splitlines()) <= room:
+        return labels, False
+    return [style.cut_short(level, LEVEL_LENGTH) for level in levels], True
 
 
 def _draw_means(
@@ -270,7 +282,9 @@ def _draw_means(
             places.append(x)
             means.append(interval.value)
         label = f"{describe_factor(names[1])} {describe_level(other)}" if others else None
-        axes.plot(places, means, "o-", color=colours[other], ms=4, lw=0.9, label=label)
+        axes.plot(
+            places, means, "o-" if others else "o", color=colours[other], ms=4, lw=0.9, label=label
+        )
     axes.set(xlabel=describe_factor(names[0]), xlim=(-0.5, len(first) - 0.5))
     if others:
         place: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}

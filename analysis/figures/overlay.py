@@ -41,13 +41,13 @@ HELP = "sensors and cones of the champions on one robot, darker where they overl
 NEEDS = "runs with at least one generation"
 FILES = ("overlay.csv", "overlay_sensors.csv", "overlay_signals.csv")
 Shades = tuple[ListedColormap, BoundaryNorm]
-PER_ROW_IN = 1.5  # minimum width of a panel
+PER_ROW_IN, CROWDED_IN = 1.5, 1.2  # minimum width of a panel; if there are several treatments
 LETTERS_PER_IN = 16  # title characters per inch
 APART = 2.5  # ratio of ranges above which the shorter cones would look like dots
 BAR_IN = 0.75  # room for the colour bar
 HEADS_IN = (0.38, 0.6)  # room above the first and the other views
 LINE_IN = 0.13  # height of a title line
-BAR_LABEL = "whose cones cover the point"
+BAR_LABEL = "covering the point"
 CELLS = 300  # cells along a cone, about 0.1 mm each in print
 SPAN = ["treatment", "cut_m", "cell_m", "x_m", "y_low_m", "y_high_m"]
 UNITS = {"champions": ["run"], "sensors": ["run", "sensor"]}  # columns of a unit
@@ -120,8 +120,9 @@ def draw_overlay(cover: pd.DataFrame, champions: Champions, width: float = COLUM
             shown = cover[(cover.treatment == treatment) & (cover.cut_m == cut)]
             _draw_counts(axes, contexts[treatment], shown, views[view], shades)
             champions.draw_on_each_other(axes, treatment, cut, places=view == 0)
-            how = "whole cones," if view == len(views) - 1 else "cones cut at"
-            cones = f"{how} {cut:g} m" if cut else "no sensors"
+            reach = champions.placed.range_m[champions.placed.treatment == treatment].max()
+            how = f"whole cones, {reach:g} m" if reach <= cut else f"cones cut at {cut:g} m"
+            cones = "no sensors" if np.isnan(reach) else how
             title = cones if view else f"{titles[treatment]}\n{cones}"
             axes.set_title(title, loc="left", fontsize="small")
             robot.frame_axes(axes, views[view])
@@ -153,7 +154,8 @@ def _lay_out(
 
 
 def _count_columns(treatments: int, width: float) -> int:
-    most = max(1, min(treatments, int((width - BAR_IN) / PER_ROW_IN)))
+    panel = PER_ROW_IN if treatments < 3 else CROWDED_IN
+    most = max(1, min(treatments, int((width - BAR_IN) / panel)))
     return math.ceil(treatments / math.ceil(treatments / most))
 
 
@@ -185,7 +187,7 @@ def _add_legends(
     box = page.add_box(figure, corner, (0.1, height))
     box.set_label(COLOUR_BAR)
     bar = figure.colorbar(ScalarMappable(shades[1], shades[0]), cax=box)
-    bar.set_label(f"{unit}{chr(10) if height < 2 else chr(32)}{BAR_LABEL}")
+    bar.set_label(f"{unit} {BAR_LABEL}")
     bar.ax.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     bar.ax.tick_params(labelsize="small", length=2)
     bar.ax.minorticks_off()

@@ -91,11 +91,13 @@ def draw_panels(
 
 
 def _make_colour_handles(placed: pd.DataFrame) -> list[Patch]:
-    ranks = sorted(placed["rank"].astype(int).unique())[: len(CATEGORIES)]
-    labels = {len(ranks) - 1: "farthest from forward", 0: "closest to forward"}
-    colours = {rank: CATEGORIES[rank % len(CATEGORIES)] for rank in ranks}
-    words = {rank: labels.get(rank, "in between") for rank in ranks}
-    return [Patch(fc=colours[rank], alpha=0.6, label=words[rank]) for rank in ranks]
+    ranks = [*range(0 if placed.empty else 1 + int(placed["rank"].max()))]
+    labels = [", ".join(str(rank + 1) for rank in ranks[i :: len(CATEGORIES)]) for i in ranks]
+    labels[:1] = [f"{labels[0]}: closest to forward"] if ranks else []
+    return [
+        Patch(fc=colour, alpha=0.6, label=label)
+        for colour, label in zip(CATEGORIES, labels, strict=False)
+    ]
 
 
 def _title(row: pd.Series) -> str:
@@ -164,4 +166,6 @@ def _shrink(page: Sheet) -> Sheet:
     room = PAGE_HEIGHT_IN - sum(page.heads) - page.bottom - 1e-6  # margin for rounding
     panel = min(max(room / sum(page.ratios), MIN_PANEL_IN), page.panel)
     spare = page.columns * (page.panel - panel)
+    if page.columns == 1:
+        return replace(page, right=page.right + spare)
     return replace(page, gap=page.gap + spare / max(page.columns - 1, 1))

@@ -211,7 +211,7 @@ def _draw_paired_times(
     names = [f"{side}: {name}" for side, name in zip("AB", sides, strict=True)]
     note = cut_short(", ".join([*names, *([design] if design else [])]), NOTE_LENGTH)
     rows = [_list_cells(row) for row in tests.to_dict("records")]
-    layout = Layout(1, width, 0.98 * COLUMN_IN, table_height(len(rows), note=True))
+    layout = Layout(1, width, 0.98 * COLUMN_IN, table_height(len(rows), notes=1))
     with use_style():
         figure, ((top, bottom),) = layout.make_figure()
         axes = top.subplots()

@@ -25,7 +25,15 @@ from ..designs.features import (
     compare_with_random,
     describe_designs,
 )
-from ..drawing.style import PAGE_IN, abbreviate, assign_colours, figure_width, use_style, wrap
+from ..drawing.style import (
+    PAGE_IN,
+    abbreviate,
+    assign_colours,
+    figure_width,
+    scatter_aside,
+    use_style,
+    wrap,
+)
 from ..statistics.small_samples import describe_shortfalls
 from ..subcommands import Product
 from ..tables.champions import read_champion
@@ -116,8 +124,8 @@ def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = P
     """Plot coverage by treatment and heading, and three features; ``width`` is in inches."""
     treatments = list(dict.fromkeys(table.treatment))
     columns = max(1, int(width / PANEL_IN))
-    across = min(columns, len(treatments))
-    above, below = -(-len(treatments) // across), 1 if columns >= 3 else 3
+    above, below = -(-len(treatments) // columns), 1 if columns >= 3 else 3
+    across = -(-len(treatments) // above)
     with use_style():
         heights = [1.65 * above + 0.2 * (below + (below > 1)), 2.1 * below]
         figure = Figure(figsize=(width, sum(heights)), layout="constrained")
@@ -125,7 +133,7 @@ def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = P
         grid = parts[0].subplots(above, across, squeeze=False, sharex=True, sharey=True)
         for axes, treatment in zip(grid.flat, treatments, strict=False):
             _draw_profiles(axes, table[table.treatment == treatment], summary, treatment)
-            axes.set_title(_title(treatment, treatments, table, 16 * width / across))
+            axes.set_title(_title(treatment, treatments, table, 13 * (width - 0.6) / across))
         for axes in list(grid.flat)[len(treatments) :]:
             axes.remove()
         grid[0, 0].set_ylim(bottom=0)
@@ -197,12 +205,12 @@ def _close(values: Array, end: float | None = None) -> Array:
 def _draw_ahead(axes: Axes, table: pd.DataFrame, summary: pd.DataFrame) -> None:
     axes.axhline(0.5, color="black", lw=0.6, ls=":")
     _draw_strips(axes, table, "ahead")
-    axes.set_ylim(-0.03, 1.12)
+    axes.set_ylim(-0.03, 1.25)
     axes.set_yticks([0, 0.25, 0.5, 0.75, 1])
     axes.set_ylabel(f"share of the cones within\n{AHEAD_DEG:.0f} deg of straight ahead")
     counts = summary[summary.measure == FRONT].set_index("treatment")
     for i, (share, n) in enumerate(counts[["value", "n"]].to_numpy(float)):
-        axes.text(i, 1.03, f"{share * n:.0f} : {n - share * n:.0f}", ha="center", fontsize="small")
+        axes.text(i, 1.12, f"{share * n:.0f} : {n - share * n:.0f}", ha="center", fontsize="small")
     axes.set_title("front arrays : side mounts")
 
 
@@ -228,8 +236,7 @@ def _draw_strips(axes: Axes, table: pd.DataFrame, measure: str) -> None:
         if drawn.size:
             axes.boxplot([drawn], positions=[i], **_BOX)
         values = np.sort(designs.loc[~designs.random, measure].to_numpy(float))
-        aside = 0.09 * (np.arange(values.size) % 3 - 1)
-        marker = MARKERS[i % len(MARKERS)]
+        marker, aside = MARKERS[i % len(MARKERS)], 0.4 * scatter_aside(values.size)
         axes.plot(i + aside, values, marker, color=colour, ms=3.5, mew=0.4, mec="white")
     axes.set_xticks(range(len(colours)), list(_shorten(list(colours)).values()))
     axes.set_xlim(-0.6, len(colours) - 0.4)

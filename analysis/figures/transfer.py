@@ -51,7 +51,8 @@ _NUMBER_HEADS = {
 HEADS = {"group": (0.0, "left"), **_NUMBER_HEADS}
 RUNG_HEADS = {"to the rung": (0.0, "left"), **_NUMBER_HEADS}
 MIN_DESIGNS = next(n for n in count(2) if 2 / factorial(n) < LEVEL)  # two of n! orders are extreme
-NOTE = f"*too few designs for a conclusion: {MIN_DESIGNS} or more are needed"
+BARS = "bars: standard errors over the trials"
+NOTE = f"{BARS}\n*too few designs for a conclusion: {MIN_DESIGNS} or more are needed"
 NAME_LENGTH, RUNG_LENGTH = 16, 17  # maximum lengths of a group's and a rung's name in the table
 NAMED = 8  # maximum number of designs with colours and names; more are drawn in grey
 _APART = 0.03  # distance between the dots of two designs, in rungs
@@ -121,7 +122,7 @@ def draw_transfer(
     groups = list(dict.fromkeys(summary["group"].astype(str)))
     lines = int(summary.groupby(["x", "y"]).size().max())
     few = bool((summary["n"] < MIN_DESIGNS).any())
-    layout = Layout(len(panels), width, 0.9 * COLUMN_IN, table_height(lines, few))
+    layout = Layout(len(panels), width, 0.9 * COLUMN_IN, table_height(lines, 1 + few))
     with use_style():
         figure, parts = layout.make_figure()
         for (top, bottom), ((x, y), pairs) in zip(parts, panels, strict=True):
@@ -130,7 +131,7 @@ def draw_transfer(
                 _add_legend(top)
             rows = summary[(summary["x"] == x) & (summary["y"] == y)]
             cells = list(map(_table_row, rows.to_dict("records")))
-            write_table(bottom, HEADS, cells, layout.table_size, NOTE if few else "")
+            write_table(bottom, HEADS, cells, layout.table_size, NOTE if few else BARS)
     return figure
 
 
@@ -203,8 +204,8 @@ def draw_ladder(
     rows = summary.to_dict("records")
     names = (cut_short(row["y"], RUNG_LENGTH) + "*" * (row["n"] < MIN_DESIGNS) for row in rows)
     cells = [(name, *_table_row(row)[1:]) for name, row in zip(names, rows, strict=True)]
-    note = NOTE if bool((summary["n"] < MIN_DESIGNS).any()) else ""
-    layout = Layout(1, width, 0.85 * COLUMN_IN, table_height(len(cells), bool(note)))
+    note = NOTE if bool((summary["n"] < MIN_DESIGNS).any()) else BARS
+    layout = Layout(1, width, 0.85 * COLUMN_IN, table_height(len(cells), 1 + note.count("\n")))
     rungs = list(dict.fromkeys([str(table["x"].iloc[0]), *table["y"].astype(str)]))
     with use_style():
         figure, ((top, bottom),) = layout.make_figure()

@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator, PercentFormatter
+from matplotlib.ticker import PercentFormatter
 
 from evoros.base.errors import InputError
 from evoros.failure.protocol import Case
@@ -163,7 +163,7 @@ def _find_met(cases: pd.DataFrame) -> tuple[tuple[int, ...], str]:
         return (), ""
     first = smallest.iloc[0]
     worlds = first["stopped_in"].replace(" ", ", ")
-    title = f"not completed: {worlds}, failure at {first['failed_at_s']:g} s"
+    title = f"not completed: {worlds}, failure at {first['failed_at_s']:.1f} s"
     return read_set(first["failed_sensors"]), title
 
 
@@ -173,7 +173,7 @@ def _find_confirmed(searched: pd.DataFrame) -> tuple[tuple[int, ...], str]:
         return (), f"stopped by none of {searched['number'].nunique() - 1} cases"
     first = stopping.iloc[0]
     case = Case.parse(str(first["case"]))
-    times = ", ".join(f"{time:g}" for time in dict.fromkeys(case.times_s))
+    times = ", ".join(f"{time:.1f}" for time in dict.fromkeys(case.times_s))
     rate, low, high = (100 * first[name] for name in ("rate", "low", "high"))
     title = (
         f"{first['world']}: completed {rate:.0f} % ({low:.0f} to {high:.0f}), failure at {times} s"
@@ -188,16 +188,15 @@ def _draw_shares(axes: Axes, sets: pd.DataFrame) -> None:
         if not complete:
             bar.set(facecolor="none", edgecolor=VERMILLION, hatch="////")
     for row in sets.to_dict("records"):
-        some = f"{row['stopping']}/{row['sets']}\nsets"
-        none = f"{row['stopped']}/{row['missions']}\nmissions"
-        text, place = some if row["failed"] else none, row["stopped"] / row["missions"]
+        text, place = f"{row['stopped']}/{row['missions']}", row["stopped"] / row["missions"]
         style: dict[str, Any] = {"textcoords": "offset points", "ha": "center"}
         axes.annotate(text, (row["failed"], place), (0, 2), fontsize="small", **style)
-    axes.set(ylim=(0.0, 1.2), xlabel="failed sensors", ylabel="missions not completed")
-    axes.set_title(wrap("numbers: sets with an incomplete mission, of all sets that occurred", 40))
-    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+    axes.set(ylim=(0.0, 1.2), ylabel="missions not completed")
+    axes.set_xlabel("failed sensors (sets with an\nincomplete mission/sets that occurred)")
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0, symbol=" %"))
     axes.set_yticks([0.0, 0.25, 0.5, 0.75, 1.0])
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    labels = [f"{row.failed}\n({row.stopping}/{row.sets})" for row in sets.itertuples()]
+    axes.set_xticks(sets["failed"], labels)
     if not whole.all():
         handle = Patch(fc="none", ec=VERMILLION, hatch="////", label="not all sets occurred")
         axes.legend(handles=[handle], frameon=False, loc="upper left")
@@ -212,9 +211,10 @@ def _draw_plan(
     robot.draw_sensors(axes, sensors, colours, robot.assign_markers(sensors))
     corners = [robot.to_page(outline_part(part)) for part in context.parts]
     reach = max(float(abs(points).max()) for points in corners) + REACH_M
-    robot.frame_axes(axes, (-reach, reach, -reach, reach))
+    edge = 1.15 * reach
+    robot.frame_axes(axes, (-reach, reach, -edge, edge))
     labels = sensors.assign(label=sensors["sensor"], bold=sensors["sensor"].isin(failed))
-    label_sensors(axes, labels, 0.85 * reach, 0.14 * reach)
+    label_sensors(axes, labels, reach, 0.14 * reach)
     axes.set(xlabel=robot.AXES[0], ylabel=robot.AXES[1])
     kinds = [(VERMILLION, "failed"), (BLUE, "working")] if failed else [(BLUE, "sensor")]
     handles = [Patch(fc=colour, alpha=0.6, label=label) for colour, label in kinds]

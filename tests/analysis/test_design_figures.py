@@ -194,7 +194,7 @@ def test_of_single_champions_the_sensors_are_counted() -> None:
     cover, figure = drawn(sensor(0, 0, 0), sensor(0, 0, 15, sensor=1, pair=1))
     part = cover[cover.cut_m == 1.0]
     assert areas(part) == pytest.approx({1: 2 * sector(15), 2: sector(15)}, rel=0.02)
-    assert figure.axes[-1].get_ylabel() == "sensors whose cones cover the point"
+    assert figure.axes[-1].get_ylabel() == "sensors covering the point"
 
 
 def test_a_champion_without_sensors_counts_and_covers_nothing() -> None:

@@ -1,11 +1,11 @@
-"""Rules for any figure of evoros analyze, in one column, also in a journal's style."""
+"""Rules for any figure of evoros analyze, in one and two columns, also in a journal's style."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from figure_checks import find_faults
-from helpers import scored, tiny, vary
+from helpers import scored, texts, tiny, vary
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -32,8 +32,10 @@ NEEDS = {
 """The study that a subcommand is drawn from, if it is not that of two runs."""
 LARGE = {"power": [f"--difference={difference}" for difference in (2, 3, 4)]}
 """Differences that few replicates detect, whose power is soon computed."""
-JOURNAL = "font.size: 7\nfont.family: serif\nfigure.figsize: 3.4, 2.5\naxes.linewidth: 0.5\n"
-LOOKS = {"column": "", "journal": JOURNAL}
+JOURNAL = "text.color: white\nfigure.facecolor: black\n"
+JOURNAL += "font.size: 7\nfont.family: serif\nfigure.figsize: 3.4, 2.5\naxes.linewidth: 0.5\n"
+LOOKS = {"column": ("", "1"), "page": ("", "2"), "journal": (JOURNAL, "1")}
+"""A style and a width by name; no style turns pictures dark."""
 
 
 @pytest.fixture(scope="module")
@@ -41,9 +43,9 @@ def studies(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Study]:
     """Runs with faults that grow, and evaluations of their designs with other failures."""
     top = tmp_path_factory.mktemp("figures")
     drift = ("failure=random", "filter@failure.effect=drift", "failure.latest_s=3.0")
-    assert (
-        tiny(top / "study" / "drift", *drift, *SHOWN, "controls=all", "controls.trials=3") == DONE
-    )
+    back = "world.near.course.waypoints=[[1.0,1.2],[-1.0,1.2],[1.0,1.2]]"  # one place twice
+    more = ("controls=all", "controls.trials=3", back)
+    assert tiny(top / "study" / "drift", *drift, *SHOWN, *more) == DONE
     assert tiny(top / "study" / "spatial", "failure=spatial", *SHOWN) == DONE
     for failure in ("random", "spatial"):
         scored(top / "pair" / failure, top / "study", f"failure={failure}", "trials=2")
@@ -55,19 +57,28 @@ def studies(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Study]:
         levels = {"optimizer.population_size": 4 + seed % 2, "trials": 1 + seed // 2 % 2}
         scores = {"best_fitness": 3.0 + 0.1 * seed, "best_validated_fitness": 3.0 + seed % 5}
         vary(top / "many" / "0", top / "many" / str(seed), {**levels, "seed": seed}, scores)
-    return {name: load_study([top / name]) for name in ("study", "pair", "versions", "many")}
+    found = {name: load_study([top / name]) for name in ("study", "pair", "versions", "many")}
+    for count in (1, 2, 6):
+        for seed in range(2, 2 + 2 * count):
+            place = top / f"treatments {count}" / str(seed)
+            change = {"seed": seed, "optimizer.population_size": 4 + seed // 2}
+            vary(top / "many" / "0", place, change, {"best_fitness": 3.0 + seed % 5})
+        found[place.parent.name] = load_study([place.parent])
+    return found
 
 
-@pytest.fixture(params=["column", pytest.param("journal", marks=pytest.mark.slow)])
+@pytest.fixture(params=["column", "page", pytest.param("journal", marks=pytest.mark.slow)])
 def look(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[list[str]]:
-    style = LOOKS[request.param]
+    style, columns = LOOKS[request.param]
     (tmp_path / "journal.mplstyle").write_text(style)
     with choose_style(str(tmp_path / "journal.mplstyle") if style else None):
-        yield ["--columns", "1"]
+        yield ["--columns", columns]
 
 
-def draw(studies: dict[str, Study], name: str, options: list[str]) -> Figure:
-    study = studies[NEEDS.get(name, "study")]
+def draw(
+    studies: dict[str, Study], name: str, options: list[str], wanted: str | None = None
+) -> Figure:
+    study = studies[wanted or NEEDS.get(name, "study")]
     columns = [] if name in ("archive", "front") else options
     given = parse([name, ".", *columns, *LARGE.get(name, ())])
     product = make_product(import_subcommand(name), study, given)
@@ -83,6 +94,32 @@ QUICK = ("overlay", "fitness", "mission", "compare", "strategies")
 )
 def test_it_can_be_read(name: str, studies: dict[str, Study], look: list[str]) -> None:
     figure = draw(studies, name, look)
+    finish(figure)
+    with use_style():
+        assert find_faults(figure) == []
+    assert {text.get_color() for text in texts(figure)}.isdisjoint({"white", "w"})
+    assert figure.get_facecolor() == (1.0, 1.0, 1.0, 1.0)
+
+
+def test_faults_of_text_are_found() -> None:
+    """Text on text, and text that leaves the picture."""
+    figure = Figure(figsize=(2.0, 1.0))
+    for place, word in (((0.3, 0.5), "under"), ((0.31, 0.52), "over"), ((0.9, 0.1), "leaves")):
+        figure.text(*place, word)
+    outside, on_text = find_faults(figure)
+    assert outside.startswith("outside the figure")
+    assert "'leaves'" in outside
+    assert on_text == "text on text: 'under' and 'over'"
+
+
+@pytest.mark.parametrize("treatments", [1, 2, 6])
+@pytest.mark.parametrize("name", ["overlay", "panel", "strategies", "factors"])
+def test_any_number_of_treatments_can_be_read(
+    name: str, treatments: int, studies: dict[str, Study], look: list[str]
+) -> None:
+    if (name, treatments) == ("factors", 1):
+        pytest.skip("nothing differs")
+    figure = draw(studies, name, look, f"treatments {treatments}")
     finish(figure)
     with use_style():
         assert find_faults(figure) == []

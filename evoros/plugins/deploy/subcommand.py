@@ -118,11 +118,12 @@ def _describe_datum(wheels: Array) -> str:
         return "the origin of the robot's frame, which lies on the ground"
     sides = wheels[:, 1]
     middle = abs(sides.min() + sides.max()) < _SAME_MM
-    across = "midway between the wheels" if middle else "at y = 0 in the robot's frame"
+    across = "midway between left and right wheels" if middle else "at y = 0 in the robot's frame"
     ahead = -float(wheels[:, 0].min())
     along = f"{round(abs(ahead), 1):g} mm {'ahead of' if ahead > 0.0 else 'behind'}"
     along = "below" if abs(ahead) < _SAME_MM else along
-    return f"on the ground, {across}, {along} the axle of the rearmost wheels"
+    axle = "rear axle" if np.ptp(wheels[:, 0]) > _SAME_MM else "axle"
+    return f"on the ground, {across}, {along} the {axle}"
 
 
 def _merge(values: list[float]) -> Iterator[float]:

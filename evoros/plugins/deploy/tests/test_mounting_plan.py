@@ -36,7 +36,7 @@ def test_the_drawing_has_every_number_once_a_view(record: Record) -> None:
     width, height = (25.4 * inches for inches in figure.get_size_inches())
     assert axes.get_xlim() == pytest.approx((0.0, width))  # to scale
     assert height < 297.0  # of A4
-    assert any("150 mm ahead of the axle of the rearmost wheels" in text for text in texts)
+    assert any("150 mm ahead of the rear axle" in text for text in texts)
 
 
 def test_the_drawing_is_to_scale(record: Record) -> None:
