@@ -60,10 +60,7 @@ def _fits(value: object, dimensions: int) -> bool:
 
 
 def unpack(kind: type[P], packed: Array) -> P:
-    """Return the named tuple that was packed; the arrays in it are views of ``packed``.
-
-    Compiled code uses ``evoros.compilation.rules``, whose views do not keep ``packed`` alive.
-    """
+    """Return the named tuple that was packed; the arrays in it are views of ``packed``."""
     values: list[Any] = []
     at = 0
     for count in list_dimensions(kind):

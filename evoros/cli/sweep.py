@@ -114,10 +114,7 @@ class Sweep:
         self.results: list[tuple[Path, JobResult]] = []  # one per job that has ended
 
     def begin(self, job: Job) -> None:
-        """Wait until fewer than the pool's ``jobs`` are running, then build and start a job.
-
-        A KeyboardInterrupt ends only this job; other jobs continue until ``close``.
-        """
+        """Wait until fewer jobs than the pool allows are running, then build and start a job."""
         folder = job.folder
         self._wait(self._pool.jobs - 1)
         try:

@@ -59,11 +59,7 @@ class FreePlaces:
     view: View
 
     def adapt(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Map values anywhere in the region to values in free cells.
-
-        If a part smaller than a cell blocks the view inside, the nearest corner of the cell
-        replaces the place.
-        """
+        """Map values anywhere in the region to values in free cells."""
         adapted, corner, free = dict(values), {}, self.free
         for name, (low, high) in self.ranges.items():
             others = tuple(range(1, free.ndim))
@@ -76,6 +72,7 @@ class FreePlaces:
             free = free[cell]
         if self.view.find_free([adapted])[0]:
             return adapted
+        # A part smaller than a cell blocks the view, so use the nearest corner of the cell.
         ends = (
             _list_ends(self.ranges[name], cells)
             for name, cells in zip(corner, self.free.shape, strict=True)

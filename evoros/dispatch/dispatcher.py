@@ -70,11 +70,7 @@ class Dispatcher:
         record: MissionRecord,
         notify: Callable[[Mission, Outcomes], None],
     ) -> None:
-        """Run the missions that ``record`` lacks, and record each before calling ``notify`` for it.
-
-        ``missions`` may be a generator of any length, which is consumed as calls are submitted. For
-        errors, see ``run`` and ``MissionRecord.has``.
-        """
+        """Run the missions that ``record`` lacks, and record each before calling ``notify``."""
         missing = (mission for mission in missions if not record.has(mission))
         for results in self.run(scenario, missing):
             record.record(results)

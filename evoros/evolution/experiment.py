@@ -217,11 +217,7 @@ class Experiment:
         return {}
 
     def scenario_under(self, condition: Condition) -> Scenario:
-        """Return the scenario of an evaluation's missions under a condition.
-
-        The failed sensors of a case show the failure model's effect if the model fails sensors, and
-        are silent otherwise.
-        """
+        """Return the scenario of an evaluation's missions under a condition."""
         key = condition if condition.case is None else STATED
         if key not in self._scenarios:
             self._scenarios[key] = self._make_scenario(key)

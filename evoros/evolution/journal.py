@@ -90,7 +90,7 @@ class Champions:
     gene_names: Mapping[str, Mapping[str, str]]  # see ``Champion``
 
 
-class Watcher(Protocol):
+class Watcher:
     """Follows the progress of a run without affecting its results."""
 
     def begin(self, generation: int, missions: int, known: int) -> None:

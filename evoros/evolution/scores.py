@@ -254,13 +254,10 @@ class Scores:
     def conclude(
         self, generation: int, candidates: Sequence[Candidate], scores: Mapping[int, Score]
     ) -> Generation:
-        """Validate the best of these candidates, and return the finished generation.
-
-        Survivors that were scored again but dropped are appended, so the table has all ``scores``
-        reported to the search.
-        """
+        """Validate the best of these candidates, and return the finished generation."""
         experiment = self.trials.experiment
         present = {candidate.individual.id for candidate in candidates}
+        # The table has all scores that were reported to the search.
         dropped = [
             Candidate(old, DROPPED, scores[old.id].fitness, 0)
             for old in self.survivors

@@ -205,13 +205,10 @@ class Validated:
     _generations: dict[int, int] = field(default_factory=dict)  # generation of each individual
 
     def validate(self, generation: int, individual: Individual) -> None:
-        """Validate an individual, unless it is already validated or the run does not validate.
-
-        A fitness that is not a mean depends on the number of trials, which is at least the number
-        by which designs were compared.
-        """
+        """Validate an individual, unless it is already validated or the run does not validate."""
         experiment = self.trials.experiment
         count = experiment.plan.validation_trials
+        # A fitness that is not a mean depends on the number of trials.
         if count and experiment.scoring.combine is not mean:
             count = max(count, min(self.compared, experiment.validation.max_trials))
         known = self.fresh.get(individual.id)

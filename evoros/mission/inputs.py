@@ -229,12 +229,9 @@ def run_with_calls(
 def _make_callback(
     function: Callable[[], object], release: Release, errors: list[BaseException], ended: Array
 ) -> Any:
-    """Wrap a Python function as a C function.
+    """Wrap a Python function as a C function."""
 
-    Exceptions cannot pass through compiled code. The first is stored, and every robot is marked as
-    ended, so that the mission stops before the next step.
-    """
-
+    # Exceptions cannot pass through compiled code; the mission stops before the next step.
     def call() -> None:
         if not errors:
             try:

@@ -61,10 +61,7 @@ def enter(member: Member, failure: Failure, course: Course, mission: Mission) ->
 
 @contextmanager
 def open_layers(participant: Participant) -> Iterator[Sequence[LayerStage]]:
-    """Start the controller of a robot for one mission.
-
-    A live controller that cannot be started raises LaunchError; one that is not ready, PilotLost.
-    """
+    """Start the controller of a robot for one mission."""
     controller, draws = participant.member.controller, participant.draws
     if not isinstance(controller, protocol.LiveController):
 

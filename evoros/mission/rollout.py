@@ -172,11 +172,7 @@ class OpenMission:
         return "" if ended == RUNNING else ENDINGS[ended]
 
     def command(self, speed: float, steering: float) -> None:
-        """Set the first robot's speed [m/s] and steering [rad] until its controller decides again.
-
-        Raises:
-            InputError: faults act between the commands and the drive.
-        """
+        """Set the first robot's speed [m/s] and steering [rad] until its controller decides."""
         if self._setup.arrays.driven is not self._setup.arrays.commands:
             raise InputError(
                 "failure: must not affect commands, steering or drive if a scenario drives the "

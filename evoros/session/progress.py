@@ -9,7 +9,7 @@ from typing import Self
 from evoros.evolution.journal import Generation
 from evoros.mission.mission import Mission, Outcomes, judge
 from evoros.session.screen import Pipe, Screen, fit, open_screen
-from evoros.session.status import survey, write_clock
+from evoros.session.status import Display, survey, write_clock
 from evoros.storage.layout import FINISHED, RUNNING, folders_below
 from evoros.terminal.activity import listen
 from evoros.terminal.log import warn_left_out
@@ -36,7 +36,7 @@ class _Shown:
         return f"{write_clock(_elapsed(self._created))} elapsed"
 
 
-class Progress(_Shown):
+class Progress(_Shown, Display):
     """The progress display of one run or evaluation, a context manager.
 
     If ``shown``, it appears on the terminal, below a notebook cell, or in a pipe as a new line
@@ -166,12 +166,10 @@ class SweepProgress(_Shown):
 
 
 class RecordedProgress(_Shown):
-    """The progress of jobs in other processes or on other machines, read from their folders.
-
-    Every update is a new line, because the jobs may write to this terminal at any time.
-    """
+    """The progress of jobs in other processes or on other machines, read from their folders."""
 
     def __init__(self, sweep: Path, jobs: int | None) -> None:
+        # The jobs may write to this terminal at any time, so every update is a new line.
         super().__init__(Screen(self.line, Pipe()))
         self._sweep, self._jobs = sweep, jobs
 

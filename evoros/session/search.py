@@ -9,7 +9,7 @@ from evoros.certificate.certificate import Certificate
 from evoros.certificate.validation import foresee_trials
 from evoros.config.configuration import Configuration
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.journal import Generation
+from evoros.evolution.journal import Generation, Watcher
 from evoros.evolution.loop import evolve
 from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission, Outcomes
@@ -49,7 +49,7 @@ def build_search(config: Configuration) -> Experiment:
 
 
 @dataclass
-class Search:
+class Search(Watcher):
     """A search, which also receives the progress of its evolution."""
 
     experiment: Experiment

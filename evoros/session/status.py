@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from logging import LogRecord
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from evoros.base.errors import EvorosError, RunStopped
-from evoros.evolution.journal import Generation, Watcher
+from evoros.evolution.journal import Watcher
 from evoros.mission.mission import Mission, Outcomes, judge
 from evoros.mission.plan import describe
 from evoros.storage import layout
@@ -22,27 +22,15 @@ from evoros.terminal.log import LOGGER, log_to_file
 UPDATE_S = 5.0  # minimum interval between updates of ``status.json`` during missions
 
 
-class Display(Watcher, Protocol):
-    """A watcher that also shows the start of a run."""
+class Display(Watcher):
+    """A watcher that also shows the start of a run; its methods do nothing by default."""
 
     def start(self, generations: int) -> None:
         """Show the start of a run of which ``generations`` are to be run."""
 
 
-class NoDisplay:
+class NoDisplay(Display):
     """A display that shows nothing."""
-
-    def start(self, generations: int) -> None:
-        """Ignore the start."""
-
-    def begin(self, generation: int, missions: int, known: int) -> None:
-        """Ignore the number of missions."""
-
-    def mission(self, mission: Mission, outcomes: Outcomes) -> None:
-        """Ignore a mission."""
-
-    def generation(self, generation: Generation) -> None:
-        """Ignore a generation."""
 
 
 @dataclass

@@ -121,11 +121,7 @@ def keep_worst(
     designs: Sequence[NamedDesign],
     dispatcher: Dispatcher,
 ) -> None:
-    """Store the trajectory of the worst mission for each unmet requirement.
-
-    Missions without a trajectory are rerun; the trajectory is discarded if the outcome differs, for
-    example because a program reads the clock.
-    """
+    """Store the trajectory of the worst mission for each unmet requirement."""
     if experiment.record == NONE:
         return
     by_id = {index: named.design for index, named in enumerate(designs)}

@@ -190,11 +190,7 @@ MARKS = ("config.yaml", "manifest.json", "missions.csv")
 
 
 def folders_below(path: Path, skip: Callable[[str], object]) -> Iterator[Path]:
-    """Yield the run folders below ``path``, or ``path`` if it is one, in natural order of names.
-
-    Run folders are not searched for further runs. ``skip`` receives the reason if a folder cannot
-    be read.
-    """
+    """Yield the run folders below ``path``, or ``path`` if it is one, in natural order of names."""
 
     def explain(error: OSError) -> None:
         if explanation := explain_path(error):

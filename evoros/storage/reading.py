@@ -103,11 +103,7 @@ class Run:
             )
 
     def trajectory(self, world: str) -> pd.DataFrame:
-        """Read the trajectory of the champion's first mission in a world; the run must be finished.
-
-        Raises:
-            InputError: the run stores no trajectories, or the file is missing or damaged.
-        """
+        """Read the trajectory of the champion's first mission in a world, if the run stored it."""
         self._require(evaluation=False)
         self.require_trajectories()
         return self._read_trajectory(f"champion/trajectory_{world}.csv")

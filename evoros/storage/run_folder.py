@@ -163,11 +163,7 @@ class RunFolder(MissionLog):
             self.digests.sync()
 
     def complete(self, generations: int = 1, extended: bool = False) -> None:
-        """Sort the mission rows by generation, design, world and trial.
-
-        Rows that the run did not request are set aside, except for rows from an earlier or later
-        end of a search that may have been ``extended``.
-        """
+        """Sort the mission rows by generation, design, world and trial."""
         ranks = {world: rank for rank, world in enumerate(sorted(self.rows.worlds))}
 
         def order(row: Mapping[str, str]) -> tuple[int, ...]:
@@ -178,6 +174,7 @@ class RunFolder(MissionLog):
             row = self.table.read_row(place, dict)
             return row["purpose"] == SELECTION and int(row["generation"]) < generations
 
+        # Rows from an earlier or later end of an extended search are kept.
         unwanted = set(self.rows.find_unwanted())
         self.finish(order, set(filter(selects, unwanted)) if extended else unwanted)
         self.rows = self._locate()

@@ -79,11 +79,7 @@ def _remove(handler: logging.Handler) -> None:
 
 
 def format_for_terminal(handler: logging.Handler) -> logging.Handler:
-    """Set up a handler for standard error.
-
-    For jobs of a sweep, it shows only warnings and errors, preceded by the job's name. Messages
-    about reading a file and warnings from preflight are shown once, although each job logs them.
-    """
+    """Set up a handler for standard error."""
     handler.setLevel(logging.INFO)
     handler.setFormatter(_JobFormatter("%(message)s"))
     handler.addFilter(lambda record: not _JOB.get() or record.levelno >= logging.WARNING)
@@ -125,11 +121,7 @@ class _StandardError(logging.StreamHandler[TextIO]):
 
 @contextmanager
 def log_to_terminal(*, again: bool = False) -> Iterator[None]:
-    """Send messages to standard error; standard output is reserved for results.
-
-    If ``again``, lines that this process has already shown are left out. While a progress line is
-    shown, the line's handler replaces this one.
-    """
+    """Send messages to standard error; if ``again``, leave out lines that were already shown."""
     handler = format_for_terminal(_StandardError(sys.stderr))
     handler.addFilter(lambda record: sys.stderr.isatty() or not hasattr(record, _PROGRESS))
     if not again:

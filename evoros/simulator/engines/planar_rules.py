@@ -135,10 +135,7 @@ class Stride(NamedTuple):
 
 
 def observe(parameters: Array, memory: Array, states: Array) -> None:
-    """Copy all robots' states, with any contact since the last call, and clear the contacts.
-
-    Reports on the walkers follow; see ``evoros.walkers.layout``.
-    """
+    """Copy the states with any contact since the last call, then report on the walkers."""
     motions = unpack(Memory, memory).motions
     for i in range(len(motions)):
         for k in range(STATE_SIZE):
