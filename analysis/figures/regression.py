@@ -108,7 +108,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         f"design {design}" if pairs["design"].nunique() > 1 else "",
         figure_width(options.columns),
     )
-    told = tests[(tests["world"] == ALL_WORLDS) | (tests["result"] != "")]
+    told = tests[(tests["world"] == ALL_WORLDS) | tests["result"].isin([BETTER, WORSE])]
     messages = [*_introduce(one, other, pairs), *map(_describe, told.to_dict("records"))]
     messages += describe_shortfalls(*SKEWED) if set(told["quantity"]) - {COMPLETED} else []
     messages += [*map(_describe_margin, judged.to_dict("records")), *_list_worst(pairs)]

@@ -12,7 +12,7 @@ import scipy
 from evoros.base.arrays import Array
 from evoros.requirement.bets import bound, decide
 
-from ..tables.pairs import COMPLETED, QUANTITIES
+from ..tables.pairs import BETTER, COMPLETED, QUANTITIES, SLIGHT, TIME, WORSE
 from .small_samples import CELLS, LEVEL, RESAMPLES, SEED, Interval, holm, mean_interval
 
 MIN_CHANGED = 20  # minimum number of differing pairs for an interval of a mean without known bounds
@@ -97,7 +97,7 @@ def change_interval(differences: Array) -> Interval:
 
 
 BOUNDED = ("completed", "progress")  # values from 0 to 1, whose changes have bounds
-ALL_WORLDS = ""
+ALL_WORLDS, UNCHANGED = "", "unchanged"
 MINUS = "\N{MINUS SIGN}"
 COUNTS = ("missions", "trials", "better", "worse", "both", "neither")
 COLUMNS = (
@@ -114,8 +114,8 @@ def compare_missions(pairs: pd.DataFrame, quantities: Sequence[str]) -> pd.DataF
     """Test the changes of each design: one row per quantity and world, and one over all worlds.
 
     ``pairs`` comes from ``pair_missions``. Holm's method adjusts the p-values of all rows with
-    changed missions. ``result`` is ``worse`` or ``better`` for a significant change, otherwise
-    empty.
+    changed missions. ``result`` is ``unchanged`` without such missions, ``worse`` or ``better`` for
+    a significant change, otherwise empty. Completion times within ``SLIGHT`` are equal.
     """
     rows = [
         {"design": design, "world": world, "quantity": quantity, **numbers}
@@ -128,8 +128,10 @@ def compare_missions(pairs: pd.DataFrame, quantities: Sequence[str]) -> pd.DataF
     changed = table["better"] + table["worse"] > 0
     table.loc[changed, "p_holm"] = holm(table.loc[changed, "p"].to_numpy(float))
     signs = table["quantity"].map(QUANTITIES) * table["difference"]
-    result = np.where(signs > 0, "better", "worse")
-    return table.assign(result=np.where(table["p_holm"] < LEVEL, result, ""))
+    slight = table["difference"].abs() <= SLIGHT * table["mean_a"] * (table["quantity"] == TIME)
+    significant = (table["p_holm"] < LEVEL) & ~slight
+    result = np.where(significant, np.where(signs > 0, BETTER, WORSE), "")
+    return table.assign(result=np.where(changed, result, UNCHANGED))
 
 
 def _list_groups(pairs: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
@@ -147,6 +149,7 @@ def _compare(missions: pd.DataFrame, quantity: str) -> dict[str, Any]:
         return {}
     a, b = known.to_numpy(float).T
     gains = QUANTITIES[quantity] * (b - a)
+    gains[np.abs(gains) <= SLIGHT * a * (quantity == TIME)] = 0.0
     done = quantity == COMPLETED
     mean_a, mean_b = known.groupby(level=0).mean().to_numpy(float).T
     change = _estimate_change(mean_b - mean_a, quantity, len(known))

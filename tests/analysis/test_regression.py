@@ -33,7 +33,7 @@ from evoros.analysis.statistics.regression import (
 )
 from evoros.analysis.subcommands import parse
 from evoros.analysis.tables.loading import load_study
-from evoros.analysis.tables.pairs import QUANTITIES
+from evoros.analysis.tables.pairs import QUANTITIES, TIME
 from evoros.cli.main import evoros
 from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
 
@@ -172,8 +172,16 @@ def test_all_worlds_and_each_are_tested_and_adjusted_together() -> None:
     assert list(completed["worse"]) == [10, 10, 0]
     assert list(completed["p"]) == [2 / 2**10, 2 / 2**10, 1.0]
     assert list(completed["p_holm"]) == [4 / 2**10, 4 / 2**10, 1.0]
-    assert list(completed["result"]) == ["worse", "worse", ""]
+    assert list(completed["result"]) == ["worse", "worse", "unchanged"]
     assert set(made.loc[made["quantity"] != "completed", "p_holm"]) == {1.0}
+
+
+@pytest.mark.parametrize(("later_s", "result"), [(0.1, "unchanged"), (1.0, "worse")])
+def test_times_within_a_percent_are_unchanged(later_s: float, result: str) -> None:
+    pairs = make_pairs({"hall": 0}).assign(completion_time_s_a=74.0)
+    made = compare_missions(pairs.assign(completion_time_s_b=74.0 + later_s), [TIME])
+    assert list(made["result"]) == [result]
+    assert list(made["worse"]) == [0 if result == "unchanged" else len(pairs)]
 
 
 @given(st.integers(0, 20), st.integers(0, 20))
@@ -281,7 +289,7 @@ def test_an_injected_regression_is_found(
             TRIALS - 5,
             "worse",
         )
-        assert (far["neither"], far["p"], far["result"]) == (f"{TRIALS - 5}.0", 1.0, "")
+        assert (far["neither"], far["p"], far["result"]) == (f"{TRIALS - 5}.0", 1.0, "unchanged")
     missions = read(tmp_path, "regression_missions")
     lost = missions["change"] == "lost"
     assert lost.sum() == 2 * (TRIALS - 5)
