@@ -26,7 +26,6 @@ from evoros.terminal.log import withhold_messages
 from evoros.world.course import Course
 from evoros.world.floors import (
     GROUND,
-    check_planes,
     ground_shapes,
     has_level_ground,
     project_ground,
@@ -104,7 +103,6 @@ def _check_course(given: object) -> dict[str, Any]:
 
 
 def _plan(source: str, given: dict[str, Any], bodies: tuple[Body, ...], robot: Robot) -> Planned:
-    check_planes(bodies, source)
     home = (given.get("home_x_m", 0.0), given.get("home_y_m", 0.0))
     chosen = home if {"home_x_m", "home_y_m"} <= set(given) else None
     place = _Place(source, bodies, robot, chosen)

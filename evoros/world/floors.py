@@ -14,6 +14,7 @@ import numpy as np
 
 from evoros.base.arrays import Array, length, product
 from evoros.base.errors import InputError
+from evoros.formats.strict_xml import list_names
 from evoros.geometry import footprint
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.course import Course
@@ -65,16 +66,38 @@ def plane_normal(shape: Shape, pose: Pose) -> Array:
     return np.asarray(product(pose.rotation, np.array(shape.size)) / length(np.array(shape.size)))
 
 
+def _is_wall(shape: Shape, pose: Pose) -> bool:
+    return shape.kind == "plane" and float(plane_normal(shape, pose)[2]) < _STEEP
+
+
 def check_planes(bodies: Sequence[Body], source: str) -> None:
     """Require that all planes face up; a steeper plane, such as a wall, is not ground."""
     for body in bodies:
         for shape, pose in body.placed:
-            normal = plane_normal(shape, pose).tolist() if shape.kind == "plane" else (0, 0, 1)
-            if normal[2] < _STEEP:
+            if _is_wall(shape, pose):
+                normal = plane_normal(shape, pose).round(6).tolist()
                 raise InputError(
                     f"{source}: the ground plane {body.name!r} must face up, not along "
-                    f"{np.round(normal, 6).tolist()}; use a box for any other surface"
+                    f"{normal}; use a box for any other surface"
                 )
+
+
+def drop_walls(bodies: Sequence[Body], source: str) -> tuple[Body, ...]:
+    """Leave out planes that do not face up, such as posters; Gazebo's planes are endless walls."""
+    kept: list[Body] = []
+    left_out: list[str] = []
+    for body in bodies:
+        walls = [_is_wall(*solid) for solid in body.placed]
+        if any(walls):
+            left_out.append(body.name)
+            rest = tuple(shape for shape, wall in zip(body.shapes, walls, strict=True) if not wall)
+            kept += [replace(body, shapes=rest)] if rest else []
+        else:
+            kept.append(body)
+    if left_out:
+        _LOG.warning("%s: planes that do not face up are left out (%s); for a wall, use a box",
+                     source, list_names(left_out))  # fmt: skip
+    return tuple(kept)
 
 
 def is_level(shape: Shape, pose: Pose) -> bool:

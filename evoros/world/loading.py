@@ -24,7 +24,7 @@ from evoros.geometry.overlap import overlap_depth
 from evoros.geometry.polyhedron import joint_moments
 from evoros.geometry.shapes import Body
 from evoros.world.course import Course
-from evoros.world.floors import points_between, raise_body, settle
+from evoros.world.floors import drop_walls, points_between, raise_body, settle
 from evoros.world.lifting import SLACK_M, Lifts, Solids, find_lifts, find_sunk
 from evoros.world.model import World
 
@@ -218,4 +218,5 @@ def read_world(
     if course is not None:
         corners = [course.home[:2], *course.waypoints]
         points = np.array([*corners, *points_between(corners)])
-    return read_sdf(content, source, options, path, points)
+    world = read_sdf(content, source, options, path, points)
+    return replace(world, bodies=drop_walls(world.bodies, sdf))

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from robot_cases import rover
 
-from evoros.base.errors import InputError
 from evoros.session import course_planning
 from evoros.session.course_planning import plan_course
+from evoros.world.course import Course
+from evoros.world.loading import load_world
 
 WALL_M = 0.15
 DOOR_M = 1.2
@@ -64,7 +65,9 @@ def test_a_course_lies_inside_an_office_whatever_its_floor(
     assert (np.abs(stops) < np.array([length, width]) / 2).all()
 
 
-def test_a_plane_that_is_a_wall_is_the_reason_why_no_course_is_found(tmp_path: Path) -> None:
+def test_planes_that_are_walls_such_as_posters_are_left_out(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     path = write(tmp_path, [], (0.0, 0.0))
     poster = (
         "<model name='poster'><static>1</static><pose>0 4 1 1.57 0 0</pose><link name='l'>"
@@ -73,8 +76,11 @@ def test_a_plane_that_is_a_wall_is_the_reason_why_no_course_is_found(tmp_path: P
     path.write_text(
         path.read_text().replace("<model name='office'", f"{poster}<model name='office'")
     )
-    with pytest.raises(InputError, match="ground plane 'poster' must face up"):
-        plan_course({"sdf": str(path)}, rover())
+    planned = plan_course({"sdf": str(path)}, rover())
+    values = {key: value for key, value in planned.course.items() if key != "_target_"}
+    world = load_world(str(path), Course(**values))
+    assert "poster" not in [body.name for body in world.bodies]
+    assert "planes that do not face up are left out (poster); for a wall, use a box" in caplog.text
 
 
 def test_what_is_not_searched_in_a_huge_world_is_told(
