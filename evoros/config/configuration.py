@@ -94,19 +94,25 @@ def _check_arguments(node: Any, key: str, choices: Mapping[str, str]) -> None:
     where = f"{key}: " if key else ""
     parameters = signature(get_object(node[TARGET])).parameters
     kinds = {parameter.kind for parameter in parameters.values()}
-    for name in node if Parameter.VAR_KEYWORD not in kinds else ():
-        if name not in parameters and not name.startswith("_"):
-            files = find_key(key, name, choices)
-            place = f" in {' or '.join(map(str, files))}" if files else ""
-            owners = name_owners(key, name)
-            fix = f"remove it or correct its spelling{place}"
-            if owners:
-                fix = f"{owners}; remove it{place}, or type ~{key}.{name}"
-            raise InputError(f"{where}unknown key {name!r}; {fix}")
+    names = node if Parameter.VAR_KEYWORD not in kinds else ()
+    unknown = [name for name in names if name not in parameters and not name.startswith("_")]
+    if unknown:
+        raise InputError(f"{where}{_describe_unknown(key, unknown, choices)}")
     for name, parameter in parameters.items() if not node.get("_partial_") else ():
         is_named = parameter.kind in (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
         if is_named and parameter.default is Parameter.empty and not {name, "_args_"} & node.keys():
             raise InputError(_describe_missing(key, name))
+
+
+def _describe_unknown(key: str, names: Sequence[str], choices: Mapping[str, str]) -> str:
+    """Describe the first of some unknown keys, and how to drop all keys of other choices."""
+    files = find_key(key, names[0], choices)
+    place = f" in {' or '.join(map(str, files))}" if files else ""
+    fix = f"remove it or correct its spelling{place}"
+    if owners := name_owners(key, names[0]):
+        drops = " ".join(f"~{key}.{name}" for name in names if name_owners(key, name))
+        fix = f"{owners}; remove it{place}, or type {drops}"
+    return f"unknown key {names[0]!r}; {fix}"
 
 
 def _describe_missing(key: str, name: str) -> str:

@@ -89,6 +89,18 @@ def test_a_long_word_in_a_file_does_not_make_a_long_message(line: str, tmp_path:
     assert len(str(raised.value)) < 1200
 
 
+def test_all_keys_of_another_choice_can_be_dropped_at_once(tmp_path: Path) -> None:
+    (tmp_path / "experiment").mkdir()
+    keys = "{earliest_s: 2.0, latest_s: 8.0}"
+    text = f"# @package _global_\ndefaults: [override /failure: random]\nfailure: {keys}\n"
+    (tmp_path / "experiment" / "mine.yaml").write_text(text)
+    words = ["experiment=mine", "failure=none"]
+    drops = ["~failure.earliest_s", "~failure.latest_s"]
+    with pytest.raises(InputError, match=f"or type {' '.join(drops)}$"):
+        compose(words, config_dir=tmp_path).build()
+    compose([*words, *drops], config_dir=tmp_path).build()
+
+
 def test_an_unknown_key_is_told_with_the_file_that_has_it(tmp_path: Path) -> None:
     (tmp_path / "fitness").mkdir()
     file = tmp_path / "fitness" / "priced.yaml"
