@@ -157,7 +157,8 @@ evaluate = Command("evoros evaluate", "evaluate", "like")
 
 NAME = "evoros resume"
 ABOUT = """Continue a stopped run, with the same result as an uninterrupted one.
-Extend a search with optimizer.generations=MORE, an evaluation with trials=MORE."""
+Extend a search with optimizer.generations=MORE or a larger limit, such as stop_after.missions=MORE;
+an evaluation with trials=MORE."""
 
 
 def resume(arguments: Sequence[str]) -> int:
@@ -175,7 +176,7 @@ def _resume(arguments: Sequence[str], interrupts: Interrupts) -> int:
         "overrides",
         nargs="*",
         metavar="key=value",
-        help="executor.KEY, observers, optimizer.generations, trials",
+        help="executor.KEY, observers, optimizer.generations, trials, stop_after.KEY",
     )
     parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder with your own parts")
     options = parser.parse_intermixed_args(list(arguments))

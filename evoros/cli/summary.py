@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from math import ceil
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -46,6 +47,7 @@ def _summarize_search(folder: Path) -> list[str]:
     lines += [f"control           {line}" for line in _describe_controls(folder)]
     lines += [
         f"missions          {_describe_missions(status, 'generation')}",
+        *_describe_stop(folder, status["reason"]),
         f"run folder        {folder}, with champion/{figures}",
     ]
     words = ("evoros", "evaluate", override("like", str(folder)), *layout.name_parts(folder))
@@ -172,6 +174,14 @@ def _describe_missions(status: Mapping[str, Any], unit: str = "") -> str:
         text += f", {now:,} of them in this session"
     speed = f", {float(f'{simulated / wall:.2g}'):,.0f} times real time" if wall > 0 else ""
     return f"{text} ({_write_duration(simulated)} simulated in {_write_duration(wall)}{speed})"
+
+
+def _describe_stop(folder: Path, reason: str) -> Iterator[str]:
+    if reason:
+        key, _, cost = reason.partition(": ")
+        more = override(key, ceil(2 * float(cost.split()[0])))
+        command = layout.resume_command(folder)
+        yield f"stopped           {reason}; to continue type: {command} {more}"
 
 
 def _write_duration(seconds: float) -> str:

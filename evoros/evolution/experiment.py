@@ -29,6 +29,7 @@ from evoros.controller.protocol import Controller, LiveController
 from evoros.design.space import SensorDesign
 from evoros.design.team import TeamSpace
 from evoros.evolution.agent import Agent, check_team, make_room
+from evoros.evolution.stop_after import A_LIMIT, StopAfter
 from evoros.evolution.treatment import TREATMENT
 from evoros.executor.protocol import Executor
 from evoros.failure.given import GivenFailure
@@ -144,6 +145,7 @@ class Experiment:
     evaluation_draws: Annotated[str, one_of(EVALUATION, VALIDATION)] = EVALUATION
     # Designs that a finished run compares with its champion.
     controls: Annotated[Controls | None, SOME_CONTROLS] = None
+    stop_after: Annotated[StopAfter, A_LIMIT] = field(default_factory=StopAfter)
     figures: Sequence[str] = ()
     # Trackers that receive the run's records.
     observers: Annotated[Mapping[str, Observer], OBSERVERS] = field(default_factory=dict)

@@ -4,7 +4,7 @@ At the end, the champion is chosen and certified on fresh draws.
 """
 
 import math
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -19,6 +19,7 @@ from evoros.evolution.contest import Contest
 from evoros.evolution.experiment import ALL, CHAMPIONS, NONE, Experiment
 from evoros.evolution.journal import Champion, Champions, Ending, Generation, Journal, Watcher
 from evoros.evolution.scores import Scores
+from evoros.evolution.stop_after import Spent
 from evoros.evolution.trials import FreshTrials, Measuring, Trials, Validated, list_measures
 from evoros.executor.protocol import Pool
 from evoros.fitness.naming import UNBOUNDED
@@ -302,11 +303,17 @@ def record_champion(scores: Scores, individual: Individual, certificate: Certifi
 
 
 def evolve(
-    experiment: Experiment, journal: Journal, watcher: Watcher, generations: int, pool: Pool
+    experiment: Experiment,
+    journal: Journal,
+    watcher: Watcher,
+    generations: int,
+    pool: Pool,
+    stops: Callable[[Spent], bool] = lambda _: False,
 ) -> Ending:
     """Run the experiment for a number of generations, and record its certified champion.
 
-    Recorded missions are not run again, so an interrupted run continues.
+    Recorded missions are not run again, so an interrupted run continues. ``stops`` receives the
+    cost after each generation, and returns True to end the search there.
 
     Raises:
         InputError: the journal belongs to another run, or a part refuses its input.
@@ -323,6 +330,9 @@ def evolve(
         generation = scores.conclude(index, search.tell(told), told)
         journal.write_generation(generation)
         watcher.generation(generation)
+        trials.spent.generations = index + 1
+        if stops(trials.spent):
+            break
     champions = search.champions()
     journal.write_champions(list_champions(scores, champions))
     if experiment.record == CHAMPIONS and not experiment.scenario.is_live:

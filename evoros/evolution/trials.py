@@ -11,6 +11,7 @@ from evoros.design.design import Design
 from evoros.dispatch.dispatcher import Dispatcher
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Journal, Watcher
+from evoros.evolution.stop_after import Spent
 from evoros.fitness.scoring import list_trials
 from evoros.measure.protocol import DESCRIPTORS, MINIMIZE, OBJECTIVES, Evaluated, Measure
 from evoros.mission.member import Member
@@ -151,6 +152,7 @@ class Trials:
     watcher: Watcher
     dispatcher: Dispatcher
     measuring: Measuring
+    spent: Spent = field(default_factory=Spent)
 
     def decode(self, individuals: Sequence[Individual]) -> dict[int, Design]:
         """Return the design of each individual by id."""
@@ -181,7 +183,11 @@ class Trials:
         with announce(ACTIVITIES[purpose]):
             self.dispatcher.run_missing(scenario, needed, journal, self.watcher.mission)
         recorded = ((mission.key, journal.find(mission)) for mission in needed)
-        return {key: outcome for key, outcome in recorded if outcome is not None}
+        known = {key: outcome for key, outcome in recorded if outcome is not None}
+        if purpose in SEARCHING:
+            self.spent.missions += len(known)
+            self.spent.simulated_s += sum(judge(outcomes).time_s for outcomes in known.values())
+        return known
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from typing import TypeAlias
 
 from evoros.base.checks import mapping_of
 
-FREE = ("executor", "observers", "controls")
-"""Configuration keys that affect no result. An evaluation has only the first."""
+FREE = ("executor", "observers", "controls", "stop_after")
+"""Configuration keys that change no row, only their number. An evaluation has only the first."""
 Value: TypeAlias = str | int | float | bool | None
 """A configuration value; lists are strings, and environment references stay unresolved."""
 

@@ -14,6 +14,7 @@ from evoros.config.configuration import Configuration
 from evoros.config.recorded import read_recorded, replace_recorded
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
+from evoros.evolution.stop_after import StopAfter
 from evoros.optimizer.random_search import RandomSearch
 from evoros.preflight.preflight import preflight
 from evoros.session import work
@@ -29,7 +30,10 @@ from evoros.storage.layout import CONTROLS, EVALUATION, read_sealed
 from evoros.terminal.log import LOGGER, collect_messages
 
 # configuration values of all controls
-PLAIN: Mapping[str, Any] = {"controls": None, "observers": {}, "figures": [], "record": "none"}
+PLAIN: Mapping[str, Any] = {
+    **{"controls": None, "observers": {}, "figures": [], "record": "none"},
+    "stop_after": {"_target_": f"{StopAfter.__module__}.{StopAfter.__qualname__}"},
+}
 
 
 def run(
@@ -71,7 +75,7 @@ def _require_current(run: Path) -> None:
         for name, file in files.items()
     ]
     if random.is_dir():
-        same.append(survey(random).wanted == survey(run).wanted)
+        same.append(survey(random).done == survey(run).done)
     if not all(same):
         raise InputError(
             f"{run / CONTROLS}: made before the run was extended; delete the folder and type: "

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, override
 from evoros.config.configuration import Configuration
 from evoros.config.recorded import find_difference, read_recorded
+from evoros.evolution.stop_after import LIMITS, StopAfter
 from evoros.mission.plan import GENERATIONS, find_growing
 from evoros.preflight.preflight import preflight
 from evoros.session.design_tables import read_recorded_designs
@@ -84,13 +85,17 @@ def build_reproduction(
     source, folder = reproduction.source, reproduction.folder.absolute()
     values = reproduction.config.values
     key = find_growing(values) if evaluates(source) else GENERATIONS
-    size = read_json(source / STATUS)[SIZES[key]]  # larger than configured if the run was extended
+    status = read_json(source / STATUS)
+    size = status[SIZES[key]]  # larger than configured if the run was extended
+    limits = {} if evaluates(source) else {"generations": status["generations_done"]}
     if (folder / MISSIONS).exists():
         _require_same(reproduction)
-        session = open_run(folder, [*overrides, f"{key}={size}"], config_dir)
+        stop = [override(f"stop_after.{name}", limits.get(name)) for name in LIMITS * bool(limits)]
+        session = open_run(folder, [*overrides, f"{key}={size}", *stop], config_dir)
         return replace(session, observed=False)
     with collect_messages() as messages:
         experiment, _, config = rebuild(source, overrides, config_dir, warns=False, places=places)
+        experiment = replace(experiment, stop_after=StopAfter(**limits))
         preflight(experiment)
         designs = read_recorded_designs(source, experiment) if evaluates(source) else None
         with change_to_origin(read_json(source / MANIFEST)):  # the base of relative paths

@@ -11,6 +11,7 @@ from evoros.base.rng import generator
 from evoros.config.configuration import Configuration
 from evoros.config.recorded import find_difference, read_recorded
 from evoros.evolution.experiment import Experiment
+from evoros.evolution.stop_after import StopAfter
 from evoros.executor.protocol import Executor
 from evoros.files.disk import require_no_links
 from evoros.mission import plan
@@ -92,14 +93,17 @@ class Session:
                     for scenario, mission in task.list_first():
                         report_repeatability(scenario, mission, pool)
                 task.run(pool, status)
-                status.write(layout.FINISHED)  # figures need a finished run
+                reason = task.reason if isinstance(task, Search) else ""
+                status.write(layout.FINISHED, reason)  # figures need a finished run
                 figures = work.list_figures(folder.path, experiment.figures)
                 work.draw_figures(folder.path, figures, pool, draw)
 
     def _is_outdated(self) -> bool:
         ended, fields = self.task.folder.read_status(), self.task.describe()
-        return ended.get("state") != layout.FINISHED or any(
-            ended.get(name) != fields.get(name) for name in SIZES.values()
+        return (
+            ended.get("state") != layout.FINISHED
+            or bool(ended.get("reason"))
+            or any(ended.get(name) != fields.get(name) for name in SIZES.values())
         )
 
 
@@ -186,7 +190,9 @@ def _resume(record: RunFolder, experiment: Experiment, wanted: int | None) -> Se
             LOGGER.warning("%s: ignored, because the run did not write it", file)
         written = max(experiment.optimizer.generations, record.count_generations())
         size = _find_size(record, plan.GENERATIONS, written, wanted)
-        extended = not record.read_status() or size != configured["optimizer"]["generations"]
+        status, limited = record.read_status(), experiment.stop_after != StopAfter()
+        extended = limited or not status or bool(status.get("reason"))
+        extended |= size != configured["optimizer"]["generations"]
         return Search(experiment, record, size, extended)
     key, written = plan.find_growing(configured), experiment.plan.evaluation_trials
     if key == plan.TRIALS and SIZES[key] not in record.read_status():  # the number is in the status

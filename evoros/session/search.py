@@ -11,6 +11,7 @@ from evoros.config.configuration import Configuration
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation, Watcher
 from evoros.evolution.loop import evolve
+from evoros.evolution.stop_after import Spent
 from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission, Outcomes
 from evoros.mission.plan import EVALUATION
@@ -58,6 +59,7 @@ class Search(Watcher):
     extended: bool = False  # True if it may have ended at a different generation
     last: Generation | None = None
     certificate: Certificate | None = None  # None until the end
+    reason: str = ""  # the limit that ended the search, if any
     tell: Tell = ignore  # tells observers the number of recorded generations
 
     @property
@@ -97,9 +99,19 @@ class Search(Watcher):
         missions, bounds = experiment.scored_missions, experiment.fitness_bounds
         if foreseen := foresee_trials(experiment.validation, missions, bounds):
             LOGGER.info(foreseen)
-        ending = evolve(experiment, self.folder, self, self.generations, pool)
+        self._recorded = self.folder.count_generations()
+        ending = evolve(experiment, self.folder, self, self.generations, pool, self._stops)
         self.certificate = ending.certificate
-        self.folder.complete(self.generations, self.extended)
+        self.folder.complete(ending.last.number + 1, self.extended)
+
+    def _stops(self, spent: Spent) -> bool:
+        """Return True at a limit, unless recorded generations follow."""
+        spent.wall_s = self._status.wall_s
+        if self._recorded <= spent.generations < self.generations:
+            self.reason = self.experiment.stop_after.find_reached(spent)
+        if self.reason:
+            LOGGER.info("stopped: %s", self.reason)
+        return bool(self.reason)
 
     def begin(self, generation: int, missions: int, known: int) -> None:
         """Show the number of missions needed."""

@@ -46,6 +46,11 @@ class Status:
     written: float = 0.0  # [s], time.monotonic() at the last update
     finished: bool = False  # True after the final state, which errors in figures do not change
 
+    @property
+    def wall_s(self) -> float:
+        """The wall-clock time [s] of this session."""
+        return time.monotonic() - self.started
+
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
         """Count a recorded mission, and show the progress; log the reason if the mission failed."""
         self.missions += 1
@@ -66,7 +71,7 @@ class Status:
         session = {
             "session_missions": self.missions,
             "session_simulated_s": round(self.simulated_s, 1),
-            "session_wall_s": round(self.written - self.started, 1),
+            "session_wall_s": round(self.wall_s, 1),
             "updated": datetime.now(UTC).isoformat(timespec="seconds"),
         }
         missions = {"missions": len(self.folder.rows)}

@@ -1,0 +1,45 @@
+"""Limits on what a search may cost, checked after each generation."""
+
+from dataclasses import dataclass, fields
+from typing import Annotated
+
+from evoros.base.checks import COUNT, POSITIVE, Rule, checked, instance_of
+
+LIMIT = Rule("null or a positive integer", lambda v: v is None or COUNT.holds(v))
+TIME = Rule("null or a positive number", lambda v: v is None or POSITIVE.holds(v))
+
+
+@dataclass
+class Spent:
+    """The cost of a search so far; validation and the final choice do not count."""
+
+    generations: int = 0
+    missions: int = 0
+    simulated_s: float = 0.0
+    wall_s: float = 0.0  # [s] since the start or the last resume
+
+
+@dataclass(frozen=True)
+@checked
+class StopAfter:
+    """Ends a search after the generation in which it reaches a limit; None: no limit.
+
+    The search then has a champion like any other. Only the wall-clock limit depends on the machine.
+    """
+
+    generations: Annotated[int | None, LIMIT] = None
+    missions: Annotated[int | None, LIMIT] = None
+    simulated_s: Annotated[float | None, TIME] = None
+    wall_s: Annotated[float | None, TIME] = None
+
+    def find_reached(self, spent: Spent) -> str:
+        """Describe the first limit that is reached; empty if none is."""
+        for name in LIMITS:
+            limit, cost = getattr(self, name), getattr(spent, name)
+            if limit is not None and cost >= limit:
+                return f"stop_after.{name}: {cost:.12g} of {limit:.12g}"
+        return ""
+
+
+LIMITS = tuple(field.name for field in fields(StopAfter))
+A_LIMIT = instance_of(StopAfter, "limits (evoros.evolution.stop_after.StopAfter)")
