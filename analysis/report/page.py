@@ -57,8 +57,10 @@ def collect_missions(maps: Mapping[str, DesignMap], study: Study, max_bytes: flo
         if key not in missions.playbacks:
             shown = dict(study.read_each([record], partial(read_shown, design=design)))
             data = encode_shown(shown[record], MAX_RECORDS, missions.grounds) if shown else None
-            if data is None or size + len(data) > max_bytes:
+            if data is None:
                 continue
+            if size + len(data) > max_bytes:
+                break
             size += len(data)
             missions.playbacks[key] = data
             missions.labels[key] = chosen.marks[index].name
@@ -92,7 +94,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add ``--playbacks``, ``--designs`` and ``--claims``."""
     about = (
         "size limit for the missions on the page, about 0.3 MB per run; the best run of each "
-        "treatment is always included, other runs if they fit; default: 3"
+        "treatment is always included, then further runs until the limit; default: 3"
     )
     parser.add_argument("--playbacks", type=float, default=3.0, metavar="MB", help=about)
     about = (

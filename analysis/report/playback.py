@@ -202,7 +202,7 @@ def select_playbacks(
         room = max_bytes - sum(map(len, playbacks.values()))
         if record in required or len(data) <= room:
             playbacks[record.name] = data
-        elif room <= 0:
+        else:  # a later run might fit, but finding out would take seconds for each run
             break
     return playbacks
 

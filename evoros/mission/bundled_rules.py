@@ -64,7 +64,7 @@ def list_part_rules() -> Iterator[NamedRule]:
 
 
 def _recognize(function: FunctionType) -> Iterator[NamedRule]:
-    """Yield a function as a rule if its arguments and its result are those of a kind."""
+    """Yield a function as a rule if a kind has its arguments and its result."""
     kinds = get_annotations(function)
     answer, names = kinds.pop("return", ""), kinds.keys()
     for arguments, signature in KINDS.items():
