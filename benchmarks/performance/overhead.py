@@ -27,7 +27,7 @@ from evoros.mission.scenario import Scenario
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_bodies import VISIBLE
 from evoros.simulator.mujoco import Mujoco
-from evoros.simulator.mujoco import forget_models as forget_mujoco
+from evoros.simulator.mujoco import models as mujoco_models
 from evoros.simulator.protocol import PlacedRobot, Simulator, open_alone
 from evoros.simulator.pybullet import IDLE, PyBullet
 from evoros.world.model import World
@@ -138,7 +138,7 @@ def pair(experiment: Experiment, recorder: Recorder, mission: Mission) -> tuple[
     scenario = experiment.scenario
     _, track = run_mission(replace(scenario, simulator=recorder), mission)
     IDLE.forget()  # so that building the model counts, as for every new design
-    forget_mujoco()
+    mujoco_models.cache_clear()
     begin = thread_time()
     (outcome,), _ = run_mission(scenario, mission)
     whole = thread_time() - begin

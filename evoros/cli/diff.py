@@ -1,6 +1,5 @@
 """The subcommand ``diff``: reports whether two runs are equal, or their first difference."""
 
-from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
 
 from evoros.files.origin import read_origin
@@ -22,7 +21,7 @@ def diff(arguments: Sequence[str]) -> int:
     from evoros.session.diff import describe_diff, diff_runs
     from evoros.storage.archives import open_folder
 
-    parser = CommandParser(NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter)
+    parser = CommandParser(NAME, description=ABOUT)
     for name in ("A", "B"):
         parser.add_argument(name)
     parser.add_argument("--version", action="version", version=f"{NAME} {read_origin().version}")

@@ -1,6 +1,6 @@
 """The subcommand ``inspect``: shows how evoros reads a robot or world, and writes its YAML file."""
 
-from argparse import SUPPRESS, RawDescriptionHelpFormatter
+from argparse import SUPPRESS
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
@@ -97,9 +97,7 @@ def inspect(arguments: Sequence[str]) -> int:
 
 
 def _parser() -> CommandParser:
-    parser = CommandParser(
-        NAME, usage=USAGE, epilog=EPILOG, formatter_class=RawDescriptionHelpFormatter
-    )
+    parser = CommandParser(NAME, usage=USAGE, epilog=EPILOG)
     parser.add_argument("words", nargs="*", help=SUPPRESS)
     parser.add_argument(
         "--config-dir",

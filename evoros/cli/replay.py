@@ -1,6 +1,5 @@
 """The subcommand ``replay``: reruns one recorded mission."""
 
-from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
 
 from evoros.files.resources import expand_home
@@ -26,9 +25,7 @@ def replay(arguments: Sequence[str]) -> int:
         outcome_cells,
     )
 
-    parser = console.CommandParser(
-        NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter
-    )
+    parser = console.CommandParser(NAME, description=ABOUT)
     parser.add_argument("folder", metavar="FOLDER")
     parser.add_argument("columns", nargs="*", metavar="column=value", help="a cell of missions.csv")
     parser.add_argument(

@@ -2,7 +2,6 @@
 
 import tempfile
 import webbrowser
-from argparse import RawDescriptionHelpFormatter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,7 +32,7 @@ def show(arguments: Sequence[str]) -> int:
     from evoros.analysis.drawing.style import render
     from evoros.analysis.tables.showing import find_shown_designs
 
-    parser = CommandParser(NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter)
+    parser = CommandParser(NAME, description=ABOUT)
     parser.add_argument("source", metavar="SOURCE")
     parser.add_argument("overrides", nargs="*", metavar="key=value", help="for a CSV file only")
     parser.add_argument("--design", metavar="DESIGN", help="number or name of the design")

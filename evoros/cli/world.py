@@ -1,6 +1,5 @@
 """The subcommand ``world``: writes a configured world as an SDF file."""
 
-from argparse import RawDescriptionHelpFormatter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -21,7 +20,7 @@ def world(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
     from evoros.config.compose import compose
 
-    parser = CommandParser(NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter)
+    parser = CommandParser(NAME, description=ABOUT)
     parser.add_argument("file", metavar="FILE")
     parser.add_argument("overrides", nargs="*", metavar="key=value")
     parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder with your own parts")

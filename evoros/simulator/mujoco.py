@@ -64,18 +64,14 @@ class Mujoco(Simulator):
             self.time_step, self.wheel_friction, self.steering_lag_s, self.slip_impedance
         )
         _warnings().clear()
-        model = _models().prepare(robots, world, settings)
+        model = models().prepare(robots, world, settings)
         yield MujocoSimulation(model, [r for r, _ in robots], settings, _warnings(), world.crowd)
 
 
 @cache
-def _models() -> Models:
+def models() -> Models:
+    """Return the cached models of this process."""
     return Models(import_mujoco())
-
-
-def forget_models() -> None:
-    """Clear the model cache, so that the next missions compile their models like new designs."""
-    _models().forget()
 
 
 @cache

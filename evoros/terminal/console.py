@@ -3,11 +3,11 @@
 import os
 import signal
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Callable, Sequence
 from functools import wraps
 from itertools import takewhile
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from evoros.base import errors
 from evoros.terminal.log import LOGGER, escape_control, log_to_terminal, silence, silence_unwritable
@@ -105,6 +105,9 @@ def _open_standard_streams() -> None:
 
 class CommandParser(ArgumentParser):
     """A parser that raises InputErrors, which commands report in one line."""
+
+    def __init__(self, prog: str, **settings: Any) -> None:
+        super().__init__(prog, **{"formatter_class": RawDescriptionHelpFormatter, **settings})
 
     def error(self, message: str) -> NoReturn:
         """Raise an InputError with the parser's message."""

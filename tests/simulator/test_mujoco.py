@@ -17,7 +17,7 @@ from evoros.base.errors import SimulationError
 from evoros.evolution.experiment import Experiment
 from evoros.formats.urdf.tree import UrdfDocument
 from evoros.mission.rollout import run_mission
-from evoros.simulator.mujoco import Mujoco, forget_models
+from evoros.simulator.mujoco import Mujoco, models
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import Simulator, open_alone
 from evoros.simulator.pybullet import PyBullet
@@ -44,7 +44,7 @@ def digest_of_missions() -> str:
 @pytest.mark.slow
 def test_missions_repeat_in_a_process_and_in_a_fresh_one() -> None:
     first = digest_of_missions()
-    forget_models()
+    models.cache_clear()
     assert digest_of_missions() == first
     fresh = subprocess.run(
         [sys.executable, "-c", DIGEST.format(folder=str(ROOT / "tests"))],
@@ -58,7 +58,7 @@ def test_missions_repeat_in_a_process_and_in_a_fresh_one() -> None:
 def test_a_mission_does_not_depend_on_those_before(experiment: Experiment, world: str) -> None:
     scenario = replace(experiment.scenario, simulator=Mujoco())
     wanted = mission(experiment, world, 1)
-    forget_models()
+    models.cache_clear()
     _, alone = run_mission(scenario, wanted)
     for before in (
         mission(experiment, world, 1, trial=1),  # the same robot and world

@@ -1,6 +1,5 @@
 """The subcommand ``archive``, which packs a study and its inputs into one reproducible file."""
 
-from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -24,7 +23,7 @@ def archive(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status."""
     from evoros.plugins.archives.writing import Request, write_archive
 
-    parser = CommandParser(NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter)
+    parser = CommandParser(NAME, description=ABOUT)
     parser.add_argument("folders", nargs="+", type=expand_home, metavar="FOLDER")
     about = "the new file (default: the first folder's name, in the current folder)"
     parser.add_argument("--output", type=expand_home, metavar="FILE.zip", help=about)

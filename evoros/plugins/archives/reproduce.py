@@ -1,6 +1,6 @@
 """The subcommand ``reproduce``, which reruns a folder from its records and compares all bytes."""
 
-from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from argparse import ArgumentParser
 from collections.abc import Sequence
 from datetime import datetime
 from functools import partial
@@ -91,9 +91,7 @@ def _report(folder: Path, result: JobResult) -> None:
 
 
 def _parser() -> ArgumentParser:
-    parser = console.CommandParser(
-        NAME, description=ABOUT, epilog=STATUSES, formatter_class=RawDescriptionHelpFormatter
-    )
+    parser = console.CommandParser(NAME, description=ABOUT, epilog=STATUSES)
     about = "a run, an evaluation, a sweep or an archive"
     parser.add_argument("folder", metavar="FOLDER", help=about)
     about = "settings of the executor"

@@ -1,7 +1,6 @@
 """The subcommand ``leaderboard``, which makes rows from runs and checks rows by rerunning them."""
 
 import shlex
-from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,9 +28,7 @@ def leaderboard(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status."""
     from evoros.plugins.leaderboard.rows import make_row, write_rows
 
-    parser = console.CommandParser(
-        NAME, description=ABOUT, epilog=STATUSES, formatter_class=RawDescriptionHelpFormatter
-    )
+    parser = console.CommandParser(NAME, description=ABOUT, epilog=STATUSES)
     about = "folder of a finished run of a task"
     parser.add_argument("folders", nargs="*", metavar="FOLDER", help=about)
     parser.add_argument("--check", metavar="CSV", help="rerun the rows in this file instead")

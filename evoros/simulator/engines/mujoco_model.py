@@ -88,10 +88,6 @@ class Models:
         self._library = library
         self._kept: OrderedDict[tuple[Any, ...], Model] = OrderedDict()
 
-    def forget(self) -> None:
-        """Clear the cache, so that the next missions compile their models again."""
-        self._kept.clear()
-
     def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Model:
         """Return the model in the state in which a mission starts."""
         described = tuple(describe_for_engine(robot) for robot, _ in robots)
