@@ -14,7 +14,7 @@ from evoros.base.errors import InputError
 from evoros.certificate.controls import NO_SENSORS, RANDOM
 from evoros.storage.layout import CONTROLS, EVALUATION
 
-from ..drawing.style import BLUE, VERMILLION, cut_short, figure_width, use_style
+from ..drawing.style import BLUE, VERMILLION, cut_short, figure_width, is_wide, use_style
 from ..statistics.regression import ALL_WORLDS, compare_missions
 from ..statistics.small_samples import mean_interval
 from ..subcommands import Product
@@ -27,8 +27,8 @@ NEEDS = "runs with controls"
 FILES = ("controls.csv", "controls_summary.csv")
 LOOKS = {"control": (VERMILLION, 7.0, "white"), "champion": (BLUE, 4.0, BLUE)}
 """Edge colour, size and face colour of each side's marker."""
-INTERVAL = "95 % confidence interval for the difference"
-ROW_IN, HEAD_IN = 0.24, 0.85
+INTERVAL = "95 % interval of the difference"
+ROW_IN, HEAD_IN = 0.24, 0.98
 NAME_LENGTH = 28
 TITLES = {NO_SENSORS: "no sensors", RANDOM: "random search"}
 DECIDES = {NO_SENSORS: "the sensors", RANDOM: "the search"}
@@ -82,7 +82,8 @@ def _draw_controls(
         left.set_ylim(len(keys) - 0.5, -0.5)
         right.set(xlabel=label)
         handles, titles = left.get_legend_handles_labels()
-        figure.legend(handles, titles, loc="outside upper center", ncols=3, frameon=False)
+        across = 3 if is_wide(width) else 2
+        figure.legend(handles, titles, loc="outside upper center", ncols=across, frameon=False)
     return figure
 
 

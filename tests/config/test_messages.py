@@ -132,7 +132,7 @@ def test_a_key_of_another_choice_is_told_with_its_choice_and_dropped_as_the_mess
 
 
 def test_callbacks_of_hydra_are_refused_and_not_ignored() -> None:
-    with pytest.raises(InputError, match=r"hydra\.callbacks: .* leave them out"):
+    with pytest.raises(InputError, match=r"hydra\.callbacks: .* leave the key out"):
         Jobs(["+hydra.callbacks.mine._target_=mine.Callback"], False, None)
 
 
