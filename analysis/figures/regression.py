@@ -44,10 +44,7 @@ from ..tables.pairs import (
 from ..tables.records import Record
 from ..tables.study import Study
 
-HELP = (
-    "two versions of the software on the same draws: newly failed and newly completed missions, "
-    "p-values"
-)
+HELP = "two software versions on the same draws: newly failed and completed missions, p-values"
 NEEDS = "two evaluations or two runs with the same draws, the older one first"
 FILES = ("regression.csv", "regression_missions.csv", "regression_margins.csv")
 SKEWED = ("change in completion time, bootstrap", "paired values change, sign flips")

@@ -78,14 +78,17 @@ def test_the_table_has_what_all_figures_have(figure: str) -> None:
             ["failure=none", "status"],
             "status: a subcommand must come first; type: evoros status",
         ),
-        (["diff", "a", "b", "--once"], "--once: an option of evoros status; evoros diff has"),
+        (
+            ["diff", "a", "b", "--once"],
+            "--once: belongs to evoros status, not to evoros diff, which has",
+        ),
         (
             ["status", "--output=x"],
-            "--output: an option of evoros analyze, replay, reproduce, archive; evoros",
+            "--output: belongs to evoros analyze, replay, reproduce, archive, not to evoros",
         ),
         (
             ["evaluate", "--where=a=b"],
-            "--where: an option of evoros analyze; evoros evaluate has",
+            "--where: belongs to evoros analyze, not to evoros evaluate, which has",
         ),
         (["resume", "missing"], "missing: folder not found;"),
         (["analyze", "outputs/x", "overlay"], "type: evoros analyze overlay outputs/x"),

@@ -263,7 +263,7 @@ def test_how_far_the_parts_are_off_is_noted(tmp_path: Path) -> None:
     path = tmp_path / "ball.stl"
     trimesh.creation.icosphere(4, 1.0).export(path)
     [note] = read_mesh(MeshFile(path)).notes
-    assert note.startswith("the mesh is replaced by its convex hull, up to ")
+    assert note.startswith("the mesh is replaced by its convex hull (up to ")
 
 
 def test_a_negative_scale_mirrors(tmp_path: Path) -> None:

@@ -21,7 +21,10 @@ from evoros.terminal.console import STOPPED
         (["watch", "FILE"], "a file, not a folder"),
         (["watch", "FULL"], "contains files, but no run, evaluation or sweep"),
         (["watch", "new", "--prot=1"], "unexpected argument --prot=1"),
-        (["watch", "new", "--once"], "--once: an option of evoros status; evoros watch has"),
+        (
+            ["watch", "new", "--once"],
+            "--once: belongs to evoros status, not to evoros watch, which has",
+        ),
         (["watch", "new", "--port=x"], "--port: invalid int value: 'x'"),
         (
             ["watch", "new", "--port=70000"],
