@@ -25,7 +25,7 @@ from ..tables.designs import list_individuals
 from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
 
-HELP = "fitness over generations or cost: every individual of one run, or quartiles of several"
+HELP = "fitness over generations or cost: all individuals of a run, or quartiles of several"
 NEEDS = "runs with at least one generation"
 FILES = ("fitness.csv",)
 LABELS = {"recorded": "best, recorded", "validated": "best, validated", "mean": "mean of pool"}

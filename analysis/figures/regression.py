@@ -44,7 +44,7 @@ from ..tables.pairs import (
 from ..tables.records import Record
 from ..tables.study import Study
 
-HELP = "two software versions on the same draws: newly failed and completed missions, p-values"
+HELP = "two software versions on equal draws: newly failed and completed missions, p-values"
 NEEDS = "two evaluations or two runs with the same draws, the older one first"
 FILES = ("regression.csv", "regression_missions.csv", "regression_margins.csv")
 SKEWED = ("change in completion time, bootstrap", "paired values change, sign flips")
