@@ -159,7 +159,7 @@ def make_rival(design: int, low: float, high: float) -> dict[str, object]:
             3.21,
             "design 1 is better by at least 0.50; ",
         ),
-        ([(4, 9)], None, "but without an interval to compare them by"),
+        ([(4, 9)], None, "but there is no interval to compare them with"),
         ([], None, "none tested on the same draws"),
     ],
 )
