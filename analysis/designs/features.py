@@ -10,14 +10,7 @@ from evoros.failure.spatial import SpatialFailure
 from evoros.sensor.protocol import RAY_DEG
 from evoros.storage.figure_context import Ring
 
-from ..statistics.small_samples import (
-    Interval,
-    fisher,
-    holm,
-    mean_interval,
-    median_interval,
-    share_interval,
-)
+from ..statistics import small_samples
 from ..statistics.two_samples import brunner_munzel
 from .clusters import Clusters, compare_with_samples, find_clusters
 
@@ -206,11 +199,13 @@ def compare_with_random(table: pd.DataFrame, rings: Sequence[Ring] = ()) -> pd.D
 
 def _compare(best: pd.DataFrame, drawn: pd.DataFrame, radii: Sequence[float]) -> Iterator[Row]:
     for heading in HEADINGS_DEG:
-        interval = mean_interval(best[heading].to_numpy(float))
+        interval = small_samples.mean_interval(best[heading].to_numpy(float))
         row = _row("coverage", interval, best, drawn, at=heading)
         yield {**row, "random": drawn[heading].mean()}
     seeing, drawn_seeing = best.dropna(subset="ahead"), drawn.dropna(subset="ahead")
-    row = _row("ahead", median_interval(seeing.ahead.to_numpy(float)), seeing, drawn_seeing)
+    row = _row(
+        "ahead", small_samples.median_interval(seeing.ahead.to_numpy(float)), seeing, drawn_seeing
+    )
     p = _p(seeing.ahead, drawn_seeing.ahead)
     yield {**row, "random": drawn_seeing.ahead.median(), "p": p}
     for name in (FRONT, SIDE):
@@ -218,14 +213,14 @@ def _compare(best: pd.DataFrame, drawn: pd.DataFrame, radii: Sequence[float]) ->
     yield _share("redundant", best.redundant, drawn.redundant)
     for radius in radii:
         yield _share("pair within", best.closest_m <= radius, drawn.closest_m <= radius, radius)
-    row = _row("lost", mean_interval(best.lost.to_numpy(float)), best, drawn)
+    row = _row("lost", small_samples.mean_interval(best.lost.to_numpy(float)), best, drawn)
     yield {**row, "random": drawn.lost.mean(), "p": _p(best.lost, drawn.lost)}
 
 
 def _structure(best: pd.DataFrame, drawn: pd.DataFrame) -> Iterator[Row]:
     clusters = cluster_designs(best)
-    score = Interval(clusters.silhouette)
-    yield {**_row("clusters", Interval(clusters.count), best, drawn), "p": clusters.p}
+    score = small_samples.Interval(clusters.silhouette)
+    yield {**_row("clusters", small_samples.Interval(clusters.count), best, drawn), "p": clusters.p}
     yield {**_row("silhouette", score, best, drawn), "p": clusters.p}
     pool = compute_directions(drawn[HEADINGS_DEG].drop_duplicates())
     p = compare_with_samples(clusters.silhouette, len(best), pool)
@@ -239,12 +234,14 @@ def cluster_designs(designs: pd.DataFrame) -> Clusters:
 
 def _share(name: str, best: "pd.Series[bool]", drawn: "pd.Series[bool]", at: float = np.nan) -> Row:
     count, others = int(best.sum()), int(drawn.sum())
-    row = _row(name, share_interval(count, len(best)), best, drawn, at)
-    p = fisher(count, len(best), others, len(drawn))
+    row = _row(name, small_samples.share_interval(count, len(best)), best, drawn, at)
+    p = small_samples.fisher(count, len(best), others, len(drawn))
     return {**row, "random": drawn.mean() if len(drawn) else np.nan, "p": p}
 
 
-def _row(name: str, interval: Interval, best: object, drawn: object, at: float = np.nan) -> Row:
+def _row(
+    name: str, interval: small_samples.Interval, best: object, drawn: object, at: float = np.nan
+) -> Row:
     return {
         "measure": name,
         "at": at,
@@ -265,5 +262,5 @@ def _adjust(frame: pd.DataFrame) -> "pd.Series[float]":
     single = frame[frame.p.notna() & (frame.treatment != ALL)]
     adjusted = frame.p.where(frame.treatment == ALL).copy()
     for rows in single.groupby(["measure", "at"], dropna=False).groups.values():
-        adjusted[rows] = holm(frame.p[rows].to_list())
+        adjusted[rows] = small_samples.holm(frame.p[rows].to_list())
     return adjusted

@@ -27,15 +27,8 @@ from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
 from ..drawing.faults import GROWN_S
+from ..tables import readings
 from ..tables.champions import find_shown
-from ..tables.readings import (
-    WalkerTrack,
-    find_nearest,
-    group_ranges,
-    list_channels,
-    list_walkers,
-    merge_sectors,
-)
 from ..tables.records import Record
 from ..tables.shown import ShownDesign, ShownMission, keeps_shown, read_champion_shown, read_shown
 from ..tables.study import Study
@@ -156,7 +149,7 @@ def _describe_signals(sensors: pd.DataFrame, context: FigureContext) -> Iterator
             "touches": signal.measures == CONTACT,
             "width": row["width_m"],
             "depth": row["depth_m"],
-            "channels": [channel[:2] for channel in list_channels(row["sensor"], signal)],
+            "channels": [channel[:2] for channel in readings.list_channels(row["sensor"], signal)],
         }
 
 
@@ -167,7 +160,7 @@ def _encode_signals(
     return [
         [
             _encode_numbers(trajectory[column].to_numpy(float))
-            for _, _, column in list_channels(sensor, context.signals[kind])
+            for _, _, column in readings.list_channels(sensor, context.signals[kind])
         ]
         for sensor, kind in zip(sensors["sensor"].tolist(), sensors["type"], strict=True)
     ]
@@ -243,7 +236,7 @@ def _encode_mission(
 ) -> Json:
     context, trajectory, row = shown.record.context, mission.trajectory, mission.row
     others = [select_trajectory(trajectory, agent) for agent in context.agents]
-    walkers = list_walkers(trajectory, shown.record.values)
+    walkers = readings.list_walkers(trajectory, shown.record.values)
     paths = [robot[["x_m", "y_m"]].to_numpy(float) for robot in (trajectory, *others)]
     paths += [walker.places for walker in walkers]
     rows = thin_out(len(trajectory), most)
@@ -270,7 +263,7 @@ def _encode_mission(
     }
 
 
-def _encode_walker(walker: WalkerTrack, rows: Sequence[int]) -> Json:
+def _encode_walker(walker: readings.WalkerTrack, rows: Sequence[int]) -> Json:
     x, y = walker.places[rows].T
     place = {"x": _encode_numbers(x), "y": _encode_numbers(y)}
     return {"name": walker.name, "radius": round(walker.radius_m, 4), **place}
@@ -297,16 +290,19 @@ def _encode_part_faults(
 
 
 def _encode_columns(trajectory: pd.DataFrame, bearings_deg: Sequence[Sequence[float]]) -> Json:
-    sensors = [*group_ranges(trajectory).values()]
+    sensors = [*readings.group_ranges(trajectory).values()]
     time = trajectory["time_s"].to_numpy(float)
     return {
         "time": encode_changes(_encode_numbers(time)),
         **_encode_poses(trajectory),
         "mode": encode_changes(trajectory["mode"].astype(int).tolist()),
         "contact": encode_changes(trajectory["contact"].astype(int).tolist()),
-        "readings": [_encode_numbers(find_nearest(ranges)) for ranges in sensors],
+        "readings": [_encode_numbers(readings.find_nearest(ranges)) for ranges in sensors],
         "sectors": [
-            [_encode_numbers(nearest) for nearest in merge_sectors(ranges, bearings, MAX_SECTORS)]
+            [
+                _encode_numbers(nearest)
+                for nearest in readings.merge_sectors(ranges, bearings, MAX_SECTORS)
+            ]
             if ranges.shape[1] > 1
             else None
             for ranges, bearings in zip(sensors, bearings_deg, strict=True)

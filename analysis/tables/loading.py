@@ -12,18 +12,10 @@ from evoros.storage.layout import folders_below
 from evoros.storage.verification import list_strays
 from evoros.terminal.log import LOGGER, warn_left_out
 
+from . import treatments as naming
 from .factors import list_conditions, read_given
 from .records import EvaluationRecord, Record, read_record
 from .study import AnyRecord, Study
-from .treatments import (
-    Conditions,
-    find_record_factors,
-    label_treatments,
-    name_treatments,
-    parse_conditions,
-    read_treatments,
-    select_rows,
-)
 
 _MOST_SPACES = 3  # limit for a path without quotes to be put together again
 
@@ -39,7 +31,7 @@ def load_study(
     Raises:
         InputError: no complete folder was found, or no run meets the conditions.
     """
-    conditions = parse_conditions(where)
+    conditions = naming.parse_conditions(where)
     paths = [open_folder(folder) for folder in folders]
     records, left_out = _read(find_folders(paths))
     if not records:
@@ -56,7 +48,9 @@ def load_study(
     runs = [record for record in records if not isinstance(record, EvaluationRecord)]
     problems = dict[str, str]()
     if treatments is not None:
-        runs, problems = name_treatments(runs, read_treatments(treatments), treatments)
+        runs, problems = naming.name_treatments(
+            runs, naming.read_treatments(treatments), treatments
+        )
     if runs:
         selected = _select(runs, conditions)
         for run in selected:
@@ -124,8 +118,8 @@ def _report_versions(runs: Sequence[Record]) -> None:
         )
 
 
-def _select(records: Sequence[AnyRecord], conditions: Conditions) -> list[AnyRecord]:
-    chosen = select_rows(records, conditions, "--where")
+def _select(records: Sequence[AnyRecord], conditions: naming.Conditions) -> list[AnyRecord]:
+    chosen = naming.select_rows(records, conditions, "--where")
     kept = [record for record, fits in zip(records, chosen, strict=True) if fits]
     if records and not kept:
         raise InputError(
@@ -135,10 +129,10 @@ def _select(records: Sequence[AnyRecord], conditions: Conditions) -> list[AnyRec
 
 
 def _label(records: Sequence[AnyRecord]) -> tuple[AnyRecord, ...]:
-    names = label_treatments(
+    names = naming.label_treatments(
         [r.values for r in records], [r.choices for r in records], [r.given for r in records]
     )
-    factors = find_record_factors(records)
+    factors = naming.find_record_factors(records)
     levels = [{factor.name: factor.levels[i] for factor in factors} for i in range(len(records))]
     return tuple(
         replace(record, treatment=name, levels=level)

@@ -15,14 +15,8 @@ from evoros.base.errors import InputError, single_line
 from evoros.storage.figure_context import Ring
 from evoros.terminal.log import LOGGER
 
+from . import designs
 from .champions import read_champion_sensors, read_champion_signals
-from .designs import (
-    COLUMNS,
-    SIGNAL_COLUMNS,
-    read_generations,
-    read_initial_sensors,
-    to_number,
-)
 from .records import EvaluationRecord, Record
 
 KEYS = ("run", "treatment", "seed")  # first columns of every table of a study
@@ -88,7 +82,7 @@ class Study:
     @cached_property
     def generations(self) -> pd.DataFrame:
         """One row per candidate, generation and run."""
-        return self.gather(read_generations)
+        return self.gather(designs.read_generations)
 
     @cached_property
     def champions(self) -> pd.DataFrame:
@@ -99,12 +93,12 @@ class Study:
     def signals(self) -> pd.DataFrame:
         """One row for each champion's sensor without rays; may be empty."""
         others = [record for record in self.records if record.context.signals]
-        return _concatenate(self._mark(others, read_champion_signals), SIGNAL_COLUMNS)
+        return _concatenate(self._mark(others, read_champion_signals), designs.SIGNAL_COLUMNS)
 
     @cached_property
     def initial(self) -> pd.DataFrame:
         """One row per sensor of each run's random designs in generation 0; may be empty."""
-        return _concatenate(self._mark(self.records, read_initial_sensors), COLUMNS)
+        return _concatenate(self._mark(self.records, designs.read_initial_sensors), designs.COLUMNS)
 
     @property
     def treatments(self) -> tuple[str, ...]:
@@ -202,6 +196,6 @@ def read_complete(record: AnyRecord, read: Callable[[AnyRecord], Result]) -> Res
 
 def _fitness(record: Record) -> tuple[float, float]:
     names = ("best_validated_fitness", "best_fitness")
-    scores = (to_number(record.run.status.get(name)) for name in names)
+    scores = (designs.to_number(record.run.status.get(name)) for name in names)
     first, second = (-math.inf if math.isnan(score) else score for score in scores)
     return first, second

@@ -1,6 +1,7 @@
 """Rules for any figure of evoros analyze, in one and two columns, also in a journal's style."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -39,32 +40,65 @@ LOOKS = {"column": ("", "1"), "page": ("", "2"), "journal": (JOURNAL, "1")}
 
 
 @pytest.fixture(scope="module")
-def studies(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Study]:
-    """Runs with faults that grow, and evaluations of their designs with other failures."""
+def studies(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Study]:
+    """The studies by name, each made when a figure first needs it."""
     top = tmp_path_factory.mktemp("figures")
+
+    @cache
+    def load(name: str) -> Study:
+        make, *count = name.split()
+        if make in BASES:
+            load(BASES[make])
+        MAKERS[make](top, *map(int, count))
+        return load_study([top / name])
+
+    return load
+
+
+def make_study(top: Path) -> None:
+    """Make runs, one with faults that grow and with controls."""
     drift = ("failure=random", "filter@failure.effect=drift", "failure.latest_s=3.0")
     back = "world.near.course.waypoints=[[1.0,1.2],[-1.0,1.2],[1.0,1.2]]"  # one place twice
     more = ("controls=all", "controls.trials=3", back)
     assert tiny(top / "study" / "drift", *drift, *SHOWN, *more) == DONE
     assert tiny(top / "study" / "spatial", "failure=spatial", *SHOWN) == DONE
+
+
+def make_pair(top: Path) -> None:
     for failure in ("random", "spatial"):
         scored(top / "pair" / failure, top / "study", f"failure={failure}", "trials=2")
+
+
+def make_versions(top: Path) -> None:
     for period in ("9.7", "4.0"):
         changed = f"controller.navigation.period_s={period}"
         scored(top / "versions" / period, top / "study", changed, "trials=2")
+
+
+def make_many(top: Path) -> None:
     assert tiny(top / "many" / "0", "optimizer.generations=1") == DONE
     for seed in range(1, 12):
         levels = {"optimizer.population_size": 4 + seed % 2, "trials": 1 + seed // 2 % 2}
         scores = {"best_fitness": 3.0 + 0.1 * seed, "best_validated_fitness": 3.0 + seed % 5}
         vary(top / "many" / "0", top / "many" / str(seed), {**levels, "seed": seed}, scores)
-    found = {name: load_study([top / name]) for name in ("study", "pair", "versions", "many")}
-    for count in (1, 2, 6):
-        for seed in range(2, 2 + 2 * count):
-            place = top / f"treatments {count}" / str(seed)
-            change = {"seed": seed, "optimizer.population_size": 4 + seed // 2}
-            vary(top / "many" / "0", place, change, {"best_fitness": 3.0 + seed % 5})
-        found[place.parent.name] = load_study([place.parent])
-    return found
+
+
+def make_treatments(top: Path, count: int) -> None:
+    for seed in range(2, 2 + 2 * count):
+        place = top / f"treatments {count}" / str(seed)
+        change = {"seed": seed, "optimizer.population_size": 4 + seed // 2}
+        vary(top / "many" / "0", place, change, {"best_fitness": 3.0 + seed % 5})
+
+
+MAKERS: dict[str, Callable[..., None]] = {
+    "study": make_study,
+    "pair": make_pair,
+    "versions": make_versions,
+    "many": make_many,
+    "treatments": make_treatments,
+}
+BASES = {"pair": "study", "versions": "study", "treatments": "many"}
+"""The study whose folders another one needs."""
 
 
 @pytest.fixture(params=["column", "page", pytest.param("journal", marks=pytest.mark.slow)])
@@ -76,9 +110,9 @@ def look(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[list[str]]:
 
 
 def draw(
-    studies: dict[str, Study], name: str, options: list[str], wanted: str | None = None
+    studies: Callable[[str], Study], name: str, options: list[str], wanted: str | None = None
 ) -> Figure:
-    study = studies[wanted or NEEDS.get(name, "study")]
+    study = studies(wanted or NEEDS.get(name, "study"))
     columns = [] if name in ("archive", "front") else options
     given = parse([name, ".", *columns, *LARGE.get(name, ())])
     product = make_product(import_subcommand(name), study, given)
@@ -92,7 +126,7 @@ QUICK = ("overlay", "fitness", "mission", "compare", "strategies")
 @pytest.mark.parametrize(
     "name", [*QUICK, *(pytest.param(n, marks=pytest.mark.slow) for n in DRAWN if n not in QUICK)]
 )
-def test_it_can_be_read(name: str, studies: dict[str, Study], look: list[str]) -> None:
+def test_it_can_be_read(name: str, studies: Callable[[str], Study], look: list[str]) -> None:
     figure = draw(studies, name, look)
     finish(figure)
     with use_style():
@@ -115,7 +149,7 @@ def test_faults_of_text_are_found() -> None:
 @pytest.mark.parametrize("treatments", [1, 2, 6])
 @pytest.mark.parametrize("name", ["overlay", "panel", "strategies", "factors"])
 def test_any_number_of_treatments_can_be_read(
-    name: str, treatments: int, studies: dict[str, Study], look: list[str]
+    name: str, treatments: int, studies: Callable[[str], Study], look: list[str]
 ) -> None:
     if (name, treatments) == ("factors", 1):
         pytest.skip("nothing differs")
@@ -128,7 +162,7 @@ def test_any_number_of_treatments_can_be_read(
 @pytest.mark.parametrize(
     ("name", "first"), list(zip(["overlay", "mission", "strategies"], LETTERS, strict=True))
 )
-def test_each_panel_has_its_letter(name: str, first: str, studies: dict[str, Study]) -> None:
+def test_each_panel_has_its_letter(name: str, first: str, studies: Callable[[str], Study]) -> None:
     figure = draw(studies, name, ["--columns", "2"])
     for _ in range(2):  # a figure that is saved again has no second letter
         finish(figure, letters=first)

@@ -11,17 +11,10 @@ import numpy as np
 import pandas as pd
 
 from evoros.analysis.subcommands import add_run, add_worlds
-from evoros.analysis.tables import tracks
+from evoros.analysis.tables import readings, tracks
 from evoros.analysis.tables.agents import list_robots, select_agent
 from evoros.analysis.tables.champions import adapt_context
 from evoros.analysis.tables.designs import adapt_types, read_evolved
-from evoros.analysis.tables.readings import (
-    RecordedSensor,
-    WalkerTrack,
-    list_walkers,
-    read_sensors,
-    read_walkers,
-)
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.shown import is_kept
 from evoros.analysis.tables.study import Study
@@ -65,7 +58,7 @@ class RecordedMission:
     joints: Sequence[Joint]
     root: str  # root link
     root_pose: Pose  # pose of the root link in the frame that the trajectory records
-    sensors: Sequence[RecordedSensor]
+    sensors: Sequence[readings.RecordedSensor]
     name: str = ""  # WORLD, or GENERATION_DESIGN_WORLD_TRIAL
     route: Array = field(default_factory=lambda: np.empty((0, 2)))
     """The waypoints (legs, 2) [m] in the order of the route."""
@@ -74,7 +67,7 @@ class RecordedMission:
     near_m: float | None = None  # range at which readings are marked; None: half of the maximum
     others: Mapping[str, "RecordedMission"] = field(default_factory=dict)
     """The mission from the point of view of each other robot, by name."""
-    walkers: Sequence[WalkerTrack] = ()
+    walkers: Sequence[readings.WalkerTrack] = ()
 
 
 def assemble(
@@ -101,7 +94,7 @@ def assemble(
     if loaded_urdf:
         tree = read_tree(parse(loaded_urdf.encode(), ROBOT_AS_LOADED), ROBOT_AS_LOADED)
         root_pose = tree.poses.get(root, root_pose)
-    sensors = read_sensors(trajectory, links, context, sources[1])
+    sensors = readings.read_sensors(trajectory, links, context, sources[1])
     robot = urdf, loaded_urdf or urdf, world, context, joints, root, root_pose, sensors
     return RecordedMission(trajectory, *robot, **more)
 
@@ -110,7 +103,7 @@ def read_champion_mission(record: Record, world: str) -> RecordedMission:
     """Read the champion's first mission in a world, with all robots."""
     robots = {robot.agent: place_champion(robot, world) for robot in list_robots(record)}
     mission = robots.pop(record.agent)
-    return replace(mission, others=robots, walkers=read_walkers(record, world))
+    return replace(mission, others=robots, walkers=readings.read_walkers(record, world))
 
 
 def place_champion(
@@ -146,7 +139,7 @@ def read_mission(record: Record, row: "pd.Series[str]") -> RecordedMission:
         trajectory,
         shown,
         name=f"{generation:05d}_{file.stem}",
-        walkers=list_walkers(trajectory, record.values),
+        walkers=readings.list_walkers(trajectory, record.values),
         others={
             name: read_mission(select_agent(record, name), row) for name in record.context.agents
         },
