@@ -108,10 +108,7 @@ def _flatten(value: Any, above: str = "") -> dict[str, Any]:
 
 
 def override_recorded(
-    recorded: Configuration,
-    overrides: Sequence[str],
-    config_dir: str | Path | None,
-    growing: str,
+    recorded: Configuration, overrides: Sequence[str], config_dir: str | Path | None, growing: str
 ) -> tuple[Configuration, int | None]:
     """Apply overrides to a recorded configuration; return it and the new value of ``growing``.
 

@@ -60,9 +60,7 @@ def find_file(name: str, kind: str) -> Path:
     files = [file for file in (path, bundled_folder(kind) / path) if file.is_file()]
     if len(files) == 2 and not files[0].samefile(files[1]):
         _LOG.warning(
-            "%s: used instead of %s; to use the latter, rename the former",
-            path.resolve(),
-            files[1],
+            "%s: used instead of %s; to use the latter, rename the former", path.resolve(), files[1]
         )
     if files:
         return files[0].resolve()

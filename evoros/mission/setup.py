@@ -79,11 +79,7 @@ class Setup:
             self.robots[index].add_faults(faults, self.clocks[index])
 
     def _extend_arrays(
-        self,
-        index: int,
-        participant: Participant,
-        faults: Sequence[Fault],
-        place: Sequence[float],
+        self, index: int, participant: Participant, faults: Sequence[Fault], place: Sequence[float]
     ) -> None:
         course, clocks, arrays = participant.course, self.clocks[index], self.arrays
         for trigger in dict.fromkeys(fault.trigger for fault in faults):
@@ -209,10 +205,7 @@ def _add_up(sizes: Sequence[int]) -> inputs.Integers:
 
 
 def _create_arrays(
-    participants: Sequence[Participant],
-    agents: inputs.Agents,
-    timing: inputs.Timing,
-    reports: int,
+    participants: Sequence[Participant], agents: inputs.Agents, timing: inputs.Timing, reports: int
 ) -> inputs.Arrays:
     robots = len(participants)
     commands = np.zeros(robots * COMMAND_SIZE)

@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     from pymoo.algorithms.moo.nsga2 import NSGA2
 
 POPULATION = replace(
-    COUNT,
-    text="an even integer >= 4",
-    holds=lambda v: is_whole(v) and v >= 4 and v % 2 == 0,
+    COUNT, text="an even integer >= 4", holds=lambda v: is_whole(v) and v >= 4 and v % 2 == 0
 )
 
 

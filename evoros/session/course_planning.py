@@ -24,13 +24,7 @@ from evoros.robot.model import Robot
 from evoros.terminal.activity import announce
 from evoros.terminal.log import withhold_messages
 from evoros.world.course import Course
-from evoros.world.floors import (
-    GROUND,
-    ground_shapes,
-    has_level_ground,
-    project_ground,
-    settle,
-)
+from evoros.world.floors import GROUND, ground_shapes, has_level_ground, project_ground, settle
 from evoros.world.loading import free_bodies, read_world
 from evoros.world.model import LOW_M, World
 from evoros.world.standing import stand

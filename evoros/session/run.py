@@ -202,10 +202,7 @@ def _resume(record: RunFolder, experiment: Experiment, wanted: int | None) -> Se
 
 
 def _start_evaluation(
-    record: RunFolder,
-    experiment: Experiment,
-    designs: Sequence[NamedDesign],
-    trials: int | None,
+    record: RunFolder, experiment: Experiment, designs: Sequence[NamedDesign], trials: int | None
 ) -> Evaluation:
     if trials not in (None, experiment.plan.evaluation_trials):
         if experiment.evaluation_draws == plan.VALIDATION:

@@ -20,8 +20,7 @@ COLUMNS = (
 
 
 def write_verdicts(
-    requirements: Mapping[str, Requirement],
-    judged: Mapping[tuple[str, str], Mapping[str, Judged]],
+    requirements: Mapping[str, Requirement], judged: Mapping[tuple[str, str], Mapping[str, Judged]]
 ) -> dict[str, str]:
     """Return the files with the verdicts on each requirement and design, by file name."""
     rows: list[Sequence[object]] = [COLUMNS]

@@ -27,8 +27,7 @@ def _interval(text: str, holds: Callable[[Any], bool]) -> checks.Rule:
 
 
 NUMBER = _interval(
-    f"an integer from 0 to {MOST_WALKERS}",
-    lambda v: checks.is_whole(v) and 0 <= v <= MOST_WALKERS,
+    f"an integer from 0 to {MOST_WALKERS}", lambda v: checks.is_whole(v) and 0 <= v <= MOST_WALKERS
 )
 PACE = _interval("a number greater than 0 and at most 5", lambda v: 0.0 < v <= 5.0)
 ROUTE = checks.Rule(

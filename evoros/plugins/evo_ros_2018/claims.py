@@ -18,11 +18,7 @@ from evoros.analysis.tables.champions import read_champion
 from evoros.analysis.tables.designs import trace_fitness
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.study import Study
-from evoros.analysis.tables.validated import (
-    classify_failure,
-    list_missions,
-    list_random_missions,
-)
+from evoros.analysis.tables.validated import classify_failure, list_missions, list_random_missions
 from evoros.base.arrays import Array
 from evoros.plugins.evo_ros_2018 import claims_designs
 from evoros.plugins.evo_ros_2018.claims_designs import RANDOM, SPATIAL, read_diversity

@@ -7,10 +7,7 @@ PLUGIN = Plugin(
     "a live browser page about runs",
     subcommands={
         "watch": Subcommand(
-            f"{__name__}.command:watch",
-            "FOLDER",
-            "follow runs on a live browser page",
-            ("--port",),
+            f"{__name__}.command:watch", "FOLDER", "follow runs on a live browser page", ("--port",)
         )
     },
 )

@@ -14,17 +14,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.drawing.style import PAGE_IN
 from evoros.analysis.figures.claims import draw_claims
-from evoros.analysis.statistics.finding import (
-    NOT_SUPPORTED,
-    SUPPORTED,
-    UNKNOWN,
-)
+from evoros.analysis.statistics.finding import NOT_SUPPORTED, SUPPORTED, UNKNOWN
 from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.validated import classify_failure, list_missions
 from evoros.cli.command import evaluate
-from evoros.plugins.evo_ros_2018.claims_designs import (
-    read_diversity,
-)
+from evoros.plugins.evo_ros_2018.claims_designs import read_diversity
 from evoros.storage.figure_context import Ring
 from evoros.terminal.console import DONE, INPUT
 

@@ -49,11 +49,7 @@ from evoros.plugins.recordings.video.captions import (
     write_caption,
 )
 from evoros.plugins.recordings.video.film import encode_mp4, film
-from evoros.plugins.recordings.video.motion import (
-    flag_ends,
-    interpolate,
-    measure_errors,
-)
+from evoros.plugins.recordings.video.motion import flag_ends, interpolate, measure_errors
 from evoros.plugins.recordings.video.renderer import CUT_M, cut_obstacles, find_goals
 from evoros.plugins.recordings.video.scene import Picture, Scene, rasterize
 from evoros.storage.figure_context import FigureContext

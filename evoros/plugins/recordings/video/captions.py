@@ -66,11 +66,7 @@ def _shorten(draw: ImageDraw.ImageDraw, text: str, font: Font, room: float) -> s
 
 
 def _draw_states(
-    draw: ImageDraw.ImageDraw,
-    states: Sequence[tuple[int, ...]],
-    em: int,
-    x: float,
-    middle: float,
+    draw: ImageDraw.ImageDraw, states: Sequence[tuple[int, ...]], em: int, x: float, middle: float
 ) -> float:
     """Draw a numbered square for each sensor; return the x coordinate after the last square."""
     font = _font(em)
