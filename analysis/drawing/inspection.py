@@ -39,8 +39,8 @@ def draw_robot_picture(robot: Robot, places: Mapping[str, Array]) -> bytes:
         above.set(xlabel="y, left [m]", ylabel="x, forward [m]", title="top view", aspect="equal")
         above.invert_xaxis()
         side.set(xlabel="x, forward [m]", ylabel="z [m]", title="side view", aspect="equal")
-        entries, place = _legend(robot, places), "outside lower center"
-        figure.legend(handles=entries, loc=place, ncols=4, frameon=False)
+        entries = _legend(robot, places)
+        figure.legend(handles=entries, loc="outside lower center", ncols=4, frameon=False)
     return render(figure, "png")
 
 

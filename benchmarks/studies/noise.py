@@ -28,7 +28,7 @@ from evoros.base.arrays import Array
 from evoros.certificate.final_choice import FinalChoice
 from evoros.dispatch.dispatcher import MissionResult
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.journal import Champion
+from evoros.evolution.journal import Champion, Watcher
 from evoros.evolution.loop import evolve
 from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission, MissionKey, Outcomes
@@ -71,7 +71,7 @@ IMAGES = Path(__file__).parents[2] / "docs" / "img"
 
 
 @dataclass
-class Recalled:
+class Recalled(Watcher):
     """A journal that has the missions of a run, and an observer; it writes nothing."""
 
     outcomes: dict[MissionKey, Outcomes]
@@ -108,7 +108,6 @@ class Recalled:
         pass
 
     keep_log = keep_trajectory = write_generation = write_champions = write_champion = _ignore
-    begin = mission = generation = _ignore
 
 
 def list_variants(case: str) -> dict[str, tuple[list[str], int]]:

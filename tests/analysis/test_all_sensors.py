@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ from evoros.analysis.tables.champions import (
     read_champion_signals,
 )
 from evoros.analysis.tables.designs import read_initial_sensors
-from evoros.analysis.tables.readings import read_sensors, read_traces
+from evoros.analysis.tables.readings import read_traces
 from evoros.analysis.tables.records import Record, read_record
 from evoros.analysis.tables.study import Study
 from evoros.analysis.tables.tracks import TOUCHED, load_champion_world
@@ -37,6 +38,7 @@ from evoros.formats.urdf.tree import read_tree
 from evoros.plugins.deploy.champion import read_champion as deploy_champion
 from evoros.plugins.deploy.parameters import list_range_finders, robot_parameters
 from evoros.plugins.deploy.subcommand import plan_mounting
+from evoros.plugins.recordings.missions import read_champion_mission
 from evoros.plugins.recordings.video.captions import FAILED, NEAR
 from evoros.plugins.recordings.video.sensors import make_views
 from evoros.terminal.console import DONE
@@ -291,16 +293,15 @@ def test_a_deployed_package_tells_of_all_sensors_as_in_a_mission(record: Record)
 def test_a_video_tells_bumpers_that_are_closed_and_all_sensors_that_failed(
     record: Record, trajectory: pd.DataFrame
 ) -> None:
-    robot = read_tree(parse((record.path / "champion" / "robot.urdf").read_bytes(), "r"), "r")
-    recorded = read_sensors(trajectory, robot.poses, record.context, "robot.urdf")
-    rows = np.arange(len(trajectory))
-    for sensor, shown in enumerate(make_views(robot, recorded, rows, near_m=0.5)):
+    mission = replace(read_champion_mission(record, "near"), near_m=0.5)
+    robot = read_tree(parse(mission.urdf.encode(), "r"), "r")
+    times, rows = trajectory["time_s"].to_numpy(float), np.arange(len(trajectory))
+    for sensor, shown in enumerate(make_views(robot, mission, times, rows)):
         assert (shown.view is not None) == (sensor in (*INFRARED, LIDAR))
-        colours = [shown.classify(row) for row in rows.tolist()]
-        silent = np.isnan(recorded[sensor].readings).all(axis=1)
-        assert [colour == FAILED for colour in colours] == silent.tolist()
+        failed, near = (np.all(shown.colours == colour, axis=1) for colour in (FAILED, NEAR))
+        recorded = mission.sensors[sensor].readings
+        assert failed.tolist() == np.isnan(recorded).all(axis=1).tolist()
         if sensor in BUMPERS:
-            closed = recorded[sensor].readings[:, 0] > 0.0
-            assert [colour == NEAR for colour in colours] == closed.tolist()
+            assert near.tolist() == (recorded[:, 0] > 0.0).tolist()
         elif sensor in (IMU, ODOMETRY):
-            assert NEAR not in colours
+            assert not near.any()

@@ -13,7 +13,7 @@ from evoros.base.arrays import Array
 from evoros.config.compose import compose
 from evoros.dispatch.dispatcher import MissionResult
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.journal import Champion, Champions, Generation
+from evoros.evolution.journal import Champion, Champions, Generation, Watcher
 from evoros.evolution.loop import evolve
 from evoros.measure.coverage import Coverage
 from evoros.mission.mission import Mission, MissionKey, Outcomes
@@ -23,7 +23,7 @@ from evoros.optimizer.map_elites import MapElites
 
 
 @dataclass
-class Memory:
+class Memory(Watcher):
     """A journal and an observer in memory, with all that happened in order."""
 
     outcomes: dict[MissionKey, Outcomes] = field(default_factory=dict)

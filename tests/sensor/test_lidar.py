@@ -157,7 +157,7 @@ def test_ranges_are_shown_by_sensor_and_sector() -> None:
 
 def test_a_fan_of_a_scan_ends_at_the_range_of_each_sector() -> None:
     ranges = np.array([1.0, 2.0, 3.0, 4.0])
-    fan = Fan(np.eye(4), math.pi, ranges, 4.0, (0, 0, 0))
+    fan = Fan(np.eye(4), math.pi, ranges, 4.0, np.zeros(3, np.uint8))
     angles = np.radians([-135.0, -45.0, 45.0, 135.0])
     u, v = np.cos(angles).astype(np.float32), np.sin(angles).astype(np.float32)
     assert _reach_at(u, v, fan).tolist() == ranges.tolist()
