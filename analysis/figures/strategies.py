@@ -1,7 +1,7 @@
 """Evolved and random designs compared: coverage, front arrays, side mounts, redundancy, damage."""
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -29,10 +29,11 @@ from ..drawing.style import (
     PAGE_IN,
     abbreviate,
     assign_colours,
+    assign_dashes,
     figure_width,
+    is_wide,
     scatter_aside,
     use_style,
-    wrap,
 )
 from ..statistics.small_samples import describe_shortfalls
 from ..subcommands import Product
@@ -49,7 +50,7 @@ NEEDS = "finished runs"
 FILES = ("strategies.csv",)
 RANDOM = "0.45"  # grey of random designs
 MARKERS = "os^Dvp"
-PANEL_IN = 1.6  # minimum width of a panel
+MOST_BANDS = 3  # maximum number of treatments with intervals around their mean profile
 NAME_LENGTH = 9  # maximum length of a label below an axis
 _GREY = "0.88"  # boxes of random designs
 _DASHES = (0, (3, 1.5))
@@ -60,8 +61,8 @@ _BOX: dict[str, Any] = {
     "medianprops": {"color": RANDOM, "lw": 1.2},
     **{"whiskerprops": _LINE, "capprops": _LINE, "manage_ticks": False},
 }
-_MIDDLE = Line2D([], [], color=RANDOM, lw=1.2, ls=_DASHES, label="random designs, mean")
-_LOWER_KEY = [
+_KEY: list[Artist] = [
+    Line2D([], [], color=RANDOM, lw=0.8, ls=_DASHES, label="random designs, mean"),
     Patch(fc=_GREY, ec=RANDOM, lw=0.6, label="random designs: quartiles, 5 % and 95 %"),
     Line2D([], [], color=RANDOM, lw=1.4, label="random designs: median, or share"),
     Line2D([], [], color="black", lw=1, marker="_", ms=5, label="champions: mean, 95 % interval"),
@@ -121,75 +122,65 @@ def report_designs(summary: pd.DataFrame) -> list[str]:
 
 
 def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = PAGE_IN) -> Figure:
-    """Plot coverage by treatment and heading, and three features; ``width`` is in inches."""
+    """Plot coverage by heading, and three features; ``width`` is in inches."""
     treatments = list(dict.fromkeys(table.treatment))
-    columns = max(1, int(width / PANEL_IN))
-    above, below = -(-len(treatments) // columns), 1 if columns >= 3 else 3
-    across = -(-len(treatments) // above)
+    wide = is_wide(width)
+    below, across = (1, 3) if wide else (3, 1)
     with use_style():
-        heights = [1.65 * above + 0.2 * (below + (below > 1)), 2.1 * below]
+        entries = [*_list_entries(table, treatments), *_KEY]
+        rows = -(-len(entries) // (2 if wide else 1))
+        heights = [1.9, 2.0 * below + 0.14 * rows]
         figure = Figure(figsize=(width, sum(heights)), layout="constrained")
         parts: Any = figure.subfigures(2, 1, height_ratios=heights)
-        grid = parts[0].subplots(above, across, squeeze=False, sharex=True, sharey=True)
-        for axes, treatment in zip(grid.flat, treatments, strict=False):
-            _draw_profiles(axes, table[table.treatment == treatment], summary, treatment)
-            axes.set_title(_title(treatment, treatments, table, 13 * (width - 0.6) / across))
-        for axes in list(grid.flat)[len(treatments) :]:
-            axes.remove()
-        grid[0, 0].set_ylim(bottom=0)
-        for row in grid:
-            row[0].set_ylabel("sensors that\ncover the heading")
-        key: dict[str, Any] = {"frameon": False, "handlelength": 1.8}
-        upper, wide = _make_upper_key(assign_colours(treatments)), columns >= 3
-        parts[0].legend(handles=upper, loc="outside upper center", ncols=4 if wide else 1, **key)
-        across_page = 3 if wide else 1
-        parts[1].legend(handles=_LOWER_KEY, loc="outside lower center", ncols=across_page, **key)
-        features = parts[1].subplots(below, 3 // below, squeeze=False)
+        axes = parts[0].subplots()
+        for treatment, look in assign_dashes(treatments).items():
+            shown = summary[summary.treatment == treatment]
+            _draw_profile(axes, shown, look, len(treatments) <= MOST_BANDS)
+        axes.set_xlim(_reach(summary), -_reach(summary))  # puts left headings on the left
+        axes.set_ylim(bottom=0)
+        axes.xaxis.set_major_locator(MultipleLocator(45))
+        axes.set(xlabel="heading [deg], left > 0", ylabel="sensors that\ncover the heading")
+        key: dict[str, Any] = {"frameon": False, "handlelength": 2.4, "ncols": 2 if wide else 1}
+        parts[1].legend(handles=entries, loc="outside lower center", **key)
+        features = parts[1].subplots(below, across, squeeze=False)
         _draw_ahead(features.flat[0], table, summary)
         _draw_rates(features.flat[1], summary, treatments)
         _draw_lost(features.flat[2], table, summary)
     return figure
 
 
-def _make_upper_key(colours: Mapping[str, str]) -> list[Artist]:
-    colour = next(iter(colours.values()))
-    band = Patch(fc=colour, alpha=0.25, label="95 % interval")
-    single = Line2D([], [], color=colour, lw=0.4, alpha=0.35, label="single champions")
-    mean = Line2D([], [], color=colour, lw=1.4, label="champions, mean")
-    return [mean, band, single, _MIDDLE]
+def _list_entries(table: pd.DataFrame, treatments: Sequence[str]) -> list[Artist]:
+    """List the entries of the treatments, and of their bands, in the legend."""
+    entries: list[Artist] = []
+    for i, (name, (colour, dashes)) in enumerate(assign_dashes(treatments).items()):
+        short = _shorten(treatments)[name]
+        title = name if short == name else f"{short}: {name}"
+        count = int(((table.treatment == name) & ~table.random).sum())
+        look: dict[str, Any] = {"color": colour, "ls": dashes, "lw": 1.4, "ms": 3.5}
+        label = f"{title} (n = {count}), mean"
+        entries.append(Line2D([], [], marker=MARKERS[i % len(MARKERS)], label=label, **look))
+    if len(treatments) <= MOST_BANDS:
+        colour = assign_colours(treatments)[treatments[0]]
+        entries.append(Patch(fc=colour, alpha=0.25, label="95 % interval of the mean"))
+    return entries
 
 
 def _shorten(treatments: Sequence[str]) -> dict[str, str]:
     return abbreviate(treatments, NAME_LENGTH if len(treatments) <= 4 else 0)
 
 
-def _title(treatment: str, treatments: Sequence[str], table: pd.DataFrame, room: float) -> str:
-    count = int(((table.treatment == treatment) & ~table.random).sum())
-    short = _shorten(treatments)[treatment]
-    name = treatment if short == treatment else f"{short}: {treatment}"
-    return wrap(f"{name} (n = {count})", room, minimum=12)
-
-
-def _draw_profiles(
-    axes: Axes, designs: pd.DataFrame, summary: pd.DataFrame, treatment: str
+def _draw_profile(
+    axes: Axes, summary: pd.DataFrame, look: tuple[str, Any], with_band: bool
 ) -> None:
-    colour = assign_colours(list(dict.fromkeys(summary.treatment)))[treatment]
-    rows = summary[(summary.treatment == treatment) & (summary.measure == "coverage")]
-    champions = designs.loc[~designs.random, HEADINGS_DEG].to_numpy(float)
+    rows, (colour, dashes) = summary[summary.measure == "coverage"], look
     headings = _close(HEADINGS_DEG, 180.0)
-    for profile in champions:
-        axes.plot(headings, _close(profile), color=colour, lw=0.4, alpha=0.35)
     low, high, value, random = (
         _close(rows[name].to_numpy(float)) for name in ("low", "high", "value", "random")
     )
-    axes.fill_between(headings, low, high, color=colour, alpha=0.25, lw=0)
-    axes.plot(headings, random, color=RANDOM, lw=1.2, ls=_DASHES)
-    axes.plot(headings, value, color=colour, lw=1.4)
-    axes.set_xlim(_reach(summary), -_reach(summary))  # puts left headings on the left
-    axes.xaxis.set_major_locator(MultipleLocator(90))
-    axes.xaxis.set_minor_locator(MultipleLocator(45))
-    axes.tick_params(labelbottom=True)
-    axes.set_xlabel("heading [deg], left > 0")
+    if with_band:
+        axes.fill_between(headings, low, high, color=colour, alpha=0.2, lw=0)
+    axes.plot(headings, random, color=RANDOM, lw=0.8, ls=_DASHES, zorder=1)
+    axes.plot(headings, value, color=colour, lw=1.4, ls=dashes)
 
 
 def _reach(summary: pd.DataFrame) -> int:

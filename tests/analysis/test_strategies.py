@@ -443,9 +443,11 @@ def test_the_picture_shows_the_counts_and_the_means(
     figure = draw_strategies(table, numbers, width)
     assert figure.get_figwidth() == width
     panels = [axes for part in figure.subfigs for axes in part.axes]
-    assert [axes.get_title() for axes in panels[:2]] == ["none (n = 8)", "random (n = 6)"]
-    assert [text.get_text() for text in panels[2].texts] == ["4 : 4", "0 : 6"]
-    mean = np.asarray(panels[0].get_lines()[-1].get_ydata())
+    (legend,) = (legend for part in figure.subfigs for legend in part.legends)
+    named = [text.get_text() for text in legend.get_texts()[:2]]
+    assert named == ["none (n = 8), mean", "random (n = 6), mean"]
+    assert [text.get_text() for text in panels[1].texts] == ["4 : 4", "0 : 6"]
+    mean = np.asarray(panels[0].get_lines()[1].get_ydata())
     rows = numbers[(numbers.treatment == "none") & (numbers.measure == "coverage")]
     np.testing.assert_allclose(mean, [*rows.value, rows.value.iloc[0]])
 
