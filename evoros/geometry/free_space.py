@@ -73,8 +73,8 @@ class FreeSpace:
         pad = math.ceil(reach)  # the ground may end just outside the grid
         none = np.pad(np.zeros_like(self.free), pad)
         wide = FreeSpace(self.low - pad * self.cell_m, none, self.cell_m)
-        for footprint in ground:
-            window, near = wide.find_near(footprint, 0.0)
+        for footprint in ground:  # robots drive over seams between floors
+            window, near = wide.find_near(footprint, self.cell_m / 2)
             wide.free[window] |= near
         inner = (slice(pad, -pad),) * 2
         self.free[:] &= scipy.ndimage.distance_transform_edt(wide.free)[inner] > reach

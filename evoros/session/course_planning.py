@@ -17,7 +17,7 @@ from evoros.field.course_suggestion import (
     suggest_course,
 )
 from evoros.formats.sdf.reading import SdfOptions
-from evoros.geometry.footprint import find_bounds, project_bodies
+from evoros.geometry.footprint import Footprint, find_bounds, project_bodies
 from evoros.geometry.shapes import Body, Vector
 from evoros.preflight.routes import check_place, check_route
 from evoros.robot.model import Robot
@@ -31,6 +31,8 @@ from evoros.world.standing import stand
 
 HEADROOM_M = 0.1  # minimum clearance between the robot and a body above its course
 
+FLOOR_SHARE = 0.05
+"""Share of a world's bounding box below which level tops at one height are no floor."""
 MANY = 20_000
 """Number of shapes above which the first course is taken, to save time; a city has more."""
 
@@ -193,7 +195,15 @@ def _suggest(place: _Place, bodies: Sequence[Body], on_floors: bool) -> Suggesti
             shapes += find_steep_places(shape, pose)
     kept = [body for body in bodies if not (on_floors and body.shapes == GROUND.shapes)]
     ground = project_ground(kept)
-    return None if ground == [] else suggest_course(shapes, place.radius_m, ground, place.home)
+    if ground == [] or (on_floors and ground and _is_small(ground, [*shapes, *ground])):
+        return None
+    return suggest_course(shapes, place.radius_m, ground, place.home)
+
+
+def _is_small(floors: Sequence[Footprint], everything: Sequence[Footprint]) -> bool:
+    """Return True if floors cover so little of a world that they are those of furniture."""
+    inner, outer = (np.diff(find_bounds(*areas), axis=0) for areas in (floors, everything))
+    return bool(inner.prod() < FLOOR_SHARE * outer.prod())
 
 
 def _accept(place: _Place, course: Course) -> World | None:

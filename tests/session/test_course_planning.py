@@ -43,6 +43,12 @@ def write(folder: Path, boxes: Boxes, at: tuple[float, float]) -> Path:
     return path
 
 
+def write_without_ground(folder: Path, boxes: Boxes) -> Path:
+    path = write(folder, boxes, (0.0, 0.0))
+    path.write_text(path.read_text().replace("<plane/>", "<empty/>"))
+    return path
+
+
 @pytest.mark.parametrize("at", [(0.4, -1.5), (40.0, 9.0)])
 @pytest.mark.parametrize(
     ("slab", "margin"), [(0.0, 0.0), (0.02, 0.1), (0.02, 6.0), (0.3, 0.1), (0.3, 6.0)]
@@ -63,6 +69,22 @@ def test_a_course_lies_inside_an_office_whatever_its_floor(
     course = planned.course
     stops = np.array([(course["home_x_m"], course["home_y_m"]), *course["waypoints"]]) - at
     assert (np.abs(stops) < np.array([length, width]) / 2).all()
+
+
+def test_seams_between_floors_do_not_end_a_course(tmp_path: Path) -> None:
+    slabs: Boxes = [(x, 0, -0.05, 2.91, 6, 0.1) for x in (-3, 0, 3)]
+    walls: Boxes = [(x, 0, 1, WALL_M, 6, 2) for x in (-4.5, 4.5)]
+    walls += [(0, y, 1, 9, WALL_M, 2) for y in (-3, 3)]
+    planned = plan_course({"sdf": str(write_without_ground(tmp_path, [*slabs, *walls]))}, rover())
+    x = [planned.course["home_x_m"], *(x for x, _ in planned.course["waypoints"])]
+    assert max(x) - min(x) > 4.0
+
+
+def test_a_mat_is_no_floor_of_a_wide_world_without_ground(tmp_path: Path) -> None:
+    posts: Boxes = [(x, y, 0.5, 0.5, 0.5, 1) for x in (-12, 0, 12) for y in (-12, 12)]
+    path = write_without_ground(tmp_path, [(5, 3, 0.005, 3, 3, 0.01), *posts])
+    planned = plan_course({"sdf": str(path)}, rover())
+    assert (planned.course["home_x_m"], planned.course["home_y_m"]) == (0.0, 0.0)
 
 
 def test_planes_that_are_walls_such_as_posters_are_left_out(
