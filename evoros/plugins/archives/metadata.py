@@ -4,25 +4,18 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any
 from urllib.parse import quote
+
+from jinja2 import StrictUndefined, Template
 
 from evoros.base.errors import InputError
 from evoros.plugins.archives.software import RecordedCode
 from evoros.storage.archives import INPUTS, RUNS
 from evoros.storage.layout import CONFIG, DIGESTS, MANIFEST, MISSIONS, SETTING, STATUS
 
-_LAYOUT = """| place | content |
-|---|---|
-| `runs/` | run and evaluation folders (described in evoros's docs/run_folder.md) |
-| `inputs/` | input files: the user's own parts, robots, worlds and meshes |
-| `software/requirements.txt` | packages, in the versions that the runs used |
-| `software/packages.csv` | these packages, with the SHA-256 of the installed files |
-| `software/evoros.patch` | uncommitted changes to evoros, if any |
-| `ro-crate-metadata.json` | description of all files, as an RO-Crate |
-| `checksums.sha256` | SHA-256 of all other files, for `sha256sum --check checksums.sha256` |
-"""
+_README = Path(__file__).with_name("README.md.jinja")
 _IDENTIFIER = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+-]*")
 METADATA = "ro-crate-metadata.json"
 SPECIFICATION = "https://w3id.org/ro/crate/1.1"
@@ -220,48 +213,12 @@ def write_readme(
     facts: StudyFacts, code: RecordedCode, archive: str, own_parts: str | None
 ) -> bytes:
     """Return the content of ``README.md`` for an archive with this file name."""
-    rows = [
-        f"| `{run.place.removeprefix(f'{RUNS}/')}` | {_describe(run.manifest, run.status)} |"
-        for run in facts.runs
-    ]
-    parts = f"\nOnly `evoros reproduce` runs the code in `{own_parts}/`.\n" if own_parts else ""
-    lines = [
-        f"# {facts.name}\n\nA study by evoros {facts.version}, archived with everything "
-        f"needed to rerun it.\n\n{_LAYOUT}\n## Runs\n\n| name | content |\n|---|---|\n",
-        "\n".join(rows),
-        f"\n\n## Code\n\n{_describe_code(code)}\n\n## Rerun the study\n\n",
-        "```bash\npython -m venv again\n"
-        f"again/bin/pip install evoros=={facts.version}  # or evoros from its commit\n"
-        "again/bin/pip install -r software/requirements.txt  # from the unzipped archive\n"
-        f"again/bin/evoros reproduce {archive} --output reproduced\n```\n\n"
-        "The last command compares every byte and reports the first difference. "
-        f'`evoros.load_run("{archive}")`, `evoros analyze`, `evoros status` and `evoros diff` read '
-        f"the archive without running its code.\n{parts}\n## Licence and citation\n\n",
-        f"{_describe_rights(facts)} The licence of evoros is in `software/LICENSE`; cite evoros "
-        f"and its version as described in `software/CITATION.cff`.\n",
-    ]
-    return "".join(lines).encode(errors="backslashreplace")
-
-
-def _describe(manifest: Mapping[str, Any], status: Mapping[str, Any]) -> str:
-    best = status.get("best_fitness")
-    fitness = "" if best is None else f", best fitness {best:.6g}"
-    done = f"{status.get('missions')} missions{fitness}"
-    return f"{manifest['command']}, seed {manifest['seed']}, {done}"
-
-
-def _describe_code(code: RecordedCode) -> str:
-    commits = ", ".join(f"`{commit}`" for commit in code.commits) or "unknown"
-    text = f"Commit of evoros: {commits}."
-    if code.patch is not None:
-        return f"{text} `software/evoros.patch` contains the uncommitted changes."
-    if code.changed:
-        return f"{text} There were uncommitted changes, which were not recorded."
-    return text
-
-
-def _describe_rights(facts: StudyFacts) -> str:
-    licence = facts.licence or "none was chosen"
-    authors = ", ".join(facts.authors)
-    named = f" Authors: {authors}." if authors else ""
-    return f"Licence of this study: {licence}.{named}"
+    template = Template(
+        _README.read_text(encoding="utf-8"),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        undefined=StrictUndefined,
+    )
+    text: str = template.render(facts=facts, code=code, archive=archive, own_parts=own_parts)
+    return text.encode(errors="backslashreplace")
