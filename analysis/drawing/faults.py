@@ -29,11 +29,7 @@ _MARKS: Mapping[str, Mapping[str, Any]] = {
     ALTERS: {**_POINT, "mfc": "white"},
     GROWS: {**_POINT, "mfc": "white", "marker": "^"},
 }
-_WORDS = {
-    ENDS: "sensor fails: {}",
-    ALTERS: "sensor error: {}",
-    GROWS: "error starts: {}",
-}
+_WORDS = {ENDS: "sensor fails", ALTERS: "sensor error", GROWS: "error starts"}
 _PART: dict[str, Any] = {**_POINT, "marker": "D", "ms": 5.5, "mfc": VERMILLION}
 _WEDGE: dict[str, Any] = {"color": ORANGE, "alpha": 0.45}
 _WIDEST_PT = 6.0  # maximum width of a growing fault's band
@@ -47,7 +43,7 @@ def draw_faults(axes: Axes, path: pd.DataFrame, effects: Mapping[str, str]) -> N
         kind = effects.get(effect, ENDS)
         if kind == GROWS:
             _draw_growth(axes, path, int(rows.index[0]))
-        label = _WORDS[kind].format(effect)
+        label = f"{_WORDS[kind]}: {effect}"
         axes.plot(rows["x_m"], rows["y_m"], zorder=5, label=label, **_MARKS[kind])
         write_numbers(axes, rows, "failed_sensors", (3, 3))
     for _, rows in _split(path, *PARTS):
@@ -99,7 +95,7 @@ def make_fault_handles(tracks: pd.DataFrame, effects: Mapping[str, str]) -> list
     """Make a legend entry for each effect, and one for the bands of growing errors."""
     drawn = {effect: effects.get(effect, ENDS) for effect, _ in _split(tracks)}
     handles = [
-        Line2D([], [], label=_WORDS[kind].format(effect), **_MARKS[kind])
+        Line2D([], [], label=f"{_WORDS[kind]}: {effect}", **_MARKS[kind])
         for effect, kind in drawn.items()
     ]
     if GROWS in drawn.values():

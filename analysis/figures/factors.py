@@ -20,7 +20,6 @@ from ..drawing.sheet import SMALL, Layout, table_height, write_table
 from ..statistics.comparison import ask_for_replicates, format_effect, format_p, title_measure
 from ..statistics.factorial import (
     Cell,
-    Contrast,
     EffectTest,
     contrast_interval,
     list_contrasts,
@@ -73,13 +72,15 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     label = label_fitness(study.records)
     bounds = bound_scores((*study.records, *study.evaluations))
     tests: list[dict[str, object]] = []
-    effects: list[dict[str, object]] = []
+    effects: list[tuple[object, ...]] = []
     cells: dict[str, dict[Cell, Array]] = {}
     for measure in measures:
         cells[measure] = _group(runs, measure, names)
         tests += list_tests(measure, cells[measure], names)
         contrasts = list_contrasts(cells[measure], list_levels(cells[measure], names), bounds)
-        effects += [_describe_contrast(measure, contrast) for contrast in contrasts]
+        for one in contrasts:
+            ends = (one.interval.value, one.interval.low, one.interval.high)
+            effects.append((measure, CROSS.join(one.effect), one.text, *ends))
     table = pd.DataFrame(tests, columns=list(TESTS))
     differences = pd.DataFrame(effects, columns=list(EFFECTS))
     figure = draw_factors(cells, names, table, bounds, style.figure_width(options.columns), label)
@@ -173,12 +174,6 @@ def list_tests(
         yield dict(zip(TESTS, row, strict=True))
 
 
-def _describe_contrast(measure: str, contrast: Contrast) -> dict[str, object]:
-    interval = contrast.interval
-    cells = (measure, CROSS.join(contrast.effect), contrast.text, interval.value, interval.low)
-    return dict(zip(EFFECTS, (*cells, interval.high), strict=True))
-
-
 def conclude(tests: pd.DataFrame, effects: pd.DataFrame, label: str = FITNESS) -> Iterator[str]:
     """Yield a conclusion for each effect, with its contrasts; ``label`` names the fitness."""
     for row in tests.to_dict("records"):
@@ -244,15 +239,12 @@ def _write_test(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
     return style.cut_short(effect, EFFECT_LENGTH), statistic, *p
 
 
-def _list_first(cells: Mapping[str, Mapping[Cell, Array]]) -> list[str]:
-    return list(dict.fromkeys(cell[0] for values in cells.values() for cell in values))
-
-
 def _label_levels(
     width: float, cells: Mapping[str, Mapping[Cell, Array]]
 ) -> tuple[list[str], bool]:
     """Return the labels of the first factor's levels, and True if they fit upright only."""
-    levels = [describe_level(level) for level in _list_first(cells)]
+    first = dict.fromkeys(cell[0] for values in cells.values() for cell in values)
+    levels = [*map(describe_level, first)]
     panel = width / (2 if width > 1.5 * style.COLUMN_IN and len(cells) > 1 else 1) - 0.7
     room = LETTERS_PER_IN * panel / len(levels)
     labels = [style.wrap(level, room) for level in levels]

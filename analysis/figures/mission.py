@@ -262,10 +262,8 @@ def _draw_readings(figure: SubFigure, traces: Mapping[str, Sequence[Trace]], col
             axes.set_ylabel("" if column else UNITS.get(unit, f"[{unit}]"))
             if step == len(units) - 1:
                 axes.set_xlabel("time [s]")
-    for place in range(len(traces), rows * columns):
-        for step in range(len(units)):
-            row, column = divmod(place, columns)
-            grid[row * len(units) + step, column].set_axis_off()
+    for axes in grid[-len(units) :, (len(traces) - 1) % columns + 1 :].flat:
+        axes.set_axis_off()
     handles = [Line2D([], [], label=f"sensor {label}", **style) for label, style in styles.items()]
     across = 5 if columns > 2 else 2
     figure.legend(handles=handles, loc="outside lower center", ncols=across, frameon=False)

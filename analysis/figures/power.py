@@ -103,18 +103,12 @@ def _trace(simulation: Simulation, plans: Sequence[Mapping[str, float]]) -> pd.D
     longest = max((end for end in ends if not isinf(end)), default=MAX_REPLICATES)
     end = min(MAX_REPLICATES, max(10, int(1.5 * longest)))
     numbers = np.unique(np.geomspace(2, end, POINTS).round().astype(int))
-    return pd.DataFrame(
-        [
-            {
-                "difference": plan["difference"],
-                "in_sd": plan["in_sd"],
-                "replicates": n,
-                "power": simulation.compute_power(plan["in_sd"], int(n)),
-            }
-            for plan in plans
-            for n in numbers
-        ]
-    )
+    rows = [
+        (plan["difference"], plan["in_sd"], n, simulation.compute_power(plan["in_sd"], int(n)))
+        for plan in plans
+        for n in numbers
+    ]
+    return pd.DataFrame(rows, columns=["difference", "in_sd", "replicates", "power"])
 
 
 def _conclude(row: Mapping[Hashable, Any], title: str) -> str:

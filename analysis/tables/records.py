@@ -127,11 +127,6 @@ def bound_scores(records: Iterable[Record]) -> tuple[float, float]:
     return min(lows), max(highs)
 
 
-def label_by_treatment(records: Iterable[Record]) -> dict[str, str]:
-    """Return the title and unit of each treatment's fitness."""
-    return {record.treatment: record.context.fitness.label for record in records}
-
-
 def read_values(path: Path) -> dict[str, Any]:
     """Read all values of a ``config.yaml``, with whole lists and resolved references."""
     try:
