@@ -263,7 +263,7 @@ class _Entry:
 
 def read_treatments(path: Path) -> list[_Entry]:
     """Read the treatments from a YAML file."""
-    entries = read_entries(path, "treatments", "name and where or folders", "- name: ...")
+    entries = read_entries(path, "treatments", "a name, and either where or folders", "- name: ...")
     named = [_read_entry(entry, f"{path}, entry {i}") for i, entry in enumerate(entries, 1)]
     names = [entry.name for entry in named]
     for name in names:

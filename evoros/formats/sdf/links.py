@@ -143,7 +143,10 @@ def read_link(element: Element, path: Path, frames: Frames, static: bool, readin
             friction, density = _read_friction(collision), _read_density(collision, element)
             solids.append(Solid(name, pose, shapes, friction, density))
     if not names and any(element.find(tag) is not None for tag in ("visual", "inertial")):
-        problem = "is left out: without a <collision>, nothing can touch or see the model; add one"
+        problem = (
+            "is left out: without a <collision>, nothing can touch or see the model; add a "
+            "<collision>"
+        )
         reading.notes.add(element, f"{problem}, such as the shape of the <visual>")
     if static:
         return Link(path, element, tuple(solids), None)

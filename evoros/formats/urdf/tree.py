@@ -199,7 +199,7 @@ def _find_root(robot: Element, links: Mapping[str, Element], joints: Mapping[str
     if len(roots) != 1:
         names = ", ".join(roots[:5]) or "none"
         problem = f"must have exactly one root link, the child of no joint, not {names}"
-        raise element_error(robot, problem, "connect all links to one root by joints")
+        raise element_error(robot, problem, "connect all links to one root with joints")
     return roots[0]
 
 
