@@ -1,7 +1,5 @@
 """The software in an archive: packages, and evoros's code, licence and citation."""
 
-import csv
-import io
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +11,7 @@ from typing import Any
 from evoros.files.origin import read_origin, read_patch
 from evoros.files.resources import PACKAGE
 from evoros.storage.circumstances import OWN, normalize
+from evoros.storage.tables import to_csv
 
 _OF_INSTALLER = ("INSTALLER", "REQUESTED", "RECORD", "direct_url.json")  # not of the package
 FOLDER = "software"
@@ -43,7 +42,9 @@ def list_software(
     versions = _list_versions(manifests)
     required = "".join(f"{name}=={version}\n" for name, version in versions.items())
     yield f"{FOLDER}/requirements.txt", required.encode()
-    yield f"{FOLDER}/packages.csv", _write_hashes(versions)
+    hashes = [(name, version, _hash(name, version)) for name, version in versions.items()]
+    table = to_csv([("package", "version", "sha256"), *hashes])
+    yield f"{FOLDER}/packages.csv", table.encode()
     if code.patch is not None:
         yield f"{FOLDER}/evoros.patch", code.patch
     for name in ("LICENSE", "CITATION.cff"):
@@ -83,15 +84,8 @@ def _list_versions(manifests: Iterable[Mapping[str, Any]]) -> dict[str, str]:
     return dict(sorted(versions.items()))
 
 
-def _write_hashes(versions: Mapping[str, str]) -> bytes:
-    """Return a CSV table of packages, with hashes of those installed in the recorded version."""
-    table = io.StringIO()
-    rows = [(name, version, _hash(name, version)) for name, version in versions.items()]
-    csv.writer(table, lineterminator="\n").writerows([("package", "version", "sha256"), *rows])
-    return table.getvalue().encode()
-
-
 def _hash(name: str, version: str) -> str:
+    """Return a digest of a package's files; empty unless this version is installed."""
     found = _find(name)
     if found is None or found.version != version:
         return ""

@@ -6,9 +6,8 @@ noise; the task determines everything else. See docs/benchmark.md.
 
 import csv
 import hashlib
-import io
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from evoros.observers import protocol
 from evoros.session.reproduction import list_finished
 from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, evaluates, read_bytes, read_json
 from evoros.storage.reading import Run
+from evoros.storage.tables import to_csv
 
 PREFIX = "benchmark_"
 TASKS: Mapping[str, int] = {  # maximum number of missions per run, without validation
@@ -172,11 +172,7 @@ def _add_values(
 
 def write_rows(rows: Iterable[Row]) -> str:
     """Return the rows as CSV, with a header line."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(map(asdict, rows))
-    return text.getvalue()
+    return to_csv([COLUMNS, *map(astuple, rows)])
 
 
 def read_rows(path: Path) -> list[Row]:
