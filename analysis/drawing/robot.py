@@ -54,12 +54,11 @@ def frame_axes(axes: Axes, view: Window) -> None:
         axis.set_major_formatter("{x:g}")
 
 
-def draw_robot(axes: Axes, context: FigureContext, fill: bool = True, zorder: float = 1.0) -> None:
-    """Draw a robot's parts from the lowest to the highest; without ``fill``, only the edges."""
+def draw_robot(axes: Axes, context: FigureContext, alpha: float = 0.85, order: float = 1) -> None:
+    """Draw a robot's parts from the lowest to the highest, with this opacity."""
     for part in sorted(context.parts, key=lambda part: part.top_m):
-        face, alpha = _WHEEL if part.wheel else _BODY, 0.85 if fill else 0.6
-        look: dict[str, Any] = {"fc": face if fill else "none", "ec": _EDGE, "lw": 0.4}
-        axes.fill(*to_page(outline_part(part)).T, alpha=alpha, zorder=zorder, **look)
+        look: dict[str, Any] = {"fc": _WHEEL if part.wheel else _BODY, "ec": _EDGE, "lw": 0.4}
+        axes.fill(*to_page(outline_part(part)).T, alpha=alpha, zorder=order, **look)
 
 
 def draw_cones(

@@ -163,7 +163,7 @@ def _draw_counts(
     axes: Axes, context: FigureContext, cover: pd.DataFrame, view: Window, shades: Shades
 ) -> None:
     robot.draw_robot(axes, context)
-    robot.draw_robot(axes, context, fill=False, zorder=3)
+    robot.draw_robot(axes, context, 0.5, order=3)  # wheels show through cones
     if cover.empty:
         return
     half = float(cover.cell_m.iloc[0]) / 2
