@@ -201,7 +201,7 @@ def _suggest(place: _Place, bodies: Sequence[Body], on_floors: bool) -> Suggesti
 
 
 def _is_small(floors: Sequence[Footprint], everything: Sequence[Footprint]) -> bool:
-    """Return True if floors cover so little of a world that they are those of furniture."""
+    """Return True if floors cover so little of a world that they belong to furniture."""
     inner, outer = (np.diff(find_bounds(*areas), axis=0) for areas in (floors, everything))
     return bool(inner.prod() < FLOOR_SHARE * outer.prod())
 
