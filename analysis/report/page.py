@@ -124,7 +124,10 @@ def make_page(study: Study, options: argparse.Namespace, flown: Flown | None = N
     playbacks = select_playbacks(study, options.playbacks * 1e6, flown.playbacks)
     maps = make_maps(study, options)
     missions = collect_missions(maps, study, options.designs * 1e6)
-    player = _render_player(study, playbacks, flown)
+    kept = sum(keeps_shown(run) or run.name in flown.playbacks for run in study.records)
+    counts = {"played": len(playbacks), "others": kept - len(playbacks)}
+    without = len(study.records) - kept
+    player = render("player.html", without=without, notes=flown.notes, **counts)
     labels = summary.label_runs(study.records)
     champions = [
         {"label": labels[name], "content": content, "players": ["run"], "key": name}
@@ -137,12 +140,6 @@ def make_page(study: Study, options: argparse.Namespace, flown: Flown | None = N
         [*champions, *missions.list_playbacks()],
         missions.grounds,
     )
-
-
-def _render_player(study: Study, playbacks: Mapping[str, Markup], flown: Flown) -> Markup:
-    kept = sum(keeps_shown(run) or run.name in flown.playbacks for run in study.records)
-    counts = {"played": len(playbacks), "others": kept - len(playbacks)}
-    return render("player.html", without=len(study.records) - kept, notes=flown.notes, **counts)
 
 
 def _render_sections(
@@ -187,11 +184,12 @@ def _configure(records: Sequence[Record]) -> dict[str, Any]:
     differences = _tabulate_differences(records)
     varied = {*differences["key"], *(["seed"] if len(records) > 1 else [])}
     common = {key: value for key, value in records[0].values.items() if key not in varied}
+    choices = dict(set.intersection(*(set(record.choices.items()) for record in records)))
     treatments = dict.fromkeys(record.treatment for record in records)
     files = {first[name].name: first[name].path / "config.yaml" for name in treatments}
     return {
         "differences": format_table(differences) if len(differences) else None,
-        "common": outline(common, _common_choices(records)),
+        "common": outline(common, choices),
         "files": {name: file.read_text("utf-8", "replace") for name, file in files.items()},
     }
 
@@ -235,13 +233,6 @@ def _outline_part(
 def _join(values: Values) -> str:
     given = {key: value for key, value in values.items() if value not in ({}, [], "")}
     return ", ".join(f"{key} {format_value(value)}" for key, value in given.items())
-
-
-def _common_choices(records: Sequence[Record]) -> dict[str, str]:
-    first, *others = (record.choices for record in records)
-    return {
-        key: choice for key, choice in first.items() if all(o.get(key) == choice for o in others)
-    }
 
 
 def _tabulate_differences(records: Sequence[Record]) -> pd.DataFrame:

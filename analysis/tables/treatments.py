@@ -6,7 +6,7 @@ runs by ``where`` (conditions) or ``folders`` (patterns of run names).
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from functools import cache
@@ -69,7 +69,8 @@ def label_treatments(
     labels: dict[object, str] = {}
     for condition, label in zip(conditions, shown, strict=True):
         if condition not in labels:
-            labels[condition] = _number(label, labels.values())
+            namesakes = sum(known.partition(" #")[0] == label for known in labels.values())
+            labels[condition] = f"{label} #{namesakes + 1}" if namesakes else label
     return [labels[condition] for condition in conditions]
 
 
@@ -122,11 +123,6 @@ def describe_level(level: str) -> str:
         return SECRET.strip()
     text = _read_titles().get(level, level.replace("_", " "))
     return text if len(text) <= LEVEL_LENGTH else text[: LEVEL_LENGTH - 3] + "..."
-
-
-def _number(label: str, taken: Iterable[str]) -> str:
-    namesakes = sum(known.partition(" #")[0] == label for known in taken)
-    return f"{label} #{namesakes + 1}" if namesakes else label
 
 
 Conditions = Mapping[str, Sequence[str]]  # allowed levels by factor

@@ -152,7 +152,12 @@ def _centre_of_mass(robot: Element, urdf: Urdf, ground: Pose) -> Triple | None:
 
 def list_clashes(sensors: Sequence[MountedSensor]) -> Iterator[str]:
     """Yield a message for each pair of sensors whose housings overlap."""
-    for depth, first, second in find_overlaps(list(map(_describe_housing, sensors))):
+    housings = []
+    for sensor in sensors:
+        pitch, yaw = np.radians(-sensor.pitch_deg), np.radians(sensor.yaw_deg)
+        axes = Pose.from_rpy((0.0, 0.0, 0.0), 0.0, pitch, yaw).rotation.T
+        housings.append(Housing(sensor.link, sensor.position_m, axes, sensor.size_m))
+    for depth, first, second in find_overlaps(housings):
         yield (
             f"the bodies of {first} and {second} overlap; move one of the two by "
             f"{1000 * depth:.1f} mm or more"
@@ -167,9 +172,3 @@ def list_hidden(champion: Champion) -> Iterator[str]:
             f"which sees {row['seen_link']} {row['distance_m']:.3g} m away at some steering angle; "
             f"move or turn the sensor"
         )
-
-
-def _describe_housing(sensor: MountedSensor) -> Housing:
-    pitch, yaw = np.radians(-sensor.pitch_deg), np.radians(sensor.yaw_deg)
-    axes = Pose.from_rpy((0.0, 0.0, 0.0), 0.0, pitch, yaw).rotation.T
-    return Housing(sensor.link, sensor.position_m, axes, sensor.size_m)
