@@ -181,7 +181,7 @@ def _describe_stop(folder: Path, reason: str) -> Iterator[str]:
         key, _, cost = reason.partition(": ")
         more = override(key, ceil(2 * float(cost.split()[0])))
         command = layout.resume_command(folder)
-        yield f"stopped           {reason}; to continue type: {command} {more}"
+        yield f"stopped           {reason}; to continue, type: {command} {more}"
 
 
 def _write_duration(seconds: float) -> str:

@@ -82,7 +82,7 @@ def test_the_first_generation_that_reaches_the_limit_is_the_last(
     reason = f"stop_after.{key}: {second:.12g} of {limit}"
     assert status(tmp_path / "cut")["reason"] == reason
     out = capsys.readouterr().out
-    assert f"\nstopped           {reason}; to continue type: evoros resume" in out
+    assert f"\nstopped           {reason}; to continue, type: evoros resume" in out
     (typed,) = (
         line.partition("type: evoros ")[2] for line in out.splitlines() if "stopped" in line
     )
