@@ -325,6 +325,17 @@ class AutomaticDescription(DriveDescription):
         candidates = find_candidates(urdf)
         if not candidates:
             refuse_facing_sideways(urdf)
+        pairs = pair_up([wheel for wheel in find_candidates(urdf, casters=True) if wheel.turns])
+        if pairs and not pair_up(candidates):
+            left, right = (
+                ",".join(w.joint.name for w in side) for side in zip(*pairs, strict=True)
+            )
+            return urdf.error(
+                f"all wheels are casters, according to their names: {left},{right}",
+                f"if they are driven, type robot.drive.kind={_choose_kind(pairs)} "
+                f"'robot.drive.left_wheel_joints=[{left}]' "
+                f"'robot.drive.right_wheel_joints=[{right}]'",
+            )
         names = ", ".join(wheel.joint.name for wheel in candidates) or "none"
         turning = [
             f"{joint.name}{find_flaw(urdf, joint)}"

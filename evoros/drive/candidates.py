@@ -42,26 +42,27 @@ def read_wheel(urdf: Urdf, name: str) -> Candidate:
     return Candidate(joint, wheel, joint.type in TURNING, _find_steering(urdf, above[1:]))
 
 
-def _list_round(urdf: Urdf) -> Iterator[tuple[Joint, float, Wheel]]:
-    """Yield each round part but casters: joint, |cosine| of its axis to the lateral axis, wheel."""
+def _list_round(urdf: Urdf, casters: bool = False) -> Iterator[tuple[Joint, float, Wheel]]:
+    """Yield each round part: joint, |cosine| of its axis to the lateral axis, wheel."""
     for joint in urdf.joints.values():
         driven = joint.name in urdf.actuated
         names = [name for j in urdf.joints_above(joint.child) for name in (j.name, j.child)]
-        if not any(CASTER.search(_OMNI.sub("", name) if driven else name) for name in names):
+        names = [_OMNI.sub("", name) if driven else name for name in names]
+        if casters or not any(map(CASTER.search, names)):
             wheel = measure_link(urdf, joint.child)
             if wheel is not None and wheel.roundness < MAX_LACK:
                 yield joint, abs(float(urdf.axis_of(joint)[LEFT])), wheel
 
 
-def find_candidates(urdf: Urdf) -> list[Candidate]:
-    """Return all parts, except casters, that look like wheels and stand on the ground."""
+def find_candidates(urdf: Urdf, casters: bool = False) -> list[Candidate]:
+    """Return all parts that look like wheels and stand on the ground, ``casters`` only if asked."""
     candidates: dict[str, Candidate] = {}
-    for joint, along, wheel in _list_round(urdf):
+    for joint, along, wheel in _list_round(urdf, casters):
         turns = joint.type in TURNING
         likely = joint.type == "fixed" or (turns and along > NEARLY_ALIGNED)
         if (turns and along > ALIGNED) or (likely and is_called_wheel(joint)):
             steering = _find_steering(urdf, list(urdf.joints_above(joint.child))[1:])
-            if steering is None or not _trails(urdf, steering, wheel):
+            if casters or steering is None or not _trails(urdf, steering, wheel):
                 candidates[joint.name] = Candidate(joint, wheel, turns, steering)
     outer = [c for c in candidates.values() if not _inside_another(urdf, c, candidates)]
     if not outer:
@@ -145,7 +146,9 @@ def pair_up(candidates: Sequence[Candidate]) -> list[Pair]:
     for one in sorted(left, key=lambda c: -c.x):
         opposite = [c for c in right if _are_opposite(one, c)]
         if opposite:
-            pairs.append((one, min(opposite, key=lambda c: abs(c.x - one.x))))
+            # Of twin wheels on one axle, those at the same distance from the middle form a pair.
+            nearest = min(opposite, key=lambda c: (round(abs(c.x - one.x), 6), abs(c.y + one.y)))
+            pairs.append((one, nearest))
             right.remove(pairs[-1][1])
     return pairs
 

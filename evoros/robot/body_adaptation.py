@@ -9,11 +9,11 @@ from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.drive.candidates import ALIGNED, CASTER, MAX_LACK, measure_link
+from evoros.drive.candidates import ALIGNED, CASTER, MAX_LACK, is_called_wheel, measure_link
 from evoros.drive.protocol import LEFT, TOLERANCE_M, TOLERATED_M
-from evoros.drive.rolling import Wheel, shape_points
+from evoros.drive.rolling import Wheel, measure_wheel, shape_points
 from evoros.formats.notes import list_notes
-from evoros.formats.urdf.elements import add_fixed_joint, build_collision
+from evoros.formats.urdf.elements import add_fixed_joint, build_collision, set_collisions
 from evoros.formats.urdf.parts import Joint, read_value
 from evoros.formats.urdf.solids import SolidsReader, simplify
 from evoros.formats.urdf.tree import Urdf
@@ -164,8 +164,11 @@ def _points(shapes: Sequence[tuple[Shape, Pose]]) -> Array:
 
 
 def show_as_collisions(elements: Element, urdf: Urdf, reader: SolidsReader) -> list[str]:
-    """Use the visuals of wheels and casters as collision shapes where these are missing."""
-    changed = []
+    """Use the visuals of wheels and casters as collision shapes where these are missing or square.
+
+    A wheel may have a box as its collision shape, as for a fast preview.
+    """
+    changed, squared = [], []
     for link in elements.findall("link"):
         name = str(link.get("name"))
         fixed = [joint for joint in urdf.joints.values() if joint.type == "fixed"]
@@ -174,15 +177,37 @@ def show_as_collisions(elements: Element, urdf: Urdf, reader: SolidsReader) -> l
         above = [joint.parent for joint in fixed if joint.child == name]
         near = [name, *(link for link in above if _looks_round(urdf, link))]
         near += [joint.child for joint in fixed if joint.parent == name]
-        if any(urdf.shapes[other] for other in near):
+        is_square = _is_wheel(urdf, name) and _lacks_roundness(urdf, name, urdf.shapes[name])
+        if any(urdf.shapes[other] for other in near) and not is_square:
             continue
         faults: list[InputError] = []
         shapes = _read_visuals(reader, link, faults)
+        if is_square:
+            if shapes and not _lacks_roundness(urdf, name, shapes):
+                set_collisions(link, shapes)
+                squared.append(name)
+            continue
         if faults and _rolls(urdf, name):
             raise faults[0]
         link.extend([build_collision(shape) for shape in shapes])
         changed += [name] if shapes else []
-    return list_notes({"links without collision shapes use their visuals instead": changed})
+    notes = {
+        "links without collision shapes use their visuals instead": changed,
+        "wheels with angular collision shapes use their round visuals instead": squared,
+    }
+    return list_notes(notes)
+
+
+def _is_wheel(urdf: Urdf, name: str) -> bool:
+    joints = (joint for joint in urdf.joints.values() if joint.child == name)
+    return _rolls(urdf, name) and any(map(is_called_wheel, joints))
+
+
+def _lacks_roundness(urdf: Urdf, name: str, shapes: Sequence[Shape]) -> bool:
+    """Return True if a link's shapes are not round about the robot's lateral axis."""
+    left = urdf.poses[name].rotation.T[:, LEFT]
+    placed = [(shape, shape.pose) for shape in shapes]
+    return bool(placed) and measure_wheel(placed, left).roundness >= MAX_LACK
 
 
 def _looks_round(urdf: Urdf, name: str) -> bool:

@@ -104,6 +104,23 @@ def test_driven_omni_wheels_are_no_casters() -> None:
     assert "omni wheels, according to the name 'fl_omni_wheel'" in message
 
 
+def test_twin_casters_that_may_be_driven_are_named_and_drive_if_asked() -> None:
+    """The PR2 stands on four swivels with two motors each."""
+    parts = [
+        wheel(f"{end}{side}_{twin}_caster", f"{x} {y + shift} 0.05")
+        for end, x in (("f", 0.2), ("r", -0.2))
+        for side, y in (("l", 0.2), ("r", -0.2))
+        for twin, shift in (("l", 0.05), ("r", -0.05))
+    ]
+    message = refusal(*parts)
+    assert "all wheels are casters, according to their names: fl_l_caster_wheel_joint" in message
+    left, right = re.findall(r"_wheel_joints=\[(.*?)\]", message)
+    named = {"left_wheel_joints": left.split(","), "right_wheel_joints": right.split(",")}
+    chosen = choose(*parts, kind="skid_steer", **named)
+    assert chosen.left_wheel_joints[0] == "fl_l_caster_wheel_joint"
+    assert chosen.right_wheel_joints[0] == "fr_r_caster_wheel_joint"
+
+
 def test_three_omni_wheels_have_no_drive_to_choose() -> None:
     parts = []
     for i in range(3):

@@ -361,6 +361,17 @@ def test_a_wheel_of_any_shape_becomes_a_cylinder(
     assert "left_wheel" in told(caplog, "one cylinder")
 
 
+def test_a_box_in_place_of_a_wheel_yields_to_the_round_wheel_that_is_shown(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    box = '<collision><geometry><box size="0.1 0.03 0.1"/></geometry></collision>'
+    parts = [wheel(side, box + f"<visual>{DISC}</visual>") for side in ("left", "right")]
+    robot = load(tmp_path, BASE, *parts, CASTER)
+    assert two_wheeled(robot).wheel_radii_m[0] == pytest.approx(0.05)
+    assert shapes(robot, "left_wheel").count("box") == 0
+    assert "left_wheel, right_wheel" in told(caplog, "angular collision shapes")
+
+
 def test_several_shapes_of_a_wheel_become_one(tmp_path: Path) -> None:
     tyre = link("tyre", f"<collision>{DISC}</collision>", INERTIAL.format(0.1, 1e-4))
     fixed = joint("tyre_joint", "tyre").replace("base_link", "left_wheel")
