@@ -35,6 +35,13 @@ BENT = (
     + wheel("rl_wheel", -0.3, 0.15, parent="rear_frame")
     + wheel("rr_wheel", -0.3, -0.15, parent="rear_frame")
 )
+TRAILING = "".join(
+    f'<link name="{side}_fork"/><joint name="{side}_turn" type="revolute"><parent link="base"/>'
+    f'<child link="{side}_fork"/><origin xyz="-0.2 {y} 0"/><axis xyz="0 0 1"/><limit lower="-1" '
+    f'upper="1" effort="9" velocity="1"/></joint><transmission name="{side}"><joint '
+    f'name="{side}_turn"/></transmission>' + wheel(f"{side}_wheel", -0.04, 0, parent=f"{side}_fork")
+    for side, y in (("left", 0.15), ("right", -0.15))
+)
 ARM = '<xacro:include filename="$(find arm)/arm.xacro"/><xacro:arm/>'
 XACRO = 'xmlns:xacro="http://ros.org/wiki/xacro"'
 PLUGIN = '<gazebo><plugin name="m" filename="libmecanum.so"/></gazebo>'
@@ -57,6 +64,11 @@ ROBOTS = (
     ),
     Robot("evoros/drive/automatic.py robot.drive.kind={}", BODY + PAIR + BENT),
     Robot("evoros/drive/automatic.py robot.drive.kind={kind}", BODY + PAIR + REAR + PLUGIN),
+    Robot("evoros/drive/automatic.py robot.drive.kind={others}", BODY + PAIR + TRAILING),
+    Robot(
+        "evoros/drive/automatic.py robot.drive.kind={_choose_kind(pairs)}",
+        BODY + (PAIR + REAR).replace("wheel", "caster"),
+    ),
     Robot(
         "evoros/drive/automatic.py robot.drive.left_wheel_joints",
         BODY + (PAIR + REAR).replace('"0 0 1"', '"0 1 0"'),

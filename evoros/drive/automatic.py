@@ -295,7 +295,7 @@ class AutomaticDescription(DriveDescription):
         fixed = pair_up([wheel for wheel in wheels if wheel.steering is None])
         kind = DRIVES.get(self.kind)
         if kind is not None and not kind.steers:
-            return pair_up(wheels) if kind.locks_steering else fixed
+            return pair_up(wheels) if kind.locks_steering or not fixed else fixed
         refuse_misaligned(urdf, wheels)
         refuse_articulated(urdf, wheels)
         if self.kind == "auto":

@@ -206,6 +206,9 @@ def test_machines_that_bend_are_named_and_driven_straight_as_proposed(
     assert "'hinge'" in message
     kind = message.partition("robot.drive.kind=")[2].partition(" ")[0]
     assert len(choose(fixed, carried(x, pivot), drive, kind=kind).wheel_joints) == 4
+    alone = refusal(carried(x, pivot))  # as on a turntable, on which a robot may stand alone
+    assert "robot.drive.kind=differential" in alone
+    assert len(choose(carried(x, pivot), kind="differential").wheel_joints) == 2
 
 
 def test_more_than_one_steered_axle_is_named_and_held_as_proposed() -> None:
