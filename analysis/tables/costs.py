@@ -37,8 +37,8 @@ def read_costs(record: Record, axis: str) -> "pd.Series[Any]":
     if axis == GENERATION:
         return pd.Series(numbers, numbers)
     if axis == PROCESSOR:
-        known = record.run.status.get(f"generations_{PROCESSOR}") or []
-        if len(known) < len(numbers) or None in known:
+        known = record.run.status.get(PROCESSOR, ())
+        if len(known) < len(numbers) or not max(known):
             others = ", ".join(name for name in AXES if name != PROCESSOR)
             raise InputError(
                 f"--axis {PROCESSOR}: {record.path} did not record the processor time of each "

@@ -5,7 +5,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import TYPE_CHECKING, NamedTuple
 
 from evoros.base.arrays import Array
@@ -33,6 +33,7 @@ class CallAnswer(NamedTuple):
     timed: int = 0
     seconds: float = 0.0
     note: str = ""  # message to log once
+    processor_s: float = 0.0  # processor time [s] of the call
 
 
 # Time after which a worker returns a call's remaining missions: a call takes little longer than its
@@ -74,7 +75,7 @@ def run_for_outcomes(
 ) -> CallAnswer:
     """Run missions in order until ``seconds`` have passed; return the finished outcomes."""
     known = unpack.cache_info().misses
-    scenario, begun = unpack(packed), perf_counter()
+    scenario, begun, processor = unpack(packed), perf_counter(), process_time()
     end, first = begun + seconds, 0
     results: list[CallResult] = []
     for mission in missions:
@@ -84,7 +85,8 @@ def run_for_outcomes(
         results.append((outcomes, trajectory if keep else None))
         if unpack.cache_info().misses > known and len(results) == 1:
             begun, first = perf_counter(), 1
-    return CallAnswer(results, len(results) - first, perf_counter() - begun)
+    seconds = perf_counter() - begun
+    return CallAnswer(results, len(results) - first, seconds, "", process_time() - processor)
 
 
 def run_for_trajectory(packed: Shared, mission: Mission) -> Array:

@@ -51,6 +51,13 @@ NEW_WORKERS_S = 1.0  # maximum time until workers that join receive calls
 MISSIONS_OUT = 50_000  # maximum number of missions in calls, which bounds the main process's memory
 
 
+@dataclass
+class Meter:
+    """Adds up the processor time of calls."""
+
+    processor_s: float = 0.0
+
+
 @dataclass(frozen=True)
 class Dispatcher:
     """Runs missions in an open pool."""
@@ -61,6 +68,7 @@ class Dispatcher:
     keep_trajectory: Callable[[Scenario, Mission, Array], None] | None = None
     """Receives the trajectory of each mission in ``run`` before the outcome is yielded."""
     paces: dict[bytes, Pace] = field(default_factory=dict)  # keyed by scenario digest
+    meter: Meter = field(default_factory=Meter)
     told: set[str] = field(default_factory=set)  # notes from workers that were logged
 
     def run_missing(
@@ -213,6 +221,7 @@ class _Batch:
             if answer.note and answer.note not in dispatcher.told:
                 dispatcher.told.add(answer.note)
                 LOGGER.warning("%s", answer.note)
+            dispatcher.meter.processor_s += answer.processor_s
             self.pace.note(len(answer.results), answer.timed, answer.seconds)
             self.waiting.extendleft(reversed(missions[len(answer.results) :]))  # the time ran out
         return results, first_error

@@ -16,6 +16,7 @@ class Spent:
     generations: int = 0
     missions: int = 0
     simulated_s: float = 0.0
+    processor_s: float = 0.0  # [s] of missions since the start or the last resume
     wall_s: float = 0.0  # [s] since the start or the last resume
 
 

@@ -179,13 +179,14 @@ class Trials:
         if not needed:
             return {}
         self.watcher.begin(generation, len(needed), sum(map(journal.has, needed)))
-        scenario = self.experiment.scenario_for(purpose)
+        scenario, before = self.experiment.scenario_for(purpose), self.dispatcher.meter.processor_s
         with announce(ACTIVITIES[purpose]):
             self.dispatcher.run_missing(scenario, needed, journal, self.watcher.mission)
         recorded = ((mission.key, journal.find(mission)) for mission in needed)
         known = {key: outcome for key, outcome in recorded if outcome is not None}
         if purpose in SEARCHING:
             self.spent.missions += len(known)
+            self.spent.processor_s += self.dispatcher.meter.processor_s - before
             self.spent.simulated_s += sum(judge(outcomes).time_s for outcomes in known.values())
         return known
 

@@ -1,7 +1,7 @@
 """The search of a run, which evolves designs and updates the status, log and observers."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from evoros.base.errors import InputError, write_count
@@ -60,6 +60,8 @@ class Search(Watcher):
     last: Generation | None = None
     certificate: Certificate | None = None  # None until the end
     reason: str = ""  # the limit that ended the search, if any
+    # processor time [s] of selection and confirmation up to the end of each generation
+    processor_s: list[float] = field(default_factory=list)
     tell: Tell = ignore  # tells observers the number of recorded generations
 
     @property
@@ -73,6 +75,7 @@ class Search(Watcher):
         fields = {
             "generations": self.generations,
             "generations_done": 0 if last is None else last.number + 1,
+            "processor_s": self.processor_s,
             "best_fitness": None if last is None else last.best.fitness,
             "best_validated_fitness": None if last is None else last.validated,
             **dict.fromkeys(("validated_trials", "fitness_low", "fitness_high")),
@@ -100,13 +103,17 @@ class Search(Watcher):
         if foreseen := foresee_trials(experiment.validation, missions, bounds):
             LOGGER.info(foreseen)
         self._recorded = self.folder.count_generations()
+        self.processor_s = list(self.folder.read_status().get("processor_s", ()))
+        self._before = max(self.processor_s, default=0.0)
         ending = evolve(experiment, self.folder, self, self.generations, pool, self._stops)
         self.certificate = ending.certificate
         self.folder.complete(ending.last.number + 1, self.extended)
 
     def _stops(self, spent: Spent) -> bool:
-        """Return True at a limit, unless recorded generations follow."""
+        """Note the cost of a generation; return True at a limit, unless recorded ones follow."""
         spent.wall_s = self._status.wall_s
+        if len(self.processor_s) < spent.generations:
+            self.processor_s.append(round(self._before + spent.processor_s, 3))
         if self._recorded <= spent.generations < self.generations:
             self.reason = self.experiment.stop_after.find_reached(spent)
         if self.reason:

@@ -170,7 +170,8 @@ _MANIFEST = {
     "choices": _OBJECT,
     "dirty": _FLAG_OR_NULL,
 }
-_STATUS = dict.fromkeys(("state", "reason", "run", "updated"), _TEXT)
+_NUMBERS = Rule("a list of numbers", lambda v: isinstance(v, list) and all(map(is_real, v)))
+_STATUS = {**dict.fromkeys(("state", "reason", "run", "updated"), _TEXT), "processor_s": _NUMBERS}
 """Rules for fields of ``status.json``; all other fields are numbers or null."""
 
 
