@@ -177,13 +177,9 @@ class _Division:
 
     @classmethod
     def parse(cls, stored: dict[str, Any]) -> Self | None:
-        parts = tuple(
-            tuple((float(x), float(y), float(z)) for x, y, z in part) for part in stored["parts"]
-        )
-        if not parts or any(len(part) < 4 for part in parts):
-            return None
-        deviation, work = float(stored["deviation_m"]), float(stored["work"])
-        return cls(parts, int(stored["dropped"]), deviation, work, bool(stored["is_cut_short"]))
+        parts = tuple(tuple((x, y, z) for x, y, z in part) for part in stored["parts"])
+        is_whole = parts and all(len(part) >= 4 for part in parts)
+        return cls(**stored | {"parts": parts}) if is_whole else None
 
 
 def _load(name: str, parse: Callable[[Any], T | None]) -> T | None:

@@ -250,13 +250,10 @@ def _child(folder: Path, name: str) -> Path | None:
 
 LOG = logging.getLogger("evoros.sdf")
 
-VEHICLES = one_of("leave_out", "hold_still")
-ACTORS = one_of("walk", "leave_out")
 FOLDERS = Rule(
     "a list of folders",
     lambda v: isinstance(v, list | tuple) and all(isinstance(i, str) and i for i in v),
 )
-UP_AXIS = one_of("ignore", "apply")
 WORLD_NAME = Rule("a string", lambda v: isinstance(v, str))
 
 
@@ -272,9 +269,9 @@ class SdfOptions:
     model_paths: Annotated[tuple[str, ...], FOLDERS] = ()  # folders that hold models or meshes
     world_name: Annotated[str, WORLD_NAME] = ""  # selects one of several worlds
     missing: Annotated[str, MISSING_RULE] = "error"  # treatment of missing models and meshes
-    vehicles: Annotated[str, VEHICLES] = "leave_out"
-    mesh_up_axis: Annotated[str, UP_AXIS] = "ignore"  # <up_axis> of DAE files
-    actors: Annotated[str, ACTORS] = "walk"
+    vehicles: Annotated[str, one_of("leave_out", "hold_still")] = "leave_out"
+    mesh_up_axis: Annotated[str, one_of("ignore", "apply")] = "ignore"  # <up_axis> of DAE files
+    actors: Annotated[str, one_of("walk", "leave_out")] = "walk"
     mesh_effort: Annotated[float, POSITIVE] = 1.0  # minutes
 
     def folders(self) -> list[Path]:
