@@ -483,6 +483,10 @@ def test_the_command_gives_the_same_bytes_again(run: Run, tmp_path: Path) -> Non
     assert videos[0] == videos[1]
 
 
+def test_equal_pictures_give_equal_bytes_each_time(pictures: list[Pixels]) -> None:
+    assert len({encode_mp4(pictures, 5.0) for _ in range(12)}) == 1
+
+
 def test_another_trajectory_gives_another_video(
     pictures: list[Pixels], run: Run, urdf: str, setting: FigureContext
 ) -> None:
