@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 from numpy.random import Generator
-from sensor_cases import start_chain
+from sensor_cases import equip, start_chain
 
 from evoros.base.arrays import Array
 from evoros.base.rng import generator
@@ -17,6 +17,7 @@ from evoros.failure.random import RandomFailure
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import Channels, Filter
 from evoros.filter.silence import Silence
+from evoros.sensor.odometry import Odometry
 
 
 def failing(effect: Filter, count: int = 1) -> RandomFailure:
@@ -77,3 +78,13 @@ def test_faults_of_one_name_have_draws_of_their_own(experiment: Experiment) -> N
     )
     assert not np.allclose(once[-1], intact[-1])
     assert not np.allclose(twice[-1] - intact[-1], 2 * (once[-1] - intact[-1]))
+
+
+def test_each_sensor_reads_its_own_signal(experiment: Experiment) -> None:
+    """Odometry divides what its own signal gained since the last reading by the time."""
+    mounts = [("odometry", 0.0, 0.0, 0.0, 0.0)] * 2
+    robot = equip(experiment.robot, *mounts, odometry=Odometry())
+    signals, readings = np.array([0.1, 0.2, 0.3, 0.4]), np.zeros(4)
+    for stage in start_chain(robot, (), signals, readings, partial(generator, "test")):
+        stage.rule(*stage[2:7], 0.5)
+    assert readings == pytest.approx(signals / 0.5)
