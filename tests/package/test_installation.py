@@ -26,7 +26,7 @@ from packaging.requirements import Requirement
 
 from evoros.compilation.machine_code import BUNDLED
 
-pytestmark = [pytest.mark.timeout(900), pytest.mark.slow]
+pytestmark = [pytest.mark.timeout(1800), pytest.mark.slow]
 
 CHECK = """
 import json, sys

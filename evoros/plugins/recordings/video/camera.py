@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -45,7 +46,7 @@ class Camera:
     fov_deg: float  # vertical
     size: tuple[int, int]  # width, height
 
-    @property
+    @cached_property
     def view(self) -> Array:
         """The transform (4, 4) from the world to the camera, which looks along -z as in OpenGL."""
         forward = _normalize(self.target - self.eye)
@@ -60,7 +61,7 @@ class Camera:
         """The scale at the centre of the picture [px/rad]."""
         return float(self.size[1] / 2.0 / np.tan(np.radians(self.fov_deg) / 2.0))
 
-    @property
+    @cached_property
     def pixels(self) -> Array:
         """The projection (3, 4) of (x, y, z, 1) [m] to (column * depth, row * depth, depth [m])."""
         width, height = self.size
@@ -68,7 +69,7 @@ class Camera:
         screen = np.array([[focus, 0, -width / 2], [0, -focus, -height / 2], [0, 0, -1.0]])
         return np.asarray(screen @ self.view[:3])
 
-    @property
+    @cached_property
     def light(self) -> Array:
         """The unit vector (3,) to a light above the left shoulder, so that a box's faces differ."""
         right, _, back = self.view[:3, :3]

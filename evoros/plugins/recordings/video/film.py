@@ -9,10 +9,10 @@ import re
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -101,8 +101,16 @@ def encode_mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
             stream.pix_fmt = "yuv420p"  # the format that browsers and slide programs play
             stream.codec_context.thread_count = 1  # otherwise, the file depends on the cores
             stream.codec_context.flags |= av.codec.context.Flags.bitexact
-            for picture in chain([first], source):
+
+            def encode(picture: Pixels) -> None:
                 container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+
+            with ThreadPoolExecutor(1) as pool:  # encodes a picture while the next one is drawn
+                last = pool.submit(encode, first)
+                for picture in source:
+                    last.result()
+                    last = pool.submit(encode, picture)
+                last.result()
             container.mux(stream.encode(None))
         return path.read_bytes()
 
