@@ -87,7 +87,15 @@ def _fill(
         first, second, third = weights[t]
         for row in range(boxes[t, 1], boxes[t, 3]):
             y = row + 0.5
-            for column in range(boxes[t, 0], boxes[t, 2]):
+            start, end = boxes[t, 0], boxes[t, 2]
+            for slope, rise, rest in weights[t]:  # skip columns outside, up to a pixel
+                if abs(slope) > 1e-6 * abs(rise):  # otherwise, the edge is along the row
+                    edge = int(min(max(-(rise * y + rest) / slope, 0.0), 1e6))
+                    if slope > 0.0:
+                        start = max(start, edge - 1)
+                    else:
+                        end = min(end, edge + 2)
+            for column in range(start, end):
                 x = column + 0.5
                 one = first[0] * x + first[1] * y + first[2]
                 two = second[0] * x + second[1] * y + second[2]
