@@ -19,7 +19,7 @@ from evoros.base.arrays import Array
 from ..drawing.finish import COLOUR_BAR
 from ..drawing.gallery import MIN_IN, choose_apart, draw_designs, draw_growth, draw_in_cells
 from ..drawing.sheet import Sheet
-from ..drawing.style import PAGE_IN, assign_colours, use_style, wrap
+from ..drawing.style import PAGE_IN, assign_colours, figure_width, is_wide, use_style, wrap
 from ..subcommands import Product
 from ..tables.designs import place_candidates
 from ..tables.elites import Archive, Grid, add_choice, read_archive
@@ -34,7 +34,7 @@ FILES = ("archive.csv", "archive_growth.csv")
 DESIGNS, COLUMNS = 6, 2  # designs drawn next to a single map
 MOST_COLUMNS = 5  # maximum number of maps in a row
 MAP_IN, PANEL_IN, BELOW_IN = 3.5, 1.02, 1.95
-HEIGHT_IN = MAP_IN + BELOW_IN + 0.55
+STEP_IN = 1.28  # height of a row of designs below the map
 LINE_IN = 0.14
 LETTERS = 90  # title characters per row of maps
 
@@ -56,29 +56,34 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     listed = pd.concat(list(elites.values()), ignore_index=True)
     listed = listed.rename(columns={x.column: "x", y.column: "y"})
     columns = ["run", "treatment", "id", "cell_x", "cell_y", "x", "y", "fitness"]
-    figure = _draw_archives(study, archive, elites, options.by)
+    figure = _draw_archives(study, archive, elites, options.by, figure_width(options.columns, 2))
     return Product(listed[columns], figure, tables={"archive_growth.csv": archive.growth})
 
 
 def _draw_archives(
-    study: Study, archive: Archive, elites: Mapping[str, pd.DataFrame], by: str
+    study: Study, archive: Archive, elites: Mapping[str, pd.DataFrame], by: str, width: float
 ) -> Figure:
+    wide = is_wide(width)
+    growth_in = BELOW_IN if wide else 2 * BELOW_IN - 0.1  # next to or above each other
     with use_style():
         titles = _make_titles(study, elites, by)
         treatments = study.treatments
         legend = LINE_IN * len(treatments) if len(treatments) > 1 else 0.0
         if len(elites) == 1:
-            sheet = Sheet(PAGE_IN, 1, [], [HEIGHT_IN + legend], bottom=0.0)
+            gallery = 0.0 if wide else 2 * STEP_IN
+            height = _size_map(width) + 0.55 + gallery + growth_in + legend
+            sheet = Sheet(width, 1, [], [height], bottom=0.0)
             figure = sheet.make_figure()
             ((name, alone),) = elites.items()
             _draw_alone(figure, sheet, study, archive, (alone, titles[name]))
         else:
-            sheet = _lay_out(len(elites), titles, BELOW_IN + legend)
+            sheet = _lay_out(width, titles, growth_in + legend)
             figure = sheet.make_figure()
             _draw_side_by_side(figure, sheet, study, archive, elites, titles)
-        width = (PAGE_IN - 1.55) / 2
+        size = ((width - 1.55) / 2 if wide else width - 0.65, 1.25)
         for i, (column, label) in enumerate((("coverage", "coverage"), ("qd_score", "QD score"))):
-            axes = sheet.add_box(figure, (0.55 + i * (width + 0.85), 0.45 + legend), (width, 1.25))
+            across, up = (i * (size[0] + 0.85), 0.0) if wide else (0.0, (1 - i) * (BELOW_IN - 0.1))
+            axes = sheet.add_box(figure, (0.55 + across, 0.45 + legend + up), size)
             draw_growth(axes, archive.growth, treatments, by != RUN, column)
             axes.set_ylabel(label)
         if legend:
@@ -98,12 +103,20 @@ def _make_titles(study: Study, elites: Mapping[str, pd.DataFrame], by: str) -> d
     }
 
 
-def _lay_out(count: int, titles: Mapping[str, str], below: float) -> Sheet:
+def _size_map(width: float) -> float:
+    return MAP_IN if is_wide(width) else width - 1.45
+
+
+def _lay_out(width: float, titles: Mapping[str, str], below: float) -> Sheet:
+    count = len(titles)
     columns = count if count <= 3 else min(MOST_COLUMNS, math.ceil(math.sqrt(count)))
+    columns = columns if is_wide(width) else 1
     rows = math.ceil(count / columns)
-    lines = max(wrap(title, LETTERS / columns).count("\n") for title in titles.values())
+    lines = max(
+        wrap(title, LETTERS * width / PAGE_IN / columns).count("\n") for title in titles.values()
+    )
     heads = [0.25 + LINE_IN * lines + (0.42 if row else 0.0) for row in range(rows)]
-    return Sheet(PAGE_IN, columns, [1.0] * rows, heads, right=0.95, bottom=below + 0.42, gap=0.3)
+    return Sheet(width, columns, [1.0] * rows, heads, right=0.95, bottom=below + 0.42, gap=0.3)
 
 
 def _draw_side_by_side(
@@ -120,14 +133,15 @@ def _draw_side_by_side(
         row, column = divmod(i, sheet.columns)
         axes = sheet.add_panel(figure, row, column)
         image = _draw_map(axes, study, archive, table, (sheet.panel, scale))
-        axes.set_title(wrap(titles[name], LETTERS / sheet.columns), fontsize="small")
+        room = LETTERS * sheet.width / PAGE_IN / sheet.columns
+        axes.set_title(wrap(titles[name], room), fontsize="small")
         if i + sheet.columns < len(elites):
             axes.set_xlabel("")
         if column:
             axes.set(ylabel="", yticklabels=[])
     top = sheet.height - sheet.heads[0]
     box = sheet.add_box(
-        figure, (PAGE_IN - sheet.right + 0.15, top - sheet.panel), (0.09, sheet.panel)
+        figure, (sheet.width - sheet.right + 0.15, top - sheet.panel), (0.09, sheet.panel)
     )
     _add_colours(figure, image, box, study)
 
@@ -137,10 +151,11 @@ def _draw_alone(
 ) -> None:
     elites, title = shown
     chosen = choose_apart(elites[["cell_x", "cell_y"]].to_numpy(float), DESIGNS)
-    bottom = sheet.height - MAP_IN - 0.13
-    axes = sheet.add_box(figure, (0.55, bottom), (MAP_IN, MAP_IN))
-    image = _draw_map(axes, study, archive, elites, (MAP_IN, None))
-    into = MAP_IN / archive.grid[2] >= MIN_IN
+    map_in = _size_map(sheet.width)
+    bottom = sheet.height - map_in - 0.13
+    axes = sheet.add_box(figure, (0.55, bottom), (map_in, map_in))
+    image = _draw_map(axes, study, archive, elites, (map_in, None))
+    into = map_in / archive.grid[2] >= MIN_IN
     side = _measure_cells(archive.grid)
     corner = np.array([-0.32, 0.32]) if into else np.zeros(2)
     centres = _find_centres(elites, archive.grid)
@@ -149,11 +164,14 @@ def _draw_alone(
     if len(study.records) > 1:
         axes.set_title(title, fontsize="small", pad=2)
     _add_colours(
-        figure, image, sheet.add_box(figure, (0.63 + MAP_IN, bottom), (0.09, MAP_IN)), study
+        figure, image, sheet.add_box(figure, (0.63 + map_in, bottom), (0.09, map_in)), study
     )
-    left, step = 0.55 + MAP_IN + 0.78, (MAP_IN - PANEL_IN) / 2
+    columns, left, top = COLUMNS, 0.55 + MAP_IN + 0.78, sheet.height - PANEL_IN - 0.17
+    step = (MAP_IN - PANEL_IN) / 2
+    if not is_wide(sheet.width):
+        columns, left, top, step = 3, 0.15, bottom - PANEL_IN - 0.7, STEP_IN
     corners = [
-        (left + (i % COLUMNS) * (PANEL_IN + 0.08), bottom + (2 - i // COLUMNS) * step - 0.04)
+        (left + (i % columns) * (PANEL_IN + 0.08), top - (i // columns) * step)
         for i in range(len(chosen))
     ]
     panels = [sheet.add_box(figure, corner, (PANEL_IN, PANEL_IN)) for corner in corners]
@@ -178,7 +196,7 @@ def _draw_map(
     frame: dict[str, Any] = {"origin": "lower", "extent": (*x.bounds, *y.bounds)}
     image = axes.imshow(fitness, aspect="auto", cmap="viridis", norm=size[1], zorder=1, **frame)
     axes.set_facecolor("0.94")
-    axes.set(xlabel=x.label, ylabel=y.label)
+    axes.set(xlabel=wrap(x.label, 14 * size[0]), ylabel=wrap(y.label, 14 * size[0]))
     if size[0] / cells >= MIN_IN:
         designs = [
             place_candidates(elites.loc[[row]], study.records[int(elites.place[row])])

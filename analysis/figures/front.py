@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from ..drawing.gallery import choose_apart
 from ..drawing.sheet import Sheet
-from ..drawing.style import PAGE_IN, VERMILLION, assign_colours, use_style, wrap
+from ..drawing.style import VERMILLION, assign_colours, figure_width, is_wide, use_style, wrap
 from ..subcommands import Product
 from ..tables.elites import Axis, Front, add_choice, read_front
 from ..tables.study import Study
@@ -23,7 +23,7 @@ HELP = "the Pareto front of two objectives, with some of its designs"
 NEEDS = "runs that recorded at least two objectives"
 FILES = ("front.csv",)
 DESIGNS, COLUMNS = 6, 3  # designs drawn next to the front
-HEIGHT_IN, PLOT_IN, LINE_IN = 3.25, 2.65, 0.14
+HEIGHT_IN, PLOT_IN, LINE_IN, STEP_IN = 3.25, 2.65, 0.14, 1.38
 LEFT_IN, BOTTOM_IN = 0.8, 0.56  # room for two-line labels
 LETTERS = 42  # maximum number of characters per line of a label
 MARKERS = "os^Dvp"
@@ -43,19 +43,27 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     front = pd.concat(list(fronts.values()), ignore_index=True)
     listed = front.assign(x=front[shown.x.column], y=front[shown.y.column])
     columns = ["run", "treatment", "id", "x", "y", "fitness"]
-    return Product(listed[columns], _draw_front(study, shown, fronts, front))
+    width = figure_width(options.columns, 2)
+    return Product(listed[columns], _draw_front(study, shown, fronts, front, width))
 
 
 def _draw_front(
-    study: Study, shown: Front, fronts: Mapping[str, pd.DataFrame], front: pd.DataFrame
+    study: Study,
+    shown: Front,
+    fronts: Mapping[str, pd.DataFrame],
+    front: pd.DataFrame,
+    width: float,
 ) -> Figure:
-    x, y = shown.x, shown.y
+    """Draw the front with designs on its right, or below it in a single column."""
+    x, y, wide = shown.x, shown.y, is_wide(width)
     with use_style():
         below = LINE_IN * (1 + len(study.treatments)) if len(study.treatments) > 1 else 0.0
-        sheet = Sheet(PAGE_IN, 1, [], [HEIGHT_IN + below], bottom=0.0)
+        base = below if wide else below + 2 * STEP_IN
+        sheet = Sheet(width, 1, [], [HEIGHT_IN + base], bottom=0.0)
         figure = sheet.make_figure()
+        plot = PLOT_IN if wide else width - LEFT_IN - 0.12
         axes = sheet.add_box(
-            figure, (LEFT_IN, BOTTOM_IN + below), (PLOT_IN, HEIGHT_IN - BOTTOM_IN - 0.18)
+            figure, (LEFT_IN, BOTTOM_IN + base), (plot, HEIGHT_IN - BOTTOM_IN - 0.18)
         )
         points = front[[x.column, y.column]].to_numpy(float)
         chosen = sorted(choose_apart(points, DESIGNS))
@@ -67,10 +75,10 @@ def _draw_front(
             axes.legend(frameon=False, loc="best", handletextpad=0.2)
         for index, row in enumerate(chosen, start=1):
             mark_number(axes, points[row], index, (5.5 * x.sign, 5.5 * y.sign))
-        left, size = LEFT_IN + PLOT_IN + 0.3, 1.02
-        top = HEIGHT_IN + below - 1.35
+        left, size = LEFT_IN + PLOT_IN + 0.3 if wide else 0.15, 1.02
+        top = base + (HEIGHT_IN if wide else 0.0) - STEP_IN + 0.03
         corners = [
-            (left + (i % COLUMNS) * (size + 0.04), top - (i // COLUMNS) * 1.38)
+            (left + (i % COLUMNS) * (size + 0.04), top - (i // COLUMNS) * STEP_IN)
             for i in range(len(chosen))
         ]
         panels = [sheet.add_box(figure, corner, (size, size)) for corner in corners]

@@ -113,8 +113,7 @@ def draw(
     studies: Callable[[str], Study], name: str, options: list[str], wanted: str | None = None
 ) -> Figure:
     study = studies(wanted or NEEDS.get(name, "study"))
-    columns = [] if name in ("archive", "front") else options
-    given = parse([name, ".", *columns, *LARGE.get(name, ())])
+    given = parse([name, ".", *options, *LARGE.get(name, ())])
     product = make_product(import_subcommand(name), study, given)
     assert isinstance(product.figure, Figure)
     return product.figure
