@@ -1,20 +1,28 @@
 """Small pictures of designs, next to a plot of the designs or in the cells of an archive."""
 
+import math
+import textwrap
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
 
 from evoros.base.arrays import Array
 from evoros.storage.figure_context import FigureContext
 
 from ..designs.cones import Window, fit_window, outline_part, robot_length, trace_cones
+from ..tables.showing import ShownDesign
 from . import robot
 from .robot import to_page
-from .style import BLUE, VERMILLION, assign_colours
+from .style import BLUE, COLUMN_IN, PAGE_IN, VERMILLION, assign_colours, use_style
 
+PER_ROW, LETTERS = 3, 45  # panels of designs in a row, and letters in a line of their titles
+POSE = ["sensor", "x_m", "y_m", "yaw_deg"]
+LABEL_PT = 8.0  # distance of a number behind its sensor
 LENGTHS = 1.5  # length at which cones are cut off, in robot lengths
 _QUARTILES = (0.25, 0.5, 0.75)
 MIN_IN = 0.19  # minimum side of a cell at which a design is recognizable
@@ -55,6 +63,27 @@ def draw_designs(
         robot.frame_axes(axes, view)
         axes.set_title(title, pad=2, fontsize="small")
         axes.axis("off")
+
+
+def draw_shown(designs: Sequence[ShownDesign]) -> Figure:
+    """Draw each design in a panel of its own, with the numbers of its sensors."""
+    columns = min(PER_ROW, len(designs))
+    size = (COLUMN_IN if columns == 1 else PAGE_IN), 2.6 * math.ceil(len(designs) / columns)
+    look: dict[str, Any] = {"fontsize": "small", "ha": "center", "va": "center", "zorder": 6}
+    with use_style():
+        figure = Figure(figsize=size, layout="constrained")
+        for i, design in enumerate(designs, 1):
+            axes = figure.add_subplot(math.ceil(len(designs) / columns), columns, i)
+            title = textwrap.fill(design.title, LETTERS)
+            draw_designs([axes], [title], [design.rays], design.context)
+            robot.draw_signals(axes, design.signals, design.context)
+            axes.set(xlabel=robot.AXES[0], ylabel=robot.AXES[1])
+            axes.axis("on")
+            for number, x, y, yaw in design.sensors[POSE].to_numpy(float).tolist():
+                back = math.radians(yaw + 180.0)
+                place = -LABEL_PT * math.sin(back), LABEL_PT * math.cos(back)
+                axes.annotate(f"{number:.0f}", (y, x), place, textcoords="offset points", **look)
+    return figure
 
 
 def draw_in_cells(

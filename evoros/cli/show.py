@@ -28,7 +28,7 @@ FORMATS = ("png", "svg", "pdf")
 @reports_errors(NAME)
 def show(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
-    from evoros.analysis.drawing.designs import draw_shown
+    from evoros.analysis.drawing.gallery import draw_shown
     from evoros.analysis.drawing.style import render
     from evoros.analysis.tables.showing import find_shown_designs
 
