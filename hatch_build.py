@@ -45,7 +45,8 @@ class AddMade(BuildHookInterface):
             Popen([*command, str(share), str(shares)], cwd=self.root, env=variables)
             for share in range(shares)
         ]
-        if any(process.wait() for process in processes):
+        statuses = [process.wait() for process in processes]  # before the folder is deleted
+        if any(statuses):
             return {}
         cache = folder / "evoros"
         files = [file for file in cache.rglob("*.nb?") if file.is_file()]

@@ -16,6 +16,8 @@ import venv
 from collections.abc import Iterable
 from importlib.metadata import Distribution, distribution
 from pathlib import Path
+from runpy import run_path
+from types import SimpleNamespace
 from typing import NamedTuple
 from zipfile import ZipFile
 
@@ -242,6 +244,28 @@ def test_the_first_run_compiles_nothing(installed: Installed, tmp_path: Path) ->
     assert {file.relative_to(shipped): file.read_bytes() for file in shipped.rglob("*.nb?")} == {
         file.relative_to(compiled): file.read_bytes() for file in compiled.rglob("*.nb?")
     }
+
+
+def test_a_build_waits_for_all_shares_even_if_one_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The folder into which they compile is deleted afterwards."""
+    name = "hatchling.builders.hooks.plugin.interface"
+    monkeypatch.setitem(sys.modules, name, SimpleNamespace(BuildHookInterface=object))
+    hook = run_path(str(ROOT / "hatch_build.py"))["AddMade"]
+    waited: list[str] = []
+
+    def start(command: list[str], **_: object) -> SimpleNamespace:
+        def wait() -> bool:
+            waited.append(command[-2])
+            return command[-2] == "0"
+
+        return SimpleNamespace(wait=wait)
+
+    monkeypatch.setitem(hook._compile.__globals__, "Popen", start)
+    monkeypatch.setattr(os, "cpu_count", lambda: 3)
+    assert hook._compile(SimpleNamespace(root=str(ROOT)), tmp_path) == {}
+    assert waited == ["0", "1", "2"]
 
 
 def contents(wheel: Path) -> dict[str, bytes]:
