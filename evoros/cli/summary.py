@@ -178,10 +178,10 @@ def _describe_missions(status: Mapping[str, Any], unit: str = "") -> str:
 
 def _describe_stop(folder: Path, reason: str) -> Iterator[str]:
     if reason:
-        key, _, cost = reason.partition(": ")
-        more = override(key, ceil(2 * float(cost.split()[0])))
-        command = layout.resume_command(folder)
-        yield f"stopped           {reason}; to continue, type: {command} {more}"
+        limits = (limit.split(maxsplit=2) for limit in reason.split(", "))
+        more = [override(key.rstrip(":"), ceil(2 * float(cost))) for key, cost, _ in limits]
+        command = " ".join((layout.resume_command(folder), *more))
+        yield f"stopped           {reason}; to continue, type: {command}"
 
 
 def _write_duration(seconds: float) -> str:

@@ -34,12 +34,13 @@ class StopAfter:
     wall_s: Annotated[float | None, TIME] = None
 
     def find_reached(self, spent: Spent) -> str:
-        """Describe the first limit that is reached; empty if none is."""
-        for name in LIMITS:
-            limit, cost = getattr(self, name), getattr(spent, name)
-            if limit is not None and cost >= limit:
-                return f"stop_after.{name}: {cost:.12g} of {limit:.12g}"
-        return ""
+        """Describe the limits that are reached; empty if none is."""
+        costs = ((name, getattr(spent, name), getattr(self, name)) for name in LIMITS)
+        return ", ".join(
+            f"stop_after.{name}: {cost:.12g} of {limit:.12g}"
+            for name, cost, limit in costs
+            if limit is not None and cost >= limit
+        )
 
 
 LIMITS = tuple(field.name for field in fields(StopAfter))

@@ -59,7 +59,7 @@ class Search(Watcher):
     extended: bool = False  # True if it may have ended at a different generation
     last: Generation | None = None
     certificate: Certificate | None = None  # None until the end
-    reason: str = ""  # the limit that ended the search, if any
+    reason: str = ""  # the limits that ended the search, if any
     # processor time [s] of selection and confirmation up to the end of each generation
     processor_s: list[float] = field(default_factory=list)
     tell: Tell = ignore  # tells observers the number of recorded generations

@@ -90,6 +90,18 @@ def test_the_first_generation_that_reaches_the_limit_is_the_last(
     assert status(tmp_path / "cut")["generations_done"] != 2
 
 
+def test_all_reached_limits_are_raised_by_the_proposed_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "cut"
+    assert tiny(folder, *SIZE, "stop_after.generations=1", "stop_after.missions=1") == DONE
+    reason = str(status(folder)["reason"])
+    assert reason.startswith("stop_after.generations: 1 of 1, stop_after.missions: ")
+    typed = capsys.readouterr().out.partition(f"{reason}; to continue, type: evoros ")[2]
+    assert evoros(shlex.split(typed.splitlines()[0])) == DONE
+    assert status(folder)["generations_done"] == 2
+
+
 def test_each_session_has_its_wall_clock_limit(tmp_path: Path, whole: Path) -> None:
     folder = tmp_path / "cut"
     assert tiny(folder, *SIZE, "stop_after.wall_s=1e-9") == DONE
