@@ -146,7 +146,7 @@ def pair_up(candidates: Sequence[Candidate]) -> list[Pair]:
     for one in sorted(left, key=lambda c: -c.x):
         opposite = [c for c in right if _are_opposite(one, c)]
         if opposite:
-            # Of twin wheels on one axle, those at the same distance from the middle form a pair.
+            # Twin wheels on one axle form pairs at equal distances from the middle.
             nearest = min(opposite, key=lambda c: (round(abs(c.x - one.x), 6), abs(c.y + one.y)))
             pairs.append((one, nearest))
             right.remove(pairs[-1][1])
