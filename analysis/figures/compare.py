@@ -42,6 +42,7 @@ LINE_LENGTH = 20  # maximum number of characters in a line of a label
 TITLE_LENGTH = 28  # maximum number of characters in a line below an axis
 BOX, DOTS = (-0.22, 0.24), (0.18, 0.3)  # offset from the middle of a row, and height
 ROW_IN = 0.36
+PROFILE_IN = 1.9  # minimum height of panels next to a profile
 KEY = "box: quartiles, bar: median, dots: runs"
 HEADS = {"treatments": (0.0, "left"), "p (Holm)": (0.62, "right"), "A12 [95 %]": (1.0, "right")}
 
@@ -180,6 +181,7 @@ def draw_comparison(
     lines = max(title.count("\n") for title in titles.values())
     panel_in = row_in * len(names) + style.scale_type(0.65 + 0.14 * lines)
     reached = {} if race is None else _list_reached(race)
+    panel_in = max(panel_in, PROFILE_IN) if reached else panel_in
     layout = Layout(len(measures) + bool(reached), width, panel_in, below)
     with style.use_style():
         figure, parts = layout.make_figure()
