@@ -67,6 +67,5 @@ NAMES = sorted(path.stem for path in bundled_folder("conf").glob("design/*.yaml"
 
 
 SPACES: ByName[DesignSpace] = ByName(
-    [*NAMES, "mixed"],
-    lambda name: (MIXED if name == "mixed" else configured(name)).bind(ROBOT),
+    [*NAMES, "mixed"], lambda name: (MIXED if name == "mixed" else configured(name)).bind(ROBOT)
 )

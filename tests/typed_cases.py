@@ -89,9 +89,7 @@ ROBOTS = (
         {"VALUE": "red"},
     ),
     Robot(
-        "evoros/formats/urdf/xacro_expansion.py robot.ignored_packages",
-        BODY + PAIR + ARM,
-        XACRO,
+        "evoros/formats/urdf/xacro_expansion.py robot.ignored_packages", BODY + PAIR + ARM, XACRO
     ),
     Robot(
         "evoros/formats/urdf/xacro_expansion.py robot.missing=box",

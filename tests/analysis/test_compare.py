@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from fixture_types import Capture, Folders, Log
 from helpers import reseal, scored, texts, tiny
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PathCollection
@@ -36,7 +37,7 @@ from evoros.terminal.console import DONE, INPUT
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def study(tmp_path_factory: Folders) -> Path:
     """Two treatments of two seeds, and all champions scored under the conditions of one."""
     folder = tmp_path_factory.mktemp("study")
     for seed in (1, 2):
@@ -101,7 +102,7 @@ def test_a_champion_is_validated_by_what_the_fitness_makes_of_its_trials(copied:
     ],
 )
 def test_runs_by_different_versions_are_told(
-    copied: Path, field: str, value: object, told: str, caplog: pytest.LogCaptureFixture
+    copied: Path, field: str, value: object, told: str, caplog: Log
 ) -> None:
     load_study([copied])
     assert "different versions" not in caplog.text
@@ -212,7 +213,7 @@ def test_a_champion_without_sensors_is_a_design_too(copied: Path) -> None:
 
 
 def test_all_champions_can_be_compared_under_the_same_conditions(
-    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    study: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     arguments = ["compare", str(study), "--output", str(tmp_path / "out"), "--format", "svg"]
     assert evoros_analyze(arguments) == DONE
@@ -234,7 +235,7 @@ def test_all_champions_can_be_compared_under_the_same_conditions(
 
 @pytest.mark.slow
 def test_an_evaluation_that_validates_no_run_is_told_with_what_it_differs_in(
-    study: Path, copied: Path, capsys: pytest.CaptureFixture[str]
+    study: Path, copied: Path, capsys: Capture
 ) -> None:
     assert list_unused(load_study([study])) == {}  # some runs suffice
     scored(copied / "a fast one", copied / "runs", "simulator.time_step=0.1")
@@ -247,7 +248,7 @@ def test_an_evaluation_that_validates_no_run_is_told_with_what_it_differs_in(
 
 
 def test_an_evaluation_of_none_of_the_champions_compares_nothing(
-    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    study: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     (tmp_path / "one.csv").write_text("design,sensor,x_m,y_m,yaw_deg\na,0,0.2,0.05,7\n")
     scored(tmp_path / "else", tmp_path / "one.csv")
@@ -260,7 +261,7 @@ def test_an_evaluation_of_none_of_the_champions_compares_nothing(
 
 
 def test_what_is_unfinished_or_damaged_is_left_out_in_one_line(
-    copied: Path, capsys: pytest.CaptureFixture[str]
+    copied: Path, capsys: Capture
 ) -> None:
     (copied / "silent" / "designs.csv").unlink()
     status = json.loads((copied / "runs/stuck_seed-1/status.json").read_text())
@@ -273,19 +274,13 @@ def test_what_is_unfinished_or_damaged_is_left_out_in_one_line(
     assert evoros_analyze(arguments) == DONE
     out, err = capsys.readouterr()
     assert [line.endswith("left out") for line in err.splitlines()] == [True] * 3
-    for name in (
-        "silent/designs.csv",
-        "stuck_seed-1: no champion yet",
-        "stuck_seed-2/champion",
-    ):
+    for name in ("silent/designs.csv", "stuck_seed-1: no champion yet", "stuck_seed-2/champion"):
         assert name in err
     assert "2 of 2 runs: from the runs themselves, 1 trial\n" in out
     assert "evoros evaluate like=SWEEP" in out
 
 
-def test_no_finished_run_is_one_clear_line(
-    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_finished_run_is_one_clear_line(study: Path, tmp_path: Path, capsys: Capture) -> None:
     output = ["--output", str(tmp_path / "out")]
     assert evoros_analyze(["compare", str(study / "silent"), *output]) == INPUT
     assert capsys.readouterr().err.count("\n") == 1

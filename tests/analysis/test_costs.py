@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from fixture_types import Capture, Folders, Patch
 from helpers import reseal, tiny
 from hypothesis import given
 from hypothesis import strategies as st
@@ -98,7 +99,7 @@ def test_shares_have_exact_intervals_up_to_none_and_all(reached: int) -> None:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory: Folders) -> Path:
     top = tmp_path_factory.mktemp("costs")
     for size in (3, 4):
         for seed in (1, 2):
@@ -126,7 +127,7 @@ def test_costs_are_the_missions_on_which_the_search_depends(study: Study) -> Non
 
 
 def test_a_run_without_processor_times_is_one_line(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     """As on a GPU, or of a run whose status was lost."""
     run = shutil.copytree(folder / "3_1", tmp_path / "run")
@@ -170,12 +171,7 @@ def test_the_best_design_of_the_whole_budget_is_the_champion(study: Study) -> No
 @pytest.mark.parametrize("axis", AXES)
 @pytest.mark.parametrize("figure", ["fitness", "compare", "strategies"])
 def test_each_figure_takes_each_axis(
-    figure: str,
-    axis: str,
-    folder: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    figure: str, axis: str, folder: Path, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     monkeypatch.setattr("evoros.analysis.command.render", lambda *_, **__: b"")
     words = [figure, str(folder), "--axis", axis, "--output", str(tmp_path)]
@@ -197,7 +193,7 @@ def test_each_figure_takes_each_axis(
     ],
 )
 def test_impossible_comparisons_are_one_line(
-    words: list[str], told: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str], told: str, folder: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     assert evoros_analyze(["compare", str(folder), *words, "--output", str(tmp_path)]) == INPUT
     err = capsys.readouterr().err

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from design_figure_cases import NAN, PAIRS, SETTING, TWO, bare, folder, product, sensor, table
+from fixture_types import Capture, Log
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.axes import Axes
@@ -409,7 +410,7 @@ def test_a_robot_without_sensors_is_drawn(tmp_path: Path) -> None:
     assert sensors.x_m.isna().all()
 
 
-def test_an_unfinished_run_is_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_an_unfinished_run_is_left_out(tmp_path: Path, caplog: Log) -> None:
     folder(tmp_path / "none" / "seed-0", mounts=TWO)
     half = folder(tmp_path / "none" / "seed-1", seed=1)
     (half / "champion" / "design.csv").unlink()
@@ -420,9 +421,7 @@ def test_an_unfinished_run_is_left_out(tmp_path: Path, caplog: pytest.LogCapture
 
 
 @pytest.mark.parametrize("cut", ["0", "-1", "nan", "inf", "far"])
-def test_a_cut_that_is_no_length_is_one_line(
-    cut: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_cut_that_is_no_length_is_one_line(cut: str, tmp_path: Path, capsys: Capture) -> None:
     run = folder(tmp_path / "run", mounts=TWO)
     assert evoros_analyze(["overlay", str(run), f"--cut={cut}"]) == INPUT
     (line,) = capsys.readouterr().err.splitlines()

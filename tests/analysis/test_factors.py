@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from fixture_types import Capture, Folders
 from helpers import tiny, vary
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -177,7 +178,7 @@ def test_nothing_is_drawn_beyond_the_bounds() -> None:
 
 
 @pytest.fixture(scope="module")
-def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def sweep(tmp_path_factory: Folders) -> Path:
     """Two settings of two levels, two seeds each."""
     folder = tmp_path_factory.mktemp("sweep")
     assert tiny(folder / "silence_2_1", "optimizer.generations=1") == DONE
@@ -196,9 +197,7 @@ def analyze(name: str, *arguments: object) -> int:
 
 
 @pytest.mark.slow
-def test_two_factors_are_drawn_and_tabled(
-    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_two_factors_are_drawn_and_tabled(sweep: Path, tmp_path: Path, capsys: Capture) -> None:
     assert analyze("factors", sweep, "--output", tmp_path, "--format", "svg") == DONE
     table = pd.read_csv(tmp_path / "factors.csv")
     effects = ["effect", "population_size", "effect x population_size"]
@@ -213,9 +212,7 @@ def test_two_factors_are_drawn_and_tabled(
     assert (tmp_path / "factors.svg").read_bytes() == before
 
 
-def test_one_factor_is_tested_alone(
-    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_one_factor_is_tested_alone(sweep: Path, tmp_path: Path, capsys: Capture) -> None:
     chosen = ["--where", "effect=stuck", "--output", tmp_path, "--format", "svg"]
     assert analyze("factors", sweep, *chosen) == DONE
     table = pd.read_csv(tmp_path / "factors.csv")
@@ -237,7 +234,7 @@ def test_one_factor_is_tested_alone(
     ],
 )
 def test_factors_that_cannot_be_told_are_one_line(
-    options: list[str], said: str, sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    options: list[str], said: str, sweep: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     assert analyze("factors", sweep, *options, "--output", tmp_path / "out") == INPUT
     err = capsys.readouterr().err
@@ -246,7 +243,7 @@ def test_factors_that_cannot_be_told_are_one_line(
 
 
 def test_a_combination_without_runs_and_one_without_replicates_are_one_line(
-    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    sweep: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     shutil.copytree(sweep, tmp_path / "some")
     for seed in (1, 2):

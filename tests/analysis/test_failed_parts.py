@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from fixture_types import Capture, Folders
 from helpers import USER_PARTS, finished_run
 from matplotlib.figure import Figure
 
@@ -54,7 +55,7 @@ ROW = pd.Series(
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+def run(tmp_path_factory: Folders) -> Run:
     return load_run(finished_run(tmp_path_factory.mktemp("parts") / "run", *FAULTY))
 
 
@@ -70,9 +71,7 @@ def test_every_mission_tells_which_part_failed_when(run: Run) -> None:
         np.testing.assert_allclose(jump, np.where(failed, 1.0, 0.0)[:-1], atol=1e-9)
 
 
-def test_a_mission_with_a_failed_part_is_replayed_and_named(
-    run: Run, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_mission_with_a_failed_part_is_replayed_and_named(run: Run, capsys: Capture) -> None:
     row = run.missions.iloc[0]
     key = int(row.generation), int(row.design), str(row.world), int(row.trial)
     (outcome,), track = replay(run.path, key, config_dir=USER_PARTS)

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from fixture_types import Capture, Folders, Patch
 from helpers import tiny, vary
 
 from evoros.analysis.command import evoros_analyze
@@ -24,7 +25,7 @@ NEAR = (0.05, 15.0)
 
 
 @pytest.fixture(scope="module")
-def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def sweep(tmp_path_factory: Folders) -> Path:
     """Seven runs each of two population sizes, whose recorded fitness differs by two."""
     folder = tmp_path_factory.mktemp("sweep")
     assert tiny(folder / "2_0", "optimizer.generations=1", "optimizer.population_size=2") == DONE
@@ -54,7 +55,7 @@ def claim(**more: Any) -> dict[str, Any]:
 
 
 def judge(
-    study: Study, path: Path, monkeypatch: pytest.MonkeyPatch, random: float = np.nan, **entry: Any
+    study: Study, path: Path, monkeypatch: Patch, random: float = np.nan, **entry: Any
 ) -> Finding:
     """Judge a claim; the random designs of all runs have this value."""
     real = own_claims.measure_runs
@@ -90,11 +91,7 @@ TWO, THREE = {"population_size": 2}, {"population_size": 3}
     ],
 )
 def test_the_interval_decides(
-    entry: dict[str, Any],
-    verdict: str,
-    study: Study,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    entry: dict[str, Any], verdict: str, study: Study, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     finding = judge(study, tmp_path, monkeypatch, **entry)
     assert (finding.verdict, finding.n) == (verdict, 7)
@@ -110,16 +107,14 @@ def test_the_interval_decides(
     ("random", "verdict"), [(5.0, SUPPORTED), (10.4, UNKNOWN), (12.0, UNKNOWN)]
 )
 def test_what_random_designs_meet_as_well_is_no_support(
-    random: float, verdict: str, study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    random: float, verdict: str, study: Study, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     finding = judge(study, tmp_path, monkeypatch, random, threshold=4, treatments=TWO)
     assert (finding.verdict, finding.random) == (verdict, random)
     assert ("not distinguishable from random designs" in finding.why) == (verdict == UNKNOWN)
 
 
-def test_few_replicates_give_no_verdict(
-    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_few_replicates_give_no_verdict(study: Study, tmp_path: Path, monkeypatch: Patch) -> None:
     some = study.keep(study.records[:5])
     finding = judge(some, tmp_path, monkeypatch, threshold=1)
     assert finding.verdict == UNKNOWN
@@ -187,7 +182,7 @@ WRONG: list[tuple[object, str]] = [
 
 @pytest.mark.parametrize(("entry", "said"), WRONG)
 def test_a_wrong_claim_is_one_line(
-    entry: object, said: str, sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    entry: object, said: str, sweep: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     file = write(tmp_path / "claims.yaml", entry)
     pair = [str(sweep / name) for name in ("2_1", "3_1")]
@@ -201,7 +196,7 @@ def test_a_wrong_claim_is_one_line(
 
 
 def test_a_file_that_cannot_be_read_is_one_line(
-    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    sweep: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     for content in ("a: [", "a: 1", None):
         file = tmp_path / "claims.yaml"

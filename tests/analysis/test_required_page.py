@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from browser import CONTRAST, chromium, complaints, emulate, press, requests
+from fixture_types import Capture, Folders
 from helpers import TINY, refused
 from proposal_sites import is_of
 from selenium.webdriver import Chrome
@@ -34,7 +35,7 @@ def required(folder: Path, *more: str, claims: tuple[str, ...] = tuple(CLAIMS)) 
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory: Folders) -> Path:
     path = tmp_path_factory.mktemp("required") / "tested"
     assert required(path) == NOT_MET
     return path
@@ -62,7 +63,7 @@ def test_the_trajectories_of_the_worst_missions_are_those_of_a_replay(
 
 
 def test_the_worst_kept_missions_are_shown_as_those_of_a_champion(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     """In each world whose missions were kept, the worst one of them."""
     assert evoros_analyze(["mission", str(folder), f"--output={tmp_path}"]) == DONE
@@ -86,7 +87,7 @@ def test_the_worst_kept_missions_are_shown_as_those_of_a_champion(
 
 
 def test_an_evaluation_that_keeps_no_mission_has_none_to_show(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     shutil.copytree(folder, tmp_path / "bare", ignore=shutil.ignore_patterns("trajectories"))
     words = ["mission", str(tmp_path / "bare"), f"--output={tmp_path / 'out'}"]
@@ -120,9 +121,7 @@ def test_missions_that_are_recorded_are_not_run_again(folder: Path, tmp_path: Pa
     assert "data-plays=" in (tmp_path / "all" / "figures" / "requirements.html").read_text()
 
 
-def test_a_mission_that_ends_otherwise_is_not_played(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_mission_that_ends_otherwise_is_not_played(tmp_path: Path, capsys: Capture) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(worst_case_run, "are_recorded", lambda *_: False)
         assert required(tmp_path / "live", claims=("hard",)) == NOT_MET
@@ -143,9 +142,7 @@ def test_nothing_is_kept_if_all_is_met_or_nothing_is_to_be_recorded(tmp_path: Pa
         assert 'class="player"' not in page
 
 
-def test_without_requirements_there_is_no_page(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_requirements_there_is_no_page(tmp_path: Path, capsys: Capture) -> None:
     assert required(tmp_path / "plain", claims=()) == DONE
     assert not (tmp_path / "plain" / "figures").exists()
     capsys.readouterr()
@@ -157,7 +154,7 @@ def test_without_requirements_there_is_no_page(
 
 
 @pytest.fixture(scope="module")
-def browser(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
+def browser(folder: Path, tmp_path_factory: Folders) -> Iterator[Chrome]:
     with chromium(tmp_path_factory.mktemp("profile")) as browser:
         browser.get((folder / "figures" / "requirements.html").as_uri())
         yield browser

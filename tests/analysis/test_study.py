@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
+from fixture_types import Capture, Folders, Log, Patch
 from helpers import TINY, everything, reseal, tiny, vary
 from hypothesis import given
 from hypothesis import strategies as st
@@ -23,7 +24,7 @@ from evoros.terminal.console import DONE, INPUT
 
 
 @pytest.fixture(scope="module")
-def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def sweep(tmp_path_factory: Folders) -> Path:
     """Two treatments of two seeds, and an evaluation of one champion."""
     folder = tmp_path_factory.mktemp("sweep")
     for failure, more in (("silent", ()), ("stuck", ("filter@failure.effect=stuck",))):
@@ -51,7 +52,7 @@ def test_runs_and_evaluations_of_a_sweep_are_found_in_order(sweep: Path) -> None
 
 
 def test_a_folder_counts_once_however_it_is_given(
-    sweep: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    sweep: Path, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     first = sweep / "stuck_seed-2"
     (tmp_path / "link").symlink_to(sweep)
@@ -64,7 +65,7 @@ def test_a_folder_counts_once_however_it_is_given(
 
 @pytest.mark.parametrize("figure", ["mission", "bag"])
 def test_an_evaluation_without_trajectories_is_told_what_keeps_them(
-    figure: str, sweep: Path, capsys: pytest.CaptureFixture[str]
+    figure: str, sweep: Path, capsys: Capture
 ) -> None:
     assert evoros_analyze([figure, str(sweep / "again"), "--world", "near"]) == INPUT
     assert "no trajectory of a mission was kept; evaluate with" in capsys.readouterr().err
@@ -119,12 +120,7 @@ def _swap(path: Path, column: str, value: str | None) -> None:
     [*((damage, True) for damage in DAMAGES), ("no setting", False), ("generation cut", False)],
 )
 def test_a_damaged_run_is_left_out_and_said_in_one_line(
-    damage: str,
-    sealed: bool,
-    sweep: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    caplog: pytest.LogCaptureFixture,
+    damage: str, sealed: bool, sweep: Path, tmp_path: Path, capsys: Capture, caplog: Log
 ) -> None:
     for name in ("silent_seed-2", "stuck_seed-10"):
         shutil.copytree(sweep / name, tmp_path / "sweep" / name)
@@ -146,18 +142,14 @@ def test_a_damaged_run_is_left_out_and_said_in_one_line(
 
 
 @pytest.mark.parametrize("arguments", [[], ["painting"], ["fitness"], ["fitness", "--format", "x"]])
-def test_wrong_arguments_are_said_in_one_line(
-    arguments: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_arguments_are_said_in_one_line(arguments: list[str], capsys: Capture) -> None:
     assert evoros_analyze(arguments) == INPUT
     err = capsys.readouterr().err
     assert err.count("\n") == 1
     assert err.startswith("evoros analyze: ")
 
 
-def test_an_empty_folder_beside_a_run_is_said(
-    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_empty_folder_beside_a_run_is_said(sweep: Path, tmp_path: Path, capsys: Capture) -> None:
     (tmp_path / "empty").mkdir()
     run = str(sweep / "silent_seed-2")
     given = ["fitness", run, str(tmp_path / "empty"), "--output", str(tmp_path / "out")]
@@ -170,7 +162,7 @@ def test_an_empty_folder_beside_a_run_is_said(
 
 
 def test_an_output_that_cannot_be_written_is_said(
-    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    sweep: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     (tmp_path / "file").write_text("mine")
     arguments = ["fitness", str(sweep), "--output", str(tmp_path / "file")]
@@ -306,11 +298,7 @@ def test_references_are_followed_and_the_environment_is_not(tmp_path: Path) -> N
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["fitness", "compare", "strategies", "overlay"])
 def test_copies_of_runs_change_no_table(
-    name: str,
-    sweep: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    name: str, sweep: Path, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     monkeypatch.setattr("evoros.analysis.command.render", lambda *_, **__: b"")
     copies = tmp_path / "copies"

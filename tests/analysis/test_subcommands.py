@@ -7,6 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from documents import columns, figure_pages
+from fixture_types import Capture, Folders, Patch
 from helpers import TINY, everything, tiny
 
 from evoros import InputError
@@ -26,7 +27,7 @@ SHOWN = (
 
 
 @pytest.fixture(scope="module")
-def mixed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def mixed(tmp_path_factory: Folders) -> Path:
     """Finished runs of two treatments, an unfinished one, an empty folder, two evaluations."""
     folder = tmp_path_factory.mktemp("mixed")
     for failure in ("random", "spatial"):
@@ -96,11 +97,7 @@ SLOW = {"report"}
     [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in SUBCOMMANDS],
 )
 def test_what_is_whole_is_used_and_what_is_not_is_said(
-    subcommand: str,
-    mixed: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    subcommand: str, mixed: Path, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     """And the columns of its tables are those of the document, in order; nothing is drawn."""
     if subcommand != "report":
@@ -131,7 +128,7 @@ def test_what_is_whole_is_used_and_what_is_not_is_said(
 
 @pytest.mark.parametrize("subcommand", SUBCOMMANDS)
 def test_an_unfinished_run_alone_is_one_line(
-    subcommand: str, mixed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    subcommand: str, mixed: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     given = [subcommand, str(mixed / "unfinished"), "--output", str(tmp_path / "out")]
     status = evoros_analyze(given)
@@ -143,9 +140,7 @@ def test_an_unfinished_run_alone_is_one_line(
         assert not (tmp_path / "out").exists()
 
 
-def test_help_lists_every_subcommand_as_it_describes_itself(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_help_lists_every_subcommand_as_it_describes_itself(capsys: Capture) -> None:
     assert evoros_analyze(["--help"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     for name in SUBCOMMANDS:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from fixture_types import Capture, Folders
 from helpers import scored, texts, tiny
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
@@ -41,7 +42,7 @@ def test_bars_end_at_the_bounds_that_all_fitnesses_state() -> None:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory: Folders) -> Path:
     """Five designs with spatial failures and with random ones; two trials each."""
     top = tmp_path_factory.mktemp("scores")
     rows = [f"{name},0,0.2,0.05,{angle}" for name, angle in ANGLES.items()]
@@ -96,7 +97,7 @@ def test_designs_that_only_one_has_are_no_pairs(folder: Path, tmp_path: Path) ->
 
 @pytest.mark.slow
 def test_evaluations_that_differ_in_several_parts_ask_for_one(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     """Then all pairs that differ in it alone share their axes; what else differs makes groups."""
     for failure in ("spatial", "random"):
@@ -171,9 +172,7 @@ def test_a_run_with_a_confirmation_has_its_confirmed_designs(tmp_path: Path) -> 
     assert set(table["between"]) == {"simulator"}
 
 
-def test_runs_alone_are_one_clear_line(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_runs_alone_are_one_clear_line(folder: Path, tmp_path: Path, capsys: Capture) -> None:
     shutil.copytree(folder / "random", tmp_path / "unfinished")
     (tmp_path / "unfinished" / "designs.csv").unlink()
     folders = [str(folder / "spatial"), str(tmp_path / "unfinished")]
@@ -203,7 +202,7 @@ while True:
 
 
 @pytest.fixture(scope="module")
-def rungs(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def rungs(folder: Path, tmp_path_factory: Folders) -> list[Path]:
     """Five designs: with the rover's rules, with a program outside, and with other failures."""
     top = tmp_path_factory.mktemp("rungs")
     (top / "drive.py").write_text(PROGRAM)
@@ -250,9 +249,7 @@ def test_each_rung_is_compared_with_the_next(rungs: list[Path]) -> None:
     assert table["source"].nunique() == 1  # a design has one name on all rungs
 
 
-def test_the_command_draws_the_ladder(
-    rungs: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_draws_the_ladder(rungs: list[Path], tmp_path: Path, capsys: Capture) -> None:
     chosen = ["--ladder", "--format", "svg", "--output", str(tmp_path)]
     assert evoros_analyze(["transfer", *map(str, rungs), *chosen]) == DONE
     said = capsys.readouterr().out.splitlines()
@@ -264,7 +261,7 @@ def test_the_command_draws_the_ladder(
 
 
 def test_a_ladder_needs_two_rungs_with_the_same_designs(
-    rungs: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    rungs: list[Path], tmp_path: Path, capsys: Capture
 ) -> None:
     (tmp_path / "other.csv").write_text(f"{HEADER}\nz,0,0.2,0.05,61")
     other = scored(tmp_path / "other", tmp_path / "other.csv")
@@ -330,7 +327,7 @@ def test_groups_are_summed_up_apart() -> None:
 
 
 def test_the_command_writes_table_summary_and_picture(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     output = ["--output", str(tmp_path / "one"), "--format", "svg"]
     assert evoros_analyze(["transfer", str(folder), *output]) == DONE

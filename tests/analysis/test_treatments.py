@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 import pytest
 import yaml
+from fixture_types import Capture, Folders, Log
 from helpers import tiny, vary
 from hypothesis import given
 from hypothesis import strategies as st
@@ -36,7 +37,7 @@ from evoros.terminal.console import DONE, INPUT
 
 
 @pytest.fixture(scope="module")
-def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def sweep(tmp_path_factory: Folders) -> Path:
     """Two settings of two levels."""
     folder = tmp_path_factory.mktemp("sweep")
     assert tiny(folder / "run", "optimizer.generations=1") == DONE
@@ -193,7 +194,7 @@ def test_conditions_choose_runs_by_every_factor_and_key(sweep: Path) -> None:
     ],
 )
 def test_a_condition_on_what_is_not_there_is_one_line_that_says_what_is(
-    where: str, said: str, sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    where: str, said: str, sweep: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     assert analyze("fitness", sweep, "--where", where, "--output", tmp_path / "out") == INPUT
     err = capsys.readouterr().err
@@ -234,7 +235,7 @@ def test_a_name_and_factors_of_a_configuration_are_recorded_and_shown(
     "wrong", ["treatment.name=3", "treatment.name=' '", "+treatment.seed=1", "+treatment.size=[1]"]
 )
 def test_a_wrong_name_or_factor_is_one_line_before_the_run(
-    wrong: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    wrong: str, tmp_path: Path, capsys: Capture
 ) -> None:
     assert tiny(tmp_path / "run", wrong) == INPUT
     err = capsys.readouterr().err
@@ -275,9 +276,7 @@ def test_runs_that_a_condition_excludes_need_no_entry(
     assert {record.given["name"] for record in study.records} == {"few"}
 
 
-def test_an_entry_that_fits_no_run_is_told(
-    sweep: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_entry_that_fits_no_run_is_told(sweep: Path, tmp_path: Path, caplog: Log) -> None:
     idle = {"name": "idle", "where": {"effect": "stucky"}}
     study = load_study([sweep], (), write(tmp_path / "names.yaml", [*ENTRIES, idle]))
     assert len(study.records) == 4
@@ -302,7 +301,7 @@ WRONG: list[tuple[object, str]] = [
 
 @pytest.mark.parametrize(("entries", "said"), WRONG)
 def test_a_file_that_does_not_fit_is_one_line(
-    entries: object, said: str, sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    entries: object, said: str, sweep: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     file = write(tmp_path / "names.yaml", entries)
     output = tmp_path / "out"

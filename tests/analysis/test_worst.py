@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from fixture_types import Capture, Folders
 from scipy import stats
 
 from evoros.analysis.command import evoros_analyze
@@ -78,7 +79,7 @@ def test_a_trial_fails_if_one_of_its_missions_does() -> None:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory: Folders) -> Path:
     """Two designs in all cases of up to two sensors."""
     top = tmp_path_factory.mktemp("worst")
     (top / "two.csv").write_text(DESIGN)
@@ -91,9 +92,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return top / "all"
 
 
-def test_an_exhaustive_evaluation_meets_every_set(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_exhaustive_evaluation_meets_every_set(folder: Path, capsys: Capture) -> None:
     assert evoros_analyze(["worst", str(folder), "--format", "svg"]) == DONE
     sets = pd.read_csv(folder / "figures" / "worst_sets.csv")
     assert (sets["sets"] == sets["of"]).all()
@@ -116,7 +115,7 @@ def test_a_mission_of_an_exhaustive_evaluation_is_replayed_under_its_case(folder
         assert replayed.outcomes == replayed.recorded
 
 
-def test_a_design_is_chosen_by_its_name(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_design_is_chosen_by_its_name(folder: Path, capsys: Capture) -> None:
     assert evoros_analyze(["worst", str(folder), "--design", "b", "--format", "svg"]) == DONE
     assert evoros_analyze(["worst", str(folder), "--design", "c"]) == INPUT
     assert "--design: 'c' is not a design of the evaluations" in capsys.readouterr().err

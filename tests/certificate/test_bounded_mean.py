@@ -10,11 +10,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from evoros.base.arrays import Array
-from evoros.certificate.rates import (
-    LOWER_SHARE,
-    bound_mean,
-    guess_highest,
-)
+from evoros.certificate.rates import LOWER_SHARE, bound_mean, guess_highest
 from evoros.certificate.validation import find_least_width
 
 SCORES = st.lists(st.integers(0, 100).map(float), min_size=1, max_size=20)

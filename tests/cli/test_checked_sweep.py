@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fixture_types import Capture, Patch
 from helpers import TINY, sweep
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -47,7 +48,7 @@ from evoros.terminal.console import DONE, INPUT
     ],
 )
 def test_what_one_job_got_wrong_stops_the_sweep_before_it_starts(
-    wrong: str, count: int, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    wrong: str, count: int, said: str, tmp_path: Path, capsys: Capture
 ) -> None:
     assert sweep(tmp_path / "a sweep", "seed=0,1", wrong) == INPUT
     out, err = capsys.readouterr()
@@ -60,7 +61,7 @@ def test_what_one_job_got_wrong_stops_the_sweep_before_it_starts(
 
 
 def test_a_misspelt_class_of_the_last_job_is_found_before_a_job_is_built(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     monkeypatch.setattr("evoros.cli.checking.check_run", lambda *_: 1 / 0)
     target = "fitness._target_=evoros.fitness.equation_one."
@@ -68,9 +69,7 @@ def test_a_misspelt_class_of_the_last_job_is_found_before_a_job_is_built(
     assert "(1 of 2 jobs, no job was started): " in capsys.readouterr().err
 
 
-def test_an_evaluation_without_its_designs_stops_the_sweep(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_evaluation_without_its_designs_stops_the_sweep(tmp_path: Path, capsys: Capture) -> None:
     place = f"hydra.sweep.dir={tmp_path / 'sweep'}"
     designs = f"designs={tmp_path / 'nothing.csv'}"
     assert evaluate(["-m", *TINY, "executor=serial", place, designs, "trials=1,2"]) == INPUT
@@ -121,7 +120,7 @@ def test_jobs_that_differ_in_numbers_are_as_each_is_alone(words: tuple[str, ...]
 
 
 def test_jobs_that_differ_in_their_search_share_robots_and_worlds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     checked: list[Any] = []
     monkeypatch.setattr(search, "preflight", checked.append)
@@ -135,7 +134,7 @@ def test_jobs_that_differ_in_their_search_share_robots_and_worlds(
 
 
 def test_a_sweep_with_too_few_seeds_says_so_and_what_to_type(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Capture
 ) -> None:
     options = ["optimizer.generations=1", "optimizer.population_size=2"]
     assert sweep(tmp_path / "few", *options, "seed=7,8", "trials=1,2") == DONE
@@ -149,9 +148,7 @@ def test_a_sweep_with_too_few_seeds_says_so_and_what_to_type(
     assert list(advise_seeds([set(range(7, 7 + needed))] * 2)) == []
 
 
-def test_evaluations_and_one_treatment_compare_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_evaluations_and_one_treatment_compare_nothing(tmp_path: Path, capsys: Capture) -> None:
     options = ["optimizer.generations=1", "optimizer.population_size=2"]
     assert sweep(tmp_path / "runs", *options, "seed=7,8") == DONE
     place = f"hydra.sweep.dir={tmp_path / 'scores'}"

@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
+from fixture_types import Capture, Patch
 from helpers import (
     OPTION,
     TINY,
@@ -84,11 +85,7 @@ BAD = [
 
 @pytest.mark.parametrize(("arguments", "said"), BAD, ids=[" ".join(a) for a, _ in BAD])
 def test_bad_input_is_one_clear_line_and_leaves_no_folder(
-    arguments: list[str],
-    said: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    arguments: list[str], said: str, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert evoros([*TINY, *arguments]) == INPUT
@@ -118,7 +115,7 @@ def test_bad_input_is_one_clear_line_and_leaves_no_folder(
     ],
 )
 def test_bad_files_of_the_user_are_one_clear_line(
-    file: str, text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    file: str, text: str, said: str, tmp_path: Path, capsys: Capture
 ) -> None:
     mine = tmp_path / "own"
     (mine / file).parent.mkdir(parents=True)
@@ -135,7 +132,7 @@ def test_bad_files_of_the_user_are_one_clear_line(
     assert not run.exists()
 
 
-def test_broken_xml_is_one_clear_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_broken_xml_is_one_clear_line(tmp_path: Path, capsys: Capture) -> None:
     (tmp_path / "bad.sdf").write_text("<sdf version='1.6'><world></sdf>")
     assert tiny(tmp_path / "run", f"world.near.sdf={tmp_path / 'bad.sdf'}") == INPUT
     err = capsys.readouterr().err
@@ -143,9 +140,7 @@ def test_broken_xml_is_one_clear_line(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 @pytest.mark.slow
-def test_a_folder_that_is_not_empty_is_refused_untouched(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_that_is_not_empty_is_refused_untouched(tmp_path: Path, capsys: Capture) -> None:
     run = finished_run(tmp_path / "a run")
     before = everything(run)
     capsys.readouterr()
@@ -164,7 +159,7 @@ def test_a_folder_that_is_not_empty_is_refused_untouched(
 
 @pytest.mark.slow
 def test_a_sweep_names_its_folders_and_starts_nothing_if_a_job_is_bad(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Capture
 ) -> None:
     sweep = tmp_path / "sweep"
     arguments = [*TINY, "executor=serial", f"hydra.sweep.dir={sweep}", "optimizer.generations=1"]
@@ -182,9 +177,7 @@ def test_a_sweep_names_its_folders_and_starts_nothing_if_a_job_is_bad(
 
 
 @pytest.mark.slow
-def test_names_that_look_alike_get_folders_of_their_own(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_names_that_look_alike_get_folders_of_their_own(tmp_path: Path, monkeypatch: Patch) -> None:
     sweep = tmp_path / "sweep"
     for name in ("a b", "a-b"):
         shutil.copy(bundled_folder("worlds") / "boxes.sdf", tmp_path / f"{name}.sdf")
@@ -208,7 +201,7 @@ def test_the_case_study_is_thirty_runs_and_what_is_typed_comes_first() -> None:
     ]
 
 
-def test_no_secret_reaches_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_secret_reaches_the_disk(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("EVOROS_SECRET", "13572468")
     assert evoros([*TINY, "executor=serial", "seed=${oc.env:EVOROS_SECRET}"]) == INPUT
@@ -231,7 +224,7 @@ def test_no_secret_reaches_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert list(json.loads((run / "manifest.json").read_text())["secrets"]) == ["failure.latest_s"]
 
 
-def test_help_explains_and_version_is_ours(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_explains_and_version_is_ours(capsys: Capture) -> None:
     assert evoros(["--help"]) == DONE
     text = capsys.readouterr().out
     for word in (
@@ -251,7 +244,7 @@ def test_help_explains_and_version_is_ours(capsys: pytest.CaptureFixture[str]) -
 
 @pytest.mark.slow
 def test_an_exception_in_a_worker_stops_the_run_which_can_be_resumed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Capture
 ) -> None:
     """With a user's class, from a folder that may have any name."""
     run, mark, folder = tmp_path / "run", tmp_path / "mark", tmp_path / "it's, mine=1"
@@ -286,7 +279,7 @@ def test_a_mission_that_is_lost_once_is_tried_again(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_lost_mission_stops_the_run_or_is_the_worst_where_asked(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Capture
 ) -> None:
     short = ["executor=processes", "executor.workers=1", "executor.retries=0"]
     short += ["optimizer.generations=1", "optimizer.population_size=2", "simulator.fault=exit"]
@@ -314,7 +307,7 @@ def test_a_failure_of_the_simulation_is_the_worst_with_a_reason(tmp_path: Path) 
 
 @pytest.mark.slow
 def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Capture
 ) -> None:
     fast = tmp_path / "fast"
     slowly = ["simulator.pause_s=5", f"simulator.mark={fast}"]  # no job ends before the signal
@@ -355,9 +348,7 @@ def test_ctrl_c_again_until_the_process_ends_changes_nothing(tmp_path: Path) -> 
     assert resume(tmp_path / "run", "executor=serial") == DONE
 
 
-def test_an_orderly_end_that_hangs_is_ended_by_another_signal(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_an_orderly_end_that_hangs_is_ended_by_another_signal(monkeypatch: Patch) -> None:
     statuses: list[int] = []
     monkeypatch.setattr("os._exit", statuses.append)
     with Interrupts():

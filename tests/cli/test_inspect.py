@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from documents import example_files, write
+from fixture_types import Capture, Patch
 from helpers import alone
 from proposal_sites import is_of
 
@@ -33,7 +34,7 @@ PNG = b"\x89PNG"
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, monkeypatch: Patch) -> Path:
     """A current folder with the example files of docs/your_robot.md."""
     write(FILES, tmp_path)
     monkeypatch.chdir(tmp_path)
@@ -41,7 +42,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+def undrawn(monkeypatch: Patch) -> None:
     """Draw no pictures, which takes a third of the time."""
     for name in ("inspection.draw_robot_picture", "worlds.draw_world_picture"):
         monkeypatch.setattr(f"evoros.analysis.drawing.{name}", lambda *_: PNG)
@@ -49,7 +50,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 def test_a_robot_and_a_world_become_files_that_compose_and_build(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: Capture
 ) -> None:
     words = ["robot", SCOUT, "world", DEPOT, "robot.arguments.laser=false"]
     assert inspect(words) == DONE
@@ -69,7 +70,7 @@ def test_a_robot_and_a_world_become_files_that_compose_and_build(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_a_working_folder_may_be_moved(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_working_folder_may_be_moved(folder: Path, monkeypatch: Patch) -> None:
     words = [
         "robot",
         SCOUT,
@@ -98,9 +99,7 @@ def test_an_absolute_path_stays(folder: Path) -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_the_table_tells_what_was_found_and_assumed(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_table_tells_what_was_found_and_assumed(folder: Path, capsys: Capture) -> None:
     assert inspect(["robot", SCOUT]) == DONE
     rows = dict(
         line.strip().partition("  ")[::2]
@@ -132,9 +131,7 @@ def test_a_drive_is_named_as_in_a_run(folder: Path) -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_an_own_lidar_does_not_see_the_robot(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_own_lidar_does_not_see_the_robot(folder: Path, capsys: Capture) -> None:
     """A mast stands in its way, as on a forklift, and laser filters mask what meets it."""
     laser = """<gazebo reference="laser_link"><sensor type="ray" name="scan"><ray><scan><horizontal>
     <samples>90</samples><min_angle>-1.57</min_angle><max_angle>1.57</max_angle></horizontal></scan>
@@ -172,9 +169,7 @@ SENSORS = """
 
 
 @pytest.mark.slow
-def test_the_sensors_of_a_description_become_a_design(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_sensors_of_a_description_become_a_design(folder: Path, capsys: Capture) -> None:
     scout = folder / SCOUT
     scout.write_text(scout.read_text().replace("</robot>", SENSORS))
     assert inspect(["robot", SCOUT]) == DONE
@@ -221,9 +216,7 @@ FELT = """
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_a_lidar_an_imu_and_a_contact_sensor_are_taken_over(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_lidar_an_imu_and_a_contact_sensor_are_taken_over(folder: Path, capsys: Capture) -> None:
     scout = folder / SCOUT
     scout.write_text(scout.read_text().replace("</robot>", FELT))
     assert inspect(["robot", SCOUT]) == DONE
@@ -258,7 +251,7 @@ def test_a_lidar_an_imu_and_a_contact_sensor_are_taken_over(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_a_file_is_kept_and_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_is_kept_and_named(folder: Path, capsys: Capture) -> None:
     assert inspect(["world", DEPOT]) == DONE
     before = (folder / "mine" / "world" / "depot.yaml").read_bytes()
     assert inspect(["world", DEPOT]) == INPUT
@@ -267,9 +260,7 @@ def test_a_file_is_kept_and_named(folder: Path, capsys: pytest.CaptureFixture[st
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_part_that_cannot_be_used_leaves_no_file(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_part_that_cannot_be_used_leaves_no_file(folder: Path, capsys: Capture) -> None:
     (folder / "broken.urdf").write_text("<robot name='broken'><link name='a'/></robot>")
     assert inspect(["robot", "broken.urdf"]) == INPUT
     error = capsys.readouterr().err
@@ -280,9 +271,7 @@ def test_a_part_that_cannot_be_used_leaves_no_file(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_a_key_changes_how_a_file_is_read_or_is_refused(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_key_changes_how_a_file_is_read_or_is_refused(folder: Path, capsys: Capture) -> None:
     """Also for a file whose name a bundled part has, which would win over the user's."""
     maze = folder / "maze.world"
     maze.write_text((folder / DEPOT).read_text())
@@ -310,7 +299,7 @@ def test_a_key_changes_how_a_file_is_read_or_is_refused(
     ],
 )
 def test_wrong_words_are_named_in_one_line(
-    folder: Path, words: list[str], named: str, capsys: pytest.CaptureFixture[str]
+    folder: Path, words: list[str], named: str, capsys: Capture
 ) -> None:
     assert inspect(words) == INPUT
     error = capsys.readouterr().err
@@ -361,7 +350,7 @@ ORIGIN = {
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("content", ORIGIN.values(), ids=ORIGIN)
 def test_the_suggested_course_is_one_that_a_run_takes(
-    folder: Path, content: str, capsys: pytest.CaptureFixture[str]
+    folder: Path, content: str, capsys: Capture
 ) -> None:
     assert inspect(["world", world_of(folder, plane() + content)]) == DONE
     (world,) = use(capsys.readouterr().out).world.values()
@@ -369,9 +358,7 @@ def test_the_suggested_course_is_one_that_a_run_takes(
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_body_that_may_fall_is_not_over_the_course(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_body_that_may_fall_is_not_over_the_course(folder: Path, capsys: Capture) -> None:
     falls = box("falls", 0, 0, "2 2 1", 5.0).replace("<static>1</static>", "")
     assert inspect(["world", world_of(folder, plane() + falls)]) == DONE
     (world,) = use(capsys.readouterr().out).world.values()
@@ -381,7 +368,7 @@ def test_a_body_that_may_fall_is_not_over_the_course(
 
 @pytest.mark.slow
 def test_uneven_ground_is_inspected_in_an_engine_that_takes_it(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: Capture
 ) -> None:
     site = world_of(folder, plane("0.05 0 1") + box("box", 0, 0, "1 1 1", 0.5))
     assert inspect(["world", site]) == DONE
@@ -398,9 +385,7 @@ def test_uneven_ground_is_inspected_in_an_engine_that_takes_it(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_the_controller_suits_the_free_space(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_controller_suits_the_free_space(folder: Path, capsys: Capture) -> None:
     sides = "".join(box(f"side{y}", 0, y, "12 0.1 1", 0.5) for y in (-0.8, 0.8))
     ends = "".join(box(f"end{x}", x, 0, "0.1 1.6 1", 0.5) for x in (-6, 6))
     assert inspect(["world", world_of(folder, plane() + sides + ends)]) == DONE
@@ -413,9 +398,7 @@ def test_the_controller_suits_the_free_space(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_a_world_without_room_says_how_to_give_a_course(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_world_without_room_says_how_to_give_a_course(folder: Path, capsys: Capture) -> None:
     site = world_of(folder, plane() + box("rock", 0, 0, "200 200 3", 1.5))
     assert inspect(["world", site]) == INPUT
     lines = capsys.readouterr().err.splitlines()
@@ -436,7 +419,7 @@ def test_a_world_without_room_says_how_to_give_a_course(
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_given_home_gets_waypoints_and_wrong_values_are_refused(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: Capture
 ) -> None:
     site = world_of(folder, plane() + box("box", 0, 0, "1 1 1", 0.5))
     home = ["course.home_x_m=-2", "course.home_y_m=2.5"]
@@ -453,7 +436,7 @@ def test_a_given_home_gets_waypoints_and_wrong_values_are_refused(
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_the_table_tells_what_evoros_tells_of_meshes_and_counts_radii(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: Capture
 ) -> None:
     trimesh.creation.icosphere(4, 1.0).export(folder / "ball.stl")
     ball = model("ball", "0 0 1 0 0 0", "<mesh><uri>ball.stl</uri></mesh>")
@@ -483,7 +466,7 @@ def build_house(folder: Path, *inner: str) -> str:
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_leg_through_a_wall_is_told_and_the_fix_works_when_typed(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: Capture
 ) -> None:
     house = build_house(folder, "0 -1 0.1 6")
     home = ["course.home_x_m=-2", "course.home_y_m=0"]
@@ -500,7 +483,7 @@ def test_a_leg_through_a_wall_is_told_and_the_fix_works_when_typed(
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_suggestion_says_where_it_lies_and_how_to_choose_another(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: Capture
 ) -> None:
     house = build_house(folder)
     assert inspect(["world", house, "--name", "a"]) == DONE
@@ -515,7 +498,7 @@ def test_a_suggestion_says_where_it_lies_and_how_to_choose_another(
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.slow
 def test_a_course_stays_on_the_floors_of_a_house_without_walls(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: Capture
 ) -> None:
     """Its rooms lie around a yard without a floor, which is as free as they are."""
     slab = "<box><size>{} {} 0.1</size></box>"
@@ -534,7 +517,7 @@ def test_a_course_stays_on_the_floors_of_a_house_without_walls(
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_course_leads_among_bodies_that_are_lifted_out_of_the_ground(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: Capture
 ) -> None:
     crates = "".join(
         f"<model name='m{i}'><pose>{x} {y} -900 0 0 0</pose><link name='l'><collision name='c'>"
@@ -551,9 +534,7 @@ def test_a_course_leads_among_bodies_that_are_lifted_out_of_the_ground(
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_world_in_which_nothing_can_be_met_is_told(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_world_in_which_nothing_can_be_met_is_told(folder: Path, capsys: Capture) -> None:
     (folder / "empty.sdf").write_text('<sdf version="1.6"><world name="w"/></sdf>')
     assert inspect(["world", "empty.sdf"]) == DONE
     output = capsys.readouterr().out

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from fixture_types import Capture, Folders
 from helpers import TINY, content, everything
 
 from evoros.cli.main import evoros
@@ -23,7 +24,7 @@ def runs_of(sweep: Path) -> dict[str, dict[str, str]]:
 
 
 @pytest.fixture(scope="module")
-def expected(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]]:
+def expected(tmp_path_factory: Folders) -> dict[str, dict[str, str]]:
     sweep = tmp_path_factory.mktemp("own") / "sweep"
     assert launch(sweep, "seed=0,1") == DONE
     return runs_of(sweep)
@@ -32,10 +33,7 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, st
 @pytest.mark.slow
 @pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
 def test_a_launcher_makes_the_same_folders_and_a_bad_job_stops_the_sweep(
-    launcher: str,
-    expected: dict[str, dict[str, str]],
-    tmp_path: Path,
-    capfd: pytest.CaptureFixture[str],
+    launcher: str, expected: dict[str, dict[str, str]], tmp_path: Path, capfd: Capture
 ) -> None:
     """And it goes on with a sweep that has begun."""
     sweep, chosen = tmp_path / "a sweep", f"hydra/launcher={launcher}"
@@ -54,7 +52,7 @@ def test_a_launcher_makes_the_same_folders_and_a_bad_job_stops_the_sweep(
 
 @pytest.mark.slow
 def test_a_sweeper_sees_the_validated_fitness_of_the_champion(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Capture
 ) -> None:
     sweep = tmp_path / "sweep"
     options = ["hydra/sweeper=optuna", "hydra.sweeper.n_trials=3", "hydra.sweeper.sampler.seed=1"]
@@ -72,9 +70,7 @@ def test_a_sweeper_sees_the_validated_fitness_of_the_champion(
 
 
 @pytest.mark.slow
-def test_a_sweeper_that_looks_for_the_worst_is_noted(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_sweeper_that_looks_for_the_worst_is_noted(tmp_path: Path, capsys: Capture) -> None:
     options = ["hydra/sweeper=optuna", "hydra.sweeper.n_trials=1", "seed=choice(-1,-2)"]
     assert launch(tmp_path / "sweep", *options) == INPUT
     err = capsys.readouterr().err
@@ -84,9 +80,7 @@ def test_a_sweeper_that_looks_for_the_worst_is_noted(
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("srun") is not None, reason="needs a system without Slurm")
-def test_a_launcher_that_cannot_work_says_why(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_launcher_that_cannot_work_says_why(tmp_path: Path, capsys: Capture) -> None:
     assert launch(tmp_path / "sweep", "seed=0,1", "hydra/launcher=submitit_slurm") == STOPPED
     (line,) = [line for line in capsys.readouterr().err.splitlines() if "srun" in line]
     assert line.startswith("evoros: hydra/launcher=submitit_slurm: ")
@@ -98,7 +92,7 @@ def test_a_launcher_that_cannot_work_says_why(
     [("launcher=rq", "hydra-rq-launcher"), ("sweeper=ax", "hydra-ax-sweeper")],
 )
 def test_a_plugin_that_is_not_installed_is_named(
-    choice: str, package: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    choice: str, package: str, tmp_path: Path, capsys: Capture
 ) -> None:
     assert launch(tmp_path / "sweep", "seed=0,1", f"hydra/{choice}") == INPUT
     assert f"pip install {package}" in capsys.readouterr().err

@@ -4,6 +4,7 @@ import shlex
 from pathlib import Path
 
 import pytest
+from fixture_types import Capture, Patch
 from helpers import TINY, finished_run
 from hypothesis import given
 from hypothesis import strategies as st
@@ -30,12 +31,7 @@ SPLIT = [
 
 @pytest.mark.parametrize(("line", "said", "advised"), SPLIT)
 def test_a_word_that_stands_alone_is_told_with_the_quotes_that_it_lacks(
-    line: str,
-    said: str,
-    advised: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    line: str, said: str, advised: str, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert evoros(line.split()) == INPUT
@@ -59,7 +55,7 @@ def test_what_is_advised_gives_the_whole_path_to_hydra(parts: list[str]) -> None
 
 @pytest.mark.slow
 def test_a_figure_of_a_folder_with_a_space(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     monkeypatch.chdir(tmp_path)
     finished_run(Path("out put") / "x")
@@ -76,7 +72,7 @@ def test_a_figure_of_a_folder_with_a_space(
 
 @pytest.mark.parametrize("quoted", ["hydra.run.dir=out put", 'hydra.run.dir="out put"'])
 def test_a_quoted_path_with_a_space_needs_no_further_quotes(
-    quoted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    quoted: str, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     short = ["optimizer.generations=1", "optimizer.validation_trials=0", "executor=serial"]

@@ -7,6 +7,7 @@ from pathlib import Path
 from urllib.request import urlopen
 
 import pytest
+from fixture_types import Capture, Patch
 from helpers import USER_PARTS, finished_run, start
 
 from evoros.analysis.subcommands import SUBCOMMANDS
@@ -33,11 +34,7 @@ def impossible(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("line", COMMANDS)
 def test_an_impossible_path_is_named_in_one_line(
-    line: str,
-    impossible: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    line: str, impossible: Path, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     monkeypatch.chdir(tmp_path)
     status = evoros(shlex.split(line.format(impossible)))
@@ -86,7 +83,7 @@ def watch(run: Path) -> int:
 
 @pytest.mark.slow
 def test_every_subcommand_works_in_a_folder_with_an_odd_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     folder = tmp_path / ODD
     folder.mkdir()

@@ -74,10 +74,7 @@ def test_the_table_has_what_all_figures_have(figure: str) -> None:
         ),
         (["-m", "like=r", "seed=1,2"], "type: evoros evaluate -m like=r"),
         (["nonsense"], "key=value or a subcommand (evaluate, resume, analyze,"),
-        (
-            ["failure=none", "status"],
-            "status: a subcommand must come first; type: evoros status",
-        ),
+        (["failure=none", "status"], "status: a subcommand must come first; type: evoros status"),
         (
             ["diff", "a", "b", "--once"],
             "--once: belongs to evoros status, not to evoros diff, which has",

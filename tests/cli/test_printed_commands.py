@@ -11,6 +11,7 @@ from io import StringIO
 from pathlib import Path
 
 import pytest
+from fixture_types import Capture, Patch
 from helpers import TINY, USER_PARTS, cut, finished_run
 from hypothesis import given
 from hypothesis import strategies as st
@@ -53,9 +54,7 @@ def run_apart(lines: Iterable[str]) -> dict[str, int]:
 
 
 @pytest.mark.slow
-def test_every_printed_command_does_what_its_line_says(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_printed_command_does_what_its_line_says(tmp_path: Path, monkeypatch: Patch) -> None:
     """Also with parts of the user's own, in a folder with an awkward name."""
     name = AWKWARD
     monkeypatch.chdir(tmp_path)
@@ -84,7 +83,7 @@ def test_every_printed_command_does_what_its_line_says(
 
 
 def test_words_with_the_proposed_quotes_are_taken(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     monkeypatch.chdir(tmp_path)
     name = os.fsdecode(b"caf\xe9 \xfcber $HOME 'a'")

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from fixture_types import Capture, Log, Patch
 from proposal_sites import OVERRIDE, is_of, list_alternatives
 
 from evoros.base.errors import InputError
@@ -20,7 +21,7 @@ WALK = (
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, monkeypatch: Patch) -> Path:
     """An empty current folder; no pictures are drawn."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("evoros.analysis.drawing.worlds.draw_world_picture", lambda *_: b"\x89PNG")
@@ -97,9 +98,7 @@ def test_one_of_several_worlds_is_chosen(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["vehicle", "actor"])
-def test_a_note_of_a_run_proposes_keys_of_its_world(
-    folder: Path, kind: str, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_note_of_a_run_proposes_keys_of_its_world(folder: Path, kind: str, caplog: Log) -> None:
     plugin = "<plugin filename='libdiff_drive.so' name='p'/></model>"
     vehicle = model("v", BOX.format("1 1 1"), "9 9 0.5 0 0 0").replace("</model>", plugin)
     vehicle = vehicle.replace("<static>1</static>", "")
@@ -112,9 +111,7 @@ def test_a_note_of_a_run_proposes_keys_of_its_world(
     assert "is left out" not in caplog.text
 
 
-def test_a_course_is_given_where_a_home_has_no_room(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_course_is_given_where_a_home_has_no_room(folder: Path, capsys: Capture) -> None:
     walls = ((0, -0.4, "1 0.1"), (0, 0.4, "1 0.1"), (-0.4, 0, "0.1 1"), (0.4, 0, "0.1 1"))
     posts = [
         model(f"wall{x}{y}", BOX.format(f"{size} 1"), f"{x} {y} 0.5 0 0 0") for x, y, size in walls
@@ -128,7 +125,7 @@ def test_a_course_is_given_where_a_home_has_no_room(
     assert inspect(inspected("b", *words)) == DONE
 
 
-def test_a_course_has_keys(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_course_has_keys(folder: Path, capsys: Capture) -> None:
     write_world(folder, model("block", BOX.format("1 1 1"), "5 5 0.5 0 0 0"))
     assert inspect(inspected("a", "world.NAME.course=1")) == INPUT
     message = capsys.readouterr().err
@@ -137,7 +134,7 @@ def test_a_course_has_keys(folder: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert inspect(inspected("b", typed)) == DONE
 
 
-def test_models_of_a_folder_can_be_met(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_models_of_a_folder_can_be_met(folder: Path, capsys: Capture) -> None:
     (folder / "theirs" / "crate").mkdir(parents=True)
     crate = model("crate", BOX.format("1 1 1"))
     (folder / "theirs/crate/model.sdf").write_text(f"<sdf version='1.6'>{crate}</sdf>")

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from fixture_types import Capture, Folders
 from helpers import TINY, content, cut, everything, resume, scored, sweep, tiny
 
 from evoros.cli.command import evaluate
@@ -20,7 +21,7 @@ NAME = "experiment-tiny_executor-serial_generations-2_seed-{}"
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def finished(tmp_path_factory: Folders) -> Path:
     folder = tmp_path_factory.mktemp("finished") / "sweep"
     assert sweep(folder, "seed=0,1,2") == DONE
     return folder
@@ -33,7 +34,7 @@ def copy(finished: Path, tmp_path: Path) -> Path:
 
 @pytest.mark.slow
 def test_what_is_complete_stays_what_is_begun_goes_on_and_what_is_new_runs(
-    finished: Path, copy: Path, capsys: pytest.CaptureFixture[str]
+    finished: Path, copy: Path, capsys: Capture
 ) -> None:
     runs = [copy / NAME.format(seed) for seed in range(4)]
     kept = everything(runs[0])
@@ -63,7 +64,7 @@ def test_figures_that_were_not_drawn_are_drawn(tmp_path: Path) -> None:
     assert content(run) == before
 
 
-def test_another_run_is_not_touched(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_another_run_is_not_touched(copy: Path, capsys: Capture) -> None:
     """Jobs with the same folders, but another configuration than the folders' runs."""
     before = everything(copy)
     subdir = "hydra.sweep.subdir='" + NAME.format("${seed}") + "'"
@@ -76,7 +77,7 @@ def test_another_run_is_not_touched(copy: Path, capsys: pytest.CaptureFixture[st
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["missions.csv", "generations/00001.csv", "champion/design.csv"])
 def test_a_finished_run_with_a_damaged_table_is_mended_with_a_word(
-    name: str, finished: Path, copy: Path, capsys: pytest.CaptureFixture[str]
+    name: str, finished: Path, copy: Path, capsys: Capture
 ) -> None:
     run = copy / NAME.format(1)
     lines = (run / name).read_bytes().splitlines(keepends=True)
@@ -112,9 +113,7 @@ def test_a_finished_run_that_lacks_a_file_gets_it_again(copy: Path) -> None:
     assert after == {name: text for name, text in before.items() if not name.endswith(free)}
 
 
-def test_a_damaged_configuration_is_not_taken_for_another_one(
-    copy: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_damaged_configuration_is_not_taken_for_another_one(copy: Path, capsys: Capture) -> None:
     path = copy / NAME.format(0) / "config.yaml"
     path.write_text(path.read_text().replace("trials: 1", "trials: 2"))
     before = everything(copy)
@@ -135,7 +134,7 @@ def test_the_executor_may_change(copy: Path) -> None:
 
 
 def test_a_folder_with_other_files_stops_the_sweep_before_it_starts(
-    copy: Path, capsys: pytest.CaptureFixture[str]
+    copy: Path, capsys: Capture
 ) -> None:
     for seed in (0, 1):
         shutil.rmtree(copy / NAME.format(seed))
@@ -150,9 +149,7 @@ def test_a_folder_with_other_files_stops_the_sweep_before_it_starts(
 
 
 @pytest.mark.slow
-def test_evaluations_go_on_if_their_designs_are_the_same(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_evaluations_go_on_if_their_designs_are_the_same(tmp_path: Path, capsys: Capture) -> None:
     for seed in (0, 1):
         assert tiny(tmp_path / f"run{seed}", "optimizer.generations=1", f"seed={seed}") == DONE
     designs = tmp_path / "designs"
@@ -177,9 +174,7 @@ def test_evaluations_go_on_if_their_designs_are_the_same(
 # ---- the table of all folders
 
 
-def test_the_table_has_all_folders_and_why_they_stopped(
-    copy: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_table_has_all_folders_and_why_they_stopped(copy: Path, capsys: Capture) -> None:
     reason = {"state": "stopped", "reason": "the disk is full", "generations": 2}
     (copy / NAME.format(1) / "status.json").write_text(seal_json("status.json", reason))
     assert status([str(copy)]) == DONE

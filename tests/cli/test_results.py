@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from fixture_types import Folders, Log, Patch
 from helpers import reseal, tiny
 from hypothesis import given
 from hypothesis import strategies as st
@@ -22,7 +23,7 @@ LONG = "experiment-quickstart_simulator-planar_seed-{}_population_size-4_figures
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory: Folders) -> Path:
     folder = tmp_path_factory.mktemp("results") / LONG.format(0, "x" * 90)
     assert tiny(folder, "optimizer.generations=1", "optimizer.population_size=2") == DONE
     return folder
@@ -43,7 +44,7 @@ def test_names_that_differ_by_seed_still_differ() -> None:
 
 @pytest.mark.parametrize("columns", [80, 120])
 def test_no_line_of_a_table_wraps_on_a_terminal(
-    columns: int, run: Path, monkeypatch: pytest.MonkeyPatch
+    columns: int, run: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
     monkeypatch.setenv("COLUMNS", str(columns))
@@ -53,9 +54,7 @@ def test_no_line_of_a_table_wraps_on_a_terminal(
     assert run.name in format_folders(run.parent, [survey(run)])  # for scripts, it is whole
 
 
-def test_a_run_whose_missions_all_failed_says_so_everywhere(
-    run: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_run_whose_missions_all_failed_says_so_everywhere(run: Path, caplog: Log) -> None:
     assert warn_not_run(run) == ""
     assert "could be run" not in summarize(run)
     table = pd.read_csv(run / "missions.csv", dtype=str, keep_default_na=False)
@@ -81,7 +80,7 @@ def write_missions(folder: Path, rows: list[dict[str, object]]) -> Path:
 
 @given(completed=st.lists(st.booleans(), min_size=1, max_size=5))
 def test_a_run_that_completes_nothing_says_so(
-    completed: list[bool], tmp_path_factory: pytest.TempPathFactory
+    completed: list[bool], tmp_path_factory: Folders
 ) -> None:
     ends = {True: "completed", False: "time_limit"}
     rows = [

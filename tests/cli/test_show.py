@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from fixture_types import Capture, Patch
 from helpers import USER_PARTS, finished_run, refused
 
 from evoros.analysis.tables.showing import find_shown_designs
@@ -13,16 +14,14 @@ from evoros.terminal.console import DONE
 TABLE = ("--config-dir", str(USER_PARTS), "experiment=tiny")
 
 
-def show(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+def show(capsys: Capture, *arguments: object) -> str:
     """What is printed, without the first line, which names the source."""
     capsys.readouterr()
     assert evoros(["show", *map(str, arguments)]) == DONE
     return capsys.readouterr().out.partition("\n")[2]
 
 
-def test_a_design_is_the_same_wherever_it_is_recorded(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_design_is_the_same_wherever_it_is_recorded(tmp_path: Path, capsys: Capture) -> None:
     run = finished_run(tmp_path / "run")
     champion = pd.read_csv(run / "champion" / "design.csv")
     assert evoros(["archive", str(run), *TABLE[:2], "--output", str(tmp_path / "a.zip")]) == DONE
@@ -56,11 +55,7 @@ def test_poses_and_prices_are_those_of_the_design(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_shown_is_refused_in_one_line(
-    arguments: list[str],
-    words: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    arguments: list[str], words: str, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("a.png").touch()
@@ -71,7 +66,7 @@ def test_what_cannot_be_shown_is_refused_in_one_line(
     assert "--design x: not found; the designs are " in refusal
 
 
-def test_a_picture_is_written_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_picture_is_written_once(tmp_path: Path, capsys: Capture) -> None:
     run = finished_run(tmp_path / "run")
     for kind, start in (("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")):
         picture = tmp_path / f"design.{kind}"

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from fixture_types import Capture, Folders
 from helpers import TINY, content, everything, finished_run, resume
 
 from evoros.analysis.command import evoros_analyze
@@ -22,7 +23,7 @@ NOBODY = "~there_is_no_such_user"
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory: Folders) -> Path:
     return finished_run(tmp_path_factory.mktemp("streams") / "run", "optimizer.generations=1")
 
 
@@ -34,11 +35,7 @@ ASCII_ONLY = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("redirected", "executor"),
-    [
-        ("<&- >&- 2>&-", "processes"),
-        (">/dev/full", "serial"),
-        ("2> >(exit 0)", "dask"),
-    ],
+    [("<&- >&- 2>&-", "processes"), (">/dev/full", "serial"), ("2> >(exit 0)", "dask")],
 )
 def test_a_run_does_not_depend_on_its_standard_streams(
     redirected: str, executor: str, run: Path, tmp_path: Path
@@ -63,9 +60,7 @@ def test_a_run_does_not_depend_on_its_standard_streams(
     assert full == (redirected == ">/dev/full")
 
 
-def test_a_log_that_cannot_be_opened_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_log_that_cannot_be_opened_is_refused(tmp_path: Path, capsys: Capture) -> None:
     finished_run(tmp_path / "run", "optimizer.generations=1")
     (tmp_path / "run" / "evoros.log").unlink()
     (tmp_path / "run" / "evoros.log").mkdir()
@@ -77,7 +72,7 @@ def test_a_log_that_cannot_be_opened_is_refused(
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a full device")
 def test_a_log_on_a_full_disk_stops_nothing_and_is_told_once(
-    run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    run: Path, tmp_path: Path, capfd: Capture
 ) -> None:
     from evoros.terminal.log import LOGGER, log_to_file, log_to_terminal
 
@@ -104,7 +99,7 @@ def test_a_log_on_a_full_disk_stops_nothing_and_is_told_once(
     ],
 )
 def test_the_home_of_nobody_is_a_path_like_any_other(
-    command: Callable[[list[str]], int], arguments: list[str], capsys: pytest.CaptureFixture[str]
+    command: Callable[[list[str]], int], arguments: list[str], capsys: Capture
 ) -> None:
     assert command(arguments) == INPUT
     (line,) = capsys.readouterr().err.splitlines()

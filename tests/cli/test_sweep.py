@@ -14,6 +14,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
+from fixture_types import Capture, Patch
 from helpers import TINY, content, tiny
 
 from evoros.cli.main import evoros
@@ -104,7 +105,7 @@ def sweep_of(works: list[Fake], names: str) -> tuple[Sweep, list[Job], dict[str,
 
 @pytest.mark.slow
 def test_the_folders_of_a_sweep_are_those_of_its_runs_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     """With jobs among them that are lost, and some that give warnings."""
     opened: list[Processes] = []
@@ -146,9 +147,7 @@ def test_the_folders_of_a_sweep_are_those_of_its_runs_alone(
 
 
 @pytest.mark.slow
-def test_runs_with_different_executors_do_not_compete(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_runs_with_different_executors_do_not_compete(tmp_path: Path, monkeypatch: Patch) -> None:
     open_now, most = [0], [0]
     real = Processes.open
 
@@ -332,7 +331,7 @@ def test_what_another_thread_says_goes_into_the_log_of_a_run_alone(tmp_path: Pat
     assert "from a thread of a part" in (tmp_path / "log").read_text()
 
 
-def test_the_line_of_a_sweep_counts_and_promises(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_line_of_a_sweep_counts_and_promises(monkeypatch: Patch) -> None:
     now = [0.0]
     monkeypatch.setattr("evoros.session.progress.time.monotonic", lambda: now[0])
     display = SweepProgress(4, shown=False)

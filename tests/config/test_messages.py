@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from fixture_types import Log
 
 from evoros.base.errors import InputError
 from evoros.config.compose import compose, parse
@@ -136,9 +137,7 @@ def test_callbacks_of_hydra_are_refused_and_not_ignored() -> None:
         Jobs(["+hydra.callbacks.mine._target_=mine.Callback"], False, None)
 
 
-def test_a_file_that_a_bundled_one_hides_is_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_file_that_a_bundled_one_hides_is_told(tmp_path: Path, caplog: Log) -> None:
     for name in ("none", "mine"):
         (tmp_path / "failure").mkdir(exist_ok=True)
         (tmp_path / "failure" / f"{name}.yaml").write_text("{}")

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fixture_types import Capture, Patch
 from helpers import TINY, content, everything, finished_run, resume, tiny
 from hypothesis import given
 from hypothesis import strategies as st
@@ -27,7 +28,7 @@ SLOW = "failure.latest_s='${oc.decode:${oc.env:NAME}}'"
 
 @pytest.mark.parametrize("experiment", EXPERIMENTS)
 def test_every_key_is_recorded_alike_typed_plainly_and_by_reference(
-    experiment: str, monkeypatch: pytest.MonkeyPatch
+    experiment: str, monkeypatch: Patch
 ) -> None:
     plain = compose([f"experiment={experiment}"])
     config = compose_with_hydra([f"experiment={experiment}"])
@@ -78,7 +79,7 @@ def test_a_key_without_a_value_is_named_once(at: str) -> None:
 
 @pytest.mark.parametrize("source", ["like", "designs"])
 def test_the_designs_of_an_evaluation_may_be_named_by_reference(
-    source: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    source: str, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     finished_run(tmp_path / "run", "optimizer.generations=1")
     monkeypatch.setenv("WHERE", str(tmp_path / "run"))
@@ -109,9 +110,7 @@ SECRET_TREES: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("tree", SECRET_TREES.values(), ids=SECRET_TREES)
-def test_a_secret_is_hashed_and_not_recorded(
-    tree: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_secret_is_hashed_and_not_recorded(tree: dict[str, Any], monkeypatch: Patch) -> None:
     def read(secret: str) -> tuple[Configuration, dict[str, str]]:
         for name, value in {"API_KEY": secret, "PLAIN": secret, "WHICH": "API_KEY"}.items():
             monkeypatch.setenv(name, value)
@@ -129,9 +128,7 @@ def test_a_secret_is_hashed_and_not_recorded(
 
 
 @pytest.mark.slow
-def test_a_run_by_reference_is_the_run_that_is_typed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_by_reference_is_the_run_that_is_typed(tmp_path: Path, monkeypatch: Patch) -> None:
     short = ("optimizer.generations=1",)
     for value in ("2.5", "4.5"):
         assert (
@@ -158,7 +155,7 @@ def test_a_run_by_reference_is_the_run_that_is_typed(
 
 @pytest.mark.slow
 def test_runs_of_other_secrets_are_neither_pooled_nor_resumed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     for run, secret in (("one", "3.2468135"), ("two", "4.2468135"), ("again", "3.2468135")):
         monkeypatch.setenv("MY_SECRET", secret)

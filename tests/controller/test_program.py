@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from busy import busy_cores
 from executor_calls import wait_until
+from fixture_types import Capture, Folders, Patch
 from helpers import ROOT, content, start, wait_for_missions, with_parts
 
 from evoros.base.errors import InputError, PilotLost, RunStopped
@@ -119,7 +120,7 @@ def command(*words: object) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+def program(tmp_path_factory: Folders) -> list[str]:
     """The overrides for the Python program of the page."""
     path = tmp_path_factory.mktemp("a program") / "avoid.py"
     shutil.copy(ROOT / "docs" / "avoid.py", path)
@@ -272,7 +273,7 @@ def test_a_run_keeps_what_a_lost_program_printed(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_refusal_amid_a_run_stops_it_and_is_never_a_refused_design(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, capfd: Capture
 ) -> None:
     gate = tmp_path / "gate.sh"  # refuses from the fifth start on
     gate.write_text(
@@ -312,7 +313,7 @@ def test_a_robot_without_commands_stops_after_its_time(
 @pytest.mark.slow
 @pytest.mark.parametrize("isolate", [True, False])
 def test_nothing_remains_of_lost_missions(
-    experiment: Experiment, tmp_path: Path, isolate: bool, monkeypatch: pytest.MonkeyPatch
+    experiment: Experiment, tmp_path: Path, isolate: bool, monkeypatch: Patch
 ) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
     monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
@@ -343,7 +344,7 @@ def test_nothing_remains_of_lost_missions(
     ],
 )
 def test_bad_input_is_one_line_before_the_run(
-    override: str, message: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    override: str, message: str, tmp_path: Path, capfd: Capture
 ) -> None:
     working = (sys.executable, "-I", "-S", FAULTY, "none", tmp_path / "tally")
     words = [*RUN, *command(*working), "executor=serial", f"hydra.run.dir={tmp_path / 'run'}"]
@@ -355,7 +356,7 @@ def test_bad_input_is_one_line_before_the_run(
 
 @pytest.mark.slow
 def test_a_program_in_the_confirmation_is_started_before_the_run(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, capfd: Capture
 ) -> None:
     confirmed = ("confirmation=physics", "simulator@confirmation.simulator=planar")
     other = "+controller@confirmation.controller=program"
@@ -366,7 +367,7 @@ def test_a_program_in_the_confirmation_is_started_before_the_run(
 
 
 def test_files_of_the_current_folder_are_found_in_an_empty_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("mine.py", "a b.txt"):
@@ -384,9 +385,7 @@ def test_files_of_the_current_folder_are_found_in_an_empty_one(
 
 
 @pytest.mark.slow
-def test_a_program_that_has_changed_stops_a_resume(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_program_that_has_changed_stops_a_resume(tmp_path: Path, capfd: Capture) -> None:
     path = tmp_path / "mine.py"
     path.write_text(FAULTY.read_text())
     few = ("optimizer.generations=1", "optimizer.population_size=2", "executor=serial")

@@ -10,13 +10,7 @@ from design_cases import AVOID, ONE, ROBOT, VOTES
 
 from evoros.base.checks import POSITIVE, checked, invalid
 from evoros.base.errors import InputError
-from evoros.design.genes import (
-    MAX_EXHAUSTIVE,
-    Gene,
-    check_genes,
-    enumerate_corners,
-    replace_values,
-)
+from evoros.design.genes import MAX_EXHAUSTIVE, Gene, check_genes, enumerate_corners, replace_values
 from evoros.sensor.sonar import Sonar
 
 

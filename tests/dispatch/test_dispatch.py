@@ -14,6 +14,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from fixture_types import Patch
 from helpers import USER_PARTS
 from hypothesis import given
 from hypothesis import strategies as st
@@ -166,9 +167,7 @@ class Broken:
 
 
 @pytest.mark.parametrize("seconds", [0.0, 1e9])
-def test_outcomes_are_the_same_in_calls_of_any_size(
-    seconds: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_outcomes_are_the_same_in_calls_of_any_size(seconds: float, monkeypatch: Patch) -> None:
     monkeypatch.setattr(calls, "CALL_S", seconds)
     assert as_text(flown(Serial(), harmless(99))) == sound()
 
@@ -196,7 +195,7 @@ def test_an_exception_amid_a_call_costs_its_own_mission_only() -> None:
 
 
 @pytest.mark.slow
-def test_a_fault_that_stops_the_run_is_that_of_one_mission(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_that_stops_the_run_is_that_of_one_mission(monkeypatch: Patch) -> None:
     """And what was flown before or in the same call is not lost with it."""
     monkeypatch.setattr(calls, "CALL_S", 1e9)  # no call ends before its last mission
     with Processes(workers=1, retries=0).open() as pool:
@@ -213,9 +212,7 @@ def test_a_fault_that_stops_the_run_is_that_of_one_mission(monkeypatch: pytest.M
 
 
 @pytest.mark.slow
-def test_a_crash_amid_a_call_costs_its_own_mission_only(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_crash_amid_a_call_costs_its_own_mission_only(tmp_path: Path, monkeypatch: Patch) -> None:
     """It crashes in a call with others, if in any, and alone."""
     monkeypatch.setattr(calls, "CALL_S", 1e6)  # no call ends before the mission that crashes
     scenario = trapped("crash", 13, str(tmp_path / "tally"))
@@ -285,9 +282,7 @@ class Memory:
 
 
 @pytest.mark.parametrize("out", [1, 7, 10_000])
-def test_missions_that_are_recorded_are_not_run_again(
-    out: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_missions_that_are_recorded_are_not_run_again(out: int, monkeypatch: Patch) -> None:
     monkeypatch.setattr(dispatcher, "MISSIONS_OUT", out)
     memory, scenario = Memory(), harmless(99)
     known = [mission for i, mission in enumerate(missions()) if i % 3 == 0]
@@ -305,7 +300,7 @@ def test_missions_that_are_recorded_are_not_run_again(
 # ---- how it is done
 
 
-def test_short_missions_go_together_and_long_ones_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_short_missions_go_together_and_long_ones_alone(monkeypatch: Patch) -> None:
     pool = Watched(at_once=True)
     monkeypatch.setattr(calls, "CALL_S", 1e9)
     list(Dispatcher(pool, STOP).run(experiment().scenario, missions()))
@@ -368,7 +363,7 @@ def test_calls_ahead_follow_the_number_of_workers() -> None:
         assert len(pool.calls) == calls_out * CALLS_PER_WORKER
 
 
-def test_missions_are_planned_as_calls_are_submitted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missions_are_planned_as_calls_are_submitted(monkeypatch: Patch) -> None:
     """So that neither memory nor the start of a run grows with the number of missions."""
     monkeypatch.setattr(dispatcher, "MISSIONS_OUT", 12)
     monkeypatch.setattr(calls, "CALL_S", 1e9)
@@ -388,9 +383,7 @@ def test_missions_are_planned_as_calls_are_submitted(monkeypatch: pytest.MonkeyP
     assert planned == ended == len(missions())
 
 
-def test_what_is_known_of_missions_holds_for_the_next_generation(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_is_known_of_missions_holds_for_the_next_generation(monkeypatch: Patch) -> None:
     monkeypatch.setattr(calls, "CALL_S", 1e9)
     pool = Watched(at_once=True)
     dispatcher = Dispatcher(pool, STOP)
@@ -415,7 +408,7 @@ class Together:
         return [[((), None)] * len(wanted) for _, wanted in groups]
 
 
-def test_runs_share_the_time_of_a_batch_by_their_missions(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runs_share_the_time_of_a_batch_by_their_missions(monkeypatch: Patch) -> None:
     monkeypatch.setitem(calls._batchers, "device", Together())
     batches: Any = SimpleNamespace(device="device", missions=8)
     asked = [Asked(missions()[:1], 1e9, False), Asked(missions()[1:4], 1e9, False)]
@@ -493,7 +486,7 @@ def test_the_task_is_packed_once_and_unpacked_once() -> None:
 
 
 @pytest.mark.slow
-def test_a_fresh_worker_gets_the_task(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fresh_worker_gets_the_task(monkeypatch: Patch) -> None:
     monkeypatch.setattr(calls, "CALL_S", 0.0)
     expected = dict([*sound().items()][:6])
     executor = Processes(workers=1, calls_per_worker=3)  # for six calls

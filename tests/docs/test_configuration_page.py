@@ -11,6 +11,7 @@ import pytest
 import yaml
 from documents import commands, files, split_command, table, text, write
 from examples import composed
+from fixture_types import Patch
 
 from evoros.cli.command import parse_options
 from evoros.files.plugins import conf_folders
@@ -80,9 +81,7 @@ COMMANDS = sorted(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("line", COMMANDS)
-def test_the_commands_compose_and_build(
-    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_commands_compose_and_build(line: str, tmp_path: Path, monkeypatch: Patch) -> None:
     write(files("configuration"), tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))  # the user's own folder is added to it

@@ -9,6 +9,7 @@ from runpy import run_path
 
 import pytest
 from documents import DOCS, text
+from fixture_types import Capture, Patch
 
 from evoros.analysis.subcommands import SUBCOMMANDS, add_all_arguments, import_subcommand
 
@@ -21,9 +22,7 @@ PAGES = {
 
 
 @pytest.mark.slow
-def test_the_pages_are_written_from_the_code(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_pages_are_written_from_the_code(monkeypatch: Patch, capsys: Capture) -> None:
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setattr(sys, "argv", ["reference.py", "--check"])
     with pytest.raises(SystemExit, match=r"^0$"):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from documents import code
 from examples import SMALL, short_run
+from fixture_types import Capture, Patch
 
 import evoros
 import evoros.api
@@ -33,9 +34,7 @@ class Cma:
 
 
 @pytest.mark.slow
-def test_the_examples_in_python_run(
-    mine: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_examples_in_python_run(mine: Path, monkeypatch: Patch, capsys: Capture) -> None:
     """With the configuration of the example's simulator in place of the one that is typed."""
     short_run("outputs/mine", ["failure=frontal"])  # the run that the examples read
     cma = types.ModuleType("cma")

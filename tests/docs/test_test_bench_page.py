@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from documents import files, split_command, text, write
+from fixture_types import Patch
 from needs import ROS2_PYTHON
 
 from evoros.analysis.command import evoros_analyze
@@ -48,9 +49,7 @@ def run(line: str, folder: Path) -> int:
 
 @pytest.mark.slow
 @pytest.mark.ros(2)
-def test_the_fault_of_the_node_is_found_and_mended(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_fault_of_the_node_is_found_and_mended(tmp_path: Path, monkeypatch: Patch) -> None:
     write(files("test_bench"), tmp_path)
     (tmp_path / "rclpy").symlink_to(ROS2_PYTHON.parents[1])
     monkeypatch.chdir(tmp_path)

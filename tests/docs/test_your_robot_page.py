@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 from documents import example_files, split_command, text, write
+from fixture_types import Capture, Patch
 from helpers import ROOT
 
 from evoros.analysis.command import evoros_analyze
@@ -45,9 +46,7 @@ def lines() -> list[list[str]]:
 
 
 @pytest.mark.slow
-def test_every_command_runs_in_order(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_command_runs_in_order(tmp_path: Path, monkeypatch: Patch, capsys: Capture) -> None:
     write(example_files(), tmp_path)
     monkeypatch.chdir(tmp_path)
     assert [words[0] for words in lines()] == list(COMMANDS)

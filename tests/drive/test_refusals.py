@@ -19,6 +19,7 @@ from drive_cases import (
     steered,
     wheel,
 )
+from fixture_types import Log
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -133,9 +134,7 @@ def test_three_omni_wheels_have_no_drive_to_choose() -> None:
     assert "docs/parts/drive.md" in message
 
 
-def test_a_plugin_that_pushes_a_robot_on_plain_wheels_is_told(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_a_plugin_that_pushes_a_robot_on_plain_wheels_is_told(caplog: Log) -> None:
     """Missions command no sideways motion, so such wheels only have to roll."""
     move = '<gazebo><plugin filename="libgazebo_ros_planar_move.so" name="m"/></gazebo>'
     for wheels, kind in (
@@ -148,9 +147,7 @@ def test_a_plugin_that_pushes_a_robot_on_plain_wheels_is_told(
         assert "libgazebo_ros_planar_move.so can also push the robot sideways" in caplog.text
 
 
-def test_a_name_with_mecanum_counts_if_a_plugin_pushes_the_robot(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_a_name_with_mecanum_counts_if_a_plugin_pushes_the_robot(caplog: Log) -> None:
     """Neither the name alone counts, nor a plugin of sensors that look in all directions."""
     seen = '<gazebo><plugin filename="libvision.so" name="ir_omni_plugin"/></gazebo>'
     named = replace(read(four()), source="my_mecanum.urdf")
@@ -265,7 +262,7 @@ FDIR = '<gazebo reference="{}_wheel"><fdir1 ignition:expressed_in="base">{}</fdi
 NAMESPACE = 'xmlns:ignition="x"'
 
 
-def test_friction_along_rollers_is_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_friction_along_rollers_is_told(caplog: Log) -> None:
     """Some robots on plain wheels have it, so it alone refuses none."""
     for direction, told in (("1 -1 0", True), ("1 0 0", False), ("0 1 0", False)):
         caplog.clear()

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from fixture_types import Capture, Folders
 from helpers import USER_PARTS, content, copied, cut, finished_run, resume, tiny
 from proposal_sites import is_of
 
@@ -27,7 +28,7 @@ MORE = (*FINAL, *PRECISE, "validation.rivals=2", "trials=2")
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory: Folders) -> Path:
     folder = tmp_path_factory.mktemp("ending") / "run"
     assert tiny(folder, *MORE) == DONE
     return folder
@@ -154,11 +155,7 @@ def make_rival(design: int, low: float, high: float) -> dict[str, object]:
     ("ends", "advantage", "said"),
     [
         ([(4, 9), (3, 10)], 3.21, "none of 2 is shown to be better; design 1 may be better by up"),
-        (
-            [(4, 9), (8.5, 10)],
-            3.21,
-            "design 1 is better by at least 0.50; ",
-        ),
+        ([(4, 9), (8.5, 10)], 3.21, "design 1 is better by at least 0.50; "),
         ([(4, 9)], None, "but there is no interval to compare them with"),
         ([], None, "none tested on the same draws"),
     ],
@@ -184,10 +181,7 @@ def test_the_summary_says_whether_a_rival_is_better(
         ({"precision": None}, "in 5 fresh trials (95 % interval 7.0 to 9.4)"),
         ({"precision": 1.5, "precision_trials": None}, "on the draws that selected it"),
         ({"precision": 0.1, "precision_trials": 420}, "not reached; a new run with validation."),
-        (
-            {"precision": 0.1, "precision_trials": None},
-            "precision 0.1 cannot be reached",
-        ),
+        ({"precision": 0.1, "precision_trials": None}, "precision 0.1 cannot be reached"),
     ],
 )
 def test_the_summary_says_how_the_interval_becomes_narrower(
@@ -273,9 +267,7 @@ def test_a_mission_of_the_final_choice_is_replayed(run: Path) -> None:
         ("allocation=racing allocation.level=1", "level"),
     ],
 )
-def test_bad_input_is_one_line(
-    bad: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_input_is_one_line(bad: str, said: str, tmp_path: Path, capsys: Capture) -> None:
     assert tiny(tmp_path / "run", *bad.split()) == INPUT
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1

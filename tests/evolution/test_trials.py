@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-import pytest
+from fixture_types import Log
 
 from evoros.evolution.trials import Measuring, list_values, read_score
 from evoros.measure.cost import Cost
@@ -20,9 +20,7 @@ def test_a_score_is_read_again_from_its_values() -> None:
     assert read_score(experiment, {"fitness": 3.5, **columns}) == score
 
 
-def test_a_descriptor_that_is_equal_for_several_designs_is_reported(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_a_descriptor_that_is_equal_for_several_designs_is_reported(caplog: Log) -> None:
     scores = {i: Score(float(i), (), (2.0,)) for i in range(3)}
     measuring = Measuring(replace(example_experiment(), descriptors={"one": SensorNumber()}))
     measuring.check_variety({0: scores[0]})

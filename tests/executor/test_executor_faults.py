@@ -29,6 +29,7 @@ from executor_calls import (
     square,
     wait_for,
 )
+from fixture_types import Folders, Patch
 from proposal_sites import is_of
 
 from evoros.base.errors import EvorosError, InputError, WorkerLost
@@ -41,7 +42,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds processes
 
 
 @pytest.fixture(scope="module")
-def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+def scheduler(tmp_path_factory: Folders) -> Iterator[str]:
     with cluster(tmp_path_factory.mktemp("cluster"), workers=2) as started:
         yield started.address
 
@@ -174,9 +175,7 @@ def test_what_cannot_be_pickled_is_an_error_of_its_own_call_only(pool: Pool, tal
 
 @pytest.mark.slow
 @pytest.mark.parametrize("jump_s", [1e6, -1e6])
-def test_a_clock_that_jumps_ends_no_call(
-    jump_s: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_clock_that_jumps_ends_no_call(jump_s: float, tmp_path: Path, monkeypatch: Patch) -> None:
     """As when it is corrected, or after a suspend: limits are of monotonic time."""
     clock = time.time
     with Processes(1, retries=0, time_limit_s=60).open() as pool:

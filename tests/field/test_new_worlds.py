@@ -6,6 +6,7 @@ from typing import Any
 import pandas as pd
 import pytest
 from field_cases import course, field, noted
+from fixture_types import Capture, Patch
 from helpers import USER_PARTS, content, tiny
 
 from evoros.base.errors import InputError
@@ -77,11 +78,7 @@ def test_the_command_writes_what_the_configuration_describes(tmp_path: Path) -> 
     ],
 )
 def test_the_command_says_what_is_wrong(
-    arguments: list[str],
-    said: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    arguments: list[str], said: str, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "there.sdf").write_text("mine")

@@ -4,12 +4,13 @@ import os
 from pathlib import Path
 
 import pytest
+from fixture_types import Patch
 
 from evoros.files.private import cache_home, find_home, hash_secret, keep_fonts, private_folder
 
 
 @pytest.fixture
-def without_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def without_home(tmp_path: Path, monkeypatch: Patch) -> Path:
     """The folder for temporary files of a user without a home, as in many containers."""
     monkeypatch.setattr("os.path.expanduser", lambda path: path)  # as without HOME and an entry
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
@@ -18,7 +19,7 @@ def without_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_without_a_home_the_cache_is_among_the_temporary_files(
-    without_home: Path, monkeypatch: pytest.MonkeyPatch
+    without_home: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.chdir(without_home)
     assert find_home() is None
@@ -30,9 +31,7 @@ def test_without_a_home_the_cache_is_among_the_temporary_files(
 
 
 @pytest.mark.parametrize("relative", ["", "cache", "~/cache"])
-def test_a_relative_cache_is_ignored(
-    relative: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_relative_cache_is_ignored(relative: str, tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", relative)
     assert cache_home() == tmp_path / ".cache"
@@ -40,7 +39,7 @@ def test_a_relative_cache_is_ignored(
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can become an unknown user")
 def test_an_unknown_user_of_a_container_leaves_no_folder_named_tilde(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.delenv("HOME")
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
@@ -56,7 +55,7 @@ def test_an_unknown_user_of_a_container_leaves_no_folder_named_tilde(
 
 
 def test_a_file_system_without_hard_links_keeps_the_key_of_secrets(
-    without_home: Path, monkeypatch: pytest.MonkeyPatch
+    without_home: Path, monkeypatch: Patch
 ) -> None:
     def refuse(*_: object) -> None:
         raise PermissionError(1, "Operation not permitted")
@@ -69,7 +68,7 @@ def test_a_file_system_without_hard_links_keeps_the_key_of_secrets(
 
 @pytest.mark.parametrize("writable", [True, False])
 def test_only_without_a_home_matplotlib_keeps_its_fonts_among_the_private_files(
-    writable: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    writable: bool, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.setenv("MPLCONFIGDIR", "")  # restored afterwards
     monkeypatch.delenv("MPLCONFIGDIR")

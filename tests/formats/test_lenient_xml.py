@@ -4,6 +4,7 @@ import contextlib
 import logging
 
 import pytest
+from fixture_types import Log
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -28,9 +29,7 @@ SLIPS = [
 
 
 @pytest.mark.parametrize(("text", "slip"), SLIPS)
-def test_a_clear_slip_is_repaired_told_and_moves_no_line(
-    text: str, slip: str, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_clear_slip_is_repaired_told_and_moves_no_line(text: str, slip: str, caplog: Log) -> None:
     with caplog.at_level(logging.WARNING):
         root = parse_leniently(text.encode("latin-1" if "latin-1" in text else "utf-8"), "w.sdf")
     element = root.find("a")
@@ -77,6 +76,6 @@ def test_what_is_not_clear_stays_an_error(text: str) -> None:
         parse_leniently(text.encode(), "w.sdf")
 
 
-def test_a_sound_document_is_read_in_silence(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_sound_document_is_read_in_silence(caplog: Log) -> None:
     assert parse_leniently(b"<?xml version='1.0'?><!-- x --><sdf/>", "w.sdf").tag == "sdf"
     assert not caplog.records

@@ -11,6 +11,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 import trimesh
+from fixture_types import Capture, Patch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mesh_cases import DAE, TWO_BOXES
@@ -25,7 +26,7 @@ from evoros.geometry.shapes import MeshFile, Shape
 
 
 @pytest.fixture(autouse=True)
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def cache(tmp_path: Path, monkeypatch: Patch) -> Path:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     mesh._read.cache_clear()
     return tmp_path / "cache" / "evoros" / "meshes"
@@ -177,7 +178,7 @@ def as_bytes(content: object) -> bytes:
 
 @pytest.mark.parametrize("name", ["box.stl", "boxes.obj"])
 def test_names_in_latin_1_do_not_matter_whatever_is_installed(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.setitem(sys.modules, "charset_normalizer", None)
     text = str(BOX.export(file_type="stl_ascii")) if name == "box.stl" else TWO_BOXES
@@ -204,7 +205,7 @@ def test_a_byte_order_mark_and_ends_of_lines_of_windows_change_nothing(
 
 
 def test_a_mesh_is_read_once_and_a_damaged_cache_does_not_matter(
-    tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, cache: Path, monkeypatch: Patch
 ) -> None:
     path = write(tmp_path / "boxes.obj", TWO_BOXES)
     first = read(path)
@@ -222,7 +223,7 @@ def test_a_mesh_is_read_once_and_a_damaged_cache_does_not_matter(
 
 
 def test_the_faces_of_a_mesh_are_read_once_for_its_box_and_its_parts(
-    tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, cache: Path, monkeypatch: Patch
 ) -> None:
     file, count = MeshFile(write(tmp_path / "boxes.obj", TWO_BOXES)), Mock(wraps=read_faces)
     monkeypatch.setattr(mesh, "read_faces", count)
@@ -236,15 +237,13 @@ def test_the_faces_of_a_mesh_are_read_once_for_its_box_and_its_parts(
     assert len(list(cache.iterdir())) == 2
 
 
-def test_a_huge_mesh_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_huge_mesh_is_not_read(tmp_path: Path, monkeypatch: Patch) -> None:
     path = write(tmp_path / "boxes.obj", TWO_BOXES)
     monkeypatch.setattr(mesh_files, "MOST_MB", 1e-5)
     assert "exceed the limit of 1e-05 MB; simplify the mesh" in refused(path)
 
 
-def test_a_cache_that_cannot_be_written_does_not_matter(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cache_that_cannot_be_written_does_not_matter(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(write(tmp_path / "file", "")))
     assert len(read(write(tmp_path / "boxes.obj", TWO_BOXES))) == 2
 
@@ -276,9 +275,7 @@ def test_a_negative_scale_mirrors(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_library_s_attempts_at_a_file_are_not_told(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_library_s_attempts_at_a_file_are_not_told(tmp_path: Path, capfd: Capture) -> None:
     """Not even where no log has been set up."""
     text = "solid s\n facet normal 0 0 x\n  outer loop\n   vertex 0 0 0\n   vertex 1 0 0\n"
     text += "   vertex 0 1 0\n  endloop\n endfacet\nendsolid s\n"

@@ -5,6 +5,7 @@ import struct
 from pathlib import Path
 
 import pytest
+from fixture_types import Folders, Log
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proposal_sites import is_of, list_alternatives
@@ -50,7 +51,7 @@ def ground(uri: str) -> str:
 @given(st.sets(st.sampled_from("abcdef"), min_size=1), st.sets(st.sampled_from("ghijkl")))
 @settings(unhurried, max_examples=15)
 def test_all_that_is_absent_is_named_at_once_before_a_mesh_is_read(
-    tmp_path_factory: pytest.TempPathFactory, models: set[str], meshes: set[str]
+    tmp_path_factory: Folders, models: set[str], meshes: set[str]
 ) -> None:
     folder = tmp_path_factory.mktemp("world")
     write(folder / "worlds" / "sound.stl", CUBE)
@@ -87,7 +88,7 @@ def test_a_line_and_a_count_stand_beside_each_name(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("missing", ["leave_out", "box"])
 def test_absent_models_meshes_and_images_are_left_out_in_a_line_for_each_kind(
-    tmp_path: Path, missing: str, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, missing: str, caplog: Log
 ) -> None:
     names = [f"model://no_{letter}" for letter in "abcdef"]
     content = "".join(f"<include><uri>{name}</uri></include>" for name in names)
@@ -103,9 +104,7 @@ def test_absent_models_meshes_and_images_are_left_out_in_a_line_for_each_kind(
     assert all(any(name in line for line in details) for name in names)
 
 
-def test_joints_to_an_absent_model_are_left_out_and_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_joints_to_an_absent_model_are_left_out_and_told(tmp_path: Path, caplog: Log) -> None:
     box = "<collision name='c'><geometry><sphere><radius>1</radius></sphere></geometry></collision>"
     links = "".join(f"<link name='{name}'>{box}</link>" for name in "ab")
     joints = "".join(
@@ -125,7 +124,7 @@ def test_joints_to_an_absent_model_are_left_out_and_told(
 
 @pytest.mark.parametrize("uri", ["model://Crate/Meshes/box.STL", "../models/crate/meshes/BOX.stl"])
 def test_letter_case_of_a_name_does_not_matter_and_is_told(
-    tmp_path: Path, uri: str, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, uri: str, caplog: Log
 ) -> None:
     write(tmp_path / "models" / "crate" / "meshes" / "Box.stl", CUBE)
     with caplog.at_level(logging.WARNING):
@@ -163,9 +162,7 @@ def test_install_rules_say_where_a_package_has_its_files(tmp_path: Path) -> None
             load(tmp_path, mesh(f"package://depot_world/{name}"), model_paths=folders)
 
 
-def test_a_mesh_of_no_size_is_left_out_as_nothing_can_touch_it(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_mesh_of_no_size_is_left_out_as_nothing_can_touch_it(tmp_path: Path, caplog: Log) -> None:
     write(tmp_path / "worlds" / "box.stl", CUBE)
     flat = shape("<mesh><uri>box.stl</uri><scale>1 0 1</scale></mesh>")
     assert load(tmp_path, flat).bodies == ()

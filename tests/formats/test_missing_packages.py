@@ -7,6 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from fixture_types import Log, Patch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from lxml.etree import _Element as Element
@@ -59,9 +60,7 @@ def test_the_proposed_keys_are_those_that_help(
     assert [c.get("name") for c in expand(name, ignored_packages=typed[1].split(","))] == ["base"]
 
 
-def test_what_nothing_calls_is_left_out_and_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_what_nothing_calls_is_left_out_and_told(tmp_path: Path, caplog: Log) -> None:
     name = write(tmp_path, BASE + INCLUDE.format("lms1xx") + INCLUDE.format("zed2"))
     with caplog.at_level(logging.WARNING):
         expand(name)
@@ -128,7 +127,7 @@ MOUNTED = """
     ],
 )
 def test_what_decorations_alone_need_is_left_out_and_told(
-    tmp_path: Path, rest: str, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, rest: str, caplog: Log
 ) -> None:
     with caplog.at_level(logging.WARNING):
         root = expand(write(tmp_path, BASE + rest))
@@ -138,9 +137,7 @@ def test_what_decorations_alone_need_is_left_out_and_told(
     assert [mesh.get("filename") for mesh in root.iter("mesh")] in ([], ["package://arm/x.stl"])
 
 
-def test_sensors_of_absent_packages_are_left_out_and_named(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_sensors_of_absent_packages_are_left_out_and_named(tmp_path: Path, caplog: Log) -> None:
     """Designs have sensors of their own. A joint that hangs on one still asks for a key."""
     called = BASE + INCLUDE.format("lms1xx") + "<xacro:sick/>"
     with caplog.at_level(logging.WARNING):
@@ -153,9 +150,7 @@ def test_sensors_of_absent_packages_are_left_out_and_named(
     assert "'robot.ignored_packages=[lms1xx]'" in refused(write(tmp_path, called + hanging))
 
 
-def test_what_hangs_on_an_ignored_package_is_left_out_and_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_what_hangs_on_an_ignored_package_is_left_out_and_told(tmp_path: Path, caplog: Log) -> None:
     """The joint to the arm, and the gripper that the arm carries with the finger on it."""
     joint = '<joint name="{0}_{1}" type="fixed"><parent link="{0}"/><child link="{1}"/></joint>'
     ends = [("base", "wheel"), ("base", "arm_base"), ("arm_tool", "grip"), ("grip", "finger")]
@@ -235,9 +230,7 @@ def test_install_rules_are_followed(tmp_path: Path) -> None:
     assert {mesh.get("filename") for mesh in root.iter("mesh")} == {f"file://{mesh}"}
 
 
-def test_letter_case_of_a_name_does_not_matter_and_is_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_letter_case_of_a_name_does_not_matter_and_is_told(tmp_path: Path, caplog: Log) -> None:
     write(tmp_path, '<link name="w"/>', "Wheel.xacro")
     (tmp_path / "w.STL").write_text("solid")
     body = '<xacro:include filename="wheel.xacro"/>' + MESH.format("m", "w.stl")
@@ -263,7 +256,7 @@ def test_an_included_file_that_is_absent_is_named_without_keys_that_do_not_help(
 
 
 def test_a_package_of_ones_own_comes_before_a_bundled_one_of_its_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     package = tmp_path / "ros" / "evoros_parts"
     package.mkdir(parents=True)

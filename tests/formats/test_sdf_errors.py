@@ -3,6 +3,7 @@
 import logging
 
 import pytest
+from fixture_types import Log
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -27,7 +28,7 @@ def world(content: str) -> tuple[Body, ...]:
 
 
 @pytest.fixture(autouse=True)
-def level_of_terminals(caplog: pytest.LogCaptureFixture) -> None:
+def level_of_terminals(caplog: Log) -> None:
     """Details are for the log of a run alone."""
     caplog.set_level(logging.INFO, "evoros")
 
@@ -35,7 +36,7 @@ def level_of_terminals(caplog: pytest.LogCaptureFixture) -> None:
 # ---- Ignored and reported elements.
 
 
-def test_what_cannot_matter_is_left_out_quietly(caplog: pytest.LogCaptureFixture) -> None:
+def test_what_cannot_matter_is_left_out_quietly(caplog: Log) -> None:
     with caplog.at_level(logging.DEBUG):
         (body,) = world(
             "<gui/><scene/><light name='sun' type='directional'/><gravity>0 0 -9.8</gravity>"
@@ -64,7 +65,7 @@ def test_what_cannot_matter_is_left_out_quietly(caplog: pytest.LogCaptureFixture
     ],
 )  # fmt: skip
 def test_what_no_engine_has_is_reported_by_name_and_line(
-    element: str, where: str, caplog: pytest.LogCaptureFixture
+    element: str, where: str, caplog: Log
 ) -> None:
     with caplog.at_level(logging.WARNING, "evoros.sdf"):
         (body,) = world(put(element, where))
@@ -100,7 +101,7 @@ TOLD = [
 
 @pytest.mark.parametrize(("element", "where", "says"), TOLD)
 def test_what_is_left_out_or_assumed_is_told_in_one_line(
-    element: str, where: str, says: str, caplog: pytest.LogCaptureFixture
+    element: str, where: str, says: str, caplog: Log
 ) -> None:
     with caplog.at_level(logging.WARNING, "evoros.sdf"):
         world(put(element, where).replace(STATIC, "" if "inertia" in element else STATIC))
@@ -110,7 +111,7 @@ def test_what_is_left_out_or_assumed_is_told_in_one_line(
     assert messages[0].startswith(("w.sdf:3: <", "w.sdf:4: <"))
 
 
-def test_a_plugin_that_may_matter_is_not_hidden_by_others(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_plugin_that_may_matter_is_not_hidden_by_others(caplog: Log) -> None:
     names = ("gz-sim-physics-system", "gz-sim-sensors-system", "libconveyor.so", "libdoor.so")
     plugins = "\n".join(f"<plugin filename='{name}' name='x'/>" for name in names)
     world(f"{plugins}<model name='m'>{STATIC}{LINK}</model>")
@@ -121,7 +122,7 @@ def test_a_plugin_that_may_matter_is_not_hidden_by_others(caplog: pytest.LogCapt
     assert not any("physics" in m and "libdoor" in m for m in caplog.messages)
 
 
-def test_what_is_left_out_many_times_is_reported_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_what_is_left_out_many_times_is_reported_once(caplog: Log) -> None:
     surface = "<surface><bounce><threshold>1</threshold></bounce></surface>"
     link = LINK.replace("</collision>", f"{surface}</collision>")
     world("\n".join(f"<model name='m{i}'>{STATIC}{link}</model>" for i in range(9)))
@@ -130,9 +131,7 @@ def test_what_is_left_out_many_times_is_reported_once(caplog: pytest.LogCaptureF
     assert "8 more" in message
 
 
-def test_a_link_that_has_no_mass_or_no_collision_is_reported(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_a_link_that_has_no_mass_or_no_collision_is_reported(caplog: Log) -> None:
     (body,) = world(f"<model name='m'>{LINK}\n<link name='ghost'>{MASS}</link></model>")
     assert (body.name, body.mass) == ("m::l", 1.0)
     no_mass, no_collision = caplog.messages
@@ -307,7 +306,7 @@ def test_a_damaged_file_is_read_or_refused_in_one_line(junk: bytes, at: int, cut
     assert len(message.splitlines()) <= 1
 
 
-def test_links_that_are_only_visible_are_told_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_links_that_are_only_visible_are_told_once(caplog: Log) -> None:
     """Gazebo's rendering sensors see them; a link without any shape is nothing."""
     seen = "<link name='{}'><visual name='v'><geometry><box/></geometry></visual></link>"
     fixed = f"<model name='wall'>{STATIC}{seen.format('a')}</model>"

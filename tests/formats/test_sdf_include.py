@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixture_types import Log, Patch
 from hypothesis import given
 from scipy.spatial.transform import Rotation
 from sdf_cases import (
@@ -48,7 +49,7 @@ def test_a_model_is_found_around_the_world(tmp_path: Path, place: str) -> None:
     "variable", ["GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH"]
 )
 def test_a_model_is_found_by_the_environment(
-    tmp_path: Path, variable: str, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, variable: str, monkeypatch: Patch
 ) -> None:
     write(tmp_path / "far" / "crate" / "model.sdf", CRATE)
     monkeypatch.setenv(variable, f"/nowhere:{tmp_path / 'far'}")
@@ -120,7 +121,7 @@ def test_sun_and_ground_need_no_file(tmp_path: Path) -> None:
     ],
 )
 def test_fuel_models_come_from_the_local_cache(
-    tmp_path: Path, address: str, size: float, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, address: str, size: float, monkeypatch: Patch
 ) -> None:
     cache = tmp_path / "cache"
     monkeypatch.setenv("GZ_FUEL_CACHE_PATH", str(cache))
@@ -132,7 +133,7 @@ def test_fuel_models_come_from_the_local_cache(
 
 
 def test_a_fuel_model_that_is_not_there_tells_where_and_how(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.setenv("GZ_FUEL_CACHE_PATH", str(tmp_path / "cache"))
     monkeypatch.setenv("IGN_FUEL_CACHE_PATH", str(tmp_path / "other"))
@@ -216,9 +217,7 @@ def test_addresses_in_an_included_file_are_relative_to_it(tmp_path: Path) -> Non
     assert body.pose.position == (1.0, 0.0, 0.0)
 
 
-def test_a_repair_of_an_included_file_is_told_once(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_repair_of_an_included_file_is_told_once(tmp_path: Path, caplog: Log) -> None:
     write(tmp_path / "models" / "crate" / "model.sdf", CRATE.replace("<link", "<gz:x/><link"))
     with caplog.at_level(logging.WARNING):
         names = (f"<name>c{i}</name>" for i in range(3))
@@ -226,9 +225,7 @@ def test_a_repair_of_an_included_file_is_told_once(
     assert sum("not well-formed" in message for message in caplog.messages) == 1
 
 
-def test_models_of_one_name_are_numbered_and_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_models_of_one_name_are_numbered_and_told(tmp_path: Path, caplog: Log) -> None:
     write(tmp_path / "models" / "crate" / "model.sdf", CRATE)
     with caplog.at_level(logging.WARNING):
         world = load(tmp_path, include("model://crate") * 3)
@@ -238,9 +235,7 @@ def test_models_of_one_name_are_numbered_and_told(
     assert "1 more" in message
 
 
-def test_a_joint_may_have_the_name_of_a_link_as_in_old_files(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_joint_may_have_the_name_of_a_link_as_in_old_files(tmp_path: Path, caplog: Log) -> None:
     link = "<link name='{}'><collision name='c'><geometry><sphere><radius>1</radius></sphere>"
     ends = "<parent>frame</parent><child>door</child>"
     for joint_first in (True, False):
@@ -291,7 +286,7 @@ def test_an_include_of_itself_is_an_error_with_its_way(tmp_path: Path) -> None:
     ],
 )
 def test_a_missing_model_is_an_error_with_a_fix_unless_left_out(
-    tmp_path: Path, uri: str, says: str, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, uri: str, says: str, caplog: Log
 ) -> None:
     (tmp_path / "models" / "empty").mkdir(parents=True)
     with pytest.raises(InputError, match=says) as caught:
@@ -303,7 +298,7 @@ def test_a_missing_model_is_an_error_with_a_fix_unless_left_out(
 
 
 def test_robots_and_further_models_of_a_file_are_left_out_and_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, caplog: Log
 ) -> None:
     write(tmp_path / "robot.urdf", "<robot name='r'/>")
     two = CRATE.replace("</sdf>", f"<model name='other'>{STATIC}{LINK}</model></sdf>")
@@ -315,9 +310,7 @@ def test_robots_and_further_models_of_a_file_are_left_out_and_told(
     assert any("'other'" in message for message in caplog.messages)
 
 
-def test_an_included_actor_is_an_actor_of_the_world(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_included_actor_is_an_actor_of_the_world(tmp_path: Path, caplog: Log) -> None:
     pose = "<pose>1 2 0 0 0 0</pose>"
     write(tmp_path / "walker.sdf", f"<sdf version='1.7'><actor name='a'>{pose}</actor></sdf>")
     with caplog.at_level(logging.WARNING, "evoros.sdf"):

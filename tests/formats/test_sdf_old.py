@@ -4,6 +4,7 @@ import logging
 from collections.abc import Mapping
 
 import pytest
+from fixture_types import Log
 from hypothesis import given
 from hypothesis import strategies as st
 from sdf_cases import unhurried, world
@@ -63,9 +64,7 @@ def _as_elements(values: Mapping[str, object]) -> str:
     return "".join(f"<{name}>{value}</{name}>" for name, value in values.items())
 
 
-def test_gravity_and_joints_are_read_and_the_version_is_told(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_gravity_and_joints_are_read_and_the_version_is_told(caplog: Log) -> None:
     solid = "<collision name='c'><geometry><box size='1 1 1'/></geometry></collision>"
     links = "".join(f"<link name='{name}'>{solid}</link>" for name in "ab")
     joint = "<joint name='j' type='revolute'><parent link='a'/><child link='b'/><axis xyz='0 0 1'>"
@@ -88,9 +87,7 @@ def test_includes_of_files_mean_the_models_of_their_names() -> None:
         old("<include filename='tower.model'/>")
 
 
-def test_the_later_form_under_the_old_version_is_read_as_it_is(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_the_later_form_under_the_old_version_is_read_as_it_is(caplog: Log) -> None:
     box = "<geometry><box><size>1 2 3</size></box></geometry>"
     model = (
         "<model name='m'><static>1</static><link name='l'><collision name='c'>"

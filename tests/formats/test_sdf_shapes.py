@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixture_types import Log
 from PIL import Image
 from sdf_cases import STATIC, load, write
 
@@ -94,7 +95,7 @@ def test_the_inertia_of_homogeneous_solids_is_computed(tmp_path: Path) -> None:
 
 
 def test_a_body_of_several_frictions_has_that_of_its_lowest_shape(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, caplog: Log
 ) -> None:
     def collision(name: str, height: float, mu: float) -> str:
         return (
@@ -111,9 +112,7 @@ def test_a_body_of_several_frictions_has_that_of_its_lowest_shape(
 
 
 @pytest.mark.parametrize("held", ["<gravity>0</gravity>", "<kinematic>true</kinematic>"])
-def test_a_link_without_weight_is_fixed_and_told(
-    tmp_path: Path, held: str, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_link_without_weight_is_fixed_and_told(tmp_path: Path, held: str, caplog: Log) -> None:
     with caplog.at_level(logging.WARNING):
         body = one(tmp_path, "<sphere><radius>1</radius></sphere>", held, static="")
     assert body.mass is None
@@ -163,9 +162,7 @@ def test_a_missing_mesh_is_an_error_that_names_it(tmp_path: Path) -> None:
     assert "missing=box" in str(caught.value)
 
 
-def test_a_box_of_the_visual_stands_for_a_missing_mesh(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_box_of_the_visual_stands_for_a_missing_mesh(tmp_path: Path, caplog: Log) -> None:
     cylinder = "<cylinder><radius>0.5</radius><length>3</length></cylinder>"
     visuals = (
         f"<visual name='v'><geometry>{MESH}</geometry></visual>"
@@ -196,9 +193,7 @@ def test_the_box_of_the_inertia_stands_for_a_missing_mesh(tmp_path: Path) -> Non
     assert (body.pose @ shape.pose).position == pytest.approx((0.0, 0.0, 0.5))
 
 
-def test_a_mesh_without_any_size_is_left_out_and_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_mesh_without_any_size_is_left_out_and_told(tmp_path: Path, caplog: Log) -> None:
     two = "<collision name='d'><geometry><sphere><radius>1</radius></sphere></geometry></collision>"
     for missing in ("box", "leave_out"):
         with caplog.at_level(logging.WARNING):
@@ -240,9 +235,7 @@ def test_what_is_no_image_is_an_error(tmp_path: Path) -> None:
 # ---- Scales of a state.
 
 
-def test_the_scale_of_a_state_multiplies_sizes(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_the_scale_of_a_state_multiplies_sizes(tmp_path: Path, caplog: Log) -> None:
     link = (
         "<link name='l'><collision name='c'><geometry><box><size>1 2 3</size></box></geometry>"
         "</collision></link>"
@@ -267,9 +260,7 @@ def test_a_state_inserts_and_deletes_models(tmp_path: Path) -> None:
     assert [body.name for body in bodies] == ["kept", "new"]
 
 
-def test_what_stands_for_a_mesh_is_told_once_in_every_world(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_what_stands_for_a_mesh_is_told_once_in_every_world(tmp_path: Path, caplog: Log) -> None:
     import trimesh
 
     path = tmp_path / "worlds" / "ball.stl"

@@ -4,6 +4,7 @@ import logging
 from pathlib import Path
 
 import pytest
+from fixture_types import Log
 from proposal_sites import is_of
 from sdf_cases import COLLISION, LINK, load
 
@@ -31,7 +32,7 @@ CARS = [
 
 @pytest.mark.parametrize("parts", CARS)
 def test_a_vehicle_is_left_out_or_held_still_and_told(
-    tmp_path: Path, parts: str, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, parts: str, caplog: Log
 ) -> None:
     content = f"<model name='car'>{parts}</model><model name='m'><static>1</static>{LINK}</model>"
     state = "<state><model name='car'><pose>1 0 0 0 0 0</pose></model></state>"
@@ -82,9 +83,7 @@ OF_MODEL, OF_LINK = "<xyz expressed_in='__model__'>", "<xyz expressed_in='l'>"
         [hinge(i, "2 1 1", "0 0 1", LYING).replace("<xyz>", OF_LINK) for i in (1, 2)],
     ],
 )
-def test_a_building_with_doors_stays(
-    tmp_path: Path, parts: list[str], caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_building_with_doors_stays(tmp_path: Path, parts: list[str], caplog: Log) -> None:
     with caplog.at_level(logging.WARNING):
         (body,) = load(tmp_path, f"<model name='house'>{LINK}{''.join(parts)}</model>").bodies
     assert len(body.shapes) == 1 + "".join(parts).count("<collision")
@@ -110,9 +109,7 @@ def test_wheels_stay_wheels(tmp_path: Path, parts: list[str]) -> None:
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic", "screw", "universal", "ball"])
-def test_furniture_is_held_still_at_its_joints(
-    tmp_path: Path, kind: str, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_furniture_is_held_still_at_its_joints(tmp_path: Path, kind: str, caplog: Log) -> None:
     limit = "<limit><lower>0</lower><upper>1.5</upper></limit>"
     door = LINK + wheel(1, kind, limit) + wheel(2, kind, limit)
     with caplog.at_level(logging.WARNING):
@@ -132,18 +129,14 @@ def test_one_part_that_turns_freely_makes_no_vehicle(tmp_path: Path) -> None:
     assert len(body.shapes) == 2
 
 
-def test_joints_of_a_static_model_move_nothing(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_joints_of_a_static_model_move_nothing(tmp_path: Path, caplog: Log) -> None:
     with caplog.at_level(logging.WARNING):
         bodies = load(tmp_path, f"<model name='m'><static>1</static>{CARS[0]}</model>").bodies
     assert len(bodies) == 3
     assert not caplog.records
 
 
-def test_a_joint_of_the_world_fixes_its_models(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_joint_of_the_world_fixes_its_models(tmp_path: Path, caplog: Log) -> None:
     def joint(parent: str, child: str) -> str:
         ends = f"<parent>{parent}</parent><child>{child}</child>"
         return f"<joint name='j' type='revolute'>{ends}</joint>"

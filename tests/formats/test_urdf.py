@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 
 import pytest
+from fixture_types import Log, Patch
 from lxml import etree
 from xacro_cases import XACRO, write
 
@@ -107,7 +108,7 @@ def test_a_waiting_file_is_stopped(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("end", ["", "; time.sleep(60)"])
 def test_what_the_expansion_has_started_ends_with_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: str
+    tmp_path: Path, monkeypatch: Patch, end: str
 ) -> None:
     """A process that holds the pipes open must neither hold up the run nor stay behind."""
     process = tmp_path / "process"
@@ -155,17 +156,13 @@ def test_a_missing_or_unreadable_file_is_named(tmp_path: Path) -> None:
     refused(str(tmp_path / "empty.urdf"))
 
 
-def test_the_environment_does_not_reach_the_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_environment_does_not_reach_the_file(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.setenv("EVOROS_SECRET", "secret")
     name = write(tmp_path, '<link name="a$(optenv EVOROS_SECRET nothing)"/>')
     assert 'name="anothing"' in text(name)
 
 
-def test_what_the_file_says_and_what_lies_beside_it_do_no_harm(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_what_the_file_says_and_what_lies_beside_it_do_no_harm(tmp_path: Path, caplog: Log) -> None:
     (tmp_path / "json.py").write_text("raise SystemExit(3)")  # must not be imported
     (tmp_path / "xacro.py").write_text("raise SystemExit(3)")
     name = write(tmp_path, "${xacro.message('hello')}${xacro.warning('mind')}<link name='a'/>")
@@ -257,9 +254,7 @@ def test_a_urdf_with_xacro_inside_is_expanded(tmp_path: Path, address: str, pref
     assert 'name="l4"' in text(str(file))
 
 
-def test_placeholders_without_xacro_are_filled(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_placeholders_without_xacro_are_filled(tmp_path: Path, caplog: Log) -> None:
     file = tmp_path / "r.urdf"
     file.write_text('<robot name="r"><link name="${namespace}base"/></robot>')
     assert 'name="base"' in text(str(file))
@@ -285,7 +280,7 @@ MACRO = XACRO.format('<xacro:macro name="wheel">' + WHEEL + "</xacro:macro>")
 )
 @pytest.mark.parametrize("find", ["find", "find-pkg-share"])
 def test_packages_are_found_without_being_declared(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str, find: str
+    tmp_path: Path, monkeypatch: Patch, where: str, find: str
 ) -> None:
     """By the name in package.xml: the folder may have another."""
     folders = {
@@ -386,7 +381,7 @@ def test_sdf_inside_gazebo_is_not_judged_by_the_rules_of_urdf(tmp_path: Path) ->
     assert bare.joints == full.joints
 
 
-def test_an_ignored_package_is_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_an_ignored_package_is_left_out(tmp_path: Path, caplog: Log) -> None:
     body = (
         '<xacro:include filename="$(find arm_parts)/arm.xacro"/><xacro:arm side="left"/>'
         '<link name="base"><visual><geometry><mesh filename="package://arm_parts/a.stl"/>'

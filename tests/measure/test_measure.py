@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from bundled_parts import every
+from fixture_types import Log
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -226,9 +227,7 @@ def test_a_descriptor_that_is_constant_is_found_before_the_run() -> None:
         list(check_measures(with_descriptor(by(lambda _: math.nan, of_design=True))))
 
 
-def test_what_is_no_number_in_a_run_is_told_once_and_counts_as_the_worst(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_what_is_no_number_in_a_run_is_told_once_and_counts_as_the_worst(caplog: Log) -> None:
     experiment = with_descriptor(by(lambda one: math.nan if one.fitness < 5 else one.fitness))
     measuring = Measuring(experiment)
     design = experiment.space.decode(np.full(experiment.space.size, 0.5))

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fault_cases import NOW, configured, first_mission, fly, measure_circle
+from fixture_types import Log
 from mission_cases import run_interpreted
 from proposal_sites import is_of
 from rigid_cases import ENGINES, Rigid
@@ -365,9 +366,7 @@ def test_a_jump_is_one_of_the_pose_and_readings_have_a_bias() -> None:
     preflight(configured("failure=random", "filter@failure.effect=bias"))
 
 
-def test_an_event_that_one_of_the_worlds_lacks_is_a_warning(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_an_event_that_one_of_the_worlds_lacks_is_a_warning(caplog: Log) -> None:
     far = "failure=drive failure/onset=place failure.onset.x_m=20 failure.onset.y_m=0"
     experiment = configured(*far.split(), "failure.onset.radius_m=0.1")
     wide = replace(experiment.world["boxes"], course=square(waypoints=[[21.0, 0.0]]))

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fixture_types import Capture, Patch
 from helpers import (
     TINY,
     USER_PARTS,
@@ -30,7 +31,7 @@ OWN = ("--config-dir", str(USER_PARTS))
 
 
 @pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _here(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
 
@@ -51,9 +52,7 @@ def same_files(run: Path) -> dict[str, bytes]:
     return {name: data for name, data in everything(run).items() if name not in varying}
 
 
-def test_a_run_is_the_same_whatever_observes_it(
-    plain: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_run_is_the_same_whatever_observes_it(plain: Path, capsys: Capture) -> None:
     run = Path("observed")
     assert tiny(run, OBSERVED) == DONE
     assert same_files(run) == same_files(plain)
@@ -139,7 +138,7 @@ def test_jobs_of_a_sweep_know_it(tmp_path: Path) -> None:
 
 
 def test_a_tracker_that_fails_is_one_warning(
-    plain: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    plain: Path, tmp_path: Path, capsys: Capture, monkeypatch: Patch
 ) -> None:
     monkeypatch.setenv("TRACKER_API_KEY", "k3y-0f-nob0dy")
     text = "observers.failing.text='https://me:pw0rd@host: k3y-0f-nob0dy is refused'"
@@ -160,7 +159,7 @@ def test_a_tracker_that_fails_is_one_warning(
 
 
 def test_bad_input_is_one_line(
-    plain: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    plain: Path, tmp_path: Path, capsys: Capture, monkeypatch: Patch
 ) -> None:
     assert "mlflow" in refusal(tmp_path, capsys, "observers=mlfow")
     assert "observers" in refusal(tmp_path, capsys, "+observers.x=3")
@@ -182,7 +181,7 @@ def test_bad_input_is_one_line(
     assert "observers: must not be given" in capsys.readouterr().err
 
 
-def test_damage_is_not_exported(plain: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_damage_is_not_exported(plain: Path, capsys: Capture) -> None:
     table = plain / "generations" / "00001.csv"
     table.write_bytes(table.read_bytes().replace(b"0", b"1", 1))
     line = refused(lambda: evoros(["export", *OWN, "recorder", str(plain)]), capsys)

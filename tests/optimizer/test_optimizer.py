@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from bundled_parts import ByName, configured, every, find_other_defaults, kinds
+from fixture_types import Patch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proposal_sites import is_of
@@ -220,7 +221,7 @@ def test_it_finds_better_designs_than_random_search_at_equal_cost(name: str) -> 
 
 @pytest.mark.parametrize(("name", "module"), MODULES.items())
 def test_a_library_that_is_not_installed_is_named_with_its_extra(
-    name: str, module: str, monkeypatch: pytest.MonkeyPatch
+    name: str, module: str, monkeypatch: Patch
 ) -> None:
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(InputError, match=r"pip install 'evoros\[search\]'") as caught:
@@ -261,9 +262,7 @@ def test_an_archive_has_the_best_design_of_each_cell() -> None:
         assert [one.id for one in search.champions()] == [-number for _, number in ranked]
 
 
-def test_random_search_takes_more_genes_than_a_sobol_sequence(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_random_search_takes_more_genes_than_a_sobol_sequence(monkeypatch: Patch) -> None:
     monkeypatch.setattr("evoros.optimizer.sobol.MOST_GENES", THREE_SENSORS.size - 1)
     with pytest.raises(InputError) as refused:
         CONFIGURED["sobol"].start(THREE_SENSORS, Goals(), np.random.default_rng(0))

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from fixture_types import Capture, Patch
 from proposal_sites import is_of
 
 from evoros.analysis.command import evoros_analyze
@@ -24,13 +25,13 @@ SMALL = [
 
 
 @pytest.fixture(autouse=True)
-def _without_pybullet(monkeypatch: pytest.MonkeyPatch) -> None:
+def _without_pybullet(monkeypatch: Patch) -> None:
     monkeypatch.setitem(sys.modules, "pybullet", None)
     import_pybullet.cache_clear()
 
 
 def test_a_run_of_the_default_is_checked_in_physics_filmed_replayed_and_reproduced(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Capture
 ) -> None:
     run, checked = tmp_path / "run", tmp_path / "checked"
     assert evoros([*SMALL, f"hydra.run.dir={run}"]) == DONE
@@ -50,9 +51,7 @@ def test_physics_confirms(tmp_path: Path) -> None:
     assert evoros([*SMALL, "confirmation=physics", f"hydra.run.dir={tmp_path / 'run'}"]) == DONE
 
 
-def test_its_own_simulator_is_refused_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_its_own_simulator_is_refused_in_one_line(tmp_path: Path, capsys: Capture) -> None:
     assert evoros(["simulator=pybullet", f"hydra.run.dir={tmp_path / 'run'}"]) == INPUT
     (line,) = capsys.readouterr().err.splitlines()
     other = "evoros/simulator/engines/pybullet_model.py simulator=physics"

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fixture_types import Capture, Patch
 from helpers import TINY, USER_PARTS, everything, finished_run, refusal, resume, scored, tiny
 from numpy.random import Generator
 
@@ -40,7 +41,7 @@ NEAR = (
 
 
 @pytest.fixture
-def calls(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+def calls(monkeypatch: Patch) -> Counter[str]:
     """Count what would be opened, drawn, started, equipped or compiled."""
     counter: Counter[str] = Counter()
 
@@ -77,7 +78,7 @@ SAID = "controller: WeightedVoting.range_m: "
 
 @pytest.mark.slow
 def test_every_way_in_refuses_what_a_part_refuses_only_when_it_starts(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Capture
 ) -> None:
     (tmp_path / "designs.csv").write_text("design,sensor,x_m,y_m,yaw_deg\n1,0,0.1,0,0\n")
     assert tiny(tmp_path / "run", *REFUSED) == INPUT
@@ -92,9 +93,7 @@ def test_every_way_in_refuses_what_a_part_refuses_only_when_it_starts(
 
 
 @pytest.mark.slow
-def test_what_is_resumed_is_tried_too(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_resumed_is_tried_too(tmp_path: Path, capsys: Capture, monkeypatch: Patch) -> None:
     (tmp_path / "designs.csv").write_text("design,sensor,x_m,y_m,yaw_deg\n1,0,0.1,0,0\n")
     finished_run(tmp_path / "run", "optimizer.generations=1")
     scored(tmp_path / "scores", tmp_path / "designs.csv")
@@ -113,7 +112,7 @@ def test_what_is_resumed_is_tried_too(
 
 @pytest.mark.slow
 def test_genes_that_do_not_fit_together_are_refused_before_the_run(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Capture
 ) -> None:
     refused = refusal(tmp_path, capsys, NEAR, FAR % 1)
     assert "design.genes, near at high, far at low: " in refused
@@ -130,7 +129,7 @@ def test_genes_that_do_not_fit_together_are_refused_before_the_run(
     ],
 )
 def test_what_would_break_inside_a_run_is_refused_before_it(
-    arguments: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], said: str, tmp_path: Path, capsys: Capture
 ) -> None:
     assert said in refusal(tmp_path, capsys, *arguments)
 
@@ -141,7 +140,7 @@ def test_what_would_break_inside_a_run_is_refused_before_it(
     [("pybullet", "mujoco", "e"), ("pybullet", "planar", "ep"), ("planar", "planar", "p")],
 )
 def test_the_rules_of_both_simulators_are_compiled_once_before_the_run(
-    run: str, confirming: str, compiled: str, monkeypatch: pytest.MonkeyPatch
+    run: str, confirming: str, compiled: str, monkeypatch: Patch
 ) -> None:
     met: list[LoopInputs] = []
     monkeypatch.setattr("evoros.preflight.preflight.prepare", met.append)

@@ -45,10 +45,7 @@ SURVIVAL = Survival(1, times_s=(0.0,))
 EACH = Claim("completed", at_least=0.6, each="failed_sensor")
 
 
-OUTCOMES = {
-    True: (example_outcome(1.0, COMPLETED),),
-    False: (example_outcome(0.5, TIME_LIMIT),),
-}
+OUTCOMES = {True: (example_outcome(1.0, COMPLETED),), False: (example_outcome(0.5, TIME_LIMIT),)}
 
 
 def ends(requirement: Any, rates: list[float], runs: int, trials: int = 100) -> Counter[str]:

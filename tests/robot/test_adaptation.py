@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fixture_types import Log
 from lxml import etree
 
 from evoros.base.errors import InputError
@@ -80,7 +81,7 @@ def load(folder: Path, *parts: str, drive: DriveDescription | None = None, **key
     return load_robot(name, drive or AutomaticDescription(), **keys)
 
 
-def told(caplog: pytest.LogCaptureFixture, text: str) -> str:
+def told(caplog: Log, text: str) -> str:
     """The only message with a text; it names the file and has one line."""
     (line,) = (message for message in caplog.messages if text in message)
     assert "bot.urdf: " in line
@@ -110,9 +111,7 @@ def test_numbers_are_what_ros_takes_for_one(tmp_path: Path, mass: str) -> None:
         load(tmp_path, link("base_link", BOX, heavy), WHEELS, CASTER)
 
 
-def test_a_link_that_is_denser_than_metal_is_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_link_that_is_denser_than_metal_is_told(tmp_path: Path, caplog: Log) -> None:
     """The box has 6 l."""
     for mass in (4000.0, 40.0):
         caplog.clear()
@@ -122,9 +121,7 @@ def test_a_link_that_is_denser_than_metal_is_told(
         )
 
 
-def test_a_wheel_that_mimics_the_other_is_driven_by_itself(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_wheel_that_mimics_the_other_is_driven_by_itself(tmp_path: Path, caplog: Log) -> None:
     mimic = f'<axis xyz="0 1 0"/>{LIMIT}<mimic joint="left_wheel_joint"/>'
     robot = load(tmp_path, BASE, wheel("left"), wheel("right", more=mimic), CASTER)
     told(caplog, "wheels that mimic another joint get their own motor: right_wheel_joint")
@@ -175,9 +172,7 @@ def test_the_description_of_the_file_is_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("z", [0.02, 0.07])
-def test_the_root_may_be_above_or_below_the_ground(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, z: float
-) -> None:
+def test_the_root_may_be_above_or_below_the_ground(tmp_path: Path, caplog: Log, z: float) -> None:
     caster = CASTER.replace("-0.12 0 0.02", f"-0.12 0 {z - 0.03}")
     robot = load(tmp_path, BASE, wheel("left", z=z), wheel("right", z=z), caster)
     assert two_wheeled(robot).wheel_radii_m[0] == pytest.approx(0.05)
@@ -187,9 +182,7 @@ def test_the_root_may_be_above_or_below_the_ground(
     assert f"{abs(0.05 - z):.4g} m" in told(caplog, "wheels touch the ground")
 
 
-def test_wheels_beside_the_middle_are_found(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_wheels_beside_the_middle_are_found(tmp_path: Path, caplog: Log) -> None:
     robot = load(tmp_path, BASE, wheel("left", y=0.03), wheel("right", y=0.03), CASTER)
     assert robot.sensor_links["base_link"][1] == pytest.approx(-0.03)
     assert "0.03 m to the left" in told(caplog, "wheels touch the ground")
@@ -200,7 +193,7 @@ def test_wheels_beside_the_middle_are_found(
     [({"x": 0.004}, "are offset by 4.0 mm"), ({"z": 0.053}, "above the ground by 3.0 mm")],
 )
 def test_wheels_may_be_off_by_millimetres(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, changes: dict[str, float], says: str
+    tmp_path: Path, caplog: Log, changes: dict[str, float], says: str
 ) -> None:
     load(tmp_path, BASE, wheel("left"), wheel("right", **changes), CASTER)  # type: ignore[arg-type]
     assert told(caplog, says)
@@ -216,7 +209,7 @@ def test_wheels_farther_off_are_refused(tmp_path: Path, changes: dict[str, float
         load(tmp_path, BASE, wheel("left"), moved, CASTER, drive=explicit)
 
 
-def test_radii_may_differ_a_little(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_radii_may_differ_a_little(tmp_path: Path, caplog: Log) -> None:
     larger = f"<collision>{DISC.replace('0.05', '0.052')}</collision>"
     robot = load(tmp_path, BASE, wheel("left"), wheel("right", larger, z=0.052), CASTER)
     assert two_wheeled(robot).wheel_radii_m[0] == pytest.approx(0.051)
@@ -225,7 +218,7 @@ def test_radii_may_differ_a_little(tmp_path: Path, caplog: pytest.LogCaptureFixt
 
 @pytest.mark.parametrize("limit", ["", '<limit velocity="5"/>'])
 def test_a_joint_without_effort_gets_the_weight_at_the_radius(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, limit: str
+    tmp_path: Path, caplog: Log, limit: str
 ) -> None:
     more = f'<axis xyz="0 1 0"/>{limit}'
     robot = load(tmp_path, BASE, wheel("left", more=more), wheel("right", more=more), CASTER)
@@ -281,7 +274,7 @@ NAMED = DifferentialDescription(
 
 
 def test_a_wheel_askew_is_set_across_the_robot_with_its_angle_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, caplog: Log
 ) -> None:
     robot = load(tmp_path, BASE, slanted(12.0), CASTER, drive=NAMED)
     line = told(caplog, "skewed axes")
@@ -342,7 +335,7 @@ def write_wheel(path: Path, radius: float = 50.0, half: float = 15.0) -> None:
 @pytest.mark.parametrize("kind", TETRAHEDRA)
 @pytest.mark.parametrize("part", ["collision", "visual"])
 def test_a_wheel_of_any_shape_becomes_a_cylinder(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, kind: str, part: str
+    tmp_path: Path, caplog: Log, kind: str, part: str
 ) -> None:
     """A cylinder about its axis, as large as the shape."""
     write_wheel(tmp_path / "wheel.stl")
@@ -362,7 +355,7 @@ def test_a_wheel_of_any_shape_becomes_a_cylinder(
 
 
 def test_a_box_in_place_of_a_wheel_yields_to_the_round_wheel_that_is_shown(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, caplog: Log
 ) -> None:
     box = '<collision><geometry><box size="0.1 0.03 0.1"/></geometry></collision>'
     parts = [wheel(side, box + f"<visual>{DISC}</visual>") for side in ("left", "right")]
@@ -392,7 +385,7 @@ def test_a_hub_beside_the_tread_changes_neither_track_nor_width(tmp_path: Path, 
     assert float(cylinder.get("length", "")) == pytest.approx(0.03)
 
 
-def test_masses_are_completed(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_masses_are_completed(tmp_path: Path, caplog: Log) -> None:
     """A description that was made to be looked at has none at all."""
     wheels = wheel("left", mass="") + wheel("right", mass="")
     robot = load(tmp_path, link("base_link", BOX), wheels, CASTER)
@@ -416,7 +409,7 @@ def test_masses_are_completed(tmp_path: Path, caplog: pytest.LogCaptureFixture) 
     ],
 )
 def test_impossible_inertias_become_those_of_the_shape(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, inertial: str
+    tmp_path: Path, caplog: Log, inertial: str
 ) -> None:
     robot = load(tmp_path, link("base_link", BOX, inertial), WHEELS, CASTER)
     inertia = element(robot, "link[@name='base_link']/inertial/inertia")
@@ -428,7 +421,7 @@ def test_impossible_inertias_become_those_of_the_shape(
 
 @pytest.mark.parametrize(("z", "warns"), [(0.1, False), (120.0, True)])
 def test_a_centre_of_mass_far_from_the_robot_is_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, z: float, warns: bool
+    tmp_path: Path, caplog: Log, z: float, warns: bool
 ) -> None:
     """As in millimetres: physics would turn the robot over."""
     inertial = INERTIAL.format(2.0, 0.02).replace("<mass", f'<origin xyz="0 0 {z}"/><mass')
@@ -438,7 +431,7 @@ def test_a_centre_of_mass_far_from_the_robot_is_told(
 
 @pytest.mark.parametrize(("x", "moved"), [(0.04, False), (0.16, True)])
 def test_a_wheel_whose_mass_is_elsewhere_is_balanced(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, x: float, moved: bool
+    tmp_path: Path, caplog: Log, x: float, moved: bool
 ) -> None:
     """As if the wheel had the body's <inertial>: it would throw the robot about."""
     mass = INERTIAL.format(2.0, 0.02).replace("<mass", f'<origin xyz="{x} 0 0"/><mass')
@@ -451,7 +444,7 @@ def test_a_wheel_whose_mass_is_elsewhere_is_balanced(
 
 @pytest.mark.parametrize(("limit", "warns"), [(0.6, False), (3.1416, False), (35, True)])
 def test_stops_of_a_steering_in_degrees_are_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, limit: float, warns: bool
+    tmp_path: Path, caplog: Log, limit: float, warns: bool
 ) -> None:
     stops = (
         f'<axis xyz="0 0.1 1"/><limit lower="{-limit}" upper="{limit}" effort="1" velocity="1"/>'
@@ -476,7 +469,7 @@ def test_stops_of_a_steering_in_degrees_are_told(
     assert "left_steering (5.7 deg), right_steering (5.7 deg)" in told(caplog, "skewed axes")
 
 
-def test_a_mass_of_zero_makes_a_frame(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_mass_of_zero_makes_a_frame(tmp_path: Path, caplog: Log) -> None:
     scan = link("scan", INERTIAL.format(0, 0)) + joint("scan_joint", "scan", "0.1 0 0.2")
     robot = load(tmp_path, BASE, WHEELS, CASTER, scan)
     assert element(robot, "link[@name='scan']").find("inertial") is None
@@ -501,7 +494,7 @@ HELD = {
     ],
 )
 def test_a_joint_that_cannot_be_at_zero_is_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, more: str, says: str
+    tmp_path: Path, caplog: Log, more: str, says: str
 ) -> None:
     arm = link("arm", BALL, INERTIAL.format(0.2, 1e-4))
     axis = '<axis xyz="0 1 0"/>'
@@ -511,9 +504,7 @@ def test_a_joint_that_cannot_be_at_zero_is_told(
 
 
 @pytest.mark.parametrize(("rpy", "warns"), [("0 -15 90", True), ("0 -0.26 1.571", False)])
-def test_angles_in_degrees_are_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, rpy: str, warns: bool
-) -> None:
+def test_angles_in_degrees_are_told(tmp_path: Path, caplog: Log, rpy: str, warns: bool) -> None:
     camera = link("camera") + joint("camera_joint", "camera", "0 0 0.2", rpy=rpy)
     load(tmp_path, BASE, WHEELS, CASTER, camera)
     assert (
@@ -523,9 +514,7 @@ def test_angles_in_degrees_are_told(
 
 
 @pytest.mark.parametrize("kind", HELD)
-def test_joints_beside_the_drive_are_held(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, kind: str
-) -> None:
+def test_joints_beside_the_drive_are_held(tmp_path: Path, caplog: Log, kind: str) -> None:
     """An arm, a pan-tilt unit, a spring: none of them may brake or swing unheard of."""
     arm = link("arm", BALL, INERTIAL.format(0.2, 1e-4))
     mimic = '<mimic joint="other"/>' if kind == "revolute" else ""
@@ -536,9 +525,7 @@ def test_joints_beside_the_drive_are_held(
     assert "arm" in robot.sensor_links
 
 
-def test_a_shape_of_the_body_near_the_ground_slides(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_shape_of_the_body_near_the_ground_slides(tmp_path: Path, caplog: Log) -> None:
     foot = '<collision><origin xyz="-0.12 0 0.021"/><geometry><sphere radius="0.02"/></geometry>'
     base = link("base_link", BOX, f"{foot}</collision>", INERTIAL.format(2.0, 0.02))
     robot = load(tmp_path, base, WHEELS)
@@ -548,9 +535,7 @@ def test_a_shape_of_the_body_near_the_ground_slides(
     assert "base_link" in told(caplog, "low parts of the body slide")
 
 
-def test_a_swivel_caster_is_held_and_slides(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_swivel_caster_is_held_and_slides(tmp_path: Path, caplog: Log) -> None:
     swivel = link("swivel", INERTIAL.format(0.1, 1e-4))
     swivel += joint("swivel_joint", "swivel", "-0.12 0 0.05", "continuous", '<axis xyz="0 0 1"/>')
     roll = link("caster_wheel", f"<collision>{DISC.replace('0.05', '0.03')}</collision>")
@@ -563,18 +548,14 @@ def test_a_swivel_caster_is_held_and_slides(
     assert told(caplog, "casters found, which slide without friction: caster_wheel")
 
 
-def test_a_caster_below_the_ground_is_raised(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_caster_below_the_ground_is_raised(tmp_path: Path, caplog: Log) -> None:
     robot = load(tmp_path, BASE, WHEELS, CASTER.replace("-0.12 0 0.02", "-0.12 0 0.015"))
     origin = element(robot, "link[@name='caster_link']/collision/origin")
     assert float(str(origin.get("xyz")).split()[2]) == pytest.approx(0.005)
     assert told(caplog, "raised onto it: caster_link")
 
 
-def test_a_body_far_below_the_ground_is_cut_off(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_body_far_below_the_ground_is_cut_off(tmp_path: Path, caplog: Log) -> None:
     base = BASE.replace('xyz="0 0 0.08"', 'xyz="0 0 0.02"')
     robot = load(tmp_path, base, WHEELS, CASTER)
     assert shapes(robot, "base_link") == ["convex"]
@@ -585,7 +566,7 @@ def test_a_body_far_below_the_ground_is_cut_off(
 
 @pytest.mark.parametrize("x", [0.05, -0.05])
 def test_a_robot_without_casters_slides_on_assumed_balls(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, x: float
+    tmp_path: Path, caplog: Log, x: float
 ) -> None:
     robot = load(tmp_path, BASE, WHEELS)
     assert set(robot.drive.caster_links) == {"evoros_support_front", "evoros_support_rear"}
@@ -612,7 +593,7 @@ def test_casters_on_one_side_are_mirrored_if_the_robot_would_tip(
 
 
 def test_a_body_without_collision_shapes_has_the_hull_of_its_visuals(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, caplog: Log
 ) -> None:
     shown = BOX.replace("collision", "visual")
     robot = load(tmp_path, link("base_link", shown, INERTIAL.format(2.0, 0.02)), WHEELS, CASTER)
@@ -627,9 +608,7 @@ def test_a_body_without_collision_shapes_has_the_hull_of_its_visuals(
 MESH = '<collision><geometry><mesh filename="{}"/></geometry></collision>'
 
 
-def test_a_mesh_of_the_body_becomes_convex_parts(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_mesh_of_the_body_becomes_convex_parts(tmp_path: Path, caplog: Log) -> None:
     write_wheel(tmp_path / "body.stl", 0.1, 0.08)
     mesh = MESH.format("body.stl").replace("<geometry>", '<origin xyz="0 0 0.13"/><geometry>')
     robot = load(tmp_path, link("base_link", mesh, INERTIAL.format(2.0, 0.02)), WHEELS, CASTER)
@@ -639,16 +618,14 @@ def test_a_mesh_of_the_body_becomes_convex_parts(
     assert told(caplog, "1 collision meshes are replaced by convex parts")
 
 
-def test_a_mesh_in_millimetres_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_mesh_in_millimetres_is_told(tmp_path: Path, caplog: Log) -> None:
     write_wheel(tmp_path / "body.stl", 100.0, 80.0)
     load(tmp_path, link("base_link", MESH.format("body.stl"), INERTIAL.format(2, 0.02)), WHEELS)
     (line,) = (message for message in caplog.messages if "millimetres; set its scale" in message)
     assert line.startswith(str(tmp_path / "body.stl"))
 
 
-def test_a_missing_mesh_is_an_error_or_a_box(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_missing_mesh_is_an_error_or_a_box(tmp_path: Path, caplog: Log) -> None:
     mesh = MESH.format("package://bot/meshes/body.dae")
     base = link("base_link", mesh, BOX, INERTIAL.format(2.0, 0.02))
     with pytest.raises(InputError, match=r"bot\.urdf:2: <mesh>.*body\.dae.*robot\.missing=box"):
@@ -660,9 +637,7 @@ def test_a_missing_mesh_is_an_error_or_a_box(
         load(tmp_path, base, WHEELS, CASTER, missing="ignore")
 
 
-def test_a_mesh_of_many_parts_is_its_hull_and_told_so(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_mesh_of_many_parts_is_its_hull_and_told_so(tmp_path: Path, caplog: Log) -> None:
     """A sieve of 9 x 9 bars, 6 mm wide and 12 mm apart: its hull is up to 3 mm off, at the top."""
     import trimesh
 
@@ -688,9 +663,7 @@ def test_a_mesh_of_many_parts_is_its_hull_and_told_so(
     assert not any("replaced by convex parts" in message for message in caplog.messages)
 
 
-def test_a_body_whose_mesh_is_missing_has_a_box(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_body_whose_mesh_is_missing_has_a_box(tmp_path: Path, caplog: Log) -> None:
     """The mass is in a frame, so that the link of the mesh has no inertia to make a box of."""
     body = link("base_link", MESH.format("package://bot/meshes/body.dae"))
     mass = link("mass", INERTIAL.format(2.0, 0.02)) + joint("mass_joint", "mass")
@@ -705,9 +678,7 @@ def test_a_body_whose_mesh_is_missing_has_a_box(
     assert not any("replaced by boxes" in message for message in caplog.messages)
 
 
-def test_shapes_without_a_size_are_left_out(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_shapes_without_a_size_are_left_out(tmp_path: Path, caplog: Log) -> None:
     none = '<collision><geometry><box size="0 0 0"/></geometry></collision><collision/>'
     robot = load(tmp_path, link("base_link", BOX, none, INERTIAL.format(2, 0.02)), WHEELS, CASTER)
     assert shapes(robot, "base_link") == ["box"]
@@ -716,7 +687,7 @@ def test_shapes_without_a_size_are_left_out(
 
 @pytest.mark.parametrize(("axial", "radial"), [(0.02, 0.0101), (0.005, 0.0252)])
 def test_absent_meshes_of_wheels_become_wheels_with_their_inertia(
-    axial: float, radial: float, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    axial: float, radial: float, tmp_path: Path, caplog: Log
 ) -> None:
     inertial = INERTIAL.format(1.0, radial).replace(f'iyy="{radial}"', f'iyy="{axial}"')
     mesh = '<collision><geometry><mesh filename="wheel.stl"/></geometry></collision>'
@@ -753,9 +724,7 @@ def test_tiny_wheels_are_told_and_drive_when_they_are_named(tmp_path: Path) -> N
     assert two_wheeled(robot).max_speed_mps == pytest.approx(8 * 0.005)
 
 
-def test_stops_and_missing_friction_of_wheels_are_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_stops_and_missing_friction_of_wheels_are_told(tmp_path: Path, caplog: Log) -> None:
     stops = f'{AXIS}<limit lower="-1" upper="2" effort="1" velocity="8"/>'
     wheels = wheel("left", kind="revolute", more=stops) + wheel("right")
     slippery = '<gazebo reference="right_wheel"><mu1>0</mu1><mu2 value="0.0"/></gazebo>'
@@ -765,9 +734,7 @@ def test_stops_and_missing_friction_of_wheels_are_told(
     assert told(caplog, "slide in Gazebo").endswith("(<mu> is 0): right_wheel_joint")
 
 
-def test_an_absent_mesh_of_a_sensor_is_left_out_and_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_absent_mesh_of_a_sensor_is_left_out_and_told(tmp_path: Path, caplog: Log) -> None:
     mesh = '<collision><geometry><mesh filename="{0}.stl"/></geometry></collision>'
     laser, payload = (
         link(name, mesh.format(name)) + joint(f"{name}_joint", name)
@@ -803,16 +770,14 @@ def test_a_mesh_scaled_to_nothing_is_refused_by_its_line(tmp_path: Path) -> None
 
 
 def test_a_robot_that_is_only_moved_sideways_is_not_told_to_be_raised(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, caplog: Log
 ) -> None:
     aside = wheel("left", z=0.05, y=0.02) + wheel("right", z=0.05, y=0.02)
     load(tmp_path, BASE, aside, CASTER)
     assert "the ground 0.02 m to the left of the root link" in told(caplog, "touch the ground")
 
 
-def test_slips_that_other_readers_take_are_taken(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_slips_that_other_readers_take_are_taken(tmp_path: Path, caplog: Log) -> None:
     inside = BOX.replace("</geometry>", '<origin xyz="0 0 1"/></geometry>')
     robot = load(tmp_path, link("base_link", inside, INERTIAL.format(2, 0.02)), WHEELS, CASTER)
     assert robot.height_m == pytest.approx(0.13)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yourdfpy
+from fixture_types import Log, Patch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
@@ -98,7 +99,7 @@ def test_our_kinematics_are_those_of_yourdfpy(name: str) -> None:
 
 
 @pytest.fixture
-def new_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def new_cache(tmp_path: Path, monkeypatch: Patch) -> Path:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     return tmp_path / "evoros" / "second_readings"
 
@@ -123,9 +124,7 @@ def test_a_second_reading_agrees_until_a_link_is_moved() -> None:
     assert [read_again(with_moved_wheel()) for _ in range(2)] == [moved, moved]
 
 
-def test_yourdfpy_reads_a_description_once(
-    new_cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_yourdfpy_reads_a_description_once(new_cache: Path, monkeypatch: Patch) -> None:
     first = read_again(rover())
     with monkeypatch.context() as patch:
         patch.setattr(yourdfpy.URDF, "load", None)  # a call would raise
@@ -141,9 +140,7 @@ def test_yourdfpy_reads_a_description_once(
 
 
 @pytest.mark.usefixtures("new_cache")
-def test_a_difference_is_a_warning_and_agreement_is_only_in_the_log(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_a_difference_is_a_warning_and_agreement_is_only_in_the_log(caplog: Log) -> None:
     caplog.set_level(logging.DEBUG)
     report_second_reading([rover(), rover(), with_moved_wheel()])
     lines = [

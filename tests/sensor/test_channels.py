@@ -23,14 +23,7 @@ from evoros.controller.weighted_voting import WeightedVoting
 from evoros.failure.random import RandomFailure
 from evoros.filter.protocol import Filter
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import (
-    Channel,
-    Mount,
-    Sensor,
-    name_channels,
-    sees,
-    sensor_bearings,
-)
+from evoros.sensor.protocol import Channel, Mount, Sensor, name_channels, sees, sensor_bearings
 from evoros.simulator.engines.rays import sensor_beams
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import open_alone

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixture_types import Log, Patch
 from robot_cases import rover
 
 from evoros.session import course_planning
@@ -87,9 +88,7 @@ def test_a_mat_is_no_floor_of_a_wide_world_without_ground(tmp_path: Path) -> Non
     assert (planned.course["home_x_m"], planned.course["home_y_m"]) == (0.0, 0.0)
 
 
-def test_planes_that_are_walls_such_as_posters_are_left_out(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_planes_that_are_walls_such_as_posters_are_left_out(tmp_path: Path, caplog: Log) -> None:
     path = write(tmp_path, [], (0.0, 0.0))
     poster = (
         "<model name='poster'><static>1</static><pose>0 4 1 1.57 0 0</pose><link name='l'>"
@@ -105,9 +104,7 @@ def test_planes_that_are_walls_such_as_posters_are_left_out(
     assert "planes that do not face up are left out (poster); for a wall, use a box" in caplog.text
 
 
-def test_what_is_not_searched_in_a_huge_world_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_not_searched_in_a_huge_world_is_told(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.setattr(course_planning, "MANY", 2)
     path = write(tmp_path, [(3, y, 0.5, 1, 1, 1) for y in (-3, 0, 3)], (0.0, 0.0))
     assert "because there are 4 shapes" in plan_course({"sdf": str(path)}, rover()).reason

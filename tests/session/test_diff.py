@@ -5,6 +5,7 @@ import random
 from pathlib import Path
 
 import pytest
+from fixture_types import Capture, Folders, Patch
 from helpers import content, copied, cut, everything, reseal, resume, tiny, vary
 
 from evoros.cli.diff import diff
@@ -15,14 +16,14 @@ ALL = ("record=all", "optimizer.generations=2")
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory: Folders) -> Path:
     folder = tmp_path_factory.mktemp("one") / "run"
     assert tiny(folder, *ALL, "figures=[fitness]") == DONE
     return folder
 
 
 @pytest.fixture(scope="module")
-def twin(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def twin(tmp_path_factory: Folders) -> Path:
     """The same run on two workers, which finish missions in any order."""
     folder = tmp_path_factory.mktemp("other") / "run"
     workers = ("executor=processes", "executor.workers=2", "simulator.pause_s=0.01")
@@ -30,7 +31,7 @@ def twin(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def compared(one: Path, other: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+def compared(one: Path, other: Path, capsys: Capture) -> tuple[int, str]:
     capsys.readouterr()
     status = diff([str(one), str(other)])
     out, err = capsys.readouterr()
@@ -72,7 +73,7 @@ def test_a_sorted_table_is_left_as_it_is(run: Path, tmp_path: Path) -> None:
 
 
 def test_what_changes_no_result_is_named_and_makes_no_difference(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     other = vary(run, tmp_path / "run", {"executor": {"_target_": "Processes"}, "figures": []})
     status, text = compared(run, other, capsys)
@@ -82,9 +83,7 @@ def test_what_changes_no_result_is_named_and_makes_no_difference(
     assert text.endswith("made with different executor, figures\n")
 
 
-def test_a_setting_that_differs_is_named(
-    run: Path, twin: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_setting_that_differs_is_named(run: Path, twin: Path, capsys: Capture) -> None:
     status, text = compared(run, twin, capsys)
     assert status == DIFFERENT
     pause = f"config.yaml: simulator.pause_s is 0.0 in {run} and 0.01 in {twin}"
@@ -97,7 +96,7 @@ def test_a_setting_that_differs_is_named(
     [("missions.csv", "distance_m", 4), ("generations/00001.csv", "fitness", 3)],
 )
 def test_a_cell_that_differs_is_named(
-    file: str, column: str, line: int, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    file: str, column: str, line: int, run: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     folder = copied(run, tmp_path / "run")
     lines = (folder / file).read_text().split("\n")
@@ -115,7 +114,7 @@ def test_a_cell_that_differs_is_named(
 
 @pytest.mark.parametrize("cell", ["x" * 200_000, "\x1b[2J"])
 def test_an_odd_cell_that_differs_is_told_in_one_plain_line(
-    cell: str, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    cell: str, run: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     folder = copied(run, tmp_path / "run")
     table = folder / "champion" / "trajectory_near.csv"
@@ -130,9 +129,7 @@ def test_an_odd_cell_that_differs_is_told_in_one_plain_line(
 
 
 @pytest.mark.slow
-def test_any_byte_that_differs_is_told(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_any_byte_that_differs_is_told(run: Path, tmp_path: Path, capsys: Capture) -> None:
     """A byte in each file, and each file deleted: one line that names the file."""
     rng = random.Random(3)
     folder = copied(run, tmp_path / "run")
@@ -176,7 +173,7 @@ def check_told(name: str, answer: tuple[int, str]) -> None:
 
 
 def test_sweeps_are_compared_by_the_paths_of_their_jobs(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     for study in ("a", "b"):
         for seed in ("1", "2"):
@@ -192,9 +189,7 @@ def test_sweeps_are_compared_by_the_paths_of_their_jobs(
     )
 
 
-def test_an_unfinished_run_lacks_missions(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_unfinished_run_lacks_missions(run: Path, tmp_path: Path, capsys: Capture) -> None:
     folder = copied(run, tmp_path / "run")
     cut(folder, (run / "missions.csv").stat().st_size - 3)
     status, text = compared(run, folder, capsys)
@@ -207,11 +202,7 @@ def test_an_unfinished_run_lacks_missions(
     "names", [[], ["nix", "nix"], ["."], [".", ".", "."], [".", "."], ["RUN", ".."]]
 )
 def test_what_cannot_be_compared_is_one_line(
-    names: list[str],
-    run: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    names: list[str], run: Path, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     (tmp_path / "empty").mkdir()
     copied(run, tmp_path / "run")

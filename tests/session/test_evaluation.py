@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from fixture_types import Capture, Folders, Patch
 from helpers import (
     OPTION,
     ROOT,
@@ -60,21 +61,21 @@ def table(folder: Path) -> pd.DataFrame:
 
 
 @pytest.fixture(scope="module")
-def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def file(tmp_path_factory: Folders) -> Path:
     path = tmp_path_factory.mktemp("given") / "two.csv"
     path.write_text(TWO)
     return path
 
 
 @pytest.fixture(scope="module")
-def whole(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(file: Path, tmp_path_factory: Folders) -> Path:
     folder = tmp_path_factory.mktemp("whole") / "scores"
     assert scored(folder, file, "trials=3") == DONE
     return folder
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory: Folders) -> Path:
     """A run whose designs have another evolved value."""
     folder = tmp_path_factory.mktemp("run") / "evolved"
     gene = (
@@ -222,7 +223,7 @@ def test_a_file_has_the_genes_that_lie_beside_it(run: Path, tmp_path: Path) -> N
 
 @pytest.mark.slow
 def test_another_robot_than_that_of_the_run_is_told(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     assert scored(tmp_path / "same", run) == DONE
     assert "was evolved on" not in capsys.readouterr().err
@@ -261,7 +262,7 @@ def sweep(run: Path, tmp_path: Path) -> Path:
 
 @pytest.mark.slow
 def test_a_folder_of_runs_stands_for_the_champions_of_the_finished_ones(
-    sweep: Path, whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    sweep: Path, whole: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     shutil.copytree(whole, sweep / "scores")  # an evaluation is no run
     assert scored(tmp_path / "scores", f"{sweep}/", "trials=2") == DONE
@@ -279,7 +280,7 @@ def test_a_folder_of_runs_stands_for_the_champions_of_the_finished_ones(
 
 
 def test_a_folder_without_a_finished_run_is_one_clear_line(
-    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    sweep: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     for name in ("a-9", "a-10", "deep"):
         shutil.rmtree(sweep / name)
@@ -290,9 +291,7 @@ def test_a_folder_without_a_finished_run_is_one_clear_line(
     assert not (tmp_path / "scores").exists()
 
 
-def test_a_run_of_a_sweep_is_not_scored_twice(
-    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_run_of_a_sweep_is_not_scored_twice(sweep: Path, tmp_path: Path, capsys: Capture) -> None:
     assert scored(tmp_path / "scores", f"[{sweep / 'a-9'},{sweep}]") == INPUT
     assert "is named twice; remove one of the two" in capsys.readouterr().err
 
@@ -330,7 +329,7 @@ def test_a_signal_loses_nothing_and_the_folder_stands_alone(whole: Path, tmp_pat
 
 
 def test_resuming_a_finished_evaluation_verifies_it(
-    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    whole: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     folder = tmp_path / "again"
     shutil.copytree(whole, folder)
@@ -345,7 +344,7 @@ def test_resuming_a_finished_evaluation_verifies_it(
 
 
 def test_a_lost_mission_stops_the_evaluation_which_can_be_resumed(
-    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    file: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     faulty = ["simulator.fault=raise", f"simulator.mark={tmp_path / 'mark'}"]
     assert scored(tmp_path / "scores", file, *faulty) == STOPPED
@@ -355,9 +354,7 @@ def test_a_lost_mission_stops_the_evaluation_which_can_be_resumed(
 
 
 @pytest.mark.slow
-def test_memory_does_not_grow_with_the_missions(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_memory_does_not_grow_with_the_missions(tmp_path: Path, monkeypatch: Patch) -> None:
     """Outcomes are kept for the designs in work alone."""
     outcomes: tuple[Outcome, ...] = (Outcome.failure("time_limit", "", 20.0, 1),)
 
@@ -388,7 +385,7 @@ def test_memory_does_not_grow_with_the_missions(
 
 
 def test_a_run_is_no_evaluation_and_the_other_way_round(
-    whole: Path, run: Path, capsys: pytest.CaptureFixture[str]
+    whole: Path, run: Path, capsys: Capture
 ) -> None:
     before = everything(whole), everything(run)
     assert resume(whole, "optimizer.generations=30") == INPUT
@@ -436,15 +433,13 @@ def test_a_bad_file_is_one_clear_line(
     assert "\n" not in str(error.value)
 
 
-def test_a_bad_file_leaves_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_bad_file_leaves_no_folder(tmp_path: Path, capsys: Capture) -> None:
     text, said = BAD[0]
     (tmp_path / "bad.csv").write_text(text)
     refused(tmp_path, tmp_path / "bad.csv", f"{tmp_path / 'bad.csv'}: {said}", capsys)
 
 
-def refused(
-    folder: Path, designs: object, said: str, capsys: pytest.CaptureFixture[str], *more: str
-) -> None:
+def refused(folder: Path, designs: object, said: str, capsys: Capture, *more: str) -> None:
     assert scored(folder / "scores", designs, *more) == INPUT
     out, err = capsys.readouterr()
     assert out == ""
@@ -455,7 +450,7 @@ def refused(
 
 @pytest.mark.slow
 def test_bad_sources_are_one_clear_line_each(
-    whole: Path, run: Path, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    whole: Path, run: Path, file: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     refused(tmp_path, "null", "designs: must be a CSV file, the folder of a finished run", capsys)
     refused(tmp_path, "3", "designs: must be a CSV file, the folder of a finished run", capsys)
@@ -479,7 +474,7 @@ def test_bad_sources_are_one_clear_line_each(
 
 
 def test_a_design_that_the_parts_refuse_is_refused_before_anything_is_made(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     """The champion's reach has no place in a controller that does not avoid."""
     refused(
@@ -491,9 +486,7 @@ def test_a_design_that_the_parts_refuse_is_refused_before_anything_is_made(
     )
 
 
-def test_what_was_scored_must_not_be_changed(
-    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_was_scored_must_not_be_changed(whole: Path, tmp_path: Path, capsys: Capture) -> None:
     folder = tmp_path / "edited"
     shutil.copytree(whole, folder)
     text = (folder / "designs_in.csv").read_text()

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
+from fixture_types import Capture, Folders, Patch
 from helpers import TINY, everything, refused, resume
 from proposal_sites import is_of
 
@@ -114,9 +115,7 @@ def validated(folder: Path, trials: int) -> int:
     return evaluate([*TINY, *places, *draws, f"validation.trials={trials}"])
 
 
-def test_the_draws_of_a_validation_go_on(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_draws_of_a_validation_go_on(tmp_path: Path, capsys: Capture) -> None:
     few, many = tmp_path / "a few" / NAME, tmp_path / "many" / NAME
     assert validated(few, 3) == NOT_DECIDED
     (line,) = [text for text in capsys.readouterr().out.splitlines() if "to decide" in text]
@@ -134,7 +133,7 @@ def test_the_draws_of_a_validation_go_on(
 
 
 @pytest.fixture(scope="module")
-def evaluated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def evaluated(tmp_path_factory: Folders) -> tuple[Path, Path]:
     """An undecided evaluation of 4 trials, and one of 9."""
     folder = tmp_path_factory.mktemp("evaluated")
     assert scored(folder / "few" / NAME, 4, CLOSE) == NOT_DECIDED
@@ -151,7 +150,7 @@ def few(evaluated: tuple[Path, Path], tmp_path: Path) -> Path:
     "after", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (2, 4)), 5]
 )
 def test_a_kill_while_the_folder_changes_loses_nothing(
-    after: int, few: Path, evaluated: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+    after: int, few: Path, evaluated: tuple[Path, Path], monkeypatch: Patch
 ) -> None:
     """The kill comes after so many of the steps that change the folder before the first mission."""
     steps = [0]
@@ -176,7 +175,7 @@ def test_a_kill_while_the_folder_changes_loses_nothing(
 
 
 def test_an_extension_that_was_killed_goes_on_to_its_trials(
-    few: Path, evaluated: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+    few: Path, evaluated: tuple[Path, Path], monkeypatch: Patch
 ) -> None:
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
@@ -212,17 +211,13 @@ def test_missions_that_were_lost_by_a_kill_run_again(
         ("+trials=9", "+trials=9: resume accepts only executor"),
     ],
 )
-def test_other_changes_are_refused(
-    typed: str, said: str, few: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_other_changes_are_refused(typed: str, said: str, few: Path, capsys: Capture) -> None:
     before = everything(few)
     assert said in refused(lambda: resume(few, typed), capsys)
     assert everything(few) == before
 
 
-def test_an_evaluation_that_goes_on_elsewhere_is_not_extended(
-    few: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_evaluation_that_goes_on_elsewhere_is_not_extended(few: Path, capsys: Capture) -> None:
     before = everything(few)
     with open_locked(few / "missions.csv"):
         error = refused(lambda: resume(few, "trials=9"), capsys)
@@ -239,7 +234,7 @@ def test_the_executor_of_the_extension_is_not_recorded(few: Path) -> None:
     assert values["executor"]["_target_"].endswith("Serial")
 
 
-def test_what_is_undecided_says_what_to_type(few: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_undecided_says_what_to_type(few: Path, capsys: Capture) -> None:
     """The printed command, as a shell reads it, has more trials, which decide."""
     assert resume(few) == NOT_DECIDED
     (line,) = [

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from fixture_types import Capture, Folders, Patch
 from helpers import content, copied, everything, resume, tiny
 
 from evoros.terminal.console import DONE, INPUT
@@ -16,7 +17,7 @@ TABLES = {"overlay.csv", "fitness.csv", "mission.csv"}
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory: Folders) -> Path:
     folder = tmp_path_factory.mktemp("first") / "run"
     assert tiny(folder, WANTED) == DONE
     return folder
@@ -45,9 +46,7 @@ def test_a_run_leaves_its_figures_with_their_numbers_and_nothing_else(run: Path)
 
 
 @pytest.mark.slow
-def test_the_summary_says_where(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_summary_says_where(run: Path, tmp_path: Path, capsys: Capture) -> None:
     assert resume(run) == DONE
     assert f"run folder        {run}, with champion/ and figures/\n" in capsys.readouterr().out
     assert tiny(tmp_path / "bare", "figures=[]", "optimizer.generations=1") == DONE
@@ -79,7 +78,7 @@ def test_an_extended_run_draws_all_of_itself_again(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_figure_that_raises_leaves_a_finished_run_and_one_warning(
-    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    run: Path, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     def failing(*_: object) -> None:
         raise ZeroDivisionError("no\nluck")
@@ -97,7 +96,7 @@ def test_a_figure_that_raises_leaves_a_finished_run_and_one_warning(
 
 @pytest.mark.slow
 def test_where_nothing_can_be_written_the_run_is_finished_all_the_same(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     """There is a file in the place of the folder."""
     folder = copied(run, tmp_path / "run")
@@ -113,7 +112,7 @@ def test_where_nothing_can_be_written_the_run_is_finished_all_the_same(
 
 @pytest.mark.parametrize("names", ["[fitnes]", "fitness", "[fitness,fitness]", "[1]", "null"])
 def test_a_wrong_name_is_one_line_before_the_run(
-    names: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    names: str, tmp_path: Path, capsys: Capture
 ) -> None:
     assert tiny(tmp_path / "run", f"figures={names}") == INPUT
     said = capsys.readouterr().err

@@ -10,17 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from bag_readers import channels, read_mcap
-from helpers import (
-    USER_PARTS,
-    content,
-    copied,
-    cut,
-    everything,
-    reseal,
-    resume,
-    scored,
-    tiny,
-)
+from helpers import USER_PARTS, content, copied, cut, everything, reseal, resume, scored, tiny
 
 import evoros
 from evoros.analysis.command import evoros_analyze

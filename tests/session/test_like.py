@@ -8,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import yaml
+from fixture_types import Capture, Folders, Patch
 from helpers import OPTION, USER_PARTS, refused, reseal, tiny, vary
 
 from evoros.cli.command import evaluate
@@ -20,7 +21,7 @@ SHORT = ("optimizer.generations=1", "optimizer.population_size=2")
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory: Folders) -> Path:
     folder = tmp_path_factory.mktemp("like") / "run"
     assert tiny(folder, *CHANGED, *SHORT) == DONE
     return folder
@@ -86,7 +87,7 @@ def sweep(run: Path, tmp_path: Path) -> Path:
 
 
 def test_runs_of_a_sweep_must_agree_in_what_is_used_and_not_typed(
-    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    sweep: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     assert like(sweep, tmp_path / "scores", "seed=9") == DONE
     assert len(pd.read_csv(tmp_path / "scores" / "designs.csv")) == 2
@@ -129,11 +130,7 @@ def damage(run: Path) -> None:
     ],
 )
 def test_what_is_no_whole_finished_run_is_one_line(
-    spoil: Callable[[Path], object],
-    said: str,
-    run: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    spoil: Callable[[Path], object], said: str, run: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     shutil.copytree(run, tmp_path / "spoiled")
     spoil(tmp_path / "spoiled")
@@ -151,7 +148,7 @@ def test_what_is_no_whole_finished_run_is_one_line(
     ],
 )
 def test_what_does_not_go_with_a_run_is_one_line(
-    typed: list[str], said: str, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    typed: list[str], said: str, run: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     folder = [] if typed == ["like="] else [f"like={run}"]
     call = [*PARTS, *folder, *typed, f"hydra.run.dir={tmp_path / 'scores'}"]
@@ -160,7 +157,7 @@ def test_what_does_not_go_with_a_run_is_one_line(
 
 @pytest.mark.slow
 def test_a_file_that_has_changed_since_the_run_is_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: Capture, monkeypatch: Patch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     box = "<model name='m'><static>1</static><link name='l'><collision name='c'><geometry><box>"
@@ -179,9 +176,7 @@ def test_a_file_that_has_changed_since_the_run_is_told(
     assert "has changed since" not in capsys.readouterr().err
 
 
-def test_the_configuration_that_is_shown_is_that_of_the_run(
-    run: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_configuration_that_is_shown_is_that_of_the_run(run: Path, capsys: Capture) -> None:
     assert evaluate([*PARTS, f"like={run}", "trials=7", "--cfg", "job"]) == DONE
     shown = yaml.safe_load(capsys.readouterr().out)
     assert (shown["seed"], shown["trials"], list(shown["world"])) == (3, 7, ["near"])

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fixture_types import Capture, Patch
 from helpers import OPTION, TINY, USER_PARTS, resume, tiny
 from hypothesis import given
 from hypothesis import strategies as st
@@ -31,7 +32,7 @@ from evoros.terminal.console import DONE, INTERRUPTED
 FLOWN: Any = (Outcome.failure("time_limit", "", 10.0, 0),)
 
 
-def after(generations: int, flown: int, monkeypatch: pytest.MonkeyPatch) -> str:
+def after(generations: int, flown: int, monkeypatch: Patch) -> str:
     """The line when so many missions are flown, ten in each generation, a second each."""
     now = [0.0]
     monkeypatch.setattr("evoros.session.progress.time.monotonic", lambda: now[0])
@@ -53,7 +54,7 @@ def after(generations: int, flown: int, monkeypatch: pytest.MonkeyPatch) -> str:
 
 @pytest.mark.parametrize("flown", [10, 15, 20, 28, 39])
 def test_the_time_left_is_right_where_all_generations_are_alike(
-    flown: int, monkeypatch: pytest.MonkeyPatch
+    flown: int, monkeypatch: Patch
 ) -> None:
     match = re.search(r"0:(\d\d):(\d\d) left", after(4, flown, monkeypatch))
     assert match
@@ -62,7 +63,7 @@ def test_the_time_left_is_right_where_all_generations_are_alike(
     assert left == 40 - flown - validation
 
 
-def test_nothing_is_promised_before_anything_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_promised_before_anything_is_known(monkeypatch: Patch) -> None:
     assert "left" not in after(4, 0, monkeypatch)
     assert after(4, 1, monkeypatch).startswith("generation 0/3 | missions 1/8 | ")
 
@@ -240,7 +241,7 @@ def test_work_that_ends_at_once_shows_nothing() -> None:
 
 
 def test_a_pipe_gets_whole_lines_and_no_line_for_each_generation(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     monkeypatch.setattr(Pipe, "first_s", 0.0)
     monkeypatch.setattr(Pipe, "period_s", 0.01)
@@ -255,7 +256,7 @@ def test_a_pipe_gets_whole_lines_and_no_line_for_each_generation(
     assert "\x1b" not in err
 
 
-def test_a_pipe_whose_reader_has_gone_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_pipe_whose_reader_has_gone_stops_nothing(monkeypatch: Patch) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     with open(writer, "w") as gone:  # closing it would raise if it still wrote there
@@ -264,7 +265,7 @@ def test_a_pipe_whose_reader_has_gone_stops_nothing(monkeypatch: pytest.MonkeyPa
         gone.flush()
 
 
-def test_a_notebook_has_one_line_that_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_notebook_has_one_line_that_changes(monkeypatch: Patch) -> None:
     """The calls are those that the library documents; a real notebook is tried elsewhere."""
     cells: list[list[str]] = []
 
@@ -295,9 +296,7 @@ def test_a_notebook_has_one_line_that_changes(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.slow
-def test_evaluations_in_a_script_are_not_silent(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_evaluations_in_a_script_are_not_silent(monkeypatch: Patch, capsys: Capture) -> None:
     monkeypatch.setattr(Pipe, "first_s", 0.0)
     monkeypatch.setattr(Pipe, "period_s", 0.01)
     slow = ["experiment=tiny", "executor=serial", "simulator.pause_s=0.05"]

@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 import pytest
+from fixture_types import Capture
 from helpers import TINY, USER_PARTS, finished_run, refused, reseal, tiny
 
 from evoros import load_run, replay
@@ -54,9 +55,7 @@ def test_a_mission_that_is_not_there_is_refused(tmp_path: Path) -> None:
         replay(tmp_path / "run", (0, 0, "nix", 0))
 
 
-def test_a_row_is_replayed_by_as_many_columns_as_choose_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_row_is_replayed_by_as_many_columns_as_choose_it(tmp_path: Path, capsys: Capture) -> None:
     run, track = finished_run(tmp_path / "run", "optimizer.generations=1"), tmp_path / "track.csv"
     typed = ["replay", str(run), "design=0", "world=near", "trial=0", *TINY[:2]]
     assert evoros([*typed, "--output", str(track)]) == DONE
@@ -75,7 +74,7 @@ def test_a_row_is_replayed_by_as_many_columns_as_choose_it(
 
 
 def test_a_mission_that_ends_otherwise_than_recorded_is_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Capture
 ) -> None:
     """As if another version of evoros had made the run."""
     run = finished_run(tmp_path / "run", "optimizer.generations=1")

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 import pandas as pd
 import pytest
+from fixture_types import Capture, Folders, Patch
 from helpers import TINY, copied, refused, reseal, resume, tiny
 from junitparser import Failure, JUnitXml
 
@@ -28,7 +29,7 @@ WORLDS = 2
 
 
 @pytest.fixture(scope="module")
-def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def file(tmp_path_factory: Folders) -> Path:
     path = tmp_path_factory.mktemp("given") / "two.csv"
     path.write_text(TWO)
     return path
@@ -53,7 +54,7 @@ def read(folder: Path) -> list[dict[str, str]]:
 
 
 @pytest.fixture(scope="module")
-def whole(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(file: Path, tmp_path_factory: Folders) -> Path:
     folder = tmp_path_factory.mktemp("whole") / "tested"
     assert required(folder, file, f"easy={EASY} + hard={HARD}") == NOT_MET
     return folder
@@ -74,9 +75,7 @@ def test_it_ends_as_soon_as_all_is_decided(whole: Path) -> None:
     assert set(pd.read_csv(whole / "designs.csv")["trials"]) == {trials}
 
 
-def test_the_status_tells_a_pipeline(
-    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_status_tells_a_pipeline(file: Path, tmp_path: Path, monkeypatch: Patch) -> None:
     begun, begin = list[tuple[int, int]](), Progress.begin
 
     def note(self: Progress, generation: int, missions: int, known: int) -> None:
@@ -160,7 +159,7 @@ def test_junit_has_what_its_schema_knows_and_requires(whole: Path) -> None:
 
 
 def test_the_worst_mission_is_named_with_the_command_that_replays_it(
-    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    whole: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     folder = tmp_path / "tested"
     shutil.copytree(whole, folder)
@@ -265,7 +264,7 @@ def test_levels_may_be_other_parts_of_the_experiment(file: Path, tmp_path: Path)
 
 
 def test_requirements_that_cannot_be_used_are_refused(
-    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    file: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     for claim, told in (
         ("{of: speed, at_most: 1, share: 0.5}", "requirements.mine.of: must be a measure or one "),
@@ -281,6 +280,6 @@ def test_requirements_that_cannot_be_used_are_refused(
         assert not folder.exists()
 
 
-def test_a_run_takes_no_requirements(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_takes_no_requirements(tmp_path: Path, capsys: Capture) -> None:
     error = refused(lambda: tiny(tmp_path / "run", f"+requirements.easy={EASY}"), capsys)
     assert "requirements: cannot be used in a run" in error

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fixture_types import Patch
 from helpers import ROOT
 from lxml import etree
 from proposal_sites import is_of
@@ -126,9 +127,7 @@ def test_another_drive_on_the_same_model_is_obeyed(experiment: Experiment) -> No
         assert state[SPEED] == pytest.approx(limit, rel=0.02)
 
 
-def test_merged_links_move_as_the_separate_ones(
-    experiment: Experiment, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_merged_links_move_as_the_separate_ones(experiment: Experiment, monkeypatch: Patch) -> None:
     design = mission(experiment, "boxes", 4).design
     robot = experiment.robot.with_sensors(design.mounts, experiment.design.sensors)
     tracks = []
@@ -174,7 +173,7 @@ def test_a_link_of_500_parts_is_read_as_a_whole(shape: str) -> None:
 
 
 def test_a_robot_that_the_engine_cannot_load_is_told_with_another_engine(
-    experiment: Experiment, monkeypatch: pytest.MonkeyPatch
+    experiment: Experiment, monkeypatch: Patch
 ) -> None:
     def load_nothing(bullet: Any, urdf: str, frame: Any, flags: int) -> int:
         return int(bullet.loadURDF("/no/such/file.urdf", *frame))
@@ -184,7 +183,7 @@ def test_a_robot_that_the_engine_cannot_load_is_told_with_another_engine(
 
 
 def test_a_world_that_the_engine_cannot_build_is_told_with_another_engine(
-    experiment: Experiment, monkeypatch: pytest.MonkeyPatch
+    experiment: Experiment, monkeypatch: Patch
 ) -> None:
     def add_nothing(bullet: Any, body: Body) -> list[int]:
         return [bullet.loadURDF("/no/such/file.urdf")]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from damages import flip, kinds, read_all
+from fixture_types import Capture, Folders
 from helpers import copied, cut, everything, resume, scored, tiny
 
 from evoros.base.errors import InputError
@@ -21,14 +22,14 @@ def lasting(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory: Folders) -> Path:
     folder = tmp_path_factory.mktemp("bad") / "run"
     assert tiny(folder, "optimizer.generations=2", "record=all") == DONE
     return folder
 
 
 @pytest.fixture(scope="module")
-def begun(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def begun(run: Path, tmp_path_factory: Folders) -> Path:
     """The run, as a kill leaves it."""
     folder = copied(run, tmp_path_factory.mktemp("begun") / "run")
     cut(folder, (run / "missions.csv").stat().st_size * 2 // 3)
@@ -36,7 +37,7 @@ def begun(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def scores(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def scores(run: Path, tmp_path_factory: Folders) -> Path:
     return scored(tmp_path_factory.mktemp("scores") / "scores", run, "trials=2", "record=all")
 
 
@@ -54,9 +55,7 @@ def check_analysis(name: str, folder: Path, whole: Path) -> bool:
     return False
 
 
-def check_resume(
-    name: str, folder: Path, end: Path, capsys: pytest.CaptureFixture[str], noticed: bool
-) -> None:
+def check_resume(name: str, folder: Path, end: Path, capsys: Capture, noticed: bool) -> None:
     """It is mended, and the folder ends as it would have; or one line names the file.
 
     A row that a kill has cut off has no effect, whatever its bits are.
@@ -86,7 +85,7 @@ CASES = {
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_a_flipped_bit_in_any_kind_of_file_loses_nothing(
-    case: str, request: pytest.FixtureRequest, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    case: str, request: pytest.FixtureRequest, tmp_path: Path, capsys: Capture
 ) -> None:
     begin, end = CASES[case]
     whole, ended = request.getfixturevalue(begin), request.getfixturevalue(end)

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from fixture_types import Capture, Folders
 from helpers import copied, everything, renew_digests, resume, scored, tiny
 from hypothesis import given
 from hypothesis import strategies as st
@@ -22,7 +23,7 @@ Edit = Callable[[list[bytes], bytes], list[bytes]]
 
 
 @pytest.fixture(scope="module")
-def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Path, Path]]:
+def folders(tmp_path_factory: Folders) -> dict[str, tuple[Path, Path]]:
     """A run and an evaluation, each with another of the same seed and missions."""
     base = tmp_path_factory.mktemp("foreign")
     assert tiny(base / "run", *SHORT) == DONE
@@ -48,7 +49,7 @@ EDITS: dict[str, tuple[Edit, str]] = {
 }
 
 
-def check(folder: Path, whole: Path, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def check(folder: Path, whole: Path, said: str, capsys: Capture) -> None:
     """A reader refuses the table, resuming mends it and says so, and nothing is lost."""
     before = set(read_rows(folder))
     with pytest.raises(InputError, match=r"missions\.csv"):
@@ -73,11 +74,7 @@ def check(folder: Path, whole: Path, said: str, capsys: pytest.CaptureFixture[st
     ],
 )
 def test_a_table_of_missions_is_mended_with_a_word(
-    name: str,
-    kind: str,
-    folders: dict[str, tuple[Path, Path]],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    name: str, kind: str, folders: dict[str, tuple[Path, Path]], tmp_path: Path, capsys: Capture
 ) -> None:
     whole, other = folders[kind]
     folder = copied(whole, tmp_path / "copy")
@@ -102,7 +99,7 @@ def test_the_status_of_another_run_is_not_believed(
 
 
 def test_digests_that_lack_a_generation_are_damaged(
-    folders: dict[str, tuple[Path, Path]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folders: dict[str, tuple[Path, Path]], tmp_path: Path, capsys: Capture
 ) -> None:
     """Otherwise analysis would read a shorter run."""
     folder = copied(folders["run"][0], tmp_path / "copy")
@@ -123,10 +120,7 @@ def test_digests_that_lack_a_generation_are_damaged(
 
 @pytest.mark.parametrize("kind", ["run", "scores"])
 def test_a_row_that_was_not_asked_for_is_set_aside(
-    kind: str,
-    folders: dict[str, tuple[Path, Path]],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    kind: str, folders: dict[str, tuple[Path, Path]], tmp_path: Path, capsys: Capture
 ) -> None:
     whole, _ = folders[kind]
     folder = copied(whole, tmp_path / "copy")

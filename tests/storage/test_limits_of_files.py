@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
+from fixture_types import Capture, Folders, Patch
 from helpers import copied, everything, reseal, resume, tiny
 
 from evoros.analysis.command import evoros_analyze
@@ -22,7 +23,7 @@ DEEP = 100_000
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory: Folders) -> Path:
     folder = tmp_path_factory.mktemp("bounds") / "run"
     assert tiny(folder, "optimizer.generations=1") == DONE
     return folder
@@ -47,12 +48,7 @@ def enlarge(path: Path, size: int) -> None:
     ],
 )
 def test_a_huge_file_is_not_read(
-    name: str,
-    size: int,
-    run: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    name: str, size: int, run: Path, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     folder = copied(run, tmp_path / "run")
     digests = folder / "digests.csv"
@@ -91,13 +87,7 @@ JSON_FILES = ("manifest.json", "status.json", "setting.json", "champion/certific
     [*((name, "[", "]", DEEP) for name in JSON_FILES), ("setting.json", '{"a":', "}", 500)],
 )
 def test_json_that_is_nested_deep_costs_its_own_run_alone(
-    name: str,
-    opening: str,
-    closing: str,
-    depth: int,
-    run: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    name: str, opening: str, closing: str, depth: int, run: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     good, bad = copied(run, tmp_path / "good"), copied(run, tmp_path / "ill")
     (bad / name).write_text(opening * depth + "1" + closing * depth)
@@ -130,7 +120,7 @@ DEEP_YAML = {
 
 @pytest.mark.parametrize("name", DEEP_YAML)
 def test_a_configuration_that_grows_as_it_is_read_is_one_line(
-    name: str, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str, run: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     good, bad = copied(run, tmp_path / "good"), copied(run, tmp_path / "ill")
     with (bad / "config.yaml").open("a") as file:
@@ -181,7 +171,7 @@ def other(run: Path) -> Path:
 
 
 def test_a_manifest_of_another_run_is_named(
-    run: Path, other: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Path, other: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     folder = copied(run, tmp_path / "run")
     (folder / "manifest.json").write_bytes((other / "manifest.json").read_bytes())
@@ -196,7 +186,7 @@ def test_a_manifest_of_another_run_is_named(
 
 
 def test_digests_of_another_run_are_named_and_written_anew(
-    run: Path, other: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Path, other: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     folder = copied(run, tmp_path / "run")
     (folder / "digests.csv").write_bytes((other / "digests.csv").read_bytes())
@@ -227,7 +217,7 @@ def test_a_sealed_file_of_another_kind_is_named(
 
 
 def test_a_folder_that_is_moved_during_a_run_is_one_line_with_the_fix(
-    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    run: Path, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     folder, away = tmp_path / "run", tmp_path / "away"
     append = RunFolder.append

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from executor_calls import alive, wait_until
+from fixture_types import Capture, Folders, Patch
 from helpers import (
     TINY,
     content,
@@ -34,7 +35,7 @@ BARE = FigureContext("robot", (), {}, {}, {}, False, (), (), {})
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(tmp_path_factory: Folders) -> Path:
     """An uninterrupted run."""
     return finished_run(tmp_path_factory.mktemp("whole") / "run")
 
@@ -86,7 +87,7 @@ def test_a_character_cut_in_half_is_only_a_row_cut_short(tmp_path: Path) -> None
 
 
 def test_resuming_a_finished_run_verifies_it_and_changes_nothing(
-    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    whole: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     run = copied(whole, tmp_path / "run")
     stamps = {path: path.stat().st_mtime_ns for path in (run / "champion").iterdir()}
@@ -118,11 +119,7 @@ def test_an_extended_run_is_a_longer_run(whole: Path, tmp_path: Path) -> None:
     ],
 )
 def test_resuming_refuses_other_overrides_untouched(
-    override: str,
-    whole: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    override: str, whole: Path, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     monkeypatch.chdir(tmp_path)
     before = everything(whole)
@@ -144,13 +141,7 @@ def test_resuming_refuses_other_overrides_untouched(
     ],
 )
 def test_a_run_that_was_edited_is_refused_in_one_line(
-    file: str,
-    old: str,
-    new: str,
-    said: str,
-    whole: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    file: str, old: str, new: str, said: str, whole: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     run = copied(whole, tmp_path / "run")
     text = (run / file).read_text()
@@ -177,7 +168,7 @@ def test_an_edited_outcome_shows_in_the_replay(whole: Path, tmp_path: Path) -> N
 
 @pytest.mark.slow
 def test_files_may_be_relative_and_the_run_resumed_from_anywhere(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     from evoros.files.resources import find_file
 
@@ -198,7 +189,7 @@ def test_files_may_be_relative_and_the_run_resumed_from_anywhere(
 
 @pytest.mark.parametrize("folder", ["", "nix", ".", "..", "a,b", "${oc.env:HOME}", "nix=1"])
 def test_resuming_what_is_no_run_is_one_line(
-    folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    folder: str, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert evoros(["resume", str(folder)]) == INPUT
@@ -218,7 +209,7 @@ def test_a_folder_has_one_writer(whole: Path, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_class_that_cannot_be_imported_is_one_line(
-    whole: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    whole: Path, tmp_path: Path, capfd: Capture
 ) -> None:
     process = start(["resume", str(whole)], tmp_path)
     _, err = process.communicate()
@@ -229,7 +220,7 @@ def test_a_class_that_cannot_be_imported_is_one_line(
 
 @pytest.mark.slow
 def test_the_current_folder_is_used_where_it_is_empty(
-    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    whole: Path, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     """And stays itself: an empty mount point could not be replaced by another folder."""
     monkeypatch.chdir(tmp_path)
@@ -248,7 +239,7 @@ def test_the_current_folder_is_used_where_it_is_empty(
 @pytest.mark.parametrize("exists", [False, True])
 @pytest.mark.parametrize("at", range(5))
 def test_what_fails_while_the_folder_is_made_leaves_nothing(
-    at: int, exists: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    at: int, exists: bool, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     run = tmp_path / "run"
     if exists:
@@ -280,7 +271,7 @@ def test_what_fails_while_the_folder_is_made_leaves_nothing(
     ],
 )
 def test_a_folder_that_cannot_be_made_has_the_fix_of_its_disk(
-    number: int, fix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    number: int, fix: str, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     def refuse(*_: object) -> None:
         raise OSError(number, os.strerror(number))
@@ -292,7 +283,7 @@ def test_a_folder_that_cannot_be_made_has_the_fix_of_its_disk(
 
 @pytest.mark.parametrize("parts", [1, 2])
 def test_a_folder_that_a_kill_left_half_made_says_what_to_do(
-    parts: int, whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    parts: int, whole: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     run = tmp_path / "run"
     run.mkdir()
@@ -308,7 +299,7 @@ def test_a_folder_that_a_kill_left_half_made_says_what_to_do(
 
 
 def test_of_two_runs_that_are_made_in_one_folder_one_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     """The second looks before the first writes."""
     from evoros.storage import run_folder as record

@@ -4,15 +4,13 @@ import logging
 import time
 from threading import active_count
 
-import pytest
+from fixture_types import Log
 
 from evoros.terminal.activity import announce, tell_slow
 from evoros.terminal.log import withhold_messages
 
 
-def test_what_takes_long_is_told_even_while_messages_are_withheld(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_what_takes_long_is_told_even_while_messages_are_withheld(caplog: Log) -> None:
     with caplog.at_level(logging.INFO), tell_slow("reading city.world", 0.02):
         with withhold_messages() as withheld, announce("dividing house.dae"):
             while not any("house.dae" in message for message in caplog.messages):
@@ -23,7 +21,7 @@ def test_what_takes_long_is_told_even_while_messages_are_withheld(
     assert all(message.endswith(" s so far") for message in caplog.messages)
 
 
-def test_what_is_quick_is_not_told_and_leaves_no_thread(caplog: pytest.LogCaptureFixture) -> None:
+def test_what_is_quick_is_not_told_and_leaves_no_thread(caplog: Log) -> None:
     threads = active_count()
     with caplog.at_level(logging.INFO), tell_slow("reading", 60.0):
         pass

@@ -4,7 +4,7 @@ import logging
 from pathlib import Path
 from threading import Thread
 
-import pytest
+from fixture_types import Capture
 
 from evoros.preflight.preflight import check_robots
 from evoros.terminal.log import (
@@ -24,9 +24,7 @@ READER = logging.getLogger("evoros.sdf")
 PREFLIGHT = logging.getLogger(check_robots.__module__)
 
 
-def test_a_terminal_shows_a_line_of_a_reader_once_for_all_jobs(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_terminal_shows_a_line_of_a_reader_once_for_all_jobs(capsys: Capture) -> None:
     with log_to_terminal():
         for job in ("a", "b"):
             with log_for_job(f"sweep/{job}"):
@@ -40,9 +38,7 @@ def test_a_terminal_shows_a_line_of_a_reader_once_for_all_jobs(
     ]
 
 
-def test_a_sweep_shows_a_warning_of_preflight_once_wherever_its_jobs_run(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_sweep_shows_a_warning_of_preflight_once_wherever_its_jobs_run(capsys: Capture) -> None:
     """A job of a launcher of Hydra opens the terminal again, and a screen has its own handler."""
     for job in ("a", "b"):
         with log_to_terminal(again=job != "a"), log_for_job(f"sweep/{job}"):
@@ -55,7 +51,7 @@ def test_a_sweep_shows_a_warning_of_preflight_once_wherever_its_jobs_run(
     assert capsys.readouterr().err == "scout: chosen for the robot\n"
 
 
-def test_details_reach_the_log_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_details_reach_the_log_alone(tmp_path: Path, capsys: Capture) -> None:
     log = tmp_path / "run.log"
     with log_to_terminal():
         with collect_messages() as messages:
@@ -68,9 +64,7 @@ def test_details_reach_the_log_alone(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "model b is left out" in log.read_text()
 
 
-def test_lines_that_a_log_has_are_counted_in_one(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_lines_that_a_log_has_are_counted_in_one(tmp_path: Path, capsys: Capture) -> None:
     log = tmp_path / "run.log"
 
     def read(*lines: str) -> None:
@@ -90,9 +84,7 @@ def test_lines_that_a_log_has_are_counted_in_one(
     ]
 
 
-def test_a_log_that_cannot_be_read_withholds_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_log_that_cannot_be_read_withholds_nothing(tmp_path: Path, capsys: Capture) -> None:
     for log in (tmp_path / "none.log", tmp_path):
         with log_to_terminal(), read_again(log):
             READER.warning("first")
@@ -100,7 +92,7 @@ def test_a_log_that_cannot_be_read_withholds_nothing(
 
 
 def test_control_characters_of_others_reach_no_terminal_and_no_log(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
+    capsys: Capture, tmp_path: Path
 ) -> None:
     """A program's output may move the cursor, or rename the window."""
     with log_to_terminal(), log_to_file(tmp_path / "log"):
@@ -121,7 +113,7 @@ def test_runs_in_threads_leave_the_level_as_it_was_in_whatever_order_they_end() 
     assert LOGGER.level == before
 
 
-def test_only_messages_of_the_thread_are_withheld(capsys: pytest.CaptureFixture[str]) -> None:
+def test_only_messages_of_the_thread_are_withheld(capsys: Capture) -> None:
     """Those of all loggers, and by the innermost."""
     with log_to_terminal(), withhold_messages() as outer:
         READER.warning("first")

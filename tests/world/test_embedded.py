@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from embedded_cases import random_bodies
+from fixture_types import Log
 from world_cases import GROUND, square
 
 from evoros.config.compose import compose
@@ -52,9 +53,7 @@ def test_no_bundled_world_is_changed(name: str) -> None:
         assert free_bodies(world.bodies, "x") == world.bodies
 
 
-def test_half_buried_posts_are_set_on_the_ground_and_told_once(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_half_buried_posts_are_set_on_the_ground_and_told_once(caplog: Log) -> None:
     """Posts that touch each other, as the walls of public benchmark worlds do."""
     posts = [crate(f"post_{i}", 0.15 * i, 0.0, 0.0, shape=POST) for i in range(20)]
     assert set(heights(*posts).values()) == {0.5}
@@ -63,7 +62,7 @@ def test_half_buried_posts_are_set_on_the_ground_and_told_once(
     assert "in a body below ('post_0')" in line
 
 
-def test_what_stands_on_a_sunk_body_is_lifted_with_it(caplog: pytest.LogCaptureFixture) -> None:
+def test_what_stands_on_a_sunk_body_is_lifted_with_it(caplog: Log) -> None:
     lifted = heights(
         crate("upper", 0.1, 0.0, 0.5),
         crate("sunk", 0.0, 0.0, 0.1),
@@ -103,7 +102,7 @@ def test_the_ground_may_be_tilted_or_a_height_field() -> None:
     assert lifted.pose.position[2] == pytest.approx(0.8, abs=0.005)
 
 
-def test_bodies_that_overlap_at_the_side_move_as_one(caplog: pytest.LogCaptureFixture) -> None:
+def test_bodies_that_overlap_at_the_side_move_as_one(caplog: Log) -> None:
     """Two cubes of 2 kg and 6 kg: the centre of mass is at three quarters of the way."""
     bodies = freed(crate("a", 0.0, 0.0, 0.2), crate("b", 0.36, 0.0, 0.2, mass=6.0))
     assert set(bodies) == {"ground", "a"}
@@ -122,7 +121,7 @@ def test_bodies_that_overlap_at_the_side_move_as_one(caplog: pytest.LogCaptureFi
     assert "they move as one body" in line
 
 
-def test_what_overlaps_a_fixed_body_at_the_side_is_fixed(caplog: pytest.LogCaptureFixture) -> None:
+def test_what_overlaps_a_fixed_body_at_the_side_is_fixed(caplog: Log) -> None:
     """With all that overlaps it in turn, but not what only touches it."""
     bodies = freed(
         crate("wall", 0.0, 0.0, 1.0, mass=None, shape=Shape("box", (0.1, 4.0, 2.0))),
@@ -137,7 +136,7 @@ def test_what_overlaps_a_fixed_body_at_the_side_is_fixed(caplog: pytest.LogCaptu
     assert "('in the wall' in 'wall')" in line
 
 
-def test_a_body_without_room_above_stays_in_the_ground(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_body_without_room_above_stays_in_the_ground(caplog: Log) -> None:
     ceiling = crate("ceiling", 0.0, 0.0, 0.5, mass=None, shape=Shape("box", (2.0, 2.0, 0.2)))
     bodies = freed(ceiling, crate("stuck", 0.0, 0.0, 0.0, shape=Shape("box", (0.4, 0.4, 0.6))))
     assert bodies["stuck"].mass is None
@@ -163,7 +162,7 @@ def test_random_bodies_are_apart_afterwards(seed: int) -> None:
     assert movable <= sum(body.mass or 0.0 for body in before) * (1.0 + 1e-12)
 
 
-def test_a_file_is_told_by_its_name(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_file_is_told_by_its_name(tmp_path: Path, caplog: Log) -> None:
     """In the simulated world, in its SDF and in what a person is told."""
     ball = "<geometry><sphere><radius>0.5</radius></sphere></geometry>"
     path = tmp_path / "ball.sdf"

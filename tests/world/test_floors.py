@@ -3,6 +3,7 @@
 import logging
 
 import pytest
+from fixture_types import Log
 from world_cases import GROUND, square
 
 from evoros.geometry.shapes import Body, Pose, Shape
@@ -17,16 +18,14 @@ def place(*bodies: Body) -> dict[str, Body]:
     return {body.name: body for body in settle(bodies, square(), "test.sdf")}
 
 
-def test_a_slab_that_carries_the_course_is_a_floor_and_no_obstacle(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_a_slab_that_carries_the_course_is_a_floor_and_no_obstacle(caplog: Log) -> None:
     with caplog.at_level(logging.WARNING):
         world = place(slab("slab", 0.0), Body("post", Pose((2, 2, 1)), (Shape("sphere", (1.0,)),)))
     assert {name: body.is_ground for name, body in world.items()} == {"slab": True, "post": False}
     assert not caplog.records
 
 
-def test_a_raised_floor_moves_the_world_down(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_raised_floor_moves_the_world_down(caplog: Log) -> None:
     cart = Body("cart", Pose((2.0, 2.0, 0.5)), (Shape("box", (0.2, 0.2, 0.2)),), 1.0)
     with caplog.at_level(logging.WARNING):
         world = place(GROUND, slab("slab", 0.3), slab("roof", 3.0), cart)
@@ -72,9 +71,7 @@ def test_only_the_level_shapes_of_a_body_are_floor() -> None:
     assert world["house::floor"].is_ground
 
 
-def test_ground_is_added_where_the_course_stands_on_nothing(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_ground_is_added_where_the_course_stands_on_nothing(caplog: Log) -> None:
     with caplog.at_level(logging.WARNING):
         world = place(slab("pad", 0.0, 4.0))
     assert "(5, 5)" in caplog.text

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixture_types import Log
 from sdf_cases import LINK, STATIC, write
 from world_cases import square
 
@@ -95,9 +96,7 @@ def test_a_world_has_its_own_gravity(tmp_path: Path) -> None:
     assert load_world("maze.sdf", square()).gravity_mps2 == 9.81
 
 
-def test_an_indoor_world_on_a_slab_is_driven_on(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_indoor_world_on_a_slab_is_driven_on(tmp_path: Path, caplog: Log) -> None:
     def box(name: str, pose: str, size: str) -> str:
         return (
             f"<model name='{name}'><static>1</static><pose>{pose} 0 0 0</pose><link name='l'>"

@@ -4,6 +4,7 @@ import logging
 from pathlib import Path
 
 import pytest
+from fixture_types import Log
 from world_cases import GROUND, box, square, world_of
 
 from evoros.base.errors import InputError
@@ -59,9 +60,7 @@ def test_two_bodies_of_one_name_are_refused() -> None:
         world_of(GROUND, box("twin", 2.0, 2.0, 0.5), box("twin", 3.0, 3.0, 0.5))
 
 
-def test_a_model_alone_gets_ground_to_stand_on(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_model_alone_gets_ground_to_stand_on(tmp_path: Path, caplog: Log) -> None:
     path = tmp_path / "rock.sdf"
     path.write_text(
         "<sdf version='1.7'><model name='rock'><static>1</static><pose>2 2 0 0 0 0</pose>"

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from zipfile import ZipFile
 
 import pytest
+from fixture_types import Capture, Folders, Patch
 from helpers import TINY, USER_PARTS, everything, finished_run, start
 
 import evoros
@@ -40,7 +41,7 @@ class Case(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def case(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Case]:
+def case(tmp_path_factory: Folders) -> Iterator[Case]:
     """A run in a folder with a space in the home folder, with a reference to a secret."""
     home = tmp_path_factory.mktemp("home") / "somebody"
     cache = os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))
@@ -63,7 +64,7 @@ def archived(file: Path, *arguments: object) -> int:
     return archive([*map(str, arguments), "--output", str(file)])
 
 
-def refused_last(call: Callable[[], int], capsys: pytest.CaptureFixture[str]) -> str:
+def refused_last(call: Callable[[], int], capsys: Capture) -> str:
     """The last line, after notes about how files were read."""
     capsys.readouterr()
     assert call() == INPUT
@@ -106,7 +107,7 @@ def test_nothing_in_it_tells_of_the_machine_or_the_user(case: Case) -> None:
     ],
 )
 def test_a_secret_in_a_part_is_refused(
-    text: str, said: str, case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    text: str, said: str, case: Case, tmp_path: Path, capsys: Capture
 ) -> None:
     part = case.project / "mine" / "note.txt"
     part.write_text(f"\n{text.replace('HOME', str(Path.home()))}\n")
@@ -126,9 +127,7 @@ def test_the_same_folder_gives_the_same_bytes(case: Case, tmp_path: Path) -> Non
     assert again.read_bytes() == case.file.read_bytes()
 
 
-def test_one_run_is_read_as_its_folder(
-    case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_one_run_is_read_as_its_folder(case: Case, tmp_path: Path, capsys: Capture) -> None:
     before = case.file.read_bytes(), everything(case.project)
     there, here = evoros.load_run(case.file), evoros.load_run(case.run)
     columns = [name for name in here.missions if name != "digest"]
@@ -149,7 +148,7 @@ def test_figures_are_written_beside_an_archive(case: Case, tmp_path: Path) -> No
     assert (tmp_path / "study_analysis" / "figures" / "fitness.pdf").is_file()
 
 
-def test_one_of_several_runs_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_of_several_runs_is_named(tmp_path: Path, capsys: Capture) -> None:
     study, file = tmp_path / "study", tmp_path / "study.zip"
     for name in ("a", "b"):
         finished_run(study / name)
@@ -246,7 +245,7 @@ CANNOT: dict[str, tuple[Callable[[Case, Path], list[object]], str]] = {
 
 
 def test_missing_parts_of_the_user_are_named_as_one_types_them(
-    case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    case: Case, tmp_path: Path, capsys: Capture
 ) -> None:
     told = refused_last(lambda: archived(tmp_path / "new.zip", case.run), capsys)
     typed = shlex.split(told.rpartition("; add ")[2])
@@ -256,7 +255,7 @@ def test_missing_parts_of_the_user_are_named_as_one_types_them(
 
 @pytest.mark.parametrize("what", CANNOT)
 def test_what_cannot_be_archived_is_one_line(
-    what: str, case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    what: str, case: Case, tmp_path: Path, capsys: Capture
 ) -> None:
     arguments, said = CANNOT[what]
     given = arguments(case, tmp_path)
@@ -265,16 +264,14 @@ def test_what_cannot_be_archived_is_one_line(
     assert not [*tmp_path.glob(".*.part")]
 
 
-def test_an_existing_file_stays(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_existing_file_stays(case: Case, capsys: Capture) -> None:
     before = case.file.read_bytes()
     given = [case.run, "--config-dir", case.project / "mine"]
     assert "already exists" in refused_last(lambda: archived(case.file, *given), capsys)
     assert case.file.read_bytes() == before
 
 
-def test_a_full_disk_leaves_no_file(
-    case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_full_disk_leaves_no_file(case: Case, tmp_path: Path, capsys: Capture) -> None:
     """A limit of the system, which no file may exceed."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     size = case.file.stat().st_size
@@ -341,9 +338,7 @@ def test_every_changed_bit_is_noticed(case: Case, tmp_path: Path) -> None:
         file.unlink()
 
 
-def test_other_inputs_are_named(
-    case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_other_inputs_are_named(case: Case, tmp_path: Path, capsys: Capture) -> None:
     """A heavier robot, with the right checksums: the run is refused before it begins."""
     from hashlib import sha256
 
@@ -369,7 +364,7 @@ def test_other_inputs_are_named(
     [(["a"], [True], True), (["a"], [False], False), (["b"], [True], False)],
 )
 def test_the_patch_is_that_of_the_commit_of_the_runs(
-    commits: list[str], dirty: list[bool], patched: bool, monkeypatch: pytest.MonkeyPatch
+    commits: list[str], dirty: list[bool], patched: bool, monkeypatch: Patch
 ) -> None:
     """Nobody knows how files differed from a commit that is not the current one."""
     monkeypatch.setattr(software, "read_origin", lambda: Origin("1.0", "a", True))

@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from fixture_types import Capture, Folders, Patch
 from helpers import USER_PARTS, copied, cut, everything, reseal, resume, scored, tiny
 
 from evoros.plugins.archives.reproduce import reproduce
@@ -16,7 +17,7 @@ SAME = "made with the same packages, commit, processor and operating system\n"
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory: Folders) -> Path:
     """A run that was extended after its end."""
     folder = tmp_path_factory.mktemp("one") / "run"
     assert tiny(folder, "record=all", "optimizer.generations=1", "figures=[fitness]") == DONE
@@ -28,9 +29,7 @@ def times(folder: Path) -> dict[str, int]:
     return {path: os.stat(path).st_mtime_ns for path in map(str, folder.rglob("*"))}
 
 
-def reproduced(
-    folder: Path, new: Path, capsys: pytest.CaptureFixture[str], *more: str
-) -> tuple[int, str, str]:
+def reproduced(folder: Path, new: Path, capsys: Capture, *more: str) -> tuple[int, str, str]:
     """The status and what was printed; the folder has the bytes and the dates of before."""
     before = everything(folder), times(folder)
     capsys.readouterr()
@@ -52,7 +51,7 @@ def change_mission(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_an_extended_run_is_reproduced_to_the_byte(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     workers = ("executor=processes", "executor.workers=2")
     status, out, _ = reproduced(run, tmp_path / "new", capsys, *OWN, *workers)
@@ -64,7 +63,7 @@ def test_an_extended_run_is_reproduced_to_the_byte(
 
 @pytest.mark.slow
 def test_an_evaluation_and_a_sweep_are_reproduced(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    run: Path, tmp_path: Path, capsys: Capture, monkeypatch: Patch
 ) -> None:
     """The current folder has changed, and the runs that the evaluation scored are missing."""
     study = tmp_path / "study"
@@ -80,7 +79,7 @@ def test_an_evaluation_and_a_sweep_are_reproduced(
 
 @pytest.mark.slow
 def test_the_first_mission_that_differs_is_named_and_what_may_be_why(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     folder = copied(run, tmp_path / "run")
     manifest = json.loads((folder / "manifest.json").read_text())
@@ -102,9 +101,7 @@ def test_the_first_mission_that_differs_is_named_and_what_may_be_why(
 
 
 @pytest.mark.slow
-def test_an_interrupted_reproduction_goes_on(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_interrupted_reproduction_goes_on(run: Path, tmp_path: Path, capsys: Capture) -> None:
     new = copied(run, tmp_path / "new")
     cut(new, (new / "missions.csv").stat().st_size // 3)
     (new / "status.json").unlink()
@@ -137,7 +134,7 @@ def emptied(folder: Path) -> None:
     ],
 )
 def test_what_cannot_be_reproduced_is_one_line(
-    spoil: object, said: str, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    spoil: object, said: str, run: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     folder = copied(run, tmp_path / "run")
     assert callable(spoil)
@@ -150,7 +147,7 @@ def test_what_cannot_be_reproduced_is_one_line(
 
 @pytest.mark.slow
 def test_nothing_is_written_into_the_folder_given_or_a_strange_one(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     strange = tmp_path / "strange"
     more = ("record=all", "optimizer.generations=1", "figures=[fitness]", "seed=9")
@@ -165,7 +162,7 @@ def test_nothing_is_written_into_the_folder_given_or_a_strange_one(
 
 @pytest.mark.parametrize("typed", ["seed=3", "optimizer.generations=9", "--nonsense"])
 def test_only_the_executor_may_be_another(
-    typed: str, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    typed: str, run: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     status, _, err = reproduced(run, tmp_path / "new", capsys, *OWN, typed)
     assert (status, err.count("\n"), typed in err) == (INPUT, 1, True)
@@ -173,7 +170,7 @@ def test_only_the_executor_may_be_another(
 
 
 def test_the_code_of_others_runs_only_if_it_is_named(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    run: Path, tmp_path: Path, capsys: Capture, monkeypatch: Patch
 ) -> None:
     monkeypatch.setattr("evoros.session.rebuilding.NAMED_FOLDERS", [])  # as in a new process
     status, _, err = reproduced(run, tmp_path / "new", capsys)
@@ -182,6 +179,6 @@ def test_the_code_of_others_runs_only_if_it_is_named(
     assert not (tmp_path / "new").exists()
 
 
-def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_and_version(capsys: Capture) -> None:
     assert reproduce(["--help"]) == reproduce(["--version"]) == DONE
     assert "FOLDER" in capsys.readouterr().out

@@ -14,6 +14,7 @@ from typing import cast
 import numpy as np
 import pytest
 from busy import busy_cores
+from fixture_types import Folders, Log, Patch
 from helpers import alone, content, with_parts
 from pybullet_cases import box
 
@@ -52,7 +53,7 @@ of_the_peer = pytest.mark.skipif(REAL is not None, reason="only the peer has fau
 
 
 @pytest.fixture(scope="module")
-def binary(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def binary(tmp_path_factory: Folders) -> Iterator[Path]:
     path = make_binary(tmp_path_factory.mktemp("a binary"))
     yield path
     assert not find_processes(path)
@@ -152,7 +153,7 @@ def test_two_missions_have_the_same_bytes(among_boxes: Scenario, reference: str)
 
 
 def test_without_isolation_the_bytes_are_the_same_and_no_file_is_left(
-    among_boxes: Scenario, reference: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    among_boxes: Scenario, reference: str, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     assert digest(with_settings(among_boxes, isolate=False)) == reference
@@ -331,9 +332,7 @@ def test_a_binary_that_cannot_be_started_is_named(
         run_mission(with_settings(short, binary=str(tmp_path / name)), mission())
 
 
-def test_without_pymavlink_its_installation_is_told(
-    short: Scenario, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_pymavlink_its_installation_is_told(short: Scenario, monkeypatch: Patch) -> None:
     mavlink.dialect.cache_clear()
     monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20", None)
     with pytest.raises(LaunchError, match=r"pymavlink, .*'evoros\[ardupilot\]'"):
@@ -372,7 +371,7 @@ def test_the_version_is_that_of_the_binary(short: Scenario) -> None:
 
 @pytest.mark.slow
 def test_more_than_six_sonars_are_said_once_before_the_run(
-    experiment: Experiment, binary: Path, caplog: pytest.LogCaptureFixture
+    experiment: Experiment, binary: Path, caplog: Log
 ) -> None:
     assert list(check_told(alone(experiment))) == []
     caplog.set_level("INFO", "evoros")

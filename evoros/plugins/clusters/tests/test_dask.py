@@ -25,6 +25,7 @@ from executor_calls import (
     threads_of_numpy,
     wait_until,
 )
+from fixture_types import Capture, Folders, Log, Patch
 from helpers import ROOT, TINY, content, resume, start, tiny, wait_for_missions
 
 from evoros.base.errors import InputError, RunStopped, WorkerLost
@@ -46,7 +47,7 @@ GENERATIONS = "optimizer.generations=4"
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+def whole(tmp_path_factory: Folders) -> dict[str, str]:
     """A run in one process."""
     run = tmp_path_factory.mktemp("whole") / "run"
     assert tiny(run, GENERATIONS) == DONE
@@ -54,7 +55,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 
 @pytest.fixture(scope="module")
-def started(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+def started(tmp_path_factory: Folders) -> Iterator[Cluster]:
     with cluster(tmp_path_factory.mktemp("cluster"), workers=2) as running:
         yield running
 
@@ -79,7 +80,7 @@ def test_workers_lost_stopped_and_added_in_mid_run_change_nothing(
 
 @pytest.mark.slow
 def test_a_killed_scheduler_stops_the_run_in_one_line_and_a_cluster_of_its_own_goes_on_with_it(
-    whole: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    whole: dict[str, str], tmp_path: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests"))
     with cluster(tmp_path, workers=1) as first:
@@ -118,10 +119,7 @@ def test_a_cluster_of_its_own_listens_on_loopback_only_and_ends_with_a_killed_ma
 
 @pytest.mark.slow
 def test_nobody_at_the_address_is_told_in_one_line(
-    whole: dict[str, str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    whole: dict[str, str], tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     monkeypatch.setattr(dask_transport, "CONNECT_S", 1.0)
     with socket.create_server(("127.0.0.1", 0)) as server:
@@ -140,7 +138,7 @@ def test_nobody_at_the_address_is_told_in_one_line(
 
 @pytest.mark.slow
 def test_a_scheduler_is_found_by_its_file(
-    started: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    started: Cluster, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     with Dask(str(started.folder / "scheduler.json")).open() as pool:
         assert pool.submit(square, 6).result(LIMIT_S) == 36
@@ -153,9 +151,7 @@ def test_a_scheduler_is_found_by_its_file(
 
 
 @pytest.mark.slow
-def test_workers_with_other_software_get_no_calls(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_workers_with_other_software_get_no_calls(tmp_path: Path, caplog: Log) -> None:
     """Each pool logs such a worker once, and a suitable worker runs all calls."""
     other = tmp_path / "other"
     package = other / "numba-0.0.1.dist-info"
@@ -179,7 +175,7 @@ def test_workers_with_other_software_get_no_calls(
 
 @pytest.mark.slow
 def test_a_call_that_kills_its_workers_is_found_and_costs_no_other(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     """Running and waiting calls in the same worker, which dask blames as well, are not lost."""
     monkeypatch.setitem(SETTINGS, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "1")

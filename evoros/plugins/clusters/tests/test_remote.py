@@ -13,6 +13,7 @@ from types import ModuleType
 
 import pytest
 from executor_calls import square
+from fixture_types import Log, Patch
 from numba.np.random import _constants
 
 from evoros.base.errors import InputError, RunStopped
@@ -43,7 +44,7 @@ LIMITS = Limits(time_limit_s=60.0)
 
 
 @pytest.fixture(autouse=True)
-def _without_tests(monkeypatch: pytest.MonkeyPatch) -> None:
+def _without_tests(monkeypatch: Patch) -> None:
     """Leave the modules of the tests out of what travels, which would be packed for each pool."""
     others = {name: m for name, m in sys.modules.items() if not is_of_tests(m)}
     monkeypatch.setattr(sys, "modules", others)
@@ -129,9 +130,7 @@ def test_a_worker_that_does_not_fit_is_left_out_and_the_last_one_ends_the_run() 
 
 
 @pytest.mark.slow
-def test_a_worker_with_another_c_library_works_and_is_told_of_once(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_a_worker_with_another_c_library_works_and_is_told_of_once(caplog: Log) -> None:
     pool = RemotePool(Carrier({"a": Kept(), "odd": Kept()}), LIMITS, shares_files=True)
     assert [pool.submit(square, n).result(0) for n in range(6)] == [0, 1, 4, 9, 16, 25]
     (line,) = [record.getMessage() for record in caplog.records]
@@ -170,7 +169,7 @@ def test_a_process_keeps_the_newest_contents() -> None:
 
 
 @pytest.fixture
-def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def mine(tmp_path: Path, monkeypatch: Patch) -> Path:
     """A folder of the user, from which a module and one of a package have been imported."""
     folder = tmp_path / "mine"
     files = {
@@ -226,9 +225,7 @@ def test_a_run_goes_on_with_the_code_that_it_began_with(mine: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_folder_that_holds_more_than_modules_is_refused(
-    mine: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_that_holds_more_than_modules_is_refused(mine: Path, monkeypatch: Patch) -> None:
     monkeypatch.setattr(companion, "MAX_BYTES", 1 << 20)
     (mine / "own_package" / "video.bin").write_bytes(bytes((1 << 20) + 1))
     with pytest.raises(
@@ -262,9 +259,7 @@ def test_the_digest_of_arithmetic_includes_the_tails_of_the_generator() -> None:
 @pytest.mark.parametrize(
     "name", ["evoros.base.ziggurat.log1p", "evoros.plugins.clusters.node.UNARY"]
 )
-def test_another_function_of_evoros_is_another_arithmetic(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_function_of_evoros_is_another_arithmetic(name: str, monkeypatch: Patch) -> None:
     before = describe_environment()[ARITHMETIC]
     monkeypatch.setattr(name, nearly_log1p if name.endswith("log1p") else (nearly_log1p,))
     describe_environment.cache_clear()

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from design_figure_cases import PAIRS, RINGS, SETTING, TWO, folder, product, sensor, table
+from fixture_types import Capture
 from matplotlib.patches import Circle
 
 from evoros.analysis.command import evoros_analyze
@@ -80,7 +81,7 @@ def test_of_twins_the_left_one_is_hit_and_the_other_is_named() -> None:
 
 
 def test_the_failure_of_the_best_run_that_has_it_or_of_the_one_that_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Capture
 ) -> None:
     whole = FigureContext(**{**vars(SETTING), "rings": ()})
     folder(tmp_path / "none" / "seed-9", whole, seed=9, mounts=TWO)
@@ -99,9 +100,7 @@ def test_the_failure_of_the_best_run_that_has_it_or_of_the_one_that_is_named(
     assert not Path(out).exists()
 
 
-def test_without_sensors_nothing_can_be_damaged(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_sensors_nothing_can_be_damaged(tmp_path: Path, capsys: Capture) -> None:
     bald = folder(tmp_path / "run")
     assert evoros_analyze(["failure", str(bald), "--output", str(tmp_path / "out")]) == INPUT
     assert "choose another run with --run" in capsys.readouterr().err

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from fixture_types import Capture, Folders
 from helpers import tiny
 
 from evoros.analysis.command import evoros_analyze
@@ -24,7 +25,7 @@ ALL = {
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def study(tmp_path_factory: Folders) -> Path:
     folder = tmp_path_factory.mktemp("paper")
     calm = ("failure=none", "~failure.earliest_s", "~failure.latest_s")
     for name, failure in (("none", calm), ("spatial", ("failure=spatial",))):
@@ -32,7 +33,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def draw(folder: Path, output: Path, capsys: pytest.CaptureFixture[str]) -> tuple[set[int], str]:
+def draw(folder: Path, output: Path, capsys: Capture) -> tuple[set[int], str]:
     """The numbers of the figures that are there, and what was said."""
     given = ["paper", str(folder), "--output", str(output), "--panel-letters", "A"]
     assert evoros_analyze(given) == DONE
@@ -46,7 +47,7 @@ def draw(folder: Path, output: Path, capsys: pytest.CaptureFixture[str]) -> tupl
 
 @pytest.mark.slow
 def test_a_case_study_gives_all_figures_under_their_numbers(
-    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    study: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     result, said = draw(study, tmp_path, capsys)
     assert result == set(ALL)
@@ -56,11 +57,7 @@ def test_a_case_study_gives_all_figures_under_their_numbers(
 @pytest.mark.slow
 @pytest.mark.parametrize(("treatment", "lacking"), [("none", {10, 11}), ("spatial", {5, 7, 8, 9})])
 def test_each_missing_figure_is_one_line(
-    treatment: str,
-    lacking: set[int],
-    study: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    treatment: str, lacking: set[int], study: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     result, said = draw(study / treatment, tmp_path, capsys)
     assert result == set(ALL) - lacking

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from executor_calls import wait_until
+from fixture_types import Patch
 from helpers import content, start, wait_for_missions
 from planar_cases import experiment as plane_experiment
 from planar_cases import world_of
@@ -65,7 +66,7 @@ def flown() -> Experiment:
 
 
 @pytest.fixture
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def cache(tmp_path: Path, monkeypatch: Patch) -> Iterator[Path]:
     """A cache for scripts in place of the server, which workers use, too."""
     compile_server()
     own_cache(tmp_path)
@@ -200,7 +201,7 @@ def test_a_server_that_hangs_is_lost_at_the_limit() -> None:
 
 @pytest.mark.slow
 def test_a_mission_whose_server_ends_is_flown_again(
-    flown: Experiment, cache: Path, monkeypatch: pytest.MonkeyPatch
+    flown: Experiment, cache: Path, monkeypatch: Patch
 ) -> None:
     """At the second attempt it has the outcome that it has anyway; without one it is lost."""
     expected = repr(run_mission(flown.scenario, mission(flown, "maze"))[0])
@@ -224,7 +225,7 @@ def test_a_mission_whose_server_ends_is_flown_again(
 
 
 def test_what_libraries_print_changes_no_bit(
-    flown: Experiment, cache: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any
+    flown: Experiment, cache: Path, monkeypatch: Patch, capfd: Any
 ) -> None:
     expected = repr(run_mission(flown.scenario, mission(flown, "maze")))
     gazebo.IDLE.close()
@@ -291,7 +292,7 @@ def test_standing_bodies_are_held_only_while_nothing_can_move_them() -> None:
 
 
 def test_a_worker_with_another_release_is_refused_in_one_line(
-    flown: Experiment, monkeypatch: pytest.MonkeyPatch
+    flown: Experiment, monkeypatch: Patch
 ) -> None:
     """A simulator remembers where it was made, as a pickle that another machine gets."""
     library = find_library()
@@ -331,7 +332,7 @@ def fresh_library() -> Iterator[None]:
     ],
 )
 def test_a_lack_is_one_line_with_the_packages(
-    programs: dict[str, str], what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    programs: dict[str, str], what: str, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     (tmp_path / "bin").mkdir()
     for name, script in programs.items():
@@ -345,7 +346,7 @@ def test_a_lack_is_one_line_with_the_packages(
 
 @pytest.mark.usefixtures("fresh_library")
 def test_each_version_is_compiled_once_by_whichever_process_is_first(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     """Four ask at once; another version, or another source, is compiled for itself."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
@@ -374,9 +375,7 @@ def test_each_version_is_compiled_once_by_whichever_process_is_first(
 
 
 @pytest.mark.usefixtures("fresh_library")
-def test_a_source_that_does_not_compile_is_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_source_that_does_not_compile_is_one_line(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     source = tmp_path / "gazebo_server.cc"
     source.write_text('#error "another library"\n')

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fixture_types import Log, Patch
 from gpu_cases import Result, StandInDriver
 from mission_cases import COMBINATIONS, SHORT, experiment_of, missions, same
 from proposal_sites import is_of
@@ -61,7 +62,7 @@ def test_a_driver_that_reports_none_is_asked_no_more() -> None:
         require_gpu(driver)
 
 
-def test_the_package_is_named_where_it_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_package_is_named_where_it_is_not_installed(monkeypatch: Patch) -> None:
     monkeypatch.setitem(sys.modules, "cuda", None)
     monkeypatch.setitem(sys.modules, "cuda.bindings", None)
     with pytest.raises(InputError, match=r"^executor=gpu: needs .* pip install 'evoros\[gpu\]'$"):
@@ -69,14 +70,12 @@ def test_the_package_is_named_where_it_is_not_installed(monkeypatch: pytest.Monk
 
 
 @pytest.fixture
-def lacking(monkeypatch: pytest.MonkeyPatch) -> None:
+def lacking(monkeypatch: Patch) -> None:
     monkeypatch.setattr(gpu, "_find_lack", lambda: "there is no GPU")
 
 
 @pytest.mark.usefixtures("lacking")
-def test_without_a_gpu_missions_run_on_the_cpu_and_one_line_says_so(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_without_a_gpu_missions_run_on_the_cpu_and_one_line_says_so(caplog: Log) -> None:
     with caplog.at_level(logging.WARNING), Gpu(workers=1).open() as pool:
         assert not isinstance(pool, BatchPool)
     (record,) = caplog.records
@@ -103,7 +102,7 @@ class Failing:
 
 
 @pytest.fixture
-def failing(monkeypatch: pytest.MonkeyPatch) -> Failing:
+def failing(monkeypatch: Patch) -> Failing:
     device = Failing()
     monkeypatch.setattr(calls, "_open_batcher", lambda name: device)
     monkeypatch.setattr(calls, "_notes", {})
@@ -141,7 +140,7 @@ def test_or_ends_the_run_which_can_be_resumed(failing: Failing) -> None:
         assert pool.submit(abs, -1).result(60) == 1
 
 
-def test_a_call_runs_missions_together(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_call_runs_missions_together(monkeypatch: Patch) -> None:
     monkeypatch.setattr(calls, "_open_batcher", lambda name: Batcher(Host()))
     experiment = experiment_of(*COMBINATIONS[1])
     answer = call("cpu", "cpu")
@@ -172,7 +171,7 @@ class InProcess:
         raise AssertionError
 
 
-def test_calls_grow_to_whole_launches(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_calls_grow_to_whole_launches(monkeypatch: Patch) -> None:
     monkeypatch.setattr(calls, "_open_batcher", lambda name: Batcher(Host()))
     monkeypatch.setattr(calls, "_notes", {})
     pool, experiment = InProcess(), experiment_of(*COMBINATIONS[1])
@@ -182,7 +181,7 @@ def test_calls_grow_to_whole_launches(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("failing")
-def test_what_workers_note_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_what_workers_note_is_told_once(caplog: Log) -> None:
     pool, experiment = InProcess(), experiment_of(*COMBINATIONS[1])
     results = list(Dispatcher(pool, "stop").run(experiment.scenario, missions(experiment, 8)))
     assert sum(map(len, results)) == len(missions(experiment, 8))
@@ -229,7 +228,7 @@ class Thread:
 class Launches:
     """The launches of a command with a worker in this process, as their numbers of missions."""
 
-    monkeypatch: pytest.MonkeyPatch
+    monkeypatch: Patch
     sizes: list[int] = field(default_factory=list)
 
     def run(self, arguments: list[str], runs: int) -> int:
@@ -263,7 +262,7 @@ def tables_of(sweep: Path) -> set[bytes]:
 
 @pytest.mark.slow
 def test_a_sweep_launches_missions_of_all_its_runs_together(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     """With fewer launches than its runs alone, and the same bytes."""
     launches, alone, missions_alone = Launches(monkeypatch), 0, 0
@@ -284,7 +283,7 @@ def test_a_sweep_launches_missions_of_all_its_runs_together(
 
 @pytest.mark.slow
 def test_a_run_of_a_sweep_that_fails_leaves_the_others_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     run = Batcher.run
 

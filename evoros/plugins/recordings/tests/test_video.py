@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from documents import page
+from fixture_types import Capture, Folders, Patch
 from helpers import USER_PARTS, finished_run, reseal
 from hypothesis import given
 from hypothesis import strategies as st
@@ -65,7 +66,7 @@ OPEN = World("open", (GROUND,), COURSE, "open.sdf", "0")
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+def run(tmp_path_factory: Folders) -> Run:
     folder = tmp_path_factory.mktemp("video") / "run"
     return load_run(finished_run(folder, "failure.latest_s=3.0"))
 
@@ -502,9 +503,7 @@ def test_another_trajectory_gives_another_video(
     )
 
 
-def test_the_example_films_another_mission(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_example_films_another_mission(run: Run, tmp_path: Path, monkeypatch: Patch) -> None:
     section = page("recordings").read_text().split("\n## video\n")[1]
     (block, *_) = re.findall(r"^```python\n(.*?)^```$", section, re.M | re.S)
     (tmp_path / "outputs").mkdir()
@@ -534,7 +533,7 @@ DAMAGES: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], str]] = {
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_trajectory_is_said_in_one_line(
-    damage: str, run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    damage: str, run: Run, tmp_path: Path, capsys: Capture
 ) -> None:
     path = run.path / "champion" / "trajectory_near.csv"
     whole = path.read_text()
@@ -567,7 +566,7 @@ def test_a_damaged_trajectory_is_said_in_one_line(
     ],
 )
 def test_a_wrong_option_is_said_in_one_line(
-    more: list[str], part: str, run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    more: list[str], part: str, run: Run, tmp_path: Path, capsys: Capture
 ) -> None:
     arguments = ["video", str(run.path), "--output", str(tmp_path / "out"), *more]
     assert evoros_analyze(arguments) == INPUT
@@ -577,7 +576,7 @@ def test_a_wrong_option_is_said_in_one_line(
 
 
 def test_without_an_encoder_one_line_says_what_to_install(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    run: Run, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     monkeypatch.setitem(sys.modules, "av", None)
     arguments = ["video", str(run.path), "--to", "0.5", "--size", "64x64"]
@@ -591,7 +590,7 @@ def test_without_an_encoder_one_line_says_what_to_install(
 
 @pytest.mark.parametrize("name", [[], ["--run", "run"]])
 def test_a_run_that_is_not_finished_is_said_in_one_line(
-    name: list[str], run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: list[str], run: Run, tmp_path: Path, capsys: Capture
 ) -> None:
     shutil.copytree(run.path, tmp_path / "run")
     status = tmp_path / "run" / "status.json"

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 import yaml
+from fixture_types import Capture, Folders, Patch
 from helpers import USER_PARTS, sweep, tiny
 
 from evoros.cli.main import evoros
@@ -71,7 +72,7 @@ def test_a_cut_event_file_is_continued(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def database(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def database(tmp_path_factory: Folders) -> Path:
     """A folder with a database, which MLflow needs seconds to make."""
     return tmp_path_factory.mktemp("mlflow")
 
@@ -146,9 +147,7 @@ class TestWandb(ObserverSuite):
         return read_wandb(run.origin, run.id)
 
 
-def test_variables_of_an_agent_do_not_join_runs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_variables_of_an_agent_do_not_join_runs(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.setattr("sys.argv", ["evoros", "hydra.run.dir=caf\udce9"])  # Latin-1 as typed
     for name in FOREIGN:
         monkeypatch.setenv(name, "must" if name == "WANDB_RESUME" else "other")
@@ -191,7 +190,7 @@ def read_wandb(origin: Path, run_id: str) -> dict[str, Any]:
 
 @pytest.mark.slow
 def test_a_sweep_is_nested_live_and_exported(
-    database: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    database: Path, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.chdir(database)
     study = tmp_path / "study"
@@ -222,9 +221,7 @@ def test_a_sweep_is_nested_live_and_exported(
 
 
 @pytest.mark.slow
-def test_a_server_that_is_not_there_costs_seconds(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_server_that_is_not_there_costs_seconds(tmp_path: Path, capsys: Capture) -> None:
     nowhere = "tracking_uri=http://me:pw0rd@127.0.0.1:9"
     run, begun = tmp_path / "run", time.monotonic()
     assert tiny(run, "observers=mlflow", f"observers.mlflow.{nowhere}") == DONE
