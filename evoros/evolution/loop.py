@@ -329,9 +329,10 @@ def evolve(
         told = scores.evaluate(index, individuals)
         generation = scores.conclude(index, search.tell(told), told)
         journal.write_generation(generation)
-        watcher.generation(generation)
         trials.spent.generations = index + 1
-        if stops(trials.spent):
+        ends = stops(trials.spent)
+        watcher.generation(generation)
+        if ends:
             break
     champions = search.champions()
     journal.write_champions(list_champions(scores, champions))

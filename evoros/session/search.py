@@ -61,8 +61,12 @@ class Search(Watcher):
     certificate: Certificate | None = None  # None until the end
     reason: str = ""  # the limits that ended the search, if any
     # processor time [s] of selection and confirmation up to the end of each generation
-    processor_s: list[float] = field(default_factory=list)
+    processor_s: list[float] = field(init=False)
     tell: Tell = ignore  # tells observers the number of recorded generations
+
+    def __post_init__(self) -> None:
+        self.processor_s = list(self.folder.read_status().get("processor_s", ()))
+        self._before = max(self.processor_s, default=0.0)
 
     @property
     def amount(self) -> str:
@@ -103,8 +107,6 @@ class Search(Watcher):
         if foreseen := foresee_trials(experiment.validation, missions, bounds):
             LOGGER.info(foreseen)
         self._recorded = self.folder.count_generations()
-        self.processor_s = list(self.folder.read_status().get("processor_s", ()))
-        self._before = max(self.processor_s, default=0.0)
         ending = evolve(experiment, self.folder, self, self.generations, pool, self._stops)
         self.certificate = ending.certificate
         self.folder.complete(ending.last.number + 1, self.extended)
@@ -112,12 +114,10 @@ class Search(Watcher):
     def _stops(self, spent: Spent) -> bool:
         """Note the cost of a generation; return True at a limit, unless recorded ones follow."""
         spent.wall_s = self._status.wall_s
-        if len(self.processor_s) < spent.generations:
+        if len(self.processor_s) == spent.generations - 1 >= self._recorded:
             self.processor_s.append(round(self._before + spent.processor_s, 3))
         if self._recorded <= spent.generations < self.generations:
             self.reason = self.experiment.stop_after.find_reached(spent)
-        if self.reason:
-            LOGGER.info("stopped: %s", self.reason)
         return bool(self.reason)
 
     def begin(self, generation: int, missions: int, known: int) -> None:
@@ -135,5 +135,7 @@ class Search(Watcher):
         log_progress(
             "generation %d/%d: %s", generation.number, self.generations - 1, generation.summary
         )
+        if self.reason:
+            LOGGER.info("stopped: %s", self.reason)
         self._status.display.generation(generation)
         self.tell(generation.number + 1)

@@ -4,6 +4,7 @@ import json
 import shlex
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -88,6 +89,17 @@ def test_the_first_generation_that_reaches_the_limit_is_the_last(
     )
     assert evoros(shlex.split(typed)) == DONE
     assert status(tmp_path / "cut")["generations_done"] != 2
+
+
+def test_a_resumed_run_keeps_the_processor_times(cut: Path) -> None:
+    before: Any = status(cut)["processor_s"]
+    assert evoros(["resume", str(cut), "stop_after.generations=3"]) == DONE
+    after: Any = status(cut)["processor_s"]
+    assert (after[:2], len(after)) == (before, 3)
+    assert 0.0 < before[0] < before[1] < after[2]
+    (cut / "status.json").unlink()  # the times of recorded generations are then unknown
+    assert evoros(["resume", str(cut), "stop_after.generations=null"]) == DONE
+    assert status(cut)["processor_s"] == []
 
 
 def test_all_reached_limits_are_raised_by_the_proposed_command(
