@@ -65,10 +65,7 @@ def make_product(subcommand: Subcommand, study: Study, options: argparse.Namespa
 
 
 def _add_factors(table: pd.DataFrame, study: Study) -> pd.DataFrame:
-    """Insert the factor levels of each row's treatment, or of its treatments ``a`` and ``b``.
-
-    If a column name is taken, it gets the prefix ``factor_``.
-    """
+    """Insert the levels of each row's treatments; prefix a name that is taken with ``factor_``."""
     records = (*study.evaluations, *study.records)  # runs take precedence if labels are equal
     factors = list(dict.fromkeys(name for record in records for name in record.levels))
     columns = list(table.columns)

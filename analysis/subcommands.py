@@ -1,7 +1,4 @@
-"""The subcommands of ``evoros analyze``: names, modules and options.
-
-Modules with plotting code are imported only for the chosen subcommand.
-"""
+"""The subcommands of ``evoros analyze``, which import plotting code only if chosen."""
 
 import argparse
 from collections.abc import Mapping, Sequence

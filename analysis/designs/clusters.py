@@ -1,9 +1,4 @@
-"""The number of clusters among points, from Ward's method, silhouettes and two tests.
-
-Clustering finds clusters in any point cloud. Therefore, the best silhouette is compared with the
-silhouettes of clouds without clusters (``find_clusters``) and of samples from a larger pool
-(``compare_with_samples``).
-"""
+"""The number of clusters among points, tested against clouds without clusters and a larger pool."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -52,10 +47,8 @@ def find_clusters(points: Array, draws: int = DRAWS) -> Clusters:
     """Cluster points (n, d) into 2 to ``MAX_CLUSTERS`` with the maximum mean silhouette.
 
     Ward's method uses Euclidean distances; silhouettes follow Rousseeuw (1987), J. Comput. Appl.
-    Math. 20, 53-65. The clouds without clusters are uniform in a box along the principal components
-    of the points and have the same covariance (the reference of the gap statistic: Tibshirani et
-    al. 2001, J. R. Stat. Soc. B 63, 411-423). To this test, points along a curve look clustered, so
-    a single varying quantity must map to a line in the coordinates.
+    Math. 20, 53-65. The clouds without clusters are uniform along the principal components, with
+    equal covariance (Tibshirani et al. 2001, J. R. Stat. Soc. B 63, 411-423).
     """
     n = len(points)
     if n < MIN_POINTS or not np.ptp(points, axis=0).any():
@@ -96,10 +89,8 @@ def cut_best(points: Array) -> tuple[float, NDArray[np.int64]]:
 
 
 def _cuts(tree: Array) -> list[NDArray[np.int64]]:
-    """Cut a tree from ``linkage`` into 2 to ``MAX_CLUSTERS`` clusters, numbered from 1.
-
-    SciPy's ``fcluster`` and ``cut_tree`` take ten times as long, which would dominate the time.
-    """
+    """Cut a tree from ``linkage`` into 2 to ``MAX_CLUSTERS`` clusters, numbered from 1."""
+    # SciPy's ``fcluster`` and ``cut_tree`` take ten times as long.
     n = len(tree) + 1
     members = {node: [node] for node in range(n)}  # points by node, in ascending order
     cuts = []

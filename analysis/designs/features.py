@@ -25,10 +25,7 @@ _PLACE = ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "pair"]
 
 
 def compute_profiles(sensors: pd.DataFrame) -> pd.DataFrame:
-    """Count the sensors that cover each heading: one row per design, one column per heading [deg].
-
-    Each count is the exact mean over ``STEP_DEG`` centred on the heading.
-    """
+    """Count the sensors that cover each heading [deg], averaged over ``STEP_DEG``, per design."""
     frame = pd.DataFrame(_overlap(sensors, HEADINGS_DEG, STEP_DEG / 2) / STEP_DEG)
     frame.columns = pd.Index(HEADINGS_DEG)
     return frame.groupby([sensors[name].to_numpy() for name in DESIGN]).sum().rename_axis(DESIGN)

@@ -1,7 +1,4 @@
-"""Panels at exact page positions, for axes with equal scales and fixed aspect ratios.
-
-Matplotlib's layouts would fit such panels into cells of different aspect ratios, and misalign them.
-"""
+"""Panels at exact positions on a page, because Matplotlib's layouts would misalign them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -77,10 +74,7 @@ def fit_height(
     stack: GridSpec | None = None,
     below: Sequence[float] = (),
 ) -> None:
-    """Give a figure the height that its rows of equal-scale panels need at its width.
-
-    Below them, a ``stack`` may have further parts, of heights ``below`` [in].
-    """
+    """Fit a figure's height to its rows of panels and a ``stack`` of heights ``below`` [in]."""
 
     def resize(height: float) -> None:
         figure.set_figheight(height + sum(below))

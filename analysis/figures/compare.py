@@ -160,10 +160,7 @@ def draw_comparison(
     with_tests: bool = True,
     race: Race | None = None,
 ) -> Figure:
-    """Draw one panel per measure: a dot for each run below a box plot, with test results below.
-
-    With the target of a race, another panel shows the share of runs that have reached it.
-    """
+    """Draw a panel per measure: dots of runs, box plots and tests; and a panel of the ``race``."""
     names = list(dict.fromkeys(runs["treatment"].astype(str)))
     measures = list(dict.fromkeys(table["measure"]))
     tests = {name: table[(table["measure"] == name) & (table["b"] != "")] for name in measures}

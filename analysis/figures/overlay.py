@@ -1,8 +1,6 @@
 """All champions on one robot: positions and coverage of their sensors (the paper's Fig. 8).
 
-Short cones show where sensors are mounted; full-range cones show the directions that they cover.
-The shade gives the number of champions (of sensors if every treatment has a single champion),
-because overlapping translucent cones would not show numbers.
+The shade gives the number of champions (of sensors if every treatment has a single champion).
 """
 
 import argparse

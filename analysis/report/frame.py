@@ -44,10 +44,9 @@ HEADER, LINKS, MISSIONS = "header", "links", "missions"  # ids of parts that are
 
 @dataclass(frozen=True)
 class Page:
-    """The content of a page.
+    """The content of a page; playbacks share ``grounds``.
 
-    A playback has a ``label``, a ``key``, the names of the ``players`` that offer it, and the
-    result of ``encode_shown`` as ``content``. Playbacks share ``grounds``.
+    A playback has a ``label``, a ``key``, its ``players``, and ``content`` from ``encode_shown``.
     """
 
     title: str

@@ -1,8 +1,4 @@
-"""The archive and Pareto front of a study as maps on the page, with markers that select designs.
-
-A marker is a cell of the archive or a point on the front. The selected design is drawn next to the
-map, and its missions can be played if the run has stored them.
-"""
+"""Maps of a study's archive and Pareto front on the page, with markers that select designs."""
 
 import argparse
 from collections.abc import Callable, Iterator, Sequence

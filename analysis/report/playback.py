@@ -1,8 +1,6 @@
 """Encodes missions of champions, or of best designs so far, for the player of a report.
 
-Positions and readings are in millimetres, times in milliseconds, and angles in milliradians, all as
-integers. To keep numbers short, each column lists differences between samples, or ``[sample,
-value]`` at each change.
+Values are integers [mm, ms, mrad]: differences between samples, or ``[sample, value]`` at changes.
 """
 
 import math
@@ -211,10 +209,7 @@ def encode_playback(record: Record) -> Markup:
 def encode_shown(
     shown: ShownDesign, most: int = MAX_RECORDS, grounds: dict[str, Json] | None = None
 ) -> Markup:
-    """Encode the missions of a design as JSON, with at most ``most`` samples each.
-
-    If ``grounds`` is given, courses and obstacles are stored there, to be shared by designs.
-    """
+    """Encode a design's missions, ``most`` samples each; ``grounds`` collects courses to share."""
     context = shown.record.context
     content = {
         "run": shown.record.name,

@@ -25,10 +25,7 @@ COLUMNS = (
 def compare_treatments(
     runs: pd.DataFrame, measures: Sequence[str] = MEASURES, reference: str | None = None
 ) -> pd.DataFrame:
-    """Compare each pair of treatments, or each treatment with the ``reference``, by each measure.
-
-    A single treatment has one row.
-    """
+    """Compare each pair of treatments, or each with ``reference``, by each measure."""
     rows = [
         row
         for measure in measures
@@ -78,10 +75,7 @@ def _describe_side(side: str, values: Array) -> dict[str, object]:
 
 
 def compare_reached(table: pd.DataFrame, runs: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Add the share of runs that reached a target, with Fisher's exact test, to each comparison.
-
-    ``column`` of ``runs`` is empty if the target was not reached.
-    """
+    """Add the share of runs with a value in ``column``, with Fisher's exact test, to each row."""
     groups = runs.groupby("treatment", sort=False)[column]
     known = {str(name): (int(cost.count()), len(cost)) for name, cost in groups}
     rows = []
@@ -105,10 +99,7 @@ def title_measure(measure: str, label: str = FITNESS) -> str:
 
 
 def conclude(table: pd.DataFrame, label: str = FITNESS) -> list[str]:
-    """Return a sentence for each row; of many rows, only for those with a significant difference.
-
-    A measure without enough replicates has a single sentence.
-    """
+    """Return a sentence for each row; of many rows, only for the significant differences."""
     said: list[str] = []
     for measure, rows in table.groupby("measure", sort=False):
         pairs = rows.to_dict("records")

@@ -1,9 +1,8 @@
 """Tests of one or two factors and their interaction, and intervals of contrasts.
 
-Welch's statistic lets cells differ in size and variance. Its p-value comes from permutations of the
-data (Pauly, Brunner and Konietschke 2015, J. R. Stat. Soc. B 77, 461-473), so the test also keeps
-its nominal level for data that are not normal. Ranks are not used, because with skewed values they
-make main effects look like an interaction.
+Permutations of Welch's statistic (Pauly, Brunner and Konietschke 2015, J. R. Stat. Soc. B 77,
+461-473) keep the level for cells that differ in size or variance and are not normal. With ranks,
+main effects of skewed values would look like an interaction.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -53,11 +52,9 @@ def permute_effects(
 ) -> list[EffectTest]:
     """Test the effect of each factor, and the interaction of two.
 
-    ``levels`` maps each of one or two factors to the levels of the values; each cell needs at least
-    two values. A main effect compares means over the levels of the other factor, with equal
-    weights. One factor with two levels gets the two-sample test. The p-values come from
-    ``resamples`` permutations, and depend neither on the order of the values nor on the names of
-    the levels.
+    ``levels`` maps each factor to the levels of the values; each cell needs at least two values. A
+    main effect weights the other factor's levels equally. The p-values depend neither on the order
+    of the values nor on the names of the levels.
     """
     names, rows = list(levels), list(zip(*levels.values(), strict=True))
     cells = {
@@ -159,8 +156,7 @@ def contrast_interval(
 ) -> Interval:
     """Return a weighted sum of cell means and its interval (Welch 1947, Biometrika 34, 28-35).
 
-    ``bounds``, the minimum and maximum possible values, limit the interval. It is NaN if a cell has
-    a single value, or if the values vary in no cell.
+    ``bounds`` limit the interval, which is NaN if a cell has a single value or no cell varies.
     """
     used = [(w, np.asarray(x, float)) for w, x in zip(weights, cells, strict=True) if w]
     value = float(sum(w * x.mean() for w, x in used))

@@ -52,8 +52,7 @@ def measure_scatter(groups: Sequence[Array]) -> Scatter | None:
 class Simulation:
     """Pairs of simulated treatments; comparisons use the first n replicates of each pair.
 
-    Replicates come from a smoothed bootstrap (Silverman and Young 1987, Biometrika 74, 469-479)
-    that keeps the variance of the residuals.
+    They come from a smoothed bootstrap (Silverman and Young 1987, Biometrika 74, 469-479).
     """
 
     scatter: Scatter
@@ -71,10 +70,7 @@ class Simulation:
         return first, second
 
     def compute_power(self, difference: float, n: int) -> float:
-        """Return the power to detect a difference [standard deviations] with n replicates.
-
-        P-values are adjusted like the smallest one in Holm's method.
-        """
+        """Return the power for a difference [sd] with n replicates, by Holm's smallest p-value."""
         first, second = (noise[:, :n] for noise in self._noise)
         statistics = compute_statistics(first + difference, second)
         low, high = find_critical(n, LEVEL / self.comparisons)

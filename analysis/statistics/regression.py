@@ -20,21 +20,13 @@ _HALVINGS = 60
 
 
 def mcnemar(gained: int, lost: int) -> float:
-    """Return the two-sided p-value of McNemar's exact test of two paired shares.
-
-    ``gained`` and ``lost`` are the numbers of pairs that are true only in the second and only in
-    the first sample (McNemar 1947, Psychometrika 12, 153-157).
-    """
+    """Return the two-sided p-value of McNemar's exact test, from the pairs gained and lost."""
     changed = gained + lost
     return float(scipy.stats.binomtest(gained, changed, 0.5).pvalue) if changed else 1.0
 
 
 def sign_flips(differences: Array) -> float:
-    """Return the two-sided p-value of the sign-flip test of paired differences (Fisher 1935).
-
-    For few differences, and for differences of equal size (McNemar's test), the p-value is exact.
-    Otherwise, signs are sampled.
-    """
+    """Return the two-sided p-value of the sign-flip test of paired differences (Fisher 1935)."""
     changed = np.sort(differences[differences != 0])
     if not changed.size:
         return 1.0

@@ -1,7 +1,4 @@
-"""Statistics of small samples of replicates: intervals, and corrections for multiple tests.
-
-Every function is deterministic: resampling uses a generator with a fixed seed.
-"""
+"""Deterministic statistics of small samples: intervals, and corrections for multiple tests."""
 
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -54,10 +51,7 @@ def choose_form(values: Sample) -> str:
 
 
 def holm(p: Sample) -> list[float]:
-    """Adjust the p-values of a family of tests so that each can be compared with ``LEVEL``.
-
-    Holm (1979), Scand. J. Stat. 6, 65-70. SciPy only controls the false discovery rate.
-    """
+    """Adjust a family's p-values for comparison with ``LEVEL`` (Holm 1979, Scand. J. Stat. 6)."""
     raw = np.asarray(p, float)
     order = np.argsort(raw)
     stepped = np.maximum.accumulate(raw[order] * np.arange(raw.size, 0, -1))
@@ -67,11 +61,9 @@ def holm(p: Sample) -> list[float]:
 
 
 def median_interval(values: Sample) -> Interval:
-    """Return the median and its exact interval, for any distribution of the values.
+    """Return the median and its exact interval (Thompson 1936, Ann. Math. Stat. 7, 122-128).
 
-    The bounds are values of the sample (Thompson 1936, Ann. Math. Stat. 7, 122-128). With fewer
-    than six values, the interval is the full range, which covers the median with less than 95 %
-    confidence.
+    With fewer than six values, the interval is the full range, with less than 95 % coverage.
     """
     ordered = np.sort(np.asarray(values, float))
     n = ordered.size
@@ -125,8 +117,7 @@ def ratio_interval(parts: Sample, wholes: Sample) -> Interval:
 def expand_tail(n: int) -> float:
     """Return the share of resamples beyond each bound for an interval of the mean of n values.
 
-    For six normally distributed values, the plain percentile interval covers the mean in only 84 %
-    of samples. The expanded interval corrects this (Hesterberg 2015, Am. Stat. 69, 371-386).
+    The plain percentile interval is too narrow for small n (Hesterberg 2015, Am. Stat. 69, 371).
     """
     if n < 2:
         return LEVEL / 2
@@ -137,11 +128,8 @@ def expand_tail(n: int) -> float:
 def _bootstrap(
     statistic: Callable[..., Any], *samples: Sample, tail: float = LEVEL / 2
 ) -> Interval:
-    """Return the percentile interval (Efron 1979) of a statistic of paired samples.
-
-    ``tail`` is the share of resamples beyond each bound. BCa intervals are not used, because they
-    are undefined if all resamples agree, and inconsistent for a median.
-    """
+    """Return the percentile interval (Efron 1979), with ``tail`` resamples beyond each bound."""
+    # BCa intervals are undefined if all resamples agree, and inconsistent for a median.
     values = [np.asarray(sample, float) for sample in samples]
     n = len(values[0])
     if n < 2:

@@ -5,9 +5,8 @@ error that lets the samples differ in spread and size. Its distribution comes fr
 (Neubert and Brunner 2007, Comput. Stat. Data Anal. 51, 5192-5204) on the logit scale (Pauly,
 Asendorpf and Konietschke 2016, Biom. J. 58, 1319-1337), so that test and interval agree: p is below
 ``LEVEL`` if the interval excludes 0.5. The converse may fail for ties, or for few values that
-separate completely.
-
-The results depend only on the ranks, not on the order of the values or of the samples.
+separate completely. The results depend only on the ranks, not on the order of the values or of the
+samples.
 """
 
 from functools import lru_cache
@@ -156,11 +155,8 @@ def _rank(x: Sample, y: Sample) -> _Ranking:
 
 
 def _compare(first: NDArray[np.bool_], starts: Places, ends: Places) -> _Ranking:
-    """Compare the first sample, a mask (..., m + n) of the ordered values, with the second.
-
-    Twice the number of the other sample's values below a value, with ties counted as half, is an
-    integer, so the sums are exact.
-    """
+    """Compare the first sample, a mask (..., m + n) of the ordered values, with the second."""
+    # Doubled counts of lower values, with ties as half, are integers, so the sums are exact.
     below = np.zeros((*first.shape[:-1], first.shape[-1] + 1), np.int64)
     np.cumsum(first, axis=-1, out=below[..., 1:])
     of_first = below[..., starts] + below[..., ends]

@@ -21,8 +21,7 @@ KEYS = ("source", "design")  # columns that identify a design in an evaluation
 def collect_missions(study: Study) -> pd.DataFrame:
     """Concatenate the missions of all evaluations, and classify their failures.
 
-    ``drawn`` is true if failures were drawn at random, so that shares estimate a risk; ``intact``
-    is true if no sensor was meant to fail.
+    ``drawn`` marks random failures, which estimate a risk; ``intact`` missions without failures.
     """
     _require_one_simulator(study)
     several = len(study.evaluations) > 1
@@ -89,10 +88,7 @@ RISKS = (*KEYS, "evaluation", "world", "missions", "stopped", "risk", "risk_low"
 
 
 def list_cases(missions: pd.DataFrame) -> pd.DataFrame:
-    """List the cases that occurred in the missions, with the columns ``CASES``.
-
-    A case is a set of failed sensors and the time of the first failure [s], NaN without failures.
-    """
+    """List the sets of failed sensors in missions, with the first failure's time [s] or NaN."""
     rows = []
     missions = missions[missions["intact"] | (missions["failed_sensors"] != "")]
     by = missions.groupby([*KEYS, "failed_sensors", "failed_at_s"], dropna=False, sort=False)

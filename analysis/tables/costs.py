@@ -1,8 +1,4 @@
-"""The cost of searches by generation, and their scores as functions of this cost.
-
-Only the missions of selection and confirmation count, on which a search depends; validation only
-observes it.
-"""
+"""The cost of searches by generation, in missions that affect the search, and scores by cost."""
 
 import argparse
 from collections.abc import Mapping
@@ -146,10 +142,7 @@ def find_span(costs: Mapping[str, "pd.Series[float]"], axis: str, budget: float 
 
 
 def average(trace: "pd.Series[float]", span: Span) -> float:
-    """Return the mean of a step function, given by its value from each cost on, over a span.
-
-    This is the area under the curve, divided by the length of the span.
-    """
+    """Return the mean over a span of a step function, given by its value from each cost on."""
     start, end = span
     inside = trace.index[(trace.index > start) & (trace.index < end)].to_numpy(float)
     edges = np.array([start, *inside, end])
@@ -185,10 +178,7 @@ class Race:
 
 
 def hold_race(study: Study, axis: str, budget: float | None, target: float | None) -> Race:
-    """Score the fitness of each run as a function of its cost, up to a common budget.
-
-    It is the fitness of the design that the search would return, the best of the last generation.
-    """
+    """Score each run by cost, as the last generation's best fitness, up to a common budget."""
     costs = {record.name: read_costs(record, axis) for record in study.records}
     span, table = find_span(costs, axis, budget), add_costs(study, axis)
     traces = {str(run): trace_costs(rows, axis) for run, rows in table.groupby("run")}

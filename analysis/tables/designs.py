@@ -26,10 +26,7 @@ TYPES = "design.sensors."  # key prefix of sensor types
 
 
 def place_sensors(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
-    """Return the sensors with rays in the robot's frame, with ``COLUMNS``.
-
-    ``mounts`` has the columns of ``champion/design.csv``. Angles are in (-180, 180].
-    """
+    """Return the robot-frame sensors with rays, with ``COLUMNS``; angles are in (-180, 180]."""
     frame = _transform_mounts(mounts, context)
     frame = frame[frame.type.isin(context.beams)].copy()
     frame["fov_deg"] = [context.beams[kind].fov_deg for kind in frame.type]

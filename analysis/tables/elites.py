@@ -169,8 +169,8 @@ def find_elites(candidates: pd.DataFrame, grid: Grid) -> pd.DataFrame:
 def trace_growth(table: pd.DataFrame, missions: "pd.Series[int]", grid: Grid) -> pd.DataFrame:
     """Return the missions so far, coverage and QD score by generation.
 
-    Coverage is the share of occupied cells, and the QD score is the sum of the elites' fitness
-    (Pugh et al., Frontiers in Robotics and AI 3, 2016).
+    The QD score is the sum of the elites' fitness (Pugh et al., Frontiers in Robotics and AI 3,
+    2016).
     """
     rows = []
     for generation, count in missions.items():

@@ -1,7 +1,6 @@
 """The factors of a study: differences between its runs, except seeds, and their levels.
 
-A factor is a part of the configuration whose name varies (``failure``), a value that varies
-(``population_size``), or a level given by the user (``treatment`` in the configuration).
+A factor is a part's name (``failure``), a value, or a level given by the user (``treatment``).
 """
 
 import re
@@ -33,10 +32,7 @@ class Factor:
 
 
 def read_choices(recorded: object) -> dict[str, str]:
-    """Return the ``choices`` of ``manifest.json`` by the keys of parts instead of by groups.
-
-    The choice of ``filter@failure.effect`` has the key ``failure.effect``.
-    """
+    """Return the choices by key: ``failure.effect`` replaces ``filter@failure.effect``."""
     groups = recorded if isinstance(recorded, dict) else {}
     return {
         str(group).rpartition("@")[2].replace("/", "."): choice

@@ -145,10 +145,7 @@ def _only(values: Values, parts: Collection[str]) -> dict[str, Any]:
 
 
 def climb(study: Study) -> pd.DataFrame:
-    """Pair the designs' scores on each rung with the scores on the next; see ``COLUMNS``.
-
-    Rungs are evaluations in the given order; designs that are missing on a rung are reported.
-    """
+    """Pair designs' scores on each rung (evaluation) with those on the next; see ``COLUMNS``."""
     rungs = read_evaluations(study) if len(study.evaluations) > 1 else []
     if len(rungs) < 2:
         raise InputError(

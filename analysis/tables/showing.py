@@ -82,11 +82,7 @@ def show_named(
 
 
 def find_shown_designs(folder: Path, design: str | None = None) -> list[ShownDesign]:
-    """Find the champions of runs and the designs of evaluations, or the named designs instead.
-
-    Raises:
-        InputError: no folder has such a design.
-    """
+    """Find champions of runs and designs of evaluations, or named ones; InputError if none."""
     study = load_study([folder])
     shown = [found for record in study.records for found in _show_run(record, design)]
     shown += [found for record in study.evaluations for found in _show_given(record, design)]

@@ -1,7 +1,4 @@
-"""A study: the complete runs and evaluations in some folders.
-
-A study is read from plain files, without importing the code that a configuration names.
-"""
+"""A study: the complete runs and evaluations in some folders, read without importing their code."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence

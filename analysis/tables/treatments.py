@@ -1,8 +1,6 @@
 """Names of treatments, and conditions on factors or configuration keys (``failure=none,random``).
 
-A name comes from the configuration, from a file of treatments, or from the levels of the factors.
-The file given to ``--treatments`` lists treatments as a configuration does. Each entry selects its
-runs by ``where`` (conditions) or ``folders`` (patterns of run names).
+A file of treatments selects each entry's runs by ``where`` or ``folders`` (patterns of run names).
 """
 
 import re
@@ -52,10 +50,7 @@ def _read_titles() -> dict[str, str]:
 def label_treatments(
     configurations: Sequence[Values], choices: Sequence[Choices] = (), given: Sequence[Given] = ()
 ) -> list[str]:
-    """Label each configuration by its given name, or else by its levels of all factors.
-
-    Two configurations have the same label if and only if they belong to the same treatment.
-    """
+    """Label each configuration by its given name or its factor levels, equal within a treatment."""
     factors = find_factors(configurations, choices, given)
     conditions = list_conditions(configurations, given)
     names = [str(levels.get("name", "")) for levels in given] or [""] * len(configurations)

@@ -1,8 +1,4 @@
-"""Champions' scores and missions on fresh draws, from evaluations or from their runs.
-
-Champions are matched by content, because folders may be moved or renamed, and design numbers have
-no meaning outside a run.
-"""
+"""Champions' scores and missions on fresh draws, matched by content because folders may move."""
 
 import math
 from collections.abc import Hashable, Iterator, Mapping, Sequence

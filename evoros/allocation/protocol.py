@@ -53,10 +53,7 @@ def choose_entrants(standings: Sequence[Standing], survivors: int) -> list[Stand
 
 
 def rank(standings: Iterable[Standing], trials: int) -> list[Standing]:
-    """Sort stably by the fitness over the first ``trials``, best first.
-
-    Fitness is compared at the smallest number of trials that any of the designs has.
-    """
+    """Sort stably, best first, by the fitness over ``trials``, or over the fewest of any design."""
     listed = list(standings)
     shortest = min((len(item.earlier) + len(item.scores[:trials]) for item in listed), default=0)
     return sorted(listed, key=lambda standing: -standing.fitness(trials, shortest))
@@ -69,11 +66,7 @@ def ask_for(standings: Iterable[Standing], trials: int) -> dict[int, int]:
 
 
 def cap_fitness(fitness: Mapping[int, float], rounds: Sequence[Iterable[int]]) -> dict[int, float]:
-    """Cap the fitness so that no design ranks above designs that stayed in the contest longer.
-
-    Otherwise, a lucky design that left early could pass for the best. ``rounds`` lists the ids of
-    the designs in each round.
-    """
+    """Cap the fitness so that no design ranks above designs that stayed for more ``rounds``."""
     capped = dict(fitness)
     for last in range(len(rounds) - 1, 0, -1):
         stayed = set(rounds[last])

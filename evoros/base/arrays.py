@@ -85,10 +85,7 @@ def determinant(matrices: Array) -> Array:
 
 
 def principal_axes(tensor: Array) -> tuple[Array, Array]:
-    """Return the eigenvalues (3,) of a symmetric matrix (3, 3), ascending, and its eigenvectors.
-
-    The eigenvectors are the columns of a right-handed rotation (3, 3), found by Jacobi's method.
-    """
+    """Return a symmetric matrix's eigenvalues (3,), ascending, and right-handed eigenvectors."""
     a = np.array(tensor, dtype=np.float64).tolist()
     axes = np.eye(3).tolist()
     for _ in range(_SWEEPS):

@@ -1,7 +1,4 @@
-"""Marks functions that rules call, so that numba compiles them together with the rules.
-
-Functions are registered when a rule is compiled, because numba is slow to import.
-"""
+"""Marks functions that rules call, which are registered late because numba is slow to import."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar

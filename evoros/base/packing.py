@@ -1,8 +1,4 @@
-"""Named tuples of numbers and arrays, each packed into one array.
-
-All rules of a kind have the same compiled signature. Their parameters are passed in one flat array
-and unpacked by name at the start of the rule.
-"""
+"""Named tuples of numbers and arrays, packed into one array so that rules share a signature."""
 
 import math
 from functools import cache

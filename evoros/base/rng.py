@@ -1,8 +1,4 @@
-"""Random generators, seeded by the key of a mission and the name of a part.
-
-A part's stream depends on nothing else, so adding a part never shifts the draws of other parts,
-and any recorded mission can be replayed alone.
-"""
+"""Random generators seeded only by a mission's key and a part's name, so parts never interfere."""
 
 import hashlib
 from collections.abc import Callable, Iterator
@@ -82,11 +78,7 @@ def generator(key: str, part: str) -> Generator:
 
 
 def deal(key: str, cards: int) -> Iterator[int]:
-    """Yield numbers below ``cards`` (at least 1) from one shuffled deck after another, forever.
-
-    The shuffle of Fisher and Yates (Knuth, The Art of Computer Programming 2, algorithm 3.4.2 P) is
-    lazy: n numbers take time and memory proportional to n.
-    """
+    """Yield numbers below ``cards`` from one lazily shuffled deck (Fisher, Yates) after another."""
     for deck in count():
         rng = generator(f"{key}/{deck}", "deck")
         moved: dict[int, int] = {}  # cards not in their initial position, by position

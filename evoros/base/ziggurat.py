@@ -1,8 +1,6 @@
 """Normal and exponential deviates by the ziggurat method, bitwise equal on every processor.
 
-The deviates equal numpy's, except for rare draws in which numpy and numba call the logarithm and
-exponential of their math libraries. numpy's tables are accessible only through numba's private
-copy; a test compares the draws with numpy's.
+The tables are numba's private copy of numpy's; only rare draws differ from numpy's.
 """
 
 from numba.np.random import _constants as layers

@@ -1,21 +1,16 @@
 """A script that starts one command for a mission, and ends the command with all its descendants.
 
-``process.py`` runs the script without ``site``, which halves the start time. The argument is the
-descriptor of a socket. The script receives one line of JSON, the order, and sends the mission's
-sockets and news about the command, one line of JSON each. When the other end of the socket closes
-for any reason, the command and its descendants are killed.
+``process.py`` runs the script without ``site``; the argument is the descriptor of a socket. The
+script receives one line of JSON, the order, and sends the mission's sockets and news about the
+command, one line of JSON each. When the other end of the socket closes, the command and its
+descendants are killed.
 
-In isolation, the command gets a new network, process tree, mounts and shared memory. The first
-process in these namespaces is a child of this process, and reaps the orphans among the command's
-descendants. When that process ends, the kernel kills all processes in the namespaces. Without
-isolation, this process adopts the orphans.
+In isolation (a new network, process tree, mounts and shared memory), the kernel kills them when the
+namespaces' first process ends. Otherwise, this process adopts the orphans. bubblewrap cannot
+replace this script, because it lacks multicast, which ROS 2 needs, and sockets must exist first.
 
-bubblewrap 0.8.0 makes such namespaces in 19 ms, but cannot replace this script. Its loopback
-interface lacks multicast, which ROS 2 needs to discover nodes, and sockets must be created in the
-network before the command starts.
-
-Only the standard library is imported, because the namespaces must exist before anything else, and
-because a process with threads cannot enter a new user namespace.
+Only the standard library is imported, because a process with threads cannot enter a new user
+namespace.
 """
 
 import array

@@ -108,10 +108,7 @@ class LineConversation:
         self._pipes, self.process = pipes, pipes.process
 
     def ask(self, line: bytes, limit_s: float, time: float | None = None) -> bytes:
-        """Send a line and return the answer, without newlines, within a wall-clock limit [s].
-
-        ``time`` is the mission's time [s]. Several lines, or a long line, are a SimulationError.
-        """
+        """Send a line; return the answer within ``limit_s`` [s], at the mission's ``time`` [s]."""
         self._pipes.begin(limit_s, time)
         if self._pipes.has_come():  # unexpected output after the last answer
             raise self._too_much(time)

@@ -15,9 +15,8 @@ AN_ALLOCATION = instance_of(Allocation, "an allocation (a subclass of evoros.par
 class FinalChoice:
     """Tries the best designs on fresh draws after the last generation; ``method`` allocates trials.
 
-    The champion is the best of the designs that stayed in the contest longest (best-arm
-    identification). The draws serve no other purpose. Scores from the evolution do not count,
-    because they selected the finalists.
+    The champion is the best of the designs that stayed longest (best-arm identification). Earlier
+    scores do not count, because they selected the finalists.
     """
 
     method: Annotated[Allocation, AN_ALLOCATION]

@@ -1,16 +1,14 @@
 """Confidence intervals of a rate, of the difference between two rates, and of bounded scores.
 
-Student's interval over five trials without a failure is much too narrow, because identical scores
-say nothing about rare failures. The interval of a mean adds the minimum score to the observed
-scores for its lower end, and the maximum score for its upper end. The scores are weighted by random
-weights (n + 1,) that sum to 1 (uniform Dirichlet distribution). The ends are quantiles of the
-weighted mean.
+The interval of a mean adds the minimum score to the observed scores for its lower end, and the
+maximum score for its upper end, to allow for rare failures. The ends are quantiles of the mean
+under random weights (n + 1,) that sum to 1 (uniform Dirichlet distribution).
 
 Source: Gaffke, Three test statistics for a nonparametric one-sided hypothesis on the mean of a
 nonnegative variable, Mathematical Methods of Statistics 14, 2005; Learned-Miller and Thomas, A new
 confidence interval for the mean of a bounded random variable, arXiv 1905.06208, 2019. For binary
-scores, this is the Clopper-Pearson interval (Biometrika 26, 1934). The coverage is proven for
-binary scores and conjectured otherwise; ``benchmarks/coverage`` tests it.
+scores, this is the Clopper-Pearson interval (Biometrika 26, 1934); otherwise the coverage is
+conjectured, and ``benchmarks/coverage`` tests it.
 """
 
 import math
@@ -121,11 +119,8 @@ def _find_quantile(values: Array, end: float, chance: float, repeats: int) -> fl
 
 
 def _find_chance(rates: Array, counts: Array) -> float:
-    """Return the probability that a weighted sum of exponential variables is at most 0.
-
-    ``rates`` (n,) are the weights, with both signs, and ``counts`` (n,) the number of variables per
-    weight. The moment-generating function is integrated (Bromwich) through its saddle point.
-    """
+    """Return the probability that ``counts`` exponential variables per rate sum to at most 0."""
+    # The moment-generating function is integrated (Bromwich) through its saddle point.
     edge = 1 / float(rates[0])
     spread = 1 / math.sqrt(float(counts @ (rates * rates)))
 

@@ -31,11 +31,7 @@ _BLOCK = re.compile(r"(?m)^(?=[^\s#-])")  # start of a top-level key in YAML
 
 
 def check_jobs(command: str, jobs: Jobs, explain: Explain) -> list[Job]:
-    """Check all jobs of a sweep and report faults; return the jobs, or none if any has a fault.
-
-    Jobs that differ only in their seeds are built once; jobs that differ only in their search share
-    robots and worlds. Messages are withheld, because each job logs them again when it starts.
-    """
+    """Check all jobs of a sweep and report faults; return the jobs, or none if any has a fault."""
     ready, refused = _sort_jobs(jobs, explain)
     faults = list(describe_faults([job.overrides for job in ready], refused))
     if len(faults) > MAX_FAULTS:
@@ -159,10 +155,8 @@ def find_treatment(config: Configuration) -> str:
 def advise_seeds(seeds: list[set[int]]) -> Iterator[str]:
     """Yield a warning, with the number of seeds needed, for each test that can find no difference.
 
-    ``compare`` tests pairs. Holm's correction multiplies the smallest p by the number of pairs, and
-    the two treatments with the most seeds have the smallest p. ``factors`` tests three or more
-    treatments together and needs two runs of each; with three treatments of two runs, 6 of 90
-    permutations are at least as extreme as the data.
+    Holm's correction multiplies the smallest p by the number of pairs. ``factors`` tests three or
+    more treatments; with three of two runs, 6 of 90 permutations are as extreme as the data.
     """
     from evoros.analysis.statistics.small_samples import LEVEL
     from evoros.analysis.statistics.two_samples import minimum_p, minimum_replicates

@@ -1,7 +1,4 @@
-"""The command ``evoros``: runs a search, or the subcommand that its first argument names.
-
-``eval "$(evoros -sc install=bash)"`` installs shell completion; Hydra completes the overrides.
-"""
+"""The command ``evoros``: runs a search, or the subcommand that its first argument names."""
 
 import os
 from collections.abc import Sequence

@@ -16,10 +16,7 @@ PATIENCE_S = 10.0
 
 
 class Interrupts:
-    """A context manager that turns the first SIGINT or SIGTERM into KeyboardInterrupt.
-
-    After ``PATIENCE_S``, in which the command can stop cleanly, the next signal ends the process.
-    """
+    """Turns the first SIGINT or SIGTERM into KeyboardInterrupt; the next ends the process."""
 
     def __init__(self) -> None:
         self.last: int | None = None  # latest signal

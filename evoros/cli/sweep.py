@@ -1,8 +1,6 @@
 """Runs the jobs of a sweep, several at the same time, in one pool of workers.
 
-At the end of each generation, workers run out of missions while the main process ranks designs and
-waits for the disk; missions of another job fill the gap. Jobs are built one after another in the
-main thread, because ``${hydra:...}`` refers to global state; each then runs in a separate thread.
+Jobs are built in the main thread, because ``${hydra:...}`` refers to global state.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -95,8 +93,7 @@ class SharedPool:
 class Sweep:
     """Starts jobs, waits for them and reports their results, all in the main thread.
 
-    ``build`` builds a job, or returns None if it is complete; ``explain`` turns the exception that
-    ended a job into its result; ``report`` reports a result.
+    ``build`` returns None for a complete job; ``explain`` turns a job's exception into a result.
     """
 
     def __init__(

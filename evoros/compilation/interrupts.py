@@ -17,11 +17,8 @@ Release: TypeAlias = Callable[[Callable[[], object]], None]
 
 @contextmanager
 def hold_interrupts() -> Iterator[Release]:
-    """Defer signal handlers until the end, except during calls through the yielded function.
-
-    A handler such as the one for Ctrl-C may raise anywhere in the Python code of the main thread.
-    numba runs Python code to convert arguments and results, and crashes if that code raises.
-    """
+    """Defer signal handlers until the end, except during calls through the yielded function."""
+    # numba crashes if a handler raises while Python code converts arguments or results.
     handlers: dict[int, Callable[[int, Any], object]] = {}
     due: list[int] = []
     held = True

@@ -1,8 +1,6 @@
 """Kernels: the mission loop and its rules as one program, for this processor or for a GPU.
 
-The code is numba's code for the same functions, before optimization for this processor. No sum or
-product is contracted or reordered, and no library is called, so results are bitwise equal on every
-target.
+This is numba's code before optimization, so results are bitwise equal on every target.
 """
 
 import hashlib
@@ -313,11 +311,7 @@ def find_foreign(module: Any) -> list[str]:
 
 
 def find_inexact(ptx: str) -> list[str]:
-    """Return the distinct PTX operations that are not rounded as IEEE 754 specifies.
-
-    These are fused multiplications and additions, approximations, operations on numbers that do
-    not have 64 bits, and calls to undefined functions.
-    """
+    """Return the distinct PTX operations not rounded as IEEE 754 specifies, such as fused ones."""
     arithmetic = [found[0] for found in _ARITHMETIC.finditer(ptx)]
     wrong = [name for name in arithmetic if not _EXACT.fullmatch(name)]
     wrong += [" ".join(found[0].split()) for found in _OTHER.finditer(ptx)]

@@ -1,9 +1,7 @@
 """The functions that kernels call, in LLVM's language.
 
-Reference counting does nothing, because rules have no references. Division remainders are exact,
-unlike those from GPU instructions. Draws follow numpy's PCG64. A generator is stored as six words:
-the 128-bit state and the 128-bit increment, lower words first; a flag that is set if half a word is
-left over; and that half word.
+Draws follow numpy's PCG64. A generator is six words: the 128-bit state and increment, lower words
+first; a flag that is set if half a word is left over; and that half word.
 """
 
 RUNTIME = """

@@ -126,11 +126,7 @@ def compiling() -> Iterator[bool]:
 
 @cache
 def _import_array_functions() -> None:
-    """Import numba's array functions, without the check that SciPy's linear algebra is installed.
-
-    The check imports ``scipy.linalg``, which takes a tenth of the shortest run in every process.
-    numba repeats it if a rule multiplies matrices.
-    """
+    """Import numba's array functions without the slow check for SciPy's linear algebra."""
     check, linalg.ensure_blas = linalg.ensure_blas, lambda: None
     try:
         import numba.np.arraymath  # noqa: F401
@@ -140,11 +136,8 @@ def _import_array_functions() -> None:
 
 @cache
 def cache_folder() -> Path | None:
-    """Return the folder for machine code; None if no safe folder is writable.
-
-    The folder is named after a hash of all sources that a rule can reach, because numba checks
-    only the file of a function, not the files of the functions that it calls.
-    """
+    """Return the folder for machine code, by a hash of the sources; None if none is writable."""
+    # numba checks only a function's file, not the files of functions that it calls.
     sources = _hash_reachable(tuple(PACKAGE / room for room in RULE_ROOMS))
     digest = hashlib.sha256(numba.__version__.encode() + sources.encode())
     folder = private_folder(digest.hexdigest()[:16])
@@ -161,10 +154,7 @@ def cache_folder() -> Path | None:
 
 
 def _copy_bundled(folder: Path) -> None:
-    """Copy the machine code that was made during installation, unless the sources have changed.
-
-    numba uses it only for the processor and the version of Python for which it was made.
-    """
+    """Copy the machine code that was made during installation, unless the sources have changed."""
     bundled = PACKAGE / BUNDLED / folder.name
     for file in sorted(bundled.rglob("*.nb?")):  # an index (.nbi) after its code (.nbc)
         copy = folder / file.relative_to(bundled)

@@ -1,7 +1,4 @@
-"""Named tuples of numbers, arrays, rules and random generators, stored as words in memory.
-
-Compiled code reads the words in place. The tuples own no memory, so no references are counted.
-"""
+"""Named tuples of numbers, arrays, rules and generators, as words that compiled code reads."""
 
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache

@@ -1,7 +1,4 @@
-"""Compilation of rules: the signature of each kind, and elementary functions.
-
-A rule may call an elementary function as ``math.sin``, ``np.sin`` or an imported ``sin``.
-"""
+"""Compilation of rules: signatures, and elementary functions (``math.sin``, ``np.sin``)."""
 
 import math
 from contextlib import suppress
@@ -52,10 +49,7 @@ _OF_MISSIONS = (FILTER, LAYER, OBSERVE, ADVANCE)
 
 
 class CompiledRule(types.WrapperAddressProtocol):  # type: ignore[misc]
-    """A compiled rule, callable from Python and, by its address, from compiled code.
-
-    numba would look up the address for every mission; this class looks it up once.
-    """
+    """A compiled rule, callable from Python and by its address, which is looked up once."""
 
     def __init__(self, dispatcher: Any, signature: Any, borrows: bool) -> None:
         self._signature = signature
@@ -210,8 +204,7 @@ _FUNCTIONS = {
 def substitute(function: Any, helpers: bool = False) -> Any:
     """Return a copy of a user's function that uses the elementary functions of evoros.
 
-    With ``helpers``, the functions that it calls from its module are treated in the same way.
-    Compiled rules instead need helpers that are registered with numba.
+    With ``helpers``, so do the functions that it calls from its module.
     """
     if not isfunction(function) or is_bundled(function):
         return function

@@ -1,7 +1,4 @@
-"""Compose configurations from ``conf/``, the user's folder and overrides.
-
-No part is instantiated here. All errors are one-line InputErrors (``messages.py``).
-"""
+"""Compose configurations from ``conf/``, the user's folder and overrides, without making parts."""
 
 import hashlib
 import logging
@@ -103,10 +100,7 @@ def compose_with_hydra(
     index: int = 0,
     primary: str = "config",
 ) -> DictConfig:
-    """Compose a configuration including Hydra's part; ``index`` is the job's index in a sweep.
-
-    The interpolation ``${hydra:...}`` refers to the configuration composed last.
-    """
+    """Compose with Hydra's part, for job ``index``; ``${hydra:...}`` refers to the last result."""
     extra = [] if config_dir is None else [search_path(config_dir)]
     try:
         with initialize():

@@ -1,7 +1,6 @@
 """Converts overrides into the jobs of a command or a sweep, each with a folder.
 
-Hydra is used only to compose: its runner would create the folder before the input is checked, and
-one job that cannot be composed would end the whole sweep.
+Hydra only composes: its runner would create folders early, and end a sweep at one faulty job.
 """
 
 import math

@@ -1,7 +1,4 @@
-"""Starts the jobs through a Hydra launcher or sweeper, for example ``hydra/launcher=joblib``.
-
-evoros runs the jobs of a sweep itself (``jobs.py``) unless such a plugin is chosen.
-"""
+"""Starts jobs through a chosen Hydra launcher or sweeper, for example ``hydra/launcher=joblib``."""
 
 import copy
 from collections.abc import Callable, Iterator, Sequence

@@ -141,10 +141,7 @@ def _describe_word(word: str) -> str:
 
 
 def describe_unknown(config: DictConfig, key: str) -> str:
-    """Describe a typed key that is unknown, and name similar keys; empty if the key exists.
-
-    ``config`` is composed without the key, so that Hydra's messages need not be parsed.
-    """
+    """Describe an unknown typed key, and name similar keys of ``config``; empty if it exists."""
     parts = key.split(".")
     parent: Any = config
     for place, part in enumerate(parts):

@@ -24,10 +24,7 @@ _MASK = "evoros.filter.mask.Mask"
 def plan_design(
     name: str, title: str, sensors: Sequence[OwnSensor], links: Collection[str]
 ) -> tuple[OwnFile | None, list[str]]:
-    """Plan the file of a design with these sensors; return it with notes on changes.
-
-    The file is None if evoros supports no sensor. ``links`` are the robot's links.
-    """
+    """Plan a design's file, with notes on changes; the file is None if no sensor is supported."""
     # Links of mounted sensors are named by type and number.
     taken = {re.sub(r"_[0-9]+$", "", link) for link in links}
     taken |= set(_read_bundled(DESIGN, AROUND)["sensors"])

@@ -112,8 +112,7 @@ def override_recorded(
 ) -> tuple[Configuration, int | None]:
     """Apply overrides to a recorded configuration; return it and the new value of ``growing``.
 
-    Overrides may change the executor and a search's observers, and increase the key ``growing``,
-    whose value is None if not overridden.
+    Only the executor, observers and ``growing`` (increased; otherwise None) may change.
     """
     if not overrides:
         return recorded, None

@@ -40,9 +40,8 @@ class Memory(NamedTuple):
 class DeadReckoning(Estimator):
     """Integrates the odometry's speed along a heading that is integrated from the IMU's yaw rate.
 
-    The mission starts at a known pose. Several sensors of a type are averaged. Without an IMU
-    reading, odometry gives the yaw rate; without either, the last values are kept. The bias of the
-    yaw rate is unknown, so the heading drifts.
+    The mission starts at a known pose. Several sensors of a type are averaged; without an IMU
+    reading, odometry gives the yaw rate. The yaw rate's bias makes the heading drift.
     """
 
     odometry: Annotated[str, TEXT] = "odometry"  # name of the sensor type in the design

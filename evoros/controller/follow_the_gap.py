@@ -1,8 +1,7 @@
 """Obstacle avoidance that steers into the gap nearest to the goal.
 
 After V. Sezer and M. Gokasan, "A novel obstacle avoidance algorithm: Follow the Gap Method",
-Robotics and Autonomous Systems 60(9), 2012. Obstacles are inflated by the radius of the robot. The
-original method chooses the widest gap.
+Robotics and Autonomous Systems 60(9), 2012, which chooses the widest gap.
 """
 
 import math

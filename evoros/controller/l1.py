@@ -1,8 +1,7 @@
 """Waypoint following as in ArduPilot: L1 guidance, then yaw rate control.
 
-The guidance follows ArduPilot's ``AP_L1_Control``, after S. Park, J. Deyst and J. P. How, "A new
-nonlinear guidance logic for trajectory tracking", AIAA 2004-4900. The steering follows ArduPilot's
-``AP_SteerController``. Left is positive.
+After ``AP_L1_Control`` (S. Park, J. Deyst and J. P. How, "A new nonlinear guidance logic for
+trajectory tracking", AIAA 2004-4900) and ``AP_SteerController``. Left is positive.
 """
 
 import math
@@ -74,11 +73,9 @@ class Memory(NamedTuple):
 class L1(Layer):
     """ArduPilot's route following.
 
-    The law was designed for speeds above ``least_speed_mps``. On a slow robot with a delayed pose,
-    the heading swings by some 30 deg, as in the serpentine of the 2018 paper (Evo-ROS); with an
-    exact pose, the robot drives straight. The yaw rate comes from a gyroscope, so localization does
-    not delay it. The law guides the centre of the rear axle, because that point moves in the
-    direction of the heading.
+    The law was designed for speeds above ``least_speed_mps``; a slow robot with a delayed pose
+    swings by some 30 deg, as in the 2018 paper (Evo-ROS). The law guides the centre of the rear
+    axle, which moves along the heading. A gyroscope gives the yaw rate without delay.
     """
 
     mode = "navigating"
@@ -183,10 +180,8 @@ def guide(
 def steer(
     parameters: Parameters, memory: Memory, acceleration: float, yaw_rate: float, speed: float
 ) -> float:
-    """Return the output [deg] of the yaw rate controller for a lateral acceleration [m/s2].
-
-    As in ArduPilot, the error is in degrees per second, but the demand is in radians per second.
-    """
+    """Return the output [deg] of the yaw rate controller for a lateral acceleration [m/s2]."""
+    # ArduPilot does the same: the error is in degrees per second, the demand in radians per second.
     scale = 1.0 / max(speed, parameters.min_speed)
     rate = acceleration * scale
     error = (rate - yaw_rate) * DEGREES * scale

@@ -156,10 +156,7 @@ class Pilot(Protocol):
 
 
 class LiveController(AnyController):
-    """An external controller: a program, ROS nodes or an autopilot.
-
-    An external controller has no rule to compile, receives the whole route, and reports its mode.
-    """
+    """An external controller, such as a program, which gets the whole route and gives its mode."""
 
     @property
     def files(self) -> Sequence[str]:

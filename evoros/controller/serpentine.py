@@ -19,9 +19,8 @@ from evoros.robot.model import Robot
 class Serpentine(Layer):
     """Steers towards the waypoint's bearing plus a sine of time.
 
-    The steering angle is ``gain`` times the heading error (wrapped to [-180, 180) deg), limited to
-    full lock. The paper gives a sweep of 60 deg, that is, ``amplitude_deg`` to either side. The
-    phase is drawn for each mission.
+    The angle is ``gain`` times the heading error in [-180, 180) deg, limited to full lock. The
+    phase is drawn for each mission. The paper's sweep is twice ``amplitude_deg``.
     """
 
     mode = "navigating"

@@ -134,10 +134,7 @@ def _replace_children(part: Any, changes: dict[str, Any]) -> Any:
 
 
 def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
-    """Check combinations of gene bounds, because bounds that are valid alone may conflict.
-
-    ``parts`` maps the first word of a gene's key, such as ``robot``, to that part.
-    """
+    """Check combinations of gene bounds, which may conflict; ``parts`` has the first words."""
     for corner in enumerate_corners(len(genes)):
         values = dict(zip(genes, corner, strict=True))
         try:

@@ -84,8 +84,7 @@ def trace_side(outline: Array, side: str) -> SideLine:
 class OutlineRegion(protocol.RegionDescription):
     """A side of the outline, at a height, of a robot or one of its links.
 
-    The sensor lies on the outline of the collision shapes at that height, or of all shapes if
-    there are none at that height, and faces outwards.
+    Without collision shapes at that height, all shapes count. Sensors face outwards.
     """
 
     side: Annotated[str, one_of(*SIDES)]

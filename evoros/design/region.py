@@ -49,9 +49,8 @@ class View:
 class FreePlaces:
     """A grid over a region's values that marks the cells from which sensors see past the robot.
 
-    Values are mapped to free cells one axis after another, in proportion to the free cells that
-    remain. Every genome thus leads to a free place, and all free cells have equal shares of the
-    genomes.
+    Values map to free cells axis by axis, in proportion to the cells that remain, so every genome
+    leads to a free place, and free cells have equal shares.
     """
 
     ranges: Mapping[str, protocol.Range]  # the range of each value, in the order of the grid axes

@@ -1,7 +1,4 @@
-"""The design space: the sensors that a robot may have, their regions, and other evolved values.
-
-Every point of the closed unit cube decodes to a design that respects regions, limits and symmetry.
-"""
+"""The design space: every point of the closed unit cube decodes to a design that is allowed."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -245,10 +242,7 @@ class DesignSpace:
         return mount, replace(mount, y_m=0.0 - mount.y_m, yaw_deg=0.0 - mount.yaw_deg)
 
     def to_row(self, genome: Array) -> dict[str, float | str]:
-        """Return the decoded values as a table row, keyed by column.
-
-        ``sensorN`` is the Nth placed sensor; its values are "" and NaN if it is not mounted.
-        """
+        """Return decoded values by column; ``sensorN`` is the Nth placed sensor, "" if absent."""
         genes = self._genes(genome)
         placed = self._place(genes)
         row: dict[str, float | str] = {}

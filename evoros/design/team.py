@@ -20,8 +20,7 @@ from evoros.sensor.protocol import Mount, add_prices
 class TeamSpace:
     """The design spaces of a team by robot name, concatenated into one genome.
 
-    Genes and table columns of a named robot have the robot's name as a prefix. All methods with a
-    genome raise an InputError if the genome is not in the closed unit cube.
+    Columns of a named robot have its name as a prefix; bad genomes raise an InputError.
     """
 
     spaces: Mapping[str, DesignSpace]

@@ -24,10 +24,7 @@ CallResult = tuple[Outcomes, Array | None]
 
 
 class CallAnswer(NamedTuple):
-    """The results of the missions that a call ran, and the time [s] of the last ``timed`` missions.
-
-    A scenario's first mission in a process loads machine code, so it is not timed.
-    """
+    """A call's results, and the time [s] of its last ``timed`` missions; the first loads code."""
 
     results: list[CallResult]
     timed: int = 0
@@ -152,8 +149,7 @@ def find_share(pace: Pace, missions: int, batches: Batches) -> float:
 def run_batches(batches: Batches, asked: Sequence[Asked], *packed: Shared) -> list[CallAnswer]:
     """Run the missions of several runs together, and return an answer for each run.
 
-    Missions that cannot run together run one by one, and the answer notes the reason. RunStopped
-    means that the device cannot be used.
+    Others run one by one, with a note of the reason; a broken device raises RunStopped.
     """
     begun = perf_counter()
     pairs = enumerate(zip(packed, (part.missions for part in asked), strict=True))

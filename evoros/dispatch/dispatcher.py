@@ -1,8 +1,4 @@
-"""Dispatch of missions to a pool, with several short missions or one long mission per call.
-
-A call to a worker process costs the main process about 0.2 ms, and a mission in the planar
-simulator takes milliseconds.
-"""
+"""Dispatch to a pool, with several short missions or one long mission per call."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence

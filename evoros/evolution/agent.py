@@ -33,8 +33,7 @@ PLACE = Rule(
 class Agent:
     """An additional robot, which has the same home in all worlds.
 
-    Parts that are None are shared with the first robot. A ``design`` evolves together with the
-    first robot's design; without it, one design evolves for both robots.
+    Parts that are None are shared with the first robot; a ``design`` evolves together with its.
     """
 
     home: Annotated[Sequence[float], PLACE]  # x, y [m], yaw [rad]

@@ -1,7 +1,4 @@
-"""The evolution loop, which asks for designs, evaluates them and records generations.
-
-At the end, the champion is chosen and certified on fresh draws.
-"""
+"""The evolution loop: asks for designs, evaluates and records them, and certifies the champion."""
 
 import math
 from collections.abc import Callable, Container, Sequence

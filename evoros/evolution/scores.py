@@ -144,9 +144,8 @@ DROPPED = "dropped"  # operator of a survivor that was scored again but then dro
 class Opposition:
     """The failure cases of each generation; none if the failure model does not adapt.
 
-    The cases follow from the seed and recorded scores, so a resumed run has the same cases. An
-    adversary lists the hardest case first; trials meet the cases in random order, because otherwise
-    designs with few trials would meet harder cases.
+    They follow from the seed and recorded scores. Trials meet them in random order, because
+    otherwise designs with few trials would meet harder cases.
     """
 
     def __init__(self, experiment: Experiment) -> None:

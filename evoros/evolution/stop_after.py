@@ -23,10 +23,7 @@ class Spent:
 @dataclass(frozen=True)
 @checked
 class StopAfter:
-    """Ends a search after the generation in which it reaches a limit; None: no limit.
-
-    The search then has a champion like any other. Only the wall-clock limit depends on the machine.
-    """
+    """Ends a search after the generation that reaches a limit (None: no limit), with a champion."""
 
     generations: Annotated[int | None, LIMIT] = None
     missions: Annotated[int | None, LIMIT] = None

@@ -1,10 +1,9 @@
 """Kill all programs that a worker's calls have started, even in other sessions.
 
-A program that leaves the worker's process group still inherits a mark in its environment. Every
-process with the mark is killed when the worker ends. If the main process is killed, a separate
-process, the sweeper, does the same. The marks are read from ``/proc``, which only Linux has.
-
-The sweeper runs this file without site-packages, so it imports the standard library only.
+Programs inherit a mark in their environment, even outside the worker's process group. All with the
+mark are killed when the worker ends, or by a separate process, the sweeper, if the main process is
+killed. Marks are read from ``/proc``, which only Linux has. The sweeper runs this file without
+site-packages, so it imports the standard library only.
 """
 
 import os

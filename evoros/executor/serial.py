@@ -13,8 +13,7 @@ from evoros.executor.protocol import Executor, Pool
 class Serial(Executor):
     """Runs each call in the main process when it is submitted.
 
-    Breakpoints, profilers and tracebacks work as usual. There is no time limit and no retry. A call
-    that hangs runs forever, and a call that crashes the process ends the run.
+    Debuggers work as usual. There is no time limit and no retry; a crash ends the run.
     """
 
     @contextmanager

@@ -1,9 +1,6 @@
 """The main process's handle on one worker process, and the calls attempted in it.
 
-Each worker has a separate Pebble pool, which gets one call at a time. In a pool with several
-processes, Pebble 5.2 can blame a crash on the wrong call, or give up the whole pool with all
-waiting calls. This happened in 4 of 24 trials with calls that crashed at their start while the main
-process was busy.
+Each worker has a separate Pebble pool; in a shared one, Pebble 5.2 can blame the wrong call.
 """
 
 import os

@@ -20,8 +20,7 @@ _KEPT = protocol.Kept()
 def prepare(folders: Sequence[str] = ()) -> int:
     """Make a new worker process end with the main process, and return its process id.
 
-    ``folders`` have the user's modules that are not on the parent's path. The process leads a
-    group, so that programs started by calls end with it.
+    It leads a process group; ``folders`` have user modules that are not on the parent's path.
     """
     end_with_main_process()
     collect_rarely()
@@ -36,10 +35,7 @@ def prepare(folders: Sequence[str] = ()) -> int:
 
 
 def run_call(payload: bytes, contents: Sequence[protocol.Shared] = ()) -> protocol.Answer:
-    """Run a pickled call, and cache ``contents`` for this call and later ones.
-
-    The call is unpickled here and not by the pool, so a call that cannot be imported fails alone.
-    """
+    """Unpickle and run a call, and cache ``contents`` for this call and later ones."""
     _KEPT.add(contents)
     kind = protocol.RETURNED
     try:

@@ -18,9 +18,8 @@ from evoros.filter.silence import Silence
 class ExhaustiveFailure(SystematicFailure):
     """All sets of sensors, which fail together at one of the given times.
 
-    Cases are ordered by the number of failing sensors, then by the sensors, then by ``times_s``;
-    the case without a failure has no time. Trials run through all cases in random order, then again
-    in a new order.
+    Cases are ordered by the number of failing sensors, then by the sensors, then by ``times_s``.
+    Trials run through all cases in random order, then again in a new order.
     """
 
     least: Annotated[int, WHOLE] = 0  # minimum number of failing sensors

@@ -16,10 +16,7 @@ from evoros.filter.silence import Silence
 @dataclass(frozen=True)
 @checked
 class IndependentFailure(Failure):
-    """Each sensor fails with ``probability``, at a uniform time from earliest_s to latest_s.
-
-    By default a failed sensor is silent from the start, as if the robot did not have it.
-    """
+    """Each sensor fails with ``probability``, at a uniform time from earliest_s to latest_s."""
 
     probability: Annotated[float, PROBABILITY] = 0.3  # probability of each sensor in a mission
     earliest_s: Annotated[float, NOT_NEGATIVE] = 0.0

@@ -18,8 +18,7 @@ from evoros.filter.silence import Silence
 class RandomFailure(Failure):
     """Failures of ``count`` uniformly chosen sensors, at uniform times from earliest_s to latest_s.
 
-    A robot with fewer sensors loses all of them. The defaults match the treatment ``random`` of the
-    2018 paper (Evo-ROS).
+    A robot with fewer sensors loses all. Defaults match the 2018 paper's ``random`` (Evo-ROS).
     """
 
     count: Annotated[int, COUNT] = 1  # number of failing sensors

@@ -211,10 +211,8 @@ def _find_loop(
 ) -> _Route | None:
     """Find a wide loop through the first of ``points`` (n, 2) [m] and 4 others, or else fewer.
 
-    The corners are at least the first of ``spacings`` [m] apart, or else the second. The value is
-    the loop's length [m] plus its area [m2], so loops rank above routes that go back and forth.
-    Loops without obstacles nearby rank last. A way around a corner may replace a loop that is
-    nearly a line.
+    The corners are at least the first of ``spacings`` [m] apart, or else the second. Loops rank by
+    length [m] plus area [m2]; those without obstacles nearby come last.
     """
     lengths = np.linalg.norm(points[:, None] - points[None], axis=2)
     near = (lengths >= min(spacings)) & (lengths <= LONGEST_LEG_M)

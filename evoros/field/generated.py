@@ -41,10 +41,9 @@ MAX_COUNT = 100_000  # maximum number of obstacles in a field; more take hours t
 class Field(Distribution):
     """A distribution of fields: kinds and density of the obstacles, and the space between them.
 
-    ``seed`` and the key of the random draws determine the bytes of the SDF. Obstacles are placed
-    one after another at uniformly random positions and headings. A pose is rejected if the obstacle
-    would come too close to a point of the route or to another obstacle, or would block the path.
-    Positions are rounded to millimetres and headings to milliradians.
+    ``seed`` and the key of the random draws determine the bytes of the SDF. Poses are random,
+    rounded to 1 mm and 1 mrad, and rejected if too close to the route or another obstacle, or on
+    the path.
     """
 
     kind: ClassVar[str] = "field"

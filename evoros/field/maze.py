@@ -34,10 +34,9 @@ Run = tuple[int, int, int]
 class Maze(Distribution):
     """A distribution of mazes, centred on the course; home and waypoints are centres of cells.
 
-    ``seed`` and the key of the random draws determine the bytes of the SDF. A random depth-first
-    search connects all cells without a loop. Then dead ends (cells with one door) are kept, opened
-    or filled. An opened dead end gets another door, which creates loops. Filling is repeated until
-    one corridor is left, which leads from home through all waypoints in order.
+    ``seed`` and the key of the random draws determine the bytes of the SDF. Dead ends of a random
+    depth-first search are kept, opened with another door, or filled until one corridor is left,
+    which leads from home through all waypoints in order.
     """
 
     kind: ClassVar[str] = "maze"

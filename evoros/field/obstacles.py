@@ -26,10 +26,7 @@ SIZE = checks.Rule(
 
 
 class ObstacleKind(ABC):
-    """A random distribution of obstacles.
-
-    The SDF of a generated field lists the kind's values under the lower-case class name.
-    """
+    """A random distribution of obstacles, listed in the SDF under its lower-case class name."""
 
     share: float = 1.0  # relative frequency of this kind
     mass_kg: float | None = None

@@ -126,10 +126,7 @@ LONGEST_LINE = 2**20  # maximum length of a line in a table that is read line by
 
 
 def open_regular(path: Path) -> BufferedReader:
-    """Open a regular file for reading, without waiting for a pipe or following a link.
-
-    This and the next functions raise an OSError for anything other than a readable regular file.
-    """
+    """Open a regular file, without waiting for a pipe or following a link; else raise OSError."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)

@@ -64,10 +64,7 @@ def _check_events(text: str, loader: Any) -> None:
 
 
 def _check_references(tree: Any) -> None:
-    """Require that nested references do not expand beyond ``EXPANDED`` characters.
-
-    Circular references count as short; resolving them reports an error.
-    """
+    """Require that nested references expand to at most ``EXPANDED`` characters."""
     known: dict[tuple[str, ...], int] = {}
 
     def measure(path: tuple[str, ...], node: Any) -> int:

@@ -1,10 +1,8 @@
 """The origin of this copy of evoros: version, commit, and local changes.
 
-The version is derived from git tags, such as ``v1.2.0``. A checkout runs git each time, so that an
-editable install never reports an old commit. A build records the origin in the wheel and in the
-source distribution (``hatch_build.py``), and ``git archive`` records it in ``archive.txt``.
-
-The build loads only this file, so it must not import other modules of evoros.
+The version comes from git tags, such as ``v1.2.0``. A checkout runs git each time, a build records
+the origin (``hatch_build.py``), and ``git archive`` records it in ``archive.txt``. The build loads
+only this file, so it must not import other modules of evoros.
 """
 
 import json

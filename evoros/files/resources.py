@@ -1,8 +1,4 @@
-"""The bundled folders ``conf``, ``robots`` and ``worlds``.
-
-A checkout has these folders at the top level, with links in the package; a wheel has them in the
-package.
-"""
+"""The bundled folders ``conf``, ``robots`` and ``worlds``, which are links in a checkout."""
 
 import logging
 import os

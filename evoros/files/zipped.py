@@ -1,7 +1,4 @@
-"""Read untrusted zip files safely, with limits on sizes and names.
-
-The comment of evoros's zip files holds the SHA-256 of all bytes before the comment.
-"""
+"""Read untrusted zip files safely; the comment of evoros's has the SHA-256 of their content."""
 
 import hashlib
 import stat

@@ -15,8 +15,7 @@ from evoros.filter.protocol import Channels, Filter, add_within, select_channels
 class Bias(Filter):
     """Adds a constant offset to each channel and clips the sum to the channel's limits.
 
-    The offset is ``offset_m`` plus a normal deviate, drawn for each channel at the start of the
-    mission. A value at ``high`` is unchanged because it means that the sensor sees nothing.
+    Each mission draws ``offset_m`` plus a normal deviate. A value at ``high`` (nothing seen) stays.
     """
 
     name = "Bias"

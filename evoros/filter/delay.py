@@ -16,8 +16,7 @@ from evoros.filter.protocol import Channels, Filter
 class Delay(Filter):
     """Replaces each sample with the newest one that is at least ``delay_s`` old.
 
-    The delay is rounded up to a multiple of the sampling period. Until the first sample is that
-    old, its value is repeated.
+    The delay is rounded up to sampling periods; until then, the first value is repeated.
     """
 
     name = "Delay"

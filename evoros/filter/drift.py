@@ -15,9 +15,8 @@ from evoros.filter.protocol import GROWS, Channels, Filter, add_within, select_c
 class Drift(Filter):
     """Adds an offset to each channel that grows steadily after the onset, up to a limit.
 
-    The rate is ``rate_mps`` plus a normal deviate, drawn for each channel at the start of the
-    mission. The sum is clipped to the channel's limits. A value at ``high`` is unchanged because it
-    means that the sensor sees nothing.
+    Each mission draws a rate for each channel, ``rate_mps`` plus a normal deviate. The sum is
+    clipped to the channel's limits. A value at ``high`` (nothing seen) stays.
     """
 
     name = "Drift"

@@ -16,8 +16,7 @@ from evoros.filter.protocol import ALTERS, ENDS, Channels, Filter, Held, hold_no
 class Dropout(Filter):
     """Starts an outage of a channel with ``probability`` at each sample outside an outage.
 
-    If an outage has d samples and the probability is p, the long-run share of lost samples is
-    d p / (1 + (d - 1) p).
+    With d samples per outage and probability p, the share lost is d p / (1 + (d - 1) p).
     """
 
     name = "Dropout"

@@ -13,10 +13,7 @@ from evoros.filter.protocol import Channels, Filter, add_within, select_channels
 @dataclass(frozen=True)
 @checked
 class GaussianNoise(Filter):
-    """Adds an independent normal deviate to every sample and clips the sum to the limits.
-
-    A value at ``high`` is unchanged because it means that the sensor sees nothing.
-    """
+    """Adds a normal deviate to each sample below ``high`` and clips the sum to the limits."""
 
     name = "GaussianNoise"
     sigma_m: Annotated[float, NOT_NEGATIVE] = 0.005  # standard deviation, unit of the values

@@ -15,8 +15,7 @@ from evoros.filter.protocol import Channels, Filter, add_within
 class GrowingNoise(Filter):
     """Adds a normal deviate to every sample and clips the sum to the limits.
 
-    The standard deviation at a range r is ``sigma_m`` + ``growth_per_m`` r², as for sensors that
-    triangulate. A value at ``high`` is unchanged because it means that the sensor sees nothing.
+    At a range r, its sd is ``sigma_m`` + ``growth_per_m`` r². A value at ``high`` stays.
     """
 
     name = "GrowingNoise"

@@ -15,10 +15,7 @@ from evoros.filter.protocol import Channels, Filter
 @dataclass(frozen=True)
 @checked
 class Hold(Filter):
-    """Samples values at each multiple of ``period_s``, or at the first call after it.
-
-    A silent sample (NaN) is held like any other; silence between two samples goes unnoticed.
-    """
+    """Holds the value, or silence, at each multiple of ``period_s`` or the first call after it."""
 
     name = "Hold"
     period_s: Annotated[float, POSITIVE] = 0.5

@@ -15,9 +15,8 @@ from evoros.filter.protocol import Channels, Filter, select_channels
 class Scale(Filter):
     """Multiplies every sample of a channel by 1 + ``mean`` + two normal deviates.
 
-    One deviate, with the standard deviation ``sd``, is drawn for each channel at the start of the
-    mission; the other, with ``slip_sd``, for each sample. The product is clipped to the channel's
-    limits. A value at ``high`` is unchanged because it means that a range sensor sees nothing.
+    One deviate (``sd``) is drawn for each channel and mission, the other (``slip_sd``) for each
+    sample. The product is clipped to the limits. A value at ``high`` (nothing seen) stays.
     """
 
     name = "Scale"

@@ -22,10 +22,7 @@ class Fitness(ABC):
         return ""
 
     def bounds(self, worlds: int) -> tuple[float, ...]:
-        """Return the minimum and maximum of a score over ``worlds``; empty if unknown.
-
-        Intervals never extend beyond these bounds.
-        """
+        """Return a score's minimum and maximum, which bound all intervals; empty if unknown."""
         return ()
 
     def check_worlds(self, worlds: Mapping[str, World]) -> None:  # noqa: B027 - accepts any worlds
@@ -50,18 +47,11 @@ class Fitness(ABC):
 
 
 class AdditiveFitness(Fitness):
-    """A fitness function that scores each mission, so that intervals can use missions as samples.
-
-    The missions of a trial are drawn independently. With three worlds, each trial contributes three
-    scores to a certificate.
-    """
+    """A fitness function that scores each mission, so that intervals can use them as samples."""
 
     @abstractmethod
     def score_missions(self, outcomes: Sequence[Outcome]) -> Sequence[float]:
-        """Return a score for each mission of a trial; the trial's ``score`` is their mean.
-
-        Each score has the same minimum and maximum as ``score``.
-        """
+        """Return a score for each mission, bounded like ``score``, which is their mean."""
 
 
 class CombiningFitness(Fitness):

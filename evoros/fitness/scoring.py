@@ -61,10 +61,7 @@ class Scoring:
         return fmean(ask(FITNESS, score, SCORE, outcomes) for outcomes in robots)
 
     def score_missions(self, trial: Sequence[Outcomes]) -> list[float]:
-        """Return one score per mission; the mean of the scores is the score of the trial.
-
-        A fitness function that is not additive gives only the score of the trial.
-        """
+        """Return a score per mission with the trial's score as mean, or only the trial's score."""
         fitness = self.fitness
         if not isinstance(fitness, AdditiveFitness):
             return [self.score_trial(trial)]
@@ -102,8 +99,7 @@ class Scoring:
     ) -> dict[str, float]:
         """Summarize a design's missions as the fitness over trials and the success in each world.
 
-        A fitness that is not the mean over trials comes first. The sample standard deviation (n -
-        1) is NaN for one trial. Each world has the completion rate and the mean progress.
+        The sample standard deviation is NaN for one trial. Worlds have completion and progress.
         """
         scores = self.score_trials(missions, outcomes)
         by_world: dict[str, list[Outcome]] = {}

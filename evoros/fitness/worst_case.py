@@ -24,12 +24,11 @@ RESAMPLES = 10_000
 class WorstCase(CombiningFitness):
     """Averages the lowest ``share`` of a design's trials, each scored by ``of``.
 
-    With random failures, the average estimates the conditional value at risk. With a systematic
-    failure model and one trial per case, the average is the mean over the worst cases. A few trials
-    seldom include the worst draws, so the estimate is biased upward. For normally distributed
-    scores and a share of a quarter, the bias is 0.24 standard deviations with 4 and 5 trials, 0.14
-    with 8, and 0.03 with 40. ``combine`` therefore compares designs at the smallest number of
-    trials.
+    With random failures, the average estimates the conditional value at risk; with a systematic
+    failure model and one trial per case, it is the mean over the worst cases. A few trials seldom
+    include the worst draws, so the estimate is biased upward (normal scores, a quarter: 0.24
+    standard deviations with 4 trials, 0.14 with 8). ``combine`` therefore compares designs at the
+    smallest number of trials.
     """
 
     of: Annotated[Fitness, A_FITNESS]

@@ -98,8 +98,7 @@ def fill_summary(
 def add_driven(way: Array, x: float, y: float, yaw: float, touching: bool) -> float:
     """Advance the last position of ``way`` (WAY_SIZE,) and return the distance driven [m].
 
-    A robot in lasting contact also slides sideways, turns and shakes. Its distance is therefore
-    measured along the heading only, and counted once it exceeds ``SHAKE_M``.
+    In lasting contact (slides, shakes), only motion along the heading beyond ``SHAKE_M`` counts.
     """
     dx, dy = x - way[LAST_X], y - way[LAST_Y]
     stays = touching and way[LAST_TOUCH] > 0.0

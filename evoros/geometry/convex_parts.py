@@ -1,8 +1,7 @@
 """Divides solids into convex parts by plane cuts, exactly if the faces are flat.
 
-No engine uses the mesh itself. MuJoCo collides with a mesh's convex hull, and PyBullet with an
-exact mesh only if the body never moves; both would differ from the planar simulator.
-``manifold3d`` cuts and closes the cuts. ``coacd`` is hardly faster, and its parts are not exact.
+MuJoCo would use a mesh's convex hull, and PyBullet an exact mesh only for fixed bodies.
+``manifold3d`` cuts and closes the cuts; ``coacd`` is hardly faster and not exact.
 """
 
 import heapq
@@ -107,10 +106,7 @@ def _split(*solids: Any) -> list[Piece]:
 
 
 def _cut(piece: Piece) -> tuple[list[Piece], int]:
-    """Cut a piece by the plane that leaves the smallest hulls, if any; also count the planes tried.
-
-    Planes along the axes are tried only if no cut along a face is good enough.
-    """
+    """Cut a piece by the plane that leaves the smallest hulls, if any; also count planes tried."""
     corners, outer = _find_hollows(piece)
     tried = 8 if piece.solid.num_tri() <= _FINE else 3
     along = list(_along_faces(corners, outer, 2 * tried))

@@ -31,9 +31,7 @@ def project_shape(
     """Project a shape other than a plane, at ``pose`` in the world, onto the ground.
 
     A convex polyhedron is projected only between the two heights [m], and any other shape entirely.
-    The projection is exact, except for a cylinder that neither stands nor lies. The end discs of
-    such a cylinder project to ellipses, which are replaced by polygons that exceed them by at most
-    0.13 % of the radius.
+    A tilted cylinder's end discs become polygons that exceed them by at most 0.13 % of the radius.
     """
     if shape.kind in ("convex", "heightfield"):
         return Footprint(convex_hull(_extreme_points(shape, pose, low_m, high_m)[:, :2]))
@@ -157,9 +155,8 @@ def find_bounds(*footprints: Footprint) -> tuple[Array, Array]:
 def convex_hull(points: Array) -> Array:
     """Return the corners of the convex hull of points (n, 2), counter-clockwise.
 
-    Collinear points yield two corners, and coincident points one. Points closer than 1e-12 of the
-    extent coincide. The algorithm is Andrew's monotone chain, because Qhull rejects collinear
-    points, and ``manifold3d`` often keeps some collinear corners.
+    Collinear points yield two corners, and coincident points (within 1e-12 of the extent) one.
+    Andrew's monotone chain is used, because Qhull rejects collinear points.
     """
     extent = float(np.ptp(points, axis=0).max())
     if extent < 1e-100:

@@ -54,10 +54,7 @@ class FreeSpace:
         ground: Sequence[Footprint] | None = None,
         cell_m: float = CELL_M,
     ) -> "FreeSpace":
-        """Return the positions between two corners [m] that clear footprints by a radius [m].
-
-        Free positions must also lie on ``ground`` (None: unbounded).
-        """
+        """Return free positions between two corners [m], on ``ground`` (None: unbounded)."""
         columns, rows = np.ceil((np.maximum(high, low + 1.0) - low) / cell_m).astype(int)
         space = cls(low, np.ones((rows, columns), dtype=np.bool_), cell_m)
         if ground is not None:

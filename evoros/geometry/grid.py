@@ -41,11 +41,7 @@ class Grid:
         return cls(low, cell, (math.ceil(width / cell), math.ceil(height / cell)))
 
     def list_near(self, footprints: Sequence[Footprint], reach: float) -> tuple[Array, Array]:
-        """List the footprints within ``reach`` [m] of each cell.
-
-        The result is the index of each cell's first entry (cells + 1,), and the concatenated
-        entries of all cells, which are indices into ``footprints``.
-        """
+        """List the footprints within ``reach`` [m] of each cell: starts (cells + 1,), indices."""
         count = self.shape[0] * self.shape[1]
         near = [self._cells_near(footprint, reach) for footprint in footprints]
         if not near:

@@ -39,10 +39,7 @@ class Hull:
 
 
 def make_hull(points: Array) -> Hull | None:
-    """Return the hull of points (k, 3) [m]; None if it is smaller than ``SMALLEST_M``.
-
-    Points that lie nearly in a plane get the thickness ``THICKNESS_M``.
-    """
+    """Return the hull of points (k, 3) [m], thickened if flat; None if below ``SMALLEST_M``."""
     if len(points) < 3 or float((points.max(axis=0) - points.min(axis=0)).max()) < SMALLEST_M:
         return None
     hull = _qhull(points) if len(points) > 3 else None
@@ -75,10 +72,7 @@ def _thicken(points: Array) -> Array:
 
 
 def simplify(hull: Hull) -> tuple[Hull, float]:
-    """Return a hull of at most ``MOST_CORNERS`` of the corners, and its maximum deviation [m].
-
-    Corners are added, farthest first, until the remaining ones lie within ``COARSENESS``.
-    """
+    """Return a hull of at most ``MOST_CORNERS`` corners, and its maximum deviation [m]."""
     if len(hull.corners) <= 500:
         hull = _without_flat_corners(hull)
     corners = hull.corners

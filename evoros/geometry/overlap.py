@@ -1,10 +1,8 @@
 """Penetration depth of two solid shapes, and the lift that moves one clear of the other.
 
-Two convex solids overlap if the origin lies in their Minkowski difference, and the nearest face of
-the difference gives the shortest translation that separates the solids. The hull of the difference
-starts from some points of each shape, and is refined by the farthest points along the normals of
-the relevant faces, as in the expanding polytope algorithm (van den Bergen, Game Developers
-Conference, 2001). Round shapes are therefore also exact.
+Two convex solids overlap if the origin lies in their Minkowski difference, whose nearest face gives
+the shortest separating translation. Its hull is refined by farthest points, as in the expanding
+polytope algorithm (van den Bergen, Game Developers Conference, 2001), also for round shapes.
 """
 
 import math
@@ -109,10 +107,7 @@ def overlap_depth(first: Solid, second: Solid) -> float:
 
 
 def clearance(first: Solid, second: Solid) -> Clearance | None:
-    """Return the lifts of the first solid at which it overlaps the second; None if there are none.
-
-    There, the vertical line through the origin crosses the hull of the Minkowski difference.
-    """
+    """Return the lifts of the first solid at which it overlaps the second; None without any."""
     points = _differences(first, second)
     lifts = None
     for _ in range(_ROUNDS):
@@ -137,10 +132,7 @@ def clearance(first: Solid, second: Solid) -> Clearance | None:
 
 
 def _cross(planes: Array) -> tuple[Clearance | None, list[Array]]:
-    """Intersect a hull with the vertical axis; return the lifts and the normals of both faces.
-
-    If the axis misses the hull, the only normal is horizontal and separates the two solids.
-    """
+    """Return a hull's lifts on the vertical axis and its normals there, or a separating normal."""
     rise, offset = planes[:, 2], planes[:, 3]
     aside = np.flatnonzero(np.abs(rise) <= SIDEWAYS)
     if len(aside) and offset[aside].min() < 0.0:

@@ -22,8 +22,7 @@ def transform_polygon(
 def polygon_distance(first: Array, second: Array, cutoff: float) -> float:
     """Return the distance [m] between convex counter-clockwise polygons (k, 2); 0 if they overlap.
 
-    A polygon may be a segment or a point. Most pairs are far apart, so if an edge proves that the
-    distance exceeds ``cutoff``, a lower bound is returned instead.
+    A polygon may be a segment or a point. Beyond ``cutoff``, a lower bound may be returned.
     """
     apart, _ = find_separation(first, second, cutoff)
     if apart <= cutoff:
@@ -71,10 +70,7 @@ def find_separation(polygon: Array, points: Array, enough: float) -> tuple[float
 
 @compilable
 def _off_edge(px: float, py: float, dx: float, dy: float, squared: float) -> tuple[float, float]:
-    """Return the vector [m] from the nearest point of an edge to p, given from the edge's start.
-
-    ``squared`` is the squared length [m2] of the edge (dx, dy), which may be 0.
-    """
+    """Return the vector [m] from the nearest point of an edge (dx, dy) to p; all from its start."""
     along = 0.0
     if squared > 0.0:
         along = (px * dx + py * dy) / squared

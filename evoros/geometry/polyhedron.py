@@ -182,8 +182,7 @@ def _is_convex(flat: list[list[float]], loop: list[int]) -> bool:
 def decompose(rings: Sequence[Ring]) -> list[Ring]:
     """Return convex counter-clockwise polygons that together cover the inside of the rings.
 
-    A ring inside another ring is a hole. A ValueError says that a ring encloses nothing, or crosses
-    itself or another ring.
+    A ring inside another is a hole. A ring that is empty or crosses raises a ValueError.
     """
     from manifold3d import CrossSection, FillRule, triangulate
 
@@ -263,11 +262,7 @@ def _solid_tensor(shape: Shape, mass: float) -> Array:
 
 
 def point_tensor(mass: float, offset: Array) -> Array:
-    """Return the inertia tensor (3, 3) [kg m2] of a point mass at ``offset`` (3,) [m].
-
-    By the parallel axis theorem, a body's tensor about a point is its tensor about the centre of
-    mass plus this one.
-    """
+    """Return the inertia tensor (3, 3) [kg m2] of a point mass at ``offset`` (3,) [m]."""
     return np.asarray(mass * (product(offset, offset) * np.eye(3) - np.outer(offset, offset)))
 
 

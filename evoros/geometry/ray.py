@@ -48,11 +48,10 @@ def cast_rays(
     """Return the minimum distance [m] from a sensor to an obstacle, or ``best`` if that is smaller.
 
     If ``ranges`` is not empty, it holds a distance for each ray; the function lowers the distances
-    of rays that hit the obstacle earlier, and ignores ``best``.
-
-    ``faces`` (f, FACE_SIZE) holds the faces of all polyhedra. The rays (n, 3) are unit vectors in
-    the frame rotated by ``turn_frame``; ``origin`` is relative to the obstacle's centre, in the
-    same frame. A ray that starts inside the obstacle does not see it.
+    of rays that hit the obstacle earlier, and ignores ``best``. ``faces`` (f, FACE_SIZE) holds the
+    faces of all polyhedra. The rays (n, 3) are unit vectors in the frame rotated by ``turn_frame``;
+    ``origin`` is relative to the obstacle's centre, in the same frame. A ray that starts inside the
+    obstacle does not see it.
     """
     start, kind = _turn(frame, origin), obstacle[KIND]
     a, b, c = obstacle[EXTENT], obstacle[EXTENT + 1], obstacle[EXTENT + 2]
@@ -84,10 +83,7 @@ def _turn(frame: Frame, vector: Point) -> Point:
 
 @compilable
 def is_beside(box: Array, frame: Frame, x: float, y: float, across: float, along: float) -> bool:
-    """Return True if a box at (x, y) [m] lies on one side of a vertical plane through the origin.
-
-    (across, along) is the plane's unit normal, towards that side, in the frame of the rays.
-    """
+    """Return True if a box at (x, y) [m] lies on the side (across, along) of a vertical plane."""
     m00, m01, _, m10, m11, _, m20, m21, _ = frame
     half = box[EXTENT] * abs(m00 * across + m01 * along)
     half += box[EXTENT + 1] * abs(m10 * across + m11 * along)

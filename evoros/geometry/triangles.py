@@ -58,8 +58,7 @@ def _have_area(points: Array, faces: Indices) -> NDArray[np.bool_]:
 def join_near(surface: Surface, cell: float) -> tuple[Surface, Indices, float]:
     """Replace the points in each cube of ``cell`` [m] by their mean.
 
-    The result is the surface of the faces that keep an area, the indices of these faces, and the
-    maximum displacement [m] of a point.
+    Return the faces that keep an area, their indices, and the maximum displacement [m] of a point.
     """
     _, indices = unique_rows(np.floor(surface.points / cell))
     sums = np.stack([np.bincount(indices, column) for column in surface.points.T], axis=1)
@@ -143,9 +142,7 @@ def orient(surface: Surface) -> Surface:
 def separate(surface: Surface) -> Surface | None:
     """Return a closed surface, facing outwards, with points duplicated where parts only touch.
 
-    The copies of an edge at which a ring touches itself have the same ends, so midpoints tell them
-    apart. The result is None if the surface is not closed, or if its faces do not agree on which
-    side is outside.
+    The result is None if the surface is not closed, or if its faces disagree on the outside.
     """
     found = _separate(surface)
     if found is None:

@@ -15,10 +15,7 @@ from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated, Meas
 @dataclass(frozen=True)
 @checked
 class Spread(Measure):
-    """The root mean square horizontal distance of the sensors from their centroid.
-
-    The distance is divided by half the diagonal of the robot's outline, so robots can be compared.
-    """
+    """The sensors' root mean square distance from their centroid, relative to the robot's size."""
 
     title = "spread of the sensors"
     of_design = True

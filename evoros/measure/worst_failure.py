@@ -17,9 +17,8 @@ SHARE = 0.25
 class WorstFailure(Measure):
     """The mean score of the lowest quarter of trials, if the bad draws of all worlds coincide.
 
-    Missions are regrouped: the first trial has the worst mission of each world, the second trial
-    the second-worst mission, and so on. As trials are added, this mean falls much less than the
-    minimum would. With up to four trials it is the minimum; with one trial it is the fitness.
+    Trial k is regrouped from the kth-worst mission of each world. With more trials, this falls much
+    less than the minimum would; with one trial it is the fitness.
     """
 
     title = "score under the worst failures, mean of the lowest 25 %"

@@ -1,7 +1,4 @@
-"""The rules of the bundled parts, which ``hatch_build.py`` compiles while evoros is installed.
-
-A rule that is missing here is compiled in the first run that needs it.
-"""
+"""The bundled rules that ``hatch_build.py`` compiles during installation; others compile on use."""
 
 import sys
 from collections.abc import Iterator

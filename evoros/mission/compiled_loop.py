@@ -1,8 +1,4 @@
-"""Compile and run the mission loop with its rules.
-
-Each rule is compiled separately, with the signature of its kind, and passed to the compiled loop as
-a function. A single compiled loop therefore serves every combination of parts.
-"""
+"""Compile the mission loop, one for every combination of parts, and run it with compiled rules."""
 
 from collections.abc import Callable, Iterable, Sequence
 from ctypes import PYFUNCTYPE, c_char_p, c_void_p, py_object, pythonapi
@@ -151,10 +147,7 @@ def run_call(call: LoopCall) -> LoopResult:
 
 
 def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
-    """Choose the compiled loop if all filters can be compiled, otherwise the interpreted one.
-
-    The compiled loop can call interpreted rules of motion and of layers.
-    """
+    """Choose the compiled loop if all filters can be compiled, otherwise the interpreted one."""
     motion = SimulationRules(*map(compile_if_possible, inputs[:3], SIMULATION_RULES))
     live = not all(isinstance(rule, CompiledRule) for rule in motion)
     stages: dict[str, Any] = {

@@ -1,7 +1,4 @@
-"""The mission loop: observe, sense, filter, decide and advance until the mission ends.
-
-The loop works on functions, numbers and float64 arrays alone, so that it can be compiled.
-"""
+"""The mission loop (observe, sense, filter, decide and advance), in a form that can be compiled."""
 
 import math
 
@@ -50,11 +47,8 @@ from evoros.mission.triggers import update_clocks
 
 
 def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays) -> LoopResult:
-    """Run a mission, or the part that ``timing`` specifies.
-
-    The loop is one long function because compiled code copies the rules that it passes to another
-    function.
-    """
+    """Run a mission, or the part that ``timing`` specifies."""
+    # One long function, because compiled code copies rules that it passes to another function.
     observe, sense, advance = inputs.observe, inputs.sense, inputs.advance
     parameters, memory, layers = inputs.parameters, inputs.memory, inputs.layers
     filters, localization, actuation = inputs.filters, inputs.localization, inputs.actuation
@@ -122,10 +116,7 @@ def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays)
 
 @compilable
 def update_agent(agents: Agents, arrays: Arrays, i: int, k: int, row: int, last: bool) -> bool:
-    """Count waypoints and contacts of robot ``i`` at tick ``k``; False if its state is not finite.
-
-    A robot whose mission has ended stops, but remains in the world.
-    """
+    """Count waypoints and contacts of robot ``i`` at tick ``k``; False if a state is not finite."""
     states, legs, counts = arrays.states, arrays.legs, arrays.counts
     at, leg = i * STATE_SIZE, i * LEG_SIZE
     # Arithmetic with plain numbers is several times as fast as with numpy's scalars.

@@ -21,11 +21,7 @@ from evoros.world.course import Course
 @dataclass(frozen=True, eq=False)
 @checked
 class Member:
-    """A robot of a scenario, with its parts, course and names.
-
-    The first fields are named after configuration groups, so the key of an evolved value is also an
-    attribute path.
-    """
+    """A robot of a scenario, with fields named like configuration groups, for evolved keys."""
 
     robot: Annotated[Robot, instance_of(Robot, "a robot")]
     design: Annotated[SensorDesign, instance_of(SensorDesign, "a sensor design")]

@@ -1,8 +1,4 @@
-"""Copy missions to the memory of a device, where a kernel runs the loop on them.
-
-The arrays of several missions are copied to the device and back as one block of bytes, the image.
-Arrays that overlap in this process also overlap in the image, so that views remain views.
-"""
+"""Copy missions to a device's memory as one block of bytes, the image, on which a kernel runs."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from ctypes import memmove
@@ -148,10 +144,7 @@ class _Pieces:
 
 
 class Image:
-    """The image of several missions, whose rules are given by number.
-
-    ``size`` is the image's length [bytes], and ``rows`` is the offset of the missions' rows.
-    """
+    """The image of several missions, with its ``size`` [bytes] and the offset of their ``rows``."""
 
     def __init__(self, calls: Sequence[LoopCall], numbers: Mapping[Any, int]) -> None:
         self._calls, self._numbers = calls, numbers

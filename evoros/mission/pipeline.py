@@ -206,8 +206,7 @@ WHEEL_NAMES = "left wheel", "right wheel"
 class Actuation:
     """The values between the controller's ``command`` and the drive.
 
-    Command faults act before drive faults. If a command is silent (NaN), the previous one applies;
-    a wheel with silent strength stops.
+    Command faults act first. A silent (NaN) command repeats the previous one; a silent wheel stops.
     """
 
     def __init__(self, command: Array) -> None:
@@ -231,10 +230,7 @@ class Actuation:
     def order(
         self, faults: Mapping[str, Sequence[FilterStage]], driven: Array, strength: Array
     ) -> list[FilterStage]:
-        """Return the fault stages in order, with the stages that copy values between them.
-
-        ``driven`` (COMMAND_SIZE,) is the drive's input. ``strength`` is used if a wheel fails.
-        """
+        """Return the fault stages in order, with the stages that copy values between them."""
         stages = [_start_copy(copy_signal, self._command, driven)]
         if faults[protocol.COMMAND] or faults[protocol.DRIVE]:
             stages = [

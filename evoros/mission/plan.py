@@ -48,11 +48,9 @@ class Plan:
     """Plans the missions of a run or an evaluation.
 
     The missions of one trial differ only in their world. Missions whose keys of draws are equal
-    have the same failures, noise and generated worlds.
-
-    The cases of a ``systematic`` failure are dealt to the trials of each group of draws. The first
-    trials are thus a random sample of the cases without replacement. Designs with the same number
-    of sensors meet the same cases.
+    have the same failures, noise and generated worlds. Cases of a ``systematic`` failure are dealt
+    to the trials of each group of draws without replacement; designs with the same number of
+    sensors meet the same cases.
     """
 
     seed: int
@@ -130,10 +128,7 @@ class Plan:
         ]
 
     def evaluation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
-        """Return the missions of a design in an evaluation.
-
-        No run uses the same draws, except for validation if ``evaluation_draws`` is VALIDATION.
-        """
+        """Return a design's missions in an evaluation, with fresh draws or VALIDATION's."""
         if self.evaluation_draws == VALIDATION:
             return self.validation(generation, design_id, design, self.revalidation_trials)
         return self._missions(
@@ -205,9 +200,8 @@ class Plan:
 def count_round(purpose: str, generation: int, trial: int) -> int:
     """Return a mission's round number, whose parity sets the direction of some courses.
 
-    Missions for selection count generations, as in the original runs. Validations and the final
-    choice compare designs of all generations, so they count trials, and each design drives in both
-    directions. Evaluations count both.
+    Selection counts generations, as in the original runs; validation and the final choice count
+    trials, so each design drives in both directions; evaluations count both.
     """
     if purpose in SEARCHING:
         return generation

@@ -126,10 +126,7 @@ class OpenMission:
         return tuple(measure(index, self._setup, self._result) for index in robots)
 
     def add_failure(self, failure: Failure) -> tuple[Fault, ...]:
-        """Draw and start faults of the first robot, from the next tick on, and return them.
-
-        Onsets count from that tick. The trajectory keeps its columns.
-        """
+        """Draw, start and return faults of the first robot, from the next tick on."""
         robot = self._setup.robots[0]
         draws, earlier = robot.participant.draws, robot.faults
         later = (self._result.ticks + 1) * self.tick_s

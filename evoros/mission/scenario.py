@@ -35,11 +35,7 @@ def require_world(name: str, world: object) -> None:
 @dataclass(frozen=True, eq=False)  # hashable by identity, as a cache key
 @checked
 class Scenario:
-    """Everything that a mission needs except its design, the name of its world and its draws.
-
-    A world's course applies to robots without a separate home or route. The constructor checks that
-    the parts fit together.
-    """
+    """Everything that a mission needs except its design, the name of its world and its draws."""
 
     members: tuple[Member, ...]
     world: Annotated[Mapping[str, World], instance_of(Mapping, "a mapping from names to worlds")]

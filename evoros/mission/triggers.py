@@ -32,10 +32,7 @@ leg of the route; or the amount of a supply and its use per second and per metre
 def make_row(
     robot: int, trigger: Trigger, home: Sequence[float], route: Array, place: Sequence[float]
 ) -> list[float]:
-    """Return the row of a trigger for a robot at a ``place``, on a route (legs, 2) [m] from home.
-
-    An event beyond the route never occurs.
-    """
+    """Return the row of a robot's trigger; an event beyond the route (legs, 2) never occurs."""
     kind, numbers = _describe(trigger, measure_legs(home, route))
     return [robot, kind, *numbers, 0.0, *place[:2], 0.0, 0.0, math.inf]
 

@@ -24,10 +24,9 @@ class CatCma(Optimizer):
     """CatCMA with margin, from the package ``cmaes``.
 
     Regions and sensor types are categorical, sensor counts and other whole numbers are integers,
-    and all other genes are continuous. The search restarts after convergence.
-
-    R. Hamano et al., "CatCMA with Margin: Stochastic Optimization for Continuous, Integer, and
-    Categorical Variables", GECCO 2025, arXiv:2504.07884.
+    and all other genes are continuous. The search restarts after convergence. R. Hamano et al.,
+    "CatCMA with Margin: Stochastic Optimization for Continuous, Integer, and Categorical
+    Variables", GECCO 2025, arXiv:2504.07884.
     """
 
     population_size: Annotated[int, POPULATION] = 16

@@ -33,10 +33,9 @@ class GeneticAlgorithm(Optimizer):
     In each generation, tournaments in the population fill a parent pool of the same size.
     Consecutive parents cross over or are cloned. The population and the children form the candidate
     pool, in which each candidate except the elite may mutate. The new designs are evaluated. The
-    elite and the winners of tournaments in the candidate pool form the next population.
-
-    With ``best_child``, as in the original study, the elite is the best new design of the
-    generation, so the best design so far can be lost.
+    elite and the winners of tournaments in the candidate pool form the next population. With
+    ``best_child``, as in the original study, the elite is the best new design of the generation, so
+    the best design so far can be lost.
     """
 
     population_size: Annotated[int, COUNT] = 30

@@ -65,11 +65,7 @@ class Search(Protocol):
         """Return the individuals of the next generation that need evaluation."""
 
     def tell(self, scores: Mapping[int, Score]) -> Sequence[Candidate]:
-        """Record scores by id, and return the generation's table.
-
-        ``scores`` covers all individuals from ``ask``, and earlier individuals whose scores have
-        changed.
-        """
+        """Record the scores of new and changed individuals by id; return the generation's table."""
 
     def champions(self) -> Sequence[Individual]:
         """Return the design, front or archive that the search has found, best first."""
@@ -142,10 +138,7 @@ class CoveringSpace(Space, Protocol):
 
     @property
     def slots(self) -> tuple[Block, ...]:
-        """The genes of each placed sensor, in mounting order.
-
-        Equal gene vectors in different slots give the same sensor.
-        """
+        """The genes of each placed sensor in mounting order; equal genes give equal sensors."""
 
     @property
     def number(self) -> tuple[int, int]:

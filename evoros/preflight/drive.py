@@ -1,7 +1,4 @@
-"""Detects a time step that is too coarse by driving the robot briefly before the run.
-
-Every change that is proposed has been tested in such a drive.
-"""
+"""Detects a time step that is too coarse by driving the robot briefly before the run."""
 
 import dataclasses
 import logging
@@ -31,11 +28,7 @@ FINE_ITERATIONS = 50  # minimum number of solver iterations at finer steps
 
 
 def report_drive(experiment: Experiment, pool: Pool) -> None:
-    """Have a worker drive the robot in each engine, and warn if it does not move as commanded.
-
-    A worker is used because an engine may crash its process. Rule simulators are skipped, because
-    robots always move as commanded there.
-    """
+    """Have a worker drive the robot in each engine, and warn if it does not move as commanded."""
     if all(isinstance(simulator, RuleSimulator) for simulator in _simulators(experiment).values()):
         return
     try:

@@ -1,8 +1,4 @@
-"""Tries a user's code before a run, at a stage where errors can be reported.
-
-Rules are called in Python, because compiled rules check neither indices nor divisions. With live
-controllers, one mission is run twice to detect nondeterminism.
-"""
+"""Tries a user's code in Python before a run, to report errors and nondeterminism."""
 
 from collections.abc import Sequence
 from concurrent.futures import CancelledError

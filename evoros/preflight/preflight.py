@@ -105,10 +105,7 @@ def _choose_rules(scenario: Scenario, members: Sequence[Member]) -> Sequence[Sim
 
 
 def _compile(rules: SimulationRules, setup: Setup) -> list[str]:
-    """Compile the rules and loops of missions; return the reasons why some are interpreted.
-
-    With an engine, interpreted rules are barely slower. Live controllers have no rules.
-    """
+    """Compile the rules and loops of missions; return the reasons why some are interpreted."""
     inputs = setup.collect_inputs(RuleSimulation(rules, np.zeros(0), np.zeros(0)))
     try_rules(inputs, len(setup.arrays.readings))
     prepare(inputs)

@@ -89,8 +89,7 @@ def _propose_masks(robots: Sequence[Robot]) -> Iterator[str]:
 def check_gaps(subject: Subject) -> Iterator[str]:
     """Yield a warning for each sensor type whose rays can miss the narrowest obstacle.
 
-    The fraction of readings that hit the obstacle is its width divided by the gap between two rays
-    at the avoidance range, or at ``NEAR_M`` if no layer avoids obstacles.
+    Its width divided by the gap between two rays is the fraction of readings that hit it.
     """
     worlds, height = subject.scenario.world.values(), subject.member.robot.height_m
     width, body = min(chain.from_iterable(_list_widths(w, height) for w in worlds), default=(0, ""))
@@ -111,10 +110,7 @@ def check_gaps(subject: Subject) -> Iterator[str]:
 
 
 def _list_widths(world: World, height: float) -> Iterator[tuple[float, str]]:
-    """Yield an upper bound on the width [m] of each obstacle below a height, and its body's name.
-
-    A mesh counts as one obstacle.
-    """
+    """Yield an upper bound on the width [m] of each low obstacle, and its body's name."""
     for body, areas in list_areas(world, height):
         if any(shape.kind == "convex" for shape in body.shapes):
             areas = (Footprint(np.concatenate([area.vertices for area in areas])),)

@@ -65,10 +65,7 @@ PLUMB = Lidar(
 
 
 class Trial:
-    """A robot on empty level ground in an engine.
-
-    Every method raises a ``SimulationError`` if the engine rejects the robot.
-    """
+    """A robot on level ground in an engine; methods raise SimulationError if it is rejected."""
 
     def __init__(self, simulator: Simulator, robot: Robot, world: World, speed: float) -> None:
         """``speed`` is in [m/s]."""
@@ -116,11 +113,7 @@ def _limit_speed(drive: Drive, curvature: float) -> float:
 
 
 def find_turning_point(simulator: Simulator, robot: Robot, world: World, speed: float) -> float:
-    """Return the x [m], in the robot's frame, of the point that moves along the heading in a turn.
-
-    The result is NaN if the robot does not turn. A SimulationError means that the engine rejects
-    the robot.
-    """
+    """Return the x [m] of the point that moves along the heading in a turn; NaN without a turn."""
     lock, drive = robot.drive.steering_limit, robot.drive
     speed = min(speed, _limit_speed(drive, elementary.tan(lock) / drive.wheelbase_m))
     with open_alone(simulator.open, robot, world) as simulation:

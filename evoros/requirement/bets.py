@@ -26,10 +26,7 @@ _HALVINGS = 30
 
 
 def count_to_proof(values: Array, limit: float, confidence: float) -> int:
-    """Return the number of values after which the mean provably exceeds the limit; 0 if never.
-
-    The ``values`` (n,) are independent; the values and the ``limit`` lie between 0 and 1.
-    """
+    """Return the number of ``values`` (n,) in [0, 1] that prove a mean above the limit; or 0."""
     with np.errstate(all="ignore"):  # infinite capital also proves the claim
         capital = sum(
             part * np.multiply.accumulate(1 + share * (values / limit - 1)) for share, part in BETS
@@ -41,9 +38,8 @@ def count_to_proof(values: Array, limit: float, confidence: float) -> int:
 def decide(values: Array, limit: float, confidence: float, tests: int = 1) -> tuple[str, int]:
     """Return the result for a limit on the mean, and the number of values that decide it.
 
-    The result is MET, VIOLATED or UNDECIDED. If any of several ``tests`` may show a violation, they
-    share its error rate. All of them must be met together, so meeting one by mistake needs no
-    correction (intersection-union test).
+    The result is MET, VIOLATED or UNDECIDED. Several ``tests`` share the error rate of a violation,
+    but need no correction to be met together (intersection-union test).
     """
     proofs = {
         MET: count_to_proof(values, limit, confidence),
@@ -55,11 +51,7 @@ def decide(values: Array, limit: float, confidence: float, tests: int = 1) -> tu
 
 
 def estimate_further(values: Array, limit: float, confidence: float) -> float:
-    """Estimate the number of further values needed to prove that the mean exceeds the limit.
-
-    Further values are assumed to be distributed like the given ones. The result is infinite if no
-    bet grows, for example if the mean equals the limit.
-    """
+    """Estimate the number of further such values to prove a mean above the limit, or infinity."""
     kinds, counts = np.unique(values, return_counts=True)
     gains = [
         math.fsum(

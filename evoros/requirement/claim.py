@@ -39,10 +39,7 @@ _NATURAL = dict.fromkeys(("completed", "progress", "avoiding"), (0.0, 1.0))  # n
 
 @dataclass(frozen=True)
 class Condition:
-    """A given case of failed sensors, or a part that replaces one of the experiment's parts.
-
-    Without either, missions run under the evaluation's conditions.
-    """
+    """A given case of failed sensors, or a part that replaces one of the experiment's parts."""
 
     case: Case | None = None  # failures that replace all others
     factor: str = ""  # one of PARTS

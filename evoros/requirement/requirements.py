@@ -233,13 +233,10 @@ class Judged:
 class Assessment:
     """Tracks the trials that a design's requirements still need, and judges the requirements.
 
-    Each level is decided by the trials under its condition, and then needs no further trials. One
-    violated level decides a whole survival requirement. The number of trials therefore depends on
-    the outcomes: ``trials`` is the maximum under each condition, and ``first`` the minimum under
-    the evaluation's conditions.
-
-    Raises:
-        InputError: a requirement has no levels for a robot with this number of ``sensors``.
+    A decided level needs no further trials, and one violated level decides a survival requirement.
+    So the number of trials depends on the outcomes: ``trials`` is the maximum under each condition,
+    and ``first`` the minimum under the evaluation's conditions. An InputError says that a
+    requirement has no levels for a robot with this number of ``sensors``.
     """
 
     def __init__(

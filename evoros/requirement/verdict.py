@@ -72,10 +72,9 @@ def write_percent(share: float) -> str:
 def conclude(levels: Mapping[str, Verdict]) -> Verdict:
     """Return the verdict on a requirement from the verdicts on its levels, by name.
 
-    The requirement is met if all levels are met, violated if any level is violated, and otherwise
-    undecided. The numbers come from the deciding level: the first violated level, the level that
-    was met last, or the critical undecided level. The critical level is the first that would be
-    violated if further trials resembled those so far, or else the last that would be met.
+    It is met if all levels are met, violated if any is violated, and otherwise undecided. The
+    numbers come from the first violated level, the level that was met last, or the critical level.
+    The latter is the first that trials like those so far would violate, or else the last to be met.
     """
     verdicts = [
         verdict if len(levels) == 1 and not name else replace(verdict, decided_by=name)

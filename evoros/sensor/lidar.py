@@ -22,9 +22,8 @@ FIELD = Rule("an angle greater than 0 and at most 360", lambda v: is_number(v) a
 class Lidar(RangeSensor):
     """A range sensor with ``beams`` evenly spaced rays in its x-y plane.
 
-    Rays are ordered from the right edge of the field of view to the left edge, including both
-    edges. A field of 360 deg has no edges, so no direction is read twice. The defaults, with
-    ``conf/sensor/lidar.yaml``, match small scanners for indoor robots.
+    Rays are ordered from right to left and include both edges, unless the field is 360 deg. The
+    defaults match small scanners for indoor robots.
     """
 
     range_min_m: Annotated[float, NOT_NEGATIVE] = 0.15

@@ -20,9 +20,8 @@ from evoros.sensor.protocol import BEAM, BOX, RangeSensor, find_field, spread_be
 class Multizone(RangeSensor):
     """A range sensor whose field of view in the x-y plane is divided into equal ``zones``.
 
-    It works like a camera with a single row of pixels, one per zone, ordered from right to left.
-    There are no gaps between zones: a wide zone detects everything inside, but not its bearing.
-    With ``conf/sensor/multizone.yaml``, the defaults are close to the middle row of ST's VL53L5CX.
+    Like a camera's pixels, zones have no gaps and are ordered from right to left. With
+    ``conf/sensor/multizone.yaml``, the defaults are close to the middle row of ST's VL53L5CX.
     """
 
     radiation = "infrared"  # radiation type in ROS messages

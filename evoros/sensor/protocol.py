@@ -1,8 +1,4 @@
-"""Base classes of sensors and mounts, and the names of mounted sensors and their readings.
-
-A mounted sensor is named by type and number, such as ``sonar_0``. If the robot's description
-already uses such a name, all mounted sensors get a prefix.
-"""
+"""Base classes of sensors and mounts, and names of mounted sensors (``sonar_0``) and readings."""
 
 import math
 import re
@@ -109,10 +105,7 @@ class Sensor(ABC):
 
 
 class RangeSensor(Sensor):
-    """A type of sensor that measures distances along rays, all with the same limits.
-
-    ``fov_deg``, if defined, is the full width of the field of view; see ``find_field``.
-    """
+    """A type of sensor that measures distances along rays; ``fov_deg`` is its field of view."""
 
     measures = RANGE
     radiation: str = ""  # radiation type in ROS messages: ``infrared``, or empty for ultrasound
@@ -266,8 +259,7 @@ def sensor_bearings(sensor: RangeSensor) -> list[float]:
 def name_channels(sensors: Iterable[Sensor]) -> Iterator[str]:
     """Yield the column name of each channel of mounted sensors, in order.
 
-    ``range_N_m`` is the range of sensor N. If a sensor has several channels with the same name,
-    these are numbered as well: ``range_N_K_m``.
+    ``range_N_m`` is the range of sensor N, and ``range_N_K_m`` one of several channels.
     """
     for index, sensor in enumerate(sensors):
         yield from name_readings(index, [channel[:2] for channel in sensor.channels])

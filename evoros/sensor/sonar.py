@@ -20,8 +20,7 @@ from evoros.sensor.protocol import BEAM, BOX, RangeSensor, find_field, spread_be
 class Sonar(RangeSensor):
     """A range sensor with a square beam, sampled by a square grid of rays.
 
-    Objects between the rays are missed; preflight warns about narrow obstacles. Engines cannot cast
-    whole cones. The defaults, with ``conf/sensor/sonar.yaml``, match the 2018 paper (Evo-ROS).
+    Objects between rays are missed (preflight warns). Defaults match the 2018 paper (Evo-ROS).
     """
 
     range_min_m: Annotated[float, NOT_NEGATIVE] = 0.06
@@ -40,8 +39,7 @@ class Sonar(RangeSensor):
     def rays(self) -> Array:
         """Return unit vectors (rays, 3) in the sensor's frame, x forward and z up.
 
-        Each vector is ``(cos a cos b, sin a cos b, sin b)`` for azimuth a (left positive) and
-        elevation b, both evenly spaced over the beam, including its edges.
+        They are ``(cos a cos b, sin a cos b, sin b)`` for azimuths a (left) and elevations b.
         """
         spaces = max(self.rays_per_axis - 1, 1)
         angles = spread_bearings(self.rays_per_axis, self.fov_deg, spaces)

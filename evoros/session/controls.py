@@ -1,7 +1,4 @@
-"""Runs a search and then its controls: other designs on the same draws as its champion.
-
-The folder ``controls`` of the run gets a random search and an evaluation, each a run folder.
-"""
+"""Runs a search and then its controls, in the folder ``controls``: other designs on equal draws."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace

@@ -124,10 +124,7 @@ def _to_values(course: Course) -> dict[str, Any]:
 
 
 def _find_world(place: _Place) -> tuple[World, str]:
-    """Return a world with a suggested course that causes no warning, and where the course is.
-
-    Courses in enclosed regions are preferred, and the file's floors to an added ground plane.
-    """
+    """Return a world with a suggested course that causes no warning, and where the course is."""
     grounds = (False,) if project_ground(place.bodies) is None else (True, False)
     for on_floors in grounds:
         suggested = _list_worlds(place, on_floors)

@@ -19,11 +19,7 @@ GENERATION = 0  # determines, with the seed, the draws for all evaluated designs
 
 @dataclass
 class DesignTrials:
-    """The missions of a design, and the outcomes known so far.
-
-    With requirements, missions are added in rounds until all requirements are decided. Which
-    missions are run thus depends only on outcomes.
-    """
+    """The missions of a design, in rounds until all requirements are decided, and outcomes."""
 
     experiment: Experiment
     index: int

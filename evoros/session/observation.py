@@ -133,10 +133,7 @@ def ignore(generations: int) -> None:
 
 @contextmanager
 def observe(folder: Path, observers: Mapping[str, protocol.Observer]) -> Iterator[Tell]:
-    """Send a run to its observers at the start, after each generation, and at the end.
-
-    An observer that raises an error receives no further records; the error becomes a warning.
-    """
+    """Send a run to its observers as it proceeds; drop, with a warning, an observer that raises."""
     if not observers:
         yield ignore
         return

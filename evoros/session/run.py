@@ -121,11 +121,7 @@ def create_run(config: Configuration, folder: Path) -> Session:
 
 
 def check_run(config: Configuration, similar: Experiment | None) -> Experiment:
-    """Build and check a run without recording it.
-
-    ``similar`` was checked and differs only in the keys of ``SEARCH``; for a search, only these
-    parts are built again.
-    """
+    """Build and check a run without recording it; reuse all except ``SEARCH`` of ``similar``."""
     if config.evaluates:
         return build_evaluation(config)[0]
     if similar is not None:

@@ -24,11 +24,7 @@ NOTEBOOK_WIDTH = 100
 
 
 def fit(parts: Sequence[tuple[int, str]], width: int) -> str:
-    """Join the nonempty (rank, string) parts of a line, up to ``width`` characters.
-
-    The parts with the highest ranks are left out if the line is too long. ``rich.progress``
-    truncates all columns instead, as in ``generat… |… | 2265 missions, 23982 si… …``.
-    """
+    """Join the nonempty (rank, string) parts of a line; omit the highest ranks beyond ``width``."""
     kept = [part for part in parts if part[1]]
     while len(line := SEPARATOR.join(text for _, text in kept)) > width and len(kept) > 1:
         kept.remove(max(kept, key=itemgetter(0)))

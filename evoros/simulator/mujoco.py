@@ -26,10 +26,7 @@ MOST_MOVABLE = 5000
 @dataclass(frozen=True)
 @checked
 class Mujoco(Simulator):
-    """The MuJoCo simulator.
-
-    By default, open-loop manoeuvres differ by at most 0.2 % from those with a step of 2.5 ms.
-    """
+    """The MuJoCo simulator; manoeuvres differ by at most 0.2 % from those with a step of 2.5 ms."""
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.01  # [s]
     wheel_friction: Annotated[float, POSITIVE] = 1.0  # multiplied by the ground's friction

@@ -1,9 +1,8 @@
 """Wheeled robots on flat ground, simulated tens of thousands of times faster than real time.
 
-The centre of the rear axle moves along arcs without slip (bicycle model). A robot stops when its
-outline meets an obstacle or another robot. In missions that continue after contact, the robot
-pushes movable bodies. Sensors cast the same rays at the same shapes as in a rigid-body engine.
-``docs/fidelity.md`` compares the simulators.
+The rear axle's centre moves along arcs without slip (bicycle model). A robot stops at an obstacle
+or another robot, or pushes movable bodies in missions that continue after contact. Rays and shapes
+are as in rigid-body engines; ``docs/fidelity.md`` compares the simulators.
 """
 
 import math

@@ -27,10 +27,7 @@ class PlacedRobot(NamedTuple):
 
 
 class Simulation(Protocol):
-    """Robots in a world; the only mutable object of a mission.
-
-    State, signal and command arrays hold the values of one robot after another.
-    """
+    """Robots in a world, a mission's only mutable object; arrays hold one robot after another."""
 
     def observe(self, state: Array) -> None:
         """Fill ``state`` (STATE_SIZE,) with the true state and any contact since the last call."""

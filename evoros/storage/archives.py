@@ -1,8 +1,4 @@
-"""Archives of studies (``evoros archive``), which are read like folders.
-
-An archive contains no machine-specific paths, and nothing in it is executed. Requested runs are
-unpacked into a temporary folder, which is deleted when the process ends.
-"""
+"""Archives of studies, read like folders; requested runs are unpacked for this process only."""
 
 import hashlib
 import json
@@ -30,10 +26,7 @@ RUNS, INPUTS = "runs", "inputs"  # folders of runs, and of the runs' input files
 
 
 def open_folder(path: str | Path) -> Path:
-    """Return a folder, or unpack the runs of an archive and return their folder.
-
-    ``study.zip/NAME`` names the run, or the folder of runs, called NAME.
-    """
+    """Return a folder, or unpack an archive's runs, such as ``study.zip/NAME``, into one."""
     path = expand_home(path)
     archive = find_archive(path)
     if archive is None:

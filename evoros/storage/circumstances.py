@@ -20,11 +20,7 @@ COMPUTING = ("evoros", "numpy", "numba")  # their versions can change missions i
 def describe_circumstances(
     packages: Iterable[str], programs: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """Return the fields of ``manifest.json`` about the code, packages and machine of this process.
-
-    ``packages`` are listed in addition to evoros's requirements; ``programs`` maps programs to
-    versions.
-    """
+    """Return the manifest's fields about this process's code, packages, programs and machine."""
     origin = read_origin()
     names = sorted({OWN, *map(normalize, (*packages, *_list_required()))})
     return {

@@ -39,9 +39,8 @@ def require_whole(path: Path) -> None:
 def create_folder(path: Path, files: Mapping[str, str]) -> None:
     """Create a folder, or fill an empty one, with these files, CONFIG first and MISSIONS last.
 
-    DIGESTS contains the digests of all files except the manifest, which has a seal. A new folder is
-    created atomically. An existing folder may be a mount point or a current working directory, so
-    it is not replaced; the last file marks its completion.
+    DIGESTS covers all files except the sealed manifest. A new folder is created atomically; in an
+    existing one (it may be a mount point), the last file marks completion.
     """
     try:
         _create_folder(path.resolve(), _add_digests(files))  # follows a symbolic link

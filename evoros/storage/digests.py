@@ -1,7 +1,6 @@
 """The digests of the files in a run folder (``digests.csv``).
 
-A row is appended once its file is on disk; the last row of a file is valid. A file that grows or is
-being replaced has no SHA-256. The row of a growing table covers the table's first line.
+The last row of a file is valid; the row of a growing table covers the table's first line.
 """
 
 import csv

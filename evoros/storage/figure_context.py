@@ -1,7 +1,4 @@
-"""Describes an experiment in plain values for figures, in ``setting.json``.
-
-With this file in the run folder, figures do not need the run's code or input files.
-"""
+"""Describes an experiment in ``setting.json``, so that figures need no code or input of the run."""
 
 import json
 import math

@@ -1,9 +1,7 @@
 """Run folders: file names, digests inside files, types of sealed fields, and reading.
 
-A run searches for designs or evaluates given designs. Digests at the end of table rows and inside
-JSON files reveal damage. A row with a wrong digest is damaged; a last row without a newline was
-truncated by a kill or a power failure. The digests of rows include the run's key, so that rows of
-other runs do not match.
+Digests at the end of table rows, which include the run's key, and inside JSON files reveal damage.
+A last row without a newline was truncated by a kill or a power failure.
 """
 
 import csv
@@ -64,10 +62,7 @@ def seal_json(name: str, content: Mapping[str, Any]) -> str:
 
 
 def unseal_json(name: str, content: bytes, others: Iterable[str] = ()) -> dict[str, Any]:
-    """Return the object in the sealed JSON file ``name``, without its digest.
-
-    A damaged file raises a ValueError; ``others`` are files that may have been copied over it.
-    """
+    """Return the object in a sealed JSON file, without its digest; ValueError if it is damaged."""
     fields = parse_json(content)
     begin = content.rfind(b'"digest": "') + len(b'"digest": "')
     blank = content[:begin] + _BLANK + content[begin + SIZE :]

@@ -1,7 +1,4 @@
-"""The manifest of a run: versions, machine, and hashes of all inputs.
-
-Imports, including those inside functions, are found by parsing source files without executing them.
-"""
+"""The manifest of a run: versions, machine, and hashes of all inputs, found by parsing sources."""
 
 import ast
 import hashlib

@@ -1,7 +1,6 @@
 """The folder of a run, created atomically and written by a single process.
 
-Finished missions are on disk before their outcomes are used, and content is never overwritten by
-different content. A killed run therefore resumes with the first missing mission.
+Missions are on disk before their outcomes are used, so a killed run resumes with the next.
 """
 
 import errno

@@ -220,9 +220,8 @@ GENERATION, DESIGN = 0, 1  # indices in a mission's key by which rows are groupe
 class MissionRows:
     """The offsets of mission rows, and the outcomes of the current group of rows.
 
-    Each mission uses 9 bytes of memory. ``read_row`` reads the row at an offset. The rows of a
-    group have the same value at the index ``group`` of their keys: the generation in a search, the
-    design in an evaluation.
+    Each mission uses 9 bytes of memory. A group has one value at the index ``group`` of its keys:
+    the generation in a search, the design in an evaluation.
     """
 
     def __init__(self, read_row: Callable[[int], Recorded], group: int = GENERATION) -> None:

@@ -28,10 +28,7 @@ RECORD_NUMBERS = ("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "mode", "visit
 
 @dataclass(frozen=True)
 class Run:
-    """The folder of a run or an evaluation, finished or not.
-
-    ``docs/run_folder.md`` and ``docs/evaluation.md`` document the columns.
-    """
+    """The folder of a run or an evaluation, finished or not; see ``docs/run_folder.md``."""
 
     path: Path
 
@@ -52,11 +49,7 @@ class Run:
 
     @cached_property
     def missions(self) -> pd.DataFrame:
-        """The finished missions, one per row, sorted by generation, design, world and trial.
-
-        The table of an evaluation has the columns ``source`` and ``design``, and keeps the file's
-        order.
-        """
+        """The finished missions by generation, design, world and trial, or in evaluation order."""
         if self.evaluates:
             return read_table(self.path / layout.MISSIONS, MISSION_NUMBERS)
         frame = read_table(self.path / layout.MISSIONS, RUN_NUMBERS)
@@ -157,10 +150,7 @@ def load_run(folder: str | Path) -> Run:
 
 
 def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
-    """Read a CSV file in which the columns ``numbers`` contain only numbers and empty cells.
-
-    An incomplete last row, which is still being written, is left out.
-    """
+    """Read a CSV file, whose columns ``numbers`` are numeric, without an incomplete last row."""
     try:
         complete, newline, _ = read_bytes(path).decode().rpartition("\n")
         frame = pd.read_csv(io.StringIO(complete + newline))
@@ -199,10 +189,7 @@ def read_overrides(folder: Path) -> Sequence[str]:
 
 
 class ScoredDesigns(pd.DataFrame):
-    """A table of designs, one per row; ``missions`` is the table of the missions scored.
-
-    Tables that pandas derives from this one have no ``missions``.
-    """
+    """A table of designs, one per row; ``missions`` is the table of the missions scored."""
 
     _metadata = ["missions"]  # noqa: RUF012 - pandas requires this list
     missions: pd.DataFrame

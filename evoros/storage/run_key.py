@@ -1,7 +1,4 @@
-"""The key of a run or an evaluation, which the digest of each mission row includes.
-
-Rows of other runs therefore count as damaged.
-"""
+"""The key of a run or an evaluation, in the digest of each row; rows of other runs never match."""
 
 import json
 import re

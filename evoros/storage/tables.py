@@ -1,8 +1,6 @@
 """Converts missions, generations and trajectories to CSV, and missions from CSV.
 
-Numbers have full precision (``repr``), so that reading restores them exactly. An empty cell stands
-for a number that was not measured; list items are separated by semicolons. ``docs/run_folder.md``
-documents all columns.
+Numbers have full precision (``repr``); unmeasured ones are empty; semicolons separate list items.
 """
 
 import csv
@@ -118,10 +116,7 @@ def read_outcomes(row: Mapping[str, str], agents: Sequence[str] = ()) -> Outcome
 
 
 def are_recorded(outcomes: Outcomes, recorded: Outcomes, agents: Sequence[str]) -> bool:
-    """Return True if a mission's outcomes equal the recorded ones.
-
-    Both are compared as they are read: a time limit typed as ``60`` is read as ``60.0``.
-    """
+    """Return True if a mission's outcomes equal the recorded ones, after both are read."""
     further = list_further_of(True, outcomes)
     columns = name_outcome_columns(agents, further)
     cells = map(cell, outcome_cells(outcomes, further))

@@ -1,7 +1,4 @@
-"""Trajectory files, one per mission, and files of the robots and worlds in these missions.
-
-A trajectory is written after its mission has run and before the mission's row.
-"""
+"""Trajectory files, each written before its mission's row, and files of robots and worlds."""
 
 import csv
 import io

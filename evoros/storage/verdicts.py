@@ -43,11 +43,8 @@ def _list_numbers(verdict: Verdict) -> list[object]:
 
 
 def write_junit(rows: Sequence[Row]) -> bytes:
-    """Return the verdicts as JUnit XML, with one test suite per design.
-
-    Any verdict except MET is a failure whose type is the result, because the schema of Jenkins's
-    xUnit plugin (junit-10.xsd) and other consumers expect different elements for errors.
-    """
+    """Return the verdicts as JUnit XML, one suite per design; all except MET are failures."""
+    # Jenkins's junit-10.xsd and other consumers expect different elements for errors.
     root = ElementTree.Element("testsuites", _count(rows))
     for design in dict.fromkeys(_name_design(row) for row in rows):
         of_design = [row for row in rows if _name_design(row) == design]

@@ -1,7 +1,4 @@
-"""Verifies a run folder before it is read.
-
-All functions raise InputError if a file is missing, damaged or unreadable.
-"""
+"""Verifies a run folder; a missing, damaged or unreadable file raises an InputError."""
 
 from collections.abc import Container, Mapping
 from pathlib import Path
@@ -21,10 +18,7 @@ LARGE = (  # files that only some figures need
 
 
 def verify_folder(folder: Path) -> None:
-    """Require that a folder's tables and inputs are undamaged, and that it contains no links.
-
-    Trajectories, robots and worlds are verified by ``verify_file`` when they are read.
-    """
+    """Require that a folder's tables and inputs are undamaged, and that it contains no links."""
     require_no_links(folder)
     manifest, status = (
         layout.read_sealed(folder, name) if (folder / name).is_file() else {}

@@ -125,10 +125,7 @@ class CommandParser(ArgumentParser):
 
 
 def require_keys(words: Sequence[str], before: str) -> None:
-    """Require that each word is an override ``key=value`` or a deletion ``~key``.
-
-    ``before`` was typed before the words: a folder, or ``key=`` before a folder.
-    """
+    """Require ``key=value`` or ``~key`` of each word; ``before`` was typed before the words."""
     for i, word in enumerate(words):
         if not _stands_alone(word):
             before = word

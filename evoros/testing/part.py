@@ -30,10 +30,7 @@ T = TypeVar("T")
 
 
 def bits(value: Any) -> Any:
-    """Return nested tuples that are equal if values have equal bits, types and shapes.
-
-    Dataclasses are compared by field, other objects by attribute, and random generators by state.
-    """
+    """Return nested tuples that are equal if values have equal bits, types and shapes."""
     return _bits(value, ())
 
 

@@ -130,11 +130,7 @@ class RuleSuite(PartSuite):
 
 
 def count_allocations(code: CompiledRule, *arguments: Any) -> int:
-    """Return the number of times that compiled code requests memory from numba in a call.
-
-    Not counted are numba's own requests: one per generator and, if the code can own memory, one per
-    array.
-    """
+    """Return the number of a call's requests for memory, except those that numba always makes."""
     _nrt_python.memsys_enable_stats()  # also used by numba's tests
     before = rtsys.get_allocation_stats().alloc
     code(*arguments)

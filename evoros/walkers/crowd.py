@@ -48,8 +48,7 @@ RANDOM, EVEN = "random", "even"
 class SocialForce:
     """The forces on a walker per unit mass (Helbing and Molnar, Phys. Rev. E 51, 4282, 1995).
 
-    The defaults are the paper's, for people as points. Here, they apply to walkers with a radius of
-    0.25 m, and distances are measured between surfaces.
+    The defaults are the paper's, but here walkers have a radius of 0.25 m, between surfaces.
     """
 
     relaxation_s: Annotated[float, checks.POSITIVE] = 0.5  # time in which a walker reaches its pace

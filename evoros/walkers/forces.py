@@ -1,8 +1,7 @@
 """The forces on a walker per unit mass, and the resulting velocity.
 
-The model is by Helbing and Molnar, Physical Review E 51, 4282 (1995), without the random part.
-There, the forces on two walkers who meet head-on cancel, and both stop. Here, a walker also steers
-to the right when something approaches from ahead, and turns back if it makes no progress.
+As in Helbing and Molnar, Physical Review E 51, 4282 (1995), without the random part. Here, walkers
+also steer to the right when something approaches, and turn back without progress.
 """
 
 import math

@@ -61,10 +61,7 @@ def advance_walker(parameters: Array, memory: Array, robots: Array, i: int, step
 def find_barrier(
     parameters: Array, memory: Array, robots: Array, i: int, x: float, y: float
 ) -> tuple[float, float]:
-    """Return the direction away from whatever blocks a position; zeros if the position is free.
-
-    A robot blocks the position if the walker overlaps the robot and would move deeper into it.
-    """
+    """Return the direction away from whatever blocks a position; zeros if the position is free."""
     crowd, now = unpack(Walk, parameters), unpack(Walking, memory)
     radius = crowd.walkers[i, at.RADIUS]
     here_x = now.places[i, 0]

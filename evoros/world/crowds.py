@@ -130,10 +130,7 @@ def draw_crowd(
     robots: Sequence[Standing],
     draws: Callable[[str], Generator],
 ) -> Crowd:
-    """Draw the walkers of a mission: their number, routes, paces and start positions.
-
-    Each group uses the random stream ``walkers.NAME``. The actors of the world come last.
-    """
+    """Draw a mission's walkers (streams ``walkers.NAME``), with the actors of the world last."""
     drawn: list[Walker] = []
     for name, group in walkers.items():
         drawn += _draw_group(world, name, group, robots, drawn, draws(f"walkers.{name}"))

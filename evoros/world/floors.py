@@ -1,7 +1,6 @@
 """Floors: the surfaces that carry a course, and the height of the ground at a point.
 
-A fixed body with a level top at the height of home, such as a slab or a mat, is a floor. If the
-floor at home is not at z = 0, the world is shifted vertically so that it is.
+Floors are fixed bodies with a level top at home's height, which becomes z = 0.
 """
 
 import logging

@@ -152,8 +152,7 @@ class _Near(NamedTuple):
 def find_lifts(bodies: Sequence[Body], solids: Solids, sunk: Mapping[int, float]) -> Lifts:
     """Find the lifts of movable bodies, from the lowest to the highest.
 
-    A body is lifted out of the ground, in which it is ``sunk`` [m] deep, and out of its supports,
-    together with the bodies on top of it, but not into a body above that stays.
+    Bodies rise out of the ground, in which they are ``sunk`` [m], and supports, with all on top.
     """
     shapes = {
         i: np.flatnonzero(solids.body == i).tolist()
@@ -175,10 +174,7 @@ def find_lifts(bodies: Sequence[Body], solids: Solids, sunk: Mapping[int, float]
 def _list_near(
     shapes: Sequence[int], solids: Solids, waiting: Collection[int]
 ) -> Iterator[tuple[int, Clearance, float]]:
-    """Yield the bodies near a body's shapes, except the ``waiting`` ones.
-
-    Each body comes with the lifts at which the shapes would overlap, and the current depth [m].
-    """
+    """Yield bodies near shapes, except ``waiting`` ones, with overlapping lifts and depth [m]."""
     for shape in shapes:
         for other in solids.list_near(shape, axes=2):
             if (body := int(solids.body[other])) in waiting:

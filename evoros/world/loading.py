@@ -1,7 +1,6 @@
 """Loads a world from an SDF file, and separates its bodies from the ground and each other.
 
-Engines push overlapping bodies apart within a few steps, at any speed. Therefore, bodies are set on
-the surface or joined first, so that all simulators, pictures and files show the same world.
+Engines would push overlapping bodies apart at any speed; all views show the same world.
 """
 
 import logging
@@ -37,8 +36,7 @@ _Pairs = dict[tuple[int, int], float]
 def free_bodies(bodies: Sequence[Body], source: str) -> tuple[Body, ...]:
     """Return the bodies, changed so that no movable body overlaps the ground or another body.
 
-    A body is lifted out of the ground and out of its supports. Other overlapping movable bodies are
-    joined into one. Bodies that overlap a fixed body or are stuck in the ground become fixed.
+    Bodies are lifted out of the ground and supports, joined to each other, or fixed if stuck.
     """
     if all(body.mass is None for body in bodies):
         return tuple(bodies)

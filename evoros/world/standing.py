@@ -1,8 +1,4 @@
-"""The obstacles of a world after movable bodies in the air have fallen, as bodies and arrays.
-
-Rigid-body engines let such bodies fall. The planar simulator, clearances and pictures have no
-gravity and no ground height, so they use the fallen obstacles.
-"""
+"""The obstacles after movable bodies have fallen, for users without gravity, also as arrays."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -53,8 +49,7 @@ def standing_obstacles(world: World) -> tuple[Body, ...]:
 def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
     """Return the obstacles, with each movable body moved straight down onto its support.
 
-    The support is the ground or the highest shape below the body's footprint. A body that overlaps
-    another one stays in place. On uneven ground, each obstacle is lowered by the ground's height.
+    A body that overlaps another stays; on uneven ground, obstacles are lowered by its height.
     """
     bodies = [body for body in all_bodies if not body.is_ground]
     floor = [body for body in all_bodies if body.is_ground]

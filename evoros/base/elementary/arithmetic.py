@@ -1,7 +1,4 @@
-"""Exact sums and products of doubles, rounding to integers, and polynomials.
-
-Every operation is an IEEE 754 operation, rounded to nearest, so all processors give the same bits.
-"""
+"""Exact sums and products, rounding, and polynomials of doubles, with equal bits everywhere."""
 
 import numpy as np
 

@@ -105,8 +105,7 @@ def place_inside(top: Path, path: Path) -> str:
 def place_named(folder: Path, manifest: Mapping[str, Any], tops: Sequence[Path]) -> dict[str, str]:
     """Return the archive path of each folder that may occur in the files of a run or evaluation.
 
-    The folders are ``tops`` (all folders to archive), the run's sweep, and the sources of an
-    evaluation's designs. For folders outside ``tops``, only the name is kept.
+    These are ``tops``, the sweep, and sources of designs; outside ``tops``, only the name is kept.
     """
     both = ((top, path) for top in tops for path in (top.absolute(), top.resolve()))
     places = {str(path): place_inside(top, top) for top, path in both}

@@ -1,8 +1,6 @@
 """The files of a finished run or evaluation for an archive, free of machine-specific paths.
 
-Files that contain no such path remain unchanged, except for the manifest. In changed files, hashes
-and digests are recomputed from the changed content, so that equal runs have equal files on all
-machines.
+Hashes in changed files are recomputed, so that equal runs have equal files on all machines.
 """
 
 from collections.abc import Iterator, Mapping
@@ -24,11 +22,7 @@ TEXTS = (".csv", ".json", ".yaml", ".urdf", ".sdf", ".xml", ".md", ".html")
 
 @dataclass(frozen=True)
 class PortableRun:
-    """A finished folder and its experiment.
-
-    ``config`` and ``values`` have no machine-specific paths; ``working`` and ``own_parts`` are the
-    archive paths of the working folder and of the folder with the user's parts.
-    """
+    """A finished folder and its experiment, with archive paths, free of machine-specific paths."""
 
     folder: Path
     experiment: Experiment

@@ -56,10 +56,7 @@ class Prepared:
 
 @contextmanager
 def prepare(source: Path, output: Path, config_dir: Path | None) -> Iterator[Prepared]:
-    """Prepare a folder or an archive for rerunning its runs.
-
-    An archive's inputs are unpacked into ``output``, the current folder within the context.
-    """
+    """Prepare a folder or an archive (unpacked into ``output``, made current) to rerun its runs."""
     archive = archives.find_archive(source)
     if archive is None:
         yield Prepared(source, output, config_dir)

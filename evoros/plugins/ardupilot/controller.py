@@ -1,7 +1,6 @@
 """The ArduPilot Rover firmware as the controller (SITL), in lock-step with the mission.
 
-As in the 2018 paper on Evo-ROS, the autopilot drives the route in mode AUTO. While an avoidance
-layer sees an obstacle, the layer drives in mode MANUAL in place of the radio.
+It drives in mode AUTO or, while an avoidance layer sees an obstacle, obeys the layer in MANUAL.
 """
 
 import math
@@ -207,8 +206,7 @@ NO_LIMIT = 1000  # maximum speed relative to real time, never reached
 class ArduPilot(ardupilot_parameters.ArduPilotSettings):
     """A controller that starts ``binary``, an ardurover built for simulation, in each mission.
 
-    When the mission starts, the autopilot has received its route, is armed and is in mode AUTO.
-    README.md describes the inputs and outputs.
+    It starts armed, in mode AUTO, with its route; README.md describes inputs and outputs.
     """
 
     @property

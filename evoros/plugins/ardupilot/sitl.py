@@ -1,10 +1,8 @@
 """The JSON interface of ArduPilot's simulation (SITL): servo outputs for states.
 
-A frame is one exchange over UDP. SITL sends its servo pulse widths and waits for the next state,
-which also sets its clock. After a long wait, SITL sends the frame again.
-
-Only one side works at a time. On two cores, every hand-over would wake an idle core, which takes
-longer than computing a frame, above all on virtual machines. Therefore, both sides share a core.
+A frame is one exchange over UDP. SITL sends its servo pulse widths, again after a long wait, and
+waits for the next state, which also sets its clock. Both sides share a core, because waking an idle
+core at each hand-over would take longer than computing a frame.
 """
 
 import math
@@ -49,10 +47,7 @@ class SitlFrames:
         self._speed = self._yaw_rate = math.nan
 
     def receive(self, limit_s: float, time: float | None) -> tuple[int, ...]:
-        """Wait for the next frame, up to a wall-clock limit, and return its pulse widths [us].
-
-        ``time`` is the mission time [s], None before the mission.
-        """
+        """Return the next frame's pulse widths [us]; ``time`` is the mission time [s] or None."""
         until = 0.0
         while True:
             try:
@@ -147,10 +142,7 @@ PROCESSOR = 36  # index of the core in /proc/.../stat, counted after the name in
 
 @contextmanager
 def share_core(*, wanted: bool = True) -> Iterator[None]:
-    """Pin this thread, and processes that it starts, to a core that no other mission uses.
-
-    If all cores are taken or the system forbids pinning, nothing changes.
-    """
+    """Pin this thread and processes that it starts to a core that no other mission uses, if any."""
     allowed = os.sched_getaffinity(0) if wanted and hasattr(os, "sched_getaffinity") else set()
     claim = _claim_core(allowed)
     if claim is None:

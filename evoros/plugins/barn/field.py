@@ -46,10 +46,7 @@ _STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
 
 
 def draw_grids(count: int, fill: float, smoothings: int, rng: Generator) -> Cells:
-    """Draw grids (count, rows, columns) by a cellular automaton.
-
-    A random share of the cells and both outer rows are filled; the grids are then smoothed.
-    """
+    """Draw grids (count, rows, columns) by smoothing random cells between filled outer rows."""
     cells: Cells = rng.random((count, SIDE, SIDE)) < fill
     cells[:, [0, -1]] = True
     for _ in range(smoothings):
@@ -94,9 +91,8 @@ def locate(row: float, column: float) -> Point:
 def find_shortest(free: Cells, start: Point, goal: Point) -> list[Point]:
     """Find the shortest path across the grid, as points [m], from ``start`` to ``goal``.
 
-    The path leads straight to a free cell in the first column, then from cell to free neighbour
-    (not diagonally between two blocked cells), and straight to ``goal`` from the last column. The
-    result is empty if there is no path.
+    It leads straight to the first column, from cell to free neighbour (not diagonally between two
+    blocked cells), and straight to ``goal``. It is empty if there is no path.
     """
     lengths: dict[Cell, float] = {}
     before: dict[Cell, Cell | None] = {}
@@ -156,11 +152,7 @@ BATCH, MAX_BATCHES = 32, 2000
 @dataclass(frozen=True)
 @checked
 class BarnField:
-    """A distribution of BARN worlds.
-
-    Each world uses a random value of ``fill`` and one of ``smoothings``; grids without a corridor
-    are redrawn. The world depends only on ``seed`` and on the key of the mission's random draws.
-    """
+    """A distribution of BARN worlds, determined by ``seed`` and the key of the mission's draws."""
 
     course: Annotated[Course, A_COURSE]
     fill: Annotated[Sequence[float], sequence_of(float, "shares")]  # initial shares of filled cells
@@ -271,8 +263,7 @@ class BarnFiles:
 def load_barn(folder: str, course: Course) -> World:
     """Load the worlds ``world_N.world`` in a folder; trial N uses world N.
 
-    The shortest path is read from ``path_files/path_N.npy`` and measured as in the challenge. If
-    this file is missing, the path is computed as for drawn worlds.
+    The shortest path is read from ``path_files/path_N.npy`` or, if missing, computed.
     """
     place = expand_home(folder)
     found = {

@@ -20,10 +20,9 @@ SHORTEST, LONGEST = 2.0, 8.0
 class Barn(AdditiveFitness):
     """The mean over worlds of ``optimal time / time``, clipped; 0 for incomplete missions.
 
-    The optimal time is the length of the shortest path divided by ``speed_mps``. Times are clipped
-    to between 2 and 8 times the optimal time, so a completed mission scores from 0.125 to 0.5. To
-    guide a search while few designs succeed, ``way_weight`` times the share of the path covered (1
-    if completed) is added.
+    The optimal time is the shortest path's length divided by ``speed_mps``; times are clipped to 2
+    to 8 times it, so a completed mission scores from 0.125 to 0.5. ``way_weight`` times the share
+    of the path covered is added, to guide a search while few designs succeed.
     """
 
     speed_mps: Annotated[float, POSITIVE] = 2.0

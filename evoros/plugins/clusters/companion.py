@@ -1,9 +1,7 @@
 """A cluster worker's companion process, whose child processes run the worker's calls.
 
-The companion has one thread and one child process for each thread of the worker. A call that
-crashes or hangs costs only its child process, and is retried at once, as in ``Processes``. Without
-the companion, Dask's nanny (distributed 2026.8.0) would restart the whole worker, and calls on its
-other threads would run twice.
+It has one child per thread, so a call that crashes or hangs costs only that child. Without it,
+Dask's nanny (distributed 2026.8.0) would restart the whole worker.
 """
 
 import importlib.machinery

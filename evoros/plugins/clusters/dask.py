@@ -24,14 +24,11 @@ _ADDRESS = Rule(
 class Dask(Limits, Executor):
     """An executor that runs calls in workers of the Dask cluster at ``address``, or a local one.
 
-    Each thread of a Dask worker has one process for calls, so that a call that crashes or hangs
-    costs only that process, as with ``Processes``. The calls of a lost worker run on another
-    worker. A call that loses more workers than Dask's setting
-    ``distributed.scheduler.allowed-failures`` is retried while no other call is under suspicion,
-    and fails if it loses as many again. Workers may join and leave at any time.
-
-    Workers whose Python, evoros, numpy, numba or arithmetic differs from this process receive no
-    calls.
+    Each thread of a Dask worker has one process for calls, so that a crash costs only that process,
+    as with ``Processes``. The calls of a lost worker run on another. A call that loses more workers
+    than ``distributed.scheduler.allowed-failures`` is retried alone, and fails if it loses as many
+    again. Workers may join and leave at any time; they receive no calls if their Python, evoros,
+    numpy, numba or arithmetic differs.
     """
 
     address: Annotated[str | None, _ADDRESS] = None

@@ -153,11 +153,8 @@ class DaskTransport:
             self._out.discard(sending)
 
     async def _try_twice(self, sending: Sending) -> RawAnswer:
-        """Try a call until it has lost too many workers, then again as the only suspect.
-
-        Dask blames the loss of a worker on all calls that ran or waited there. Innocent calls
-        succeed when they are retried one by one.
-        """
+        """Try a call until it has lost too many workers, then again as the only suspect."""
+        # Dask blames the loss of a worker on all calls that ran or waited there.
         with suppress(KilledWorker):
             return await self._persist(sending)
         async with self._suspect:

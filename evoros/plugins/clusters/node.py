@@ -1,8 +1,6 @@
 """Code that runs inside a cluster worker, and the environment that all workers must share.
 
-A Dask worker cannot have multiprocessing children, because it is a daemonic process of the nanny,
-and because each child would import the worker's main module, a Dask command. Therefore, calls run
-in children of the program ``companion``.
+Calls run in children of ``companion``, because a daemonic Dask worker cannot have children.
 """
 
 import hashlib
@@ -145,8 +143,7 @@ _NODE = _Node()
 def describe_environment() -> Mapping[str, str]:
     """Return the versions and digests of all software and arithmetic that results depend on.
 
-    ``ARITHMETIC`` is a digest of values of evoros's elementary functions. ``LIBRARY`` is a digest
-    of values of the C library, which differ between library versions and processors.
+    ``ARITHMETIC`` and ``LIBRARY`` digest values of evoros's and the C library's functions.
     """
     software = {
         "python": ".".join(map(str, sys.version_info[:2])),

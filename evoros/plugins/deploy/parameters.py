@@ -30,10 +30,7 @@ _SCALARS = (bool, int, float, str)
 
 
 def controller_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
-    """Return the controller's parameters, and the keys that no ROS parameter can hold.
-
-    A program gets the same parameters as in missions, any other controller its configuration.
-    """
+    """Return the controller's parameters, and the keys that no ROS parameter can hold."""
     values = champion.values
     prefix = f"{PARAMETERS}." if has_own_parameters(champion) else ""
     start = prefix or CONTROLLER

@@ -163,8 +163,7 @@ def _read_champion_swings(record: Record) -> pd.DataFrame:
 def read_gains(record: Record) -> pd.DataFrame:
     """Read a run's ``recorded``, ``validated`` and ``gap`` (best minus mean) into one row.
 
-    The column names end in ``_first``, ``_early`` or ``_last``, by generation. The column ``last``
-    is the last generation's number.
+    Columns end in ``_first``, ``_early`` or ``_last``; ``last`` is the last generation's number.
     """
     traced = trace_fitness(record.run.generations)
     first, last = traced.index[0], traced.index[-1]
@@ -177,10 +176,7 @@ def read_gains(record: Record) -> pd.DataFrame:
 
 
 def judge_gain(table: pd.DataFrame, line: str) -> finding.Finding:
-    """Judge the share of the total gain that was reached early; ``table`` is from ``read_gains``.
-
-    The best of random designs grows with the logarithm of their number.
-    """
+    """Judge the share of the gain that was reached early; ``table`` is from ``read_gains``."""
     claim = GAIN[line]
     names = [f"{line}_{name}" for name in ("first", "early", "last")]
     # An empty table has no columns.
@@ -248,8 +244,7 @@ def judge_completion(
 ) -> Iterator[finding.Finding]:
     """Judge the champions' completion rate with a failed sensor, by kind and source.
 
-    The tables are from ``list_missions`` and ``list_random_missions``. Champions are resampled, not
-    missions.
+    Tables are from ``list_missions`` and ``list_random_missions``; champions are resampled.
     """
     for kind in (RANDOM, SPATIAL):
         missions = table[table.kind == kind] if len(table) else table

@@ -43,10 +43,7 @@ WITHIN = finding.Claim(
 
 
 def judge_configurations(table: pd.DataFrame) -> finding.Finding:
-    """Judge whether mirrored champions fall into two clusters, one of which looks ahead.
-
-    ``table`` has the columns of ``describe_designs`` and ``kind``, the kind of failure.
-    """
+    """Judge whether mirrored champions fall into two clusters, one of which looks ahead."""
     champions = table[~table.random]
     if len(champions) < MIN_POINTS:
         known = len(champions)
@@ -129,10 +126,7 @@ def _compare_shares(table: pd.DataFrame, kind: str, having: "pd.Series[bool]") -
 
 
 def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.Finding:
-    """Judge whether champions of runs without symmetry differ more from one another.
-
-    Both spreads are relative to the spread of random designs.
-    """
+    """Judge whether champions without symmetry differ more, relative to random designs."""
     ratios = []
     for table in (free, mirrored):
         champions, drawn = (
@@ -183,12 +177,8 @@ def mean_distance(distances: Array) -> float:
 
 
 def resample_mean_distance(distances: Array, stream: int = 0) -> Array:
-    """Return the ``mean_distance`` of each of ``RESAMPLES`` bootstrap samples of the designs.
-
-    A design that is drawn twice forms no pair with itself, because such a pair would bias the mean
-    downwards; therefore, ``scipy.stats.bootstrap`` is not used. Each ``stream`` draws different
-    samples.
-    """
+    """Return ``mean_distance`` of ``RESAMPLES`` bootstrap samples of the designs, by ``stream``."""
+    # A design forms no pair with itself, unlike in SciPy's bootstrap, to avoid a bias.
     n, rng = len(distances), np.random.default_rng([small_samples.SEED, stream])
     counts = rng.multinomial(n, np.full(n, 1 / n), size=small_samples.RESAMPLES)
     pairs = n * n - (counts * counts).sum(axis=1)

@@ -72,10 +72,7 @@ class Inertial(NamedTuple):
 def format_link(
     model: str, link: str, pose: Pose, inertial: Inertial | None, solids: Sequence[Solid]
 ) -> tuple[str, list[str]]:
-    """Return a link as SDF, and the link's meshes as lines for the server.
-
-    The server attaches the meshes, because the library does not load mesh files named in SDF.
-    """
+    """Return a link as SDF, and its meshes, which SDF cannot load, as lines for the server."""
     parts, meshes = [], []
     if inertial is not None:
         mass, *moments = format_numbers([inertial.mass, *inertial.moments]).split()
@@ -210,11 +207,8 @@ WALKER_KG = 80.0
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def hold_standing(world: World, robots: int) -> World:
-    """Return the world with all bodies fixed that nothing can move before a mission ends.
-
-    DART computes each movable body in every step, even at rest. In missions with one robot that end
-    at the first contact, only bodies in the air move.
-    """
+    """Return the world with all bodies fixed that nothing can move before a mission ends."""
+    # DART computes each movable body in every step, even at rest.
     if not (world.course.end_on_collision and world.is_level and robots == 1):
         return world
     return replace(world, bodies=tuple(map(_hold, world.bodies)))
@@ -243,10 +237,8 @@ def describe_scene(robots: Sequence[PlacedRobot], world: World, settings: Settin
 
 
 def _set_down(robot: Robot, home: tuple[float, float, float, float], world: World) -> Pose:
-    """Return the root link's pose with the wheels on the ground.
-
-    A dropped robot would sink into the ground, and DART would take seconds to lift it out.
-    """
+    """Return the root link's pose with the wheels on the ground."""
+    # A dropped robot would sink into the ground, and DART would take seconds to lift it.
     x, y, _, yaw = home
     (px, py, pz), (qx, qy, qz, qw) = home_frame(robot, (x, y, 0.0, yaw), world)
     pose = Pose((px, py, pz), (qx, qy, qz, qw))

@@ -149,8 +149,7 @@ class Operation(IntEnum):
 class GazeboServer:
     """Starts the server, sends requests and awaits answers; for use by one thread.
 
-    The server process has a private home folder, and exits whenever this process exits. Libraries
-    may print to its standard output.
+    The process has a private home folder, may print, and exits whenever this process exits.
     """
 
     def __init__(self, program: Path, limit_s: float) -> None:
@@ -178,10 +177,7 @@ class GazeboServer:
         feeling: bool = False,
         time: float | None = None,
     ) -> Array:
-        """Send a request about simulation ``number`` and return the values of the answer.
-
-        ``time`` is the mission time [s], for messages.
-        """
+        """Send a request about simulation ``number`` and return the values of the answer."""
         self._pipes.begin(self.limit_s, time)
         self._pipes.send(_REQUEST.pack(operation, number, steps, feeling, len(body)) + body)
         data = self._pipes.receive(_READ_BYTES)

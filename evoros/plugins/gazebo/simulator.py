@@ -1,8 +1,6 @@
 """Rigid-body physics with Gazebo's library and DART, in a separate process.
 
-Range sensors cast rays in a MuJoCo model of the world, in which all bodies have the same poses as
-in Gazebo. Debian's version of Gazebo's library casts no rays, and later versions return NaN with
-some collision detectors. ``docs/simulation.md`` gives the reasons for the set-up.
+Rays are cast in a MuJoCo model of the world, because Gazebo's casts none or returns NaN.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -32,10 +32,7 @@ class Part:
 
 
 class Joining:
-    """A queue of parts, which are joined into one call as soon as a worker is free.
-
-    A run makes one part per worker, so a call has at most one part of each run.
-    """
+    """A queue of parts, which are joined into one call as soon as a worker is free."""
 
     def __init__(self, pool: Pool, batches: Batches) -> None:
         self._pool, self._batches = pool, batches
@@ -143,9 +140,7 @@ class GpuBatches:
 class Gpu(Processes):
     """An executor that runs missions in one kernel launch if all parts can be compiled.
 
-    When a worker becomes free, a launch takes the waiting missions of all runs. Worker processes
-    open missions, launch them and compute the outcomes. All other calls and missions run as with
-    ``Processes``.
+    A free worker launches the waiting missions of all runs; other calls run as in ``Processes``.
     """
 
     device: Annotated[str, one_of(GPU, CPU)] = GPU

@@ -1,7 +1,6 @@
 """Rows of the leaderboard: a run's result, and the overrides that repeat the run.
 
-A task is an experiment in ``conf/`` and a budget of missions. A search may choose how to handle
-noise; the task determines everything else. See docs/benchmark.md.
+A task is an experiment in ``conf/`` and a budget of missions; only the handling of noise may vary.
 """
 
 import csv
@@ -119,10 +118,7 @@ def _describe_certificate(certificate: Mapping[str, Any]) -> tuple[str, str, str
 
 
 def hash_run(folder: Path) -> str:
-    """Return a digest of the files that a run's configuration determines.
-
-    The missions' seals are excluded, because they depend even on keys that affect no outcome.
-    """
+    """Return a digest of the files that a run's configuration determines, without seals."""
     files = sorted(path for pattern in HASHED for path in folder.glob(pattern))
     whole = hashlib.sha256()
     for path in files:

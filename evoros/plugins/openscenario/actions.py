@@ -1,7 +1,4 @@
-"""The actions in ``osc.evoros``; each class is an entry point for scenario_execution.
-
-``lib_osc/evoros.osc`` declares the parameters of ``execute`` and of the constructors.
-"""
+"""The actions in ``osc.evoros`` for scenario_execution, as ``lib_osc/evoros.osc`` declares them."""
 
 import math
 from collections.abc import Callable, Sequence

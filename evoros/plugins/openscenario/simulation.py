@@ -89,8 +89,7 @@ def split_words(key: str, text: str) -> tuple[str, ...]:
 class Simulation(SimulationInterface):  # type: ignore[misc]
     """An evoros mission for the option ``--simulation`` of scenario_execution.
 
-    Scenario parameters choose the mission: ``overrides`` for ``evoros evaluate``, ``config_dir``
-    and ``trial``. A subclass can set a different ``dt``.
+    Scenario parameters are ``overrides`` for ``evoros evaluate``, ``config_dir`` and ``trial``.
     """
 
     dt = 0.5  # time between scenario ticks [s], a multiple of the mission's tick

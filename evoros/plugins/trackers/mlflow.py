@@ -40,10 +40,7 @@ _LOCK = Lock()  # jobs of a sweep run in threads, and share experiments and pare
 @dataclass(frozen=True)
 @checked
 class Mlflow(Observer):
-    """Sends runs to the MLflow server or database at ``tracking_uri``.
-
-    By default, this is the variable MLFLOW_TRACKING_URI if set, otherwise ``outputs/mlflow.db``.
-    """
+    """Sends runs to MLflow at ``tracking_uri`` (MLFLOW_TRACKING_URI or ``outputs/mlflow.db``)."""
 
     tracking_uri: Annotated[str | None, TEXT] = None
     experiment: Annotated[str, TEXT] = "evoros"

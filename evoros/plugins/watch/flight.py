@@ -1,7 +1,4 @@
-"""A program that reruns the missions of a run's best design so far.
-
-``python -m evoros.plugins.watch.flight FOLDER NAME`` prints the content for the page's player.
-"""
+"""A program (arguments FOLDER NAME) that reruns a run's best design so far for the player."""
 
 import resource
 import sys

@@ -45,8 +45,7 @@ FIRST = ("Progress", "Player", "Figures")  # sections at the top of the page
 class Flights:
     """Reruns the missions of the best design in the best unfinished run, whenever it changes.
 
-    Only runs that this user has in progress on this machine are rerun, because their code is
-    executed here anyway.
+    Only this user's runs on this machine count, because their code is executed here anyway.
     """
 
     _flown: dict[Key, Markup] = field(default_factory=dict)

@@ -15,10 +15,7 @@ E = TypeVar("E", bound=_Engine)
 
 
 class IdleEngines(Generic[E]):
-    """Engines that wait for their next mission, in this process but not in forked ones.
-
-    There are several only if missions were nested. No result depends on them.
-    """
+    """Engines that wait for their next mission, in this process but not in forked ones."""
 
     def __init__(self) -> None:
         self._idle: list[E] = []

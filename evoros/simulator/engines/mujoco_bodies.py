@@ -177,9 +177,8 @@ def add_ground_pairs(
 ) -> None:
     """Let shapes collide with the ground.
 
-    Friction is the product of the shape's and the ground's coefficients, as in PyBullet. By
-    default, the engine uses the larger coefficient, so wheels would grip on ice. ``slides`` and
-    ``rolls`` are the contact parameters of sliding and rolling shapes.
+    Friction is the product of both coefficients, as in PyBullet, because wheels would grip on ice
+    with the larger one. ``slides`` and ``rolls`` are contact parameters of such shapes.
     """
     grounds = [geom for geom in spec.geoms if geom.group == GROUND]
     for sole, ground in product(soles, grounds):

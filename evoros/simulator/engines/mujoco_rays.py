@@ -65,10 +65,7 @@ class MujocoRays:
         return Sensor(rays, arguments)
 
     def cast(self, pose: Array, ranges: Array) -> None:
-        """Fill ``ranges`` (n,) with the nearest hit [m] of each beam, within the sensor's range.
-
-        ``pose`` is the root link's pose. A ray that starts inside a shape ignores that shape.
-        """
+        """Fill ``ranges`` (n,) with each beam's nearest hit [m]; ``pose`` is the root link's."""
         if not self._sensors:
             return
         self._place(pose, self._origins, self._directions, self._starts, self._turned)

@@ -119,11 +119,8 @@ def rotor_of(joint: str) -> str:
 def _add_wheel_motor(
     spec: Any, library: Any, joint: str, effort: float, bond: dict[str, Any]
 ) -> None:
-    """Make a joint follow its rotor, with a torque of at most ``effort`` [N m].
-
-    The torque is transmitted by friction between joint and rotor, which the engine solves together
-    with the contacts. An actuator would need a gain, and would oscillate at its torque limit.
-    """
+    """Make a joint follow its rotor, with a torque of at most ``effort`` [N m]."""
+    # Friction transmits the torque; an actuator would oscillate at its torque limit.
     friction = {"solref_friction": bond["solref"], "solimp_friction": bond["solimp"]}
     tendon = spec.add_tendon(name=joint, frictionloss=effort, **friction)
     tendon.wrap_joint(joint, 1.0)
@@ -159,8 +156,7 @@ def _add_link(
 ) -> list[str]:
     """Add the collision shapes of a link; return the names of those that can touch the ground.
 
-    ``masks`` is None if obstacles cannot touch the link. Exposed wheels and casters have each shape
-    twice, so that contact sensors can tell contacts with obstacles from those with the ground.
+    Exposed wheels have each shape twice, to tell the ground from obstacles.
     """
     posed = [(shape.pose, shape) for shape in shapes]
     if not posed:

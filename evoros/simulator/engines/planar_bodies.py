@@ -30,10 +30,7 @@ class Pushable(NamedTuple):
 
 
 def split_obstacles(world: World, height_m: float) -> tuple[tuple[Body, ...], tuple[Pushable, ...]]:
-    """Return the fixed obstacles, and the bodies that a robot of this height [m] can push.
-
-    A movable body counts as immovable if it overlaps, carries or rests on another obstacle.
-    """
+    """Return the fixed obstacles, and the bodies that a robot of this height [m] can push."""
     bodies = standing_obstacles(world)
     parts = [place_parts(body, height_m) for body in bodies]
     fixed, pushable = [], []
@@ -73,8 +70,7 @@ def _describe(body: Body, parts: tuple[Part, ...]) -> Pushable:
 def _friction_arm(areas: Sequence[footprint.Footprint], centre: Array) -> float:
     """Return the mean distance [m] from a body's supports to its centre of mass.
 
-    It is the ratio of the maximum friction moment to the maximum friction force if the corners or
-    rims of the footprints carry equal loads, as in engines. Uniform pressure would give about half.
+    It is the ratio of maximum friction moment to force for equally loaded corners, as in engines.
     """
     arms = [np.linalg.norm(area.vertices - centre, axis=1) for area in areas]
     rims = [area.radius for area in areas]

@@ -1,14 +1,11 @@
 """Pushing of movable bodies by a robot in the plane.
 
-The motion is quasi-static: bodies move only while pushed, without inertia. In each step,
-overlapping bodies are pushed apart contact by contact, until no overlap is left.
-
+The motion is quasi-static, without inertia; overlapping bodies are pushed apart contact by contact.
 Ground friction follows its limit surface (Goyal, Ruina and Papadopoulos, Wear 143, 1991),
 approximated by an ellipsoid (Howe and Cutkosky, International Journal of Robotics Research 15,
-1996). A force f at a distance r from the centre of friction thus displaces the body in proportion
-to f, and rotates it in proportion to (r x f) / c^2, where c is the ratio of the maximum moment to
-the maximum force. The contact sticks or slides by Coulomb's law (Lynch, Maekawa and Tanie, IROS
-1992).
+1996). A force f at a distance r from the centre of friction displaces the body in proportion to f,
+and rotates it in proportion to (r x f) / c^2, where c is the ratio of the maximum moment to the
+maximum force. The contact sticks or slides by Coulomb's law (Lynch, Maekawa and Tanie, IROS 1992).
 """
 
 import math
@@ -145,11 +142,7 @@ def put_back(movables: Movables, placed: Placed) -> None:
 
 @compilable
 def push_by_robot(movables: Movables, placed: Placed, robot: Pusher, slip: float) -> bool:
-    """Push each body out of the robot's outline; return True if any body overlapped the outline.
-
-    ``slip`` is 1 if friction drags bodies along with the robot, or 0 if the contact points stay in
-    place.
-    """
+    """Push each body out of the robot's outline; ``slip`` 1 drags it; True if any overlapped."""
     x, y, _, _ = robot.pose
     overlaps = False
     for i in range(len(placed.levels)):

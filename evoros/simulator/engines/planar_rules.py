@@ -1,8 +1,6 @@
 """The motion rules of the planar simulator, on the arrays of ``planar_layout``.
 
-In each step, the robots move one after another. Robots do not push each other: a robot stops if its
-step would end inside another's present outline. Compiled and interpreted rules give bitwise equal
-results, and robots far apart move as if they were alone.
+Robots move one after another, and stop if a step would end inside another's present outline.
 """
 
 import math
@@ -81,10 +79,7 @@ def move_walkers(parameters: Array, memory: Array) -> None:
 
 @compilable
 def meet_walkers(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> int:
-    """Return UNTOUCHED, PUSHED or BLOCKED for a robot among walkers at a pose; record touches.
-
-    A robot that overlaps a walker is blocked only if it would drive deeper into the walker.
-    """
+    """Return UNTOUCHED, PUSHED or BLOCKED for a robot among walkers at a pose; record touches."""
     movables = unpack(Movables, unpack(Plane, parameters).movables)
     placed = unpack(Placed, unpack(Memory, memory).movables)
     walkers, walking = unpack(Walk, movables.walk).walkers, unpack(Walking, placed.walking)
@@ -158,9 +153,7 @@ def advance(parameters: Array, memory: Array, commands: Array, duration: float) 
 def advance_pushing(parameters: Array, memory: Array, commands: Array, duration: float) -> None:
     """Drive like ``advance``, but also push bodies and count the touches of contact sensors.
 
-    Pushable bodies block a robot only if they cannot move. For worlds without pushable bodies and
-    robots without contact sensors, ``advance`` gives the same results and compiles in a quarter of
-    the time.
+    Without either, ``advance`` gives equal results and compiles in a quarter of the time.
     """
     for _ in range(round(duration / unpack(Plane, parameters).time_step)):
         for i in range(len(unpack(Memory, memory).motions)):
@@ -226,11 +219,8 @@ def predict(parameters: Array, memory: Array, index: int, commands: Array) -> St
 
 @inlined
 def roll(drive: Drive, motions: Matrix, index: int, commands: Array) -> tuple[float, float]:
-    """Let steering and speed follow a command; return the mean speed [m/s] and yaw rate [rad/s].
-
-    Means over the step make the motion second-order accurate in the step; final values would make
-    it first-order accurate.
-    """
+    """Let steering and speed follow a command; return the mean speed [m/s] and yaw rate [rad/s]."""
+    # Means over the step make the motion second-order accurate in the step.
     motion, command = motions[index], commands[index * COMMAND_SIZE :]
     wanted = min(max(command[arrays.STEERING], -drive.steering_limit), drive.steering_limit)
     motion[layout.STEERING_ANGLE] += drive.steering_gain * (wanted - motion[layout.STEERING_ANGLE])

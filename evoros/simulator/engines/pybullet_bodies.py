@@ -1,8 +1,4 @@
-"""The bodies of a world in PyBullet: their shapes, collision groups and sleeping.
-
-PyBullet accepts the corners of a polyhedron directly only if the polyhedron is its body's only
-shape. All other polyhedra must be read from files, which are temporary.
-"""
+"""The bodies of a world in PyBullet; a polyhedron among other shapes needs a temporary file."""
 
 import math
 import tempfile
@@ -121,8 +117,7 @@ def load_urdf(bullet: Any, urdf: str, frame: Frame, flags: int) -> int:
 def _format_urdf(urdf: str, folder: Path) -> str:
     """Return a robot's URDF in the form that the engine reads.
 
-    Elements ``<convex corners="x y z ...">`` become files in ``folder``. Every element starts on a
-    new line, because the engine truncates lines of more than 8,191 characters.
+    ``<convex corners=...>`` become files in ``folder``; lines stay short of 8,191 characters.
     """
     root = etree.fromstring(urdf.encode())
     for index, element in enumerate(root.iter("convex")):
@@ -155,11 +150,8 @@ UPWARDS = 0.1  # minimum upward component of the normal at a contact that suppor
 
 
 def add_body(bullet: Any, body: Body) -> list[int]:
-    """Add a body of the world; return the ids of its engine bodies.
-
-    A movable body starts asleep and wakes when a robot comes near. Bodies use maximal coordinates,
-    because the engine's default, reduced coordinates for chains of links, is slower.
-    """
+    """Add a body of the world, asleep if movable; return the ids of its engine bodies."""
+    # Maximal coordinates are faster than reduced coordinates, the default.
     group, meets = (GROUND if body.is_ground else FIXED), MOVING
     if body.mass is not None:
         group, meets = MOVABLE, MOVING | GROUND | FIXED

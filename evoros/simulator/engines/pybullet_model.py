@@ -145,9 +145,8 @@ class Engine:
     def _reset(self, robots: Sequence[LoadedRobot]) -> None:
         """Put the robots at rest at their home poses.
 
-        Even new models are reset, so that results are bitwise equal. The engine retains contacts
-        and their forces as long as the bodies are near each other. Therefore, it first simulates
-        one step with the robots far above the ground, each at a different height.
+        Even new models are reset. The engine retains contacts of bodies near each other, so it
+        first simulates one step with the robots at different heights far above the ground.
         """
         for index, robot in enumerate(robots):
             self._place(robot, LIFT_M * (index + 1))

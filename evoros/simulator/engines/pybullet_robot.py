@@ -88,8 +88,7 @@ def load_robot(
 def _rolls_on_cylinders(elements: Element, drive: Drive) -> bool:
     """Return True if wheels should be exact cylinders: they are cylinders and do not slip.
 
-    By default, the engine uses a prism with a margin of 1 mm, on which a robot drives up to 4 % too
-    fast and not straight. For wheels that slip sideways, prisms are more accurate in turns.
+    A prism, the default, is up to 4 % too fast, but more accurate if wheels slip sideways.
     """
     if skids(drive):
         return False

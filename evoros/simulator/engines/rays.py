@@ -1,8 +1,4 @@
-"""The beams of a robot's range sensors, its contact zones, and the steered parts that beams see.
-
-All engines share these rules. The array ``sight`` is a packed ``SteeredSight``; it is empty if no
-sensor can see a steered part at any steering angle.
-"""
+"""Beams of range sensors, contact zones, and steered parts that beams see, for all engines."""
 
 import math
 from typing import NamedTuple
@@ -167,8 +163,7 @@ def _lay_out_part(robot: Robot, index: int) -> Array:
 def narrowing_of(drive: Drive, joint: int) -> float:
     """Return ``k`` in ``cot(angle) = cot(steering) - k``, the law of a steering joint.
 
-    The law holds at all angles. In Ackermann steering, ``k`` is half the distance between the
-    joints' axes, divided by the wheelbase, and positive on the left; in parallel steering it is 0.
+    It is half the joints' track over the wheelbase (left positive), or 0 for parallel steering.
     """
     angles, _ = drive.targets(0.0, drive.steering_limit)
     return 1.0 / elementary.tan(drive.steering_limit) - 1.0 / elementary.tan(angles[joint])

@@ -93,8 +93,7 @@ def fill_state(
 def solve_rolling(drive: Drive) -> Array:
     """Return the matrix (2, wheels) that maps wheel angles to the WHEELS signal.
 
-    The rates of unsteered wheels are linear in the robot's speed and yaw rate. The matrix is the
-    pseudo-inverse of this relation, and has zeros for steered wheels.
+    It is the pseudo-inverse of the unsteered wheels' rates, with zeros for steered wheels.
     """
     speed, steering = 0.1 * drive.max_speed_mps, 0.5 * drive.steering_limit
     ahead, left, right = (

@@ -97,8 +97,7 @@ MAX_POINTS = 12  # maximum number of outline points at which the ground's slope 
 def home_frame(robot: Robot, home: tuple[float, float, float, float], world: World) -> Frame:
     """Return the frame of the base link at a home: x, y, z [m] and yaw [rad].
 
-    On level ground, this is the home pose. Otherwise, the robot is tilted like the ground below its
-    outline, and lifted until it is above all of this ground.
+    On uneven ground, the robot is tilted like the ground below its outline, and lifted above it.
     """
     x, y, z, yaw = home
     sin, cos = elementary.sin_cos(yaw)

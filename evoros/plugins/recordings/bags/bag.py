@@ -1,7 +1,6 @@
 """Missions as rosbags for rviz, Foxglove and the ROS tools.
 
-The topics and frames of the first robot have no prefix. An agent's topics and frames are prefixed
-with the agent's name, as is customary in ROS; all robots share ``/tf`` and ``/tf_static``.
+Only an agent's topics and frames have its name as a prefix; all robots share ``/tf``.
 """
 
 import argparse

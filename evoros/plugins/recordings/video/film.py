@@ -1,7 +1,4 @@
-"""Renders a mission as a video of the robot, the obstacles and the sensor readings.
-
-On one machine, equal pictures give equal bytes.
-"""
+"""Renders a mission as a video of the robot, the obstacles and the sensor readings."""
 
 import argparse
 import math
@@ -46,7 +43,7 @@ from evoros.storage.reading import Run
 # Bit-exact files contain no dates and no encoder names or versions. The index comes first, so that
 # the video plays while loading.
 _CONTAINER = {"fflags": "+bitexact", "movflags": "+faststart"}
-# At crf 18, a video looks like the original; at 28, it has visible artefacts. With its macroblock
+# A video at crf 18 looks like the original; at 28, it has visible artefacts. With its macroblock
 # tree, x264 would give different bytes for equal pictures.
 _CODEC = {"crf": "21", "preset": "fast", "x264-params": "mbtree=0"}
 

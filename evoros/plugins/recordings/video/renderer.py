@@ -266,10 +266,8 @@ def _cut_polyhedron(shape: Shape, pose: Pose) -> Shape:
 
 
 def find_goals(world: World, places: Array, visited: NDArray[np.int64]) -> Array:
-    """Return the next waypoint (n, 2) [m] at each record; NaN after the last.
-
-    The waypoint that the robot approached first tells the direction of the route.
-    """
+    """Return the next waypoint (n, 2) [m] at each record; NaN after the last."""
+    # The waypoint that the robot approached first tells the direction of the route.
     first = places[: int(np.count_nonzero(visited == 0)) + 1]
     routes = [world.course.route(forward) for forward in (True, False)]
     distances = [np.hypot(*(first - route[0]).T).min() for route in routes]

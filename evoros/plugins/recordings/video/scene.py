@@ -50,11 +50,10 @@ def rasterize(corners: Array, colours: Pixels, size: tuple[int, int]) -> Picture
     """Draw the front faces of triangles into a picture of ``size`` (width, height).
 
     ``corners`` (t, 3, 3) holds (column * depth, row * depth, depth [m]) for each corner of the
-    triangles, as projected by ``Camera.pixels``; ``colours`` is (t, 3).
-
-    A point in a triangle is a weighted mean of the triangle's corners. Divided by the depth, each
-    weight is linear in column and row, even if corners are behind the camera. The sum of the
-    divided weights is the nearness, 1 / depth, and a pixel is inside if no weight is negative.
+    triangles, as projected by ``Camera.pixels``; ``colours`` is (t, 3). A point in a triangle is a
+    weighted mean of the triangle's corners. Divided by the depth, each weight is linear in column
+    and row, even if corners are behind the camera. The sum of the divided weights is the nearness,
+    1 / depth, and a pixel is inside if no weight is negative.
     """
     a, b, c = corners.transpose(1, 0, 2)
     weights = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
@@ -182,8 +181,7 @@ def make_surfaces(
 ) -> Iterator[tuple[str, Surface]]:
     """Yield each link with its visible surface.
 
-    A mesh without colours gets the colour of its ``<material>``. If one of a link's visuals cannot
-    be read, the link's collision shapes are shown.
+    Uncoloured meshes get their ``<material>``; collision shapes replace unreadable visuals.
     """
     named = {
         material.get("name"): colour

@@ -1,7 +1,4 @@
-"""Starts a bridge in the user's ROS Python, with ``python FOLDER ros1`` or ``ros2``.
-
-The scripts form a package named after this folder; evoros itself is not on the import path.
-"""
+"""Starts a bridge in the user's ROS Python, with ``python FOLDER ros1`` or ``ros2``."""
 
 import os
 import sys

@@ -56,10 +56,7 @@ class Messages:
         return self._topics["route"], self._locate(Path(poses=poses), stamp)
 
     def of(self, tick: Tick) -> Iterator[list[tuple[str, Any]]]:
-        """Yield topics and messages in the order in which the nodes receive them.
-
-        The messages of a list, such as all ranges at a tick, are published together.
-        """
+        """Yield lists of topics and messages, published together, in the nodes' order."""
         stamp = self._stamp(*ros_time(tick.time))
         if tick.leg != self._goal_leg:
             self._goal_leg = tick.leg

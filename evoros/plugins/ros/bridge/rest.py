@@ -1,17 +1,13 @@
 """Detects that all processes of a mission are at rest; needs only Linux and the standard library.
 
-From Linux 5.16 on, ``wchan`` names the kernel function in which a thread waits, and is empty as
-soon as the thread is woken. On older kernels, the system call is read, and then the state. The
-state alone changes too early, when the thread may still decide not to wait; the system call alone
-remains visible while a woken thread moves to another CPU.
+From Linux 5.16 on, ``wchan`` names the kernel function in which a thread waits, until the thread is
+woken. On older kernels, the system call is read, and then the state: the state alone changes too
+early, and the system call remains visible while a woken thread moves to another CPU.
 
 The CPU time of a process grows whenever one of its threads leaves a CPU. If each thread waits when
 it is checked, and the CPU times before the first check and after the last are equal, then all
-threads were waiting before the first check: a running thread would have left its CPU, and a woken
-thread would still be running. Sent messages have arrived, because the call that sends a message
-also delivers it. Deliveries that an overloaded CPU leaves to a kernel thread are counted in
-softnet_stat. At rest, therefore, nothing happens until the next message or the end of a wall-clock
-timeout.
+threads were waiting before the first check. Sent messages have arrived, because the call that sends
+a message also delivers it; deliveries left to a kernel thread are counted in softnet_stat.
 """
 
 from __future__ import annotations
@@ -77,10 +73,7 @@ class WatchedThread:
             os.close(file)
 
     def waits(self, tells_places: bool) -> bool:
-        """Return True if the thread is waiting for an external event or has exited.
-
-        Without ``tells_places``, the system call is read before the state.
-        """
+        """Return True if the thread is waiting for an external event or has exited."""
         place = os.pread(self._place, PLACE_BYTES, 0) if tells_places else b""
         if place and place == self._known_place:
             return True
@@ -158,11 +151,7 @@ class Rest:
     """Observes all processes of a mission, and this process except for its main thread."""
 
     def __init__(self, isolated: bool) -> None:
-        """Observe the processes that this process will start from now on.
-
-        If ``isolated``, all processes in the mission's process namespace are observed. An OSError
-        means that the kernel lacks a required file.
-        """
+        """Observe this process's future children or, if ``isolated``, the process namespace."""
         self._isolated = isolated
         self._threads: list[WatchedThread] = []
         self._clocks: list[int] = []  # CPU-time clocks

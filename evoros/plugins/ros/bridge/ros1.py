@@ -1,8 +1,6 @@
 """The bridge to ROS 1, which runs one mission in lock-step with the user's nodes.
 
-The bridge runs in the user's ROS Python, and needs only the standard library and rospy with its
-messages, which are imported after the nodes have started. plugins/ros/README.md describes the
-topics, parameters and lock-step.
+It runs in the user's ROS Python, and imports rospy after the nodes have started; see README.md.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """The bridge to ROS 2, which runs one mission in lock-step with the user's nodes.
 
-The bridge runs in the user's ROS Python, and needs only the standard library and rclpy with its
-messages. plugins/ros/README.md describes the topics, parameters and lock-step.
+It runs in the user's ROS Python, and needs only rclpy and its messages; see README.md.
 """
 
 from __future__ import annotations

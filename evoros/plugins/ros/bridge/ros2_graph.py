@@ -169,9 +169,8 @@ class Graph:
     def unanswered(self) -> str | None:
         """Ask each node for a parameter; describe a node that has not answered, if any.
 
-        This process knows its connections to a node, but only an answer proves that the node knows
-        them. A node learns of connections in the order of their creation, and the client that asks
-        is created last.
+        Only an answer proves that a node knows its connections, of which it learns in the order of
+        their creation. The client that asks is created last.
         """
         for name, namespace in sorted(self._listeners()):
             if name == UNKNOWN:
@@ -203,11 +202,7 @@ class Graph:
     def receive(
         self, topic: str, kinds: tuple[str, ...], connected: Incoming | None
     ) -> Incoming | None:
-        """Connect to the node that publishes on a topic; None if there is none.
-
-        An existing connection ``connected`` is kept, but a second publisher may still appear; see
-        ``check_publisher``.
-        """
+        """Connect to a topic's publisher, unless ``connected``; None if there is no node."""
         publishers = self._node.get_publishers_info_by_topic(topic)
         names = sorted(publisher.node_name for publisher in publishers)
         if not publishers or UNKNOWN in names:

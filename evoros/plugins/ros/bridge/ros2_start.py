@@ -23,8 +23,7 @@ FIRST_PORT, PORTS_PER_DOMAIN, DOMAINS = 7400, 250, 101  # DDS ports below Linux'
 class Group(NamedTuple):
     """The nodes of one command, or of all launch files, which receive each message together.
 
-    A DDS publisher reaches all subscriptions to a topic. Groups that receive a message one after
-    another therefore use different topic names, with different values of ``prefix``.
+    Topic names differ by ``prefix``, because a DDS publisher reaches all subscriptions at once.
     """
 
     prefix: str
