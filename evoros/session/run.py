@@ -236,9 +236,17 @@ def reopen_run(
         _require_same_designs(folder, config)
     figures = work.list_figures(folder, config.values.get("figures") or ())
     drawn = all(work.has_figure(folder, name) for name in figures)
-    if survey(folder).state == layout.FINISHED and drawn and not _is_damaged(folder):
+    complete = survey(folder).state == layout.FINISHED and not _has_other_limits(folder, config)
+    if complete and drawn and not _is_damaged(folder):
         return None
     return open_run(folder, overrides, config_dir)
+
+
+def _has_other_limits(folder: Path, config: Configuration) -> bool:
+    """Return True if a limit ended the search, and the job has other limits."""
+    recorded = read_recorded(folder / layout.CONFIG).values
+    differ = recorded.get("stop_after") != config.values.get("stop_after")
+    return differ and bool(layout.read_json(folder / layout.STATUS).get("reason"))
 
 
 def _is_damaged(folder: Path) -> bool:

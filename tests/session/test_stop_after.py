@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from helpers import everything, tiny
+from helpers import TINY, everything, tiny
 
 from evoros.cli.main import evoros
 from evoros.evolution.stop_after import Spent, StopAfter
@@ -100,6 +100,14 @@ def test_a_resumed_run_keeps_the_processor_times(cut: Path) -> None:
     (cut / "status.json").unlink()  # the times of recorded generations are then unknown
     assert evoros(["resume", str(cut), "stop_after.generations=null"]) == DONE
     assert status(cut)["processor_s"] == []
+
+
+def test_a_repeated_sweep_continues_its_jobs_to_a_larger_limit(tmp_path: Path) -> None:
+    words = ["-m", *TINY, "executor=serial", *SIZE, "seed=1", f"hydra.sweep.dir={tmp_path}"]
+    for limit in (1, 2):
+        more = ("hydra.sweep.subdir=job", f"stop_after.generations={limit}")
+        assert evoros([*words, *more]) == DONE
+        assert status(tmp_path / "job")["generations_done"] == limit
 
 
 def test_all_reached_limits_are_raised_by_the_proposed_command(
