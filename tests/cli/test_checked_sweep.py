@@ -28,22 +28,22 @@ from evoros.terminal.console import DONE, INPUT
 @pytest.mark.parametrize(
     ("wrong", "count", "said"),
     [
-        ("trials=1,0", 2, "trials=0 (2 of 4 jobs, no job was started): trials: must be "),
+        ("trials=1,0", 2, "trials=0 (2 of 4 jobs; no job was started): trials: must be "),
         (
             "failure=random,rondom",
             2,
-            "failure=rondom (2 of 4 jobs, no job was started): failure: must ",
+            "failure=rondom (2 of 4 jobs; no job was started): failure: must ",
         ),
         ("fitness._target_=evoros.fitness.Nope,evoros.Nope", 4, "No module named"),
         (
             "optimizer.generations=0",
             2,
-            "2 of 2 jobs, no job was started: optimizer.generations: must",
+            "2 of 2 jobs; no job was started: optimizer.generations: must",
         ),
         (
             "figures=[],[nothing]",
             2,
-            "figures=[nothing] (2 of 4 jobs, no job was started): figures: ",
+            "figures=[nothing] (2 of 4 jobs; no job was started): figures: ",
         ),
     ],
 )
@@ -66,7 +66,7 @@ def test_a_misspelt_class_of_the_last_job_is_found_before_a_job_is_built(
     monkeypatch.setattr("evoros.cli.checking.check_run", lambda *_: 1 / 0)
     target = "fitness._target_=evoros.fitness.equation_one."
     assert sweep(tmp_path / "a sweep", f"{target}EquationOne,{target[17:]}EquationTwo") == INPUT
-    assert "(1 of 2 jobs, no job was started): " in capsys.readouterr().err
+    assert "(1 of 2 jobs; no job was started): " in capsys.readouterr().err
 
 
 def test_an_evaluation_without_its_designs_stops_the_sweep(tmp_path: Path, capsys: Capture) -> None:
@@ -90,7 +90,7 @@ def test_a_fault_is_named_by_the_overrides_that_cause_it(data: st.DataObject) ->
     ready = [job for job in jobs if wrong not in job]
     count = len(jobs) // axes[axis]
     assert list(describe_faults(ready, refused)) == [
-        f"{wrong} ({count} of {len(jobs)} jobs, no job was started): key: must be another"
+        f"{wrong} ({count} of {len(jobs)} jobs; no job was started): key: must be another"
     ]
 
 

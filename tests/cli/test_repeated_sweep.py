@@ -145,7 +145,7 @@ def test_a_folder_with_other_files_stops_the_sweep_before_it_starts(
     assert sweep(copy, "seed=0,1") == INPUT
     assert everything(copy) == before
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("evoros: seed=0 (1 of 2 jobs, no job was started): ")
+    assert line.startswith("evoros: seed=0 (1 of 2 jobs; no job was started): ")
 
 
 @pytest.mark.slow
