@@ -85,10 +85,17 @@ def code(name: str) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```$", content, re.M | re.S)
 
 
+def shell_blocks(content: str) -> list[str]:
+    return re.findall(r"^```bash\n(.*?)^```$", content, re.M | re.S)
+
+
+def shell_lines(content: str) -> list[str]:
+    return [line for block in shell_blocks(content) for line in block.splitlines()]
+
+
 def commands(name: str) -> list[str]:
     """The lines that call evoros."""
-    blocks = re.findall(r"^```bash\n(.*?)^```$", text(name), re.M | re.S)
-    return [line for block in blocks for line in block.splitlines() if line.startswith("evoros ")]
+    return [line for line in shell_lines(text(name)) if line.startswith("evoros ")]
 
 
 def split_command(line: str) -> list[str]:

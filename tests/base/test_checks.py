@@ -1,8 +1,11 @@
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
 
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from evoros.base.checks import (
     COUNT,
@@ -14,6 +17,8 @@ from evoros.base.checks import (
     instance_of,
     invalid,
     mapping_of,
+    pick_index,
+    scale,
 )
 from evoros.base.errors import InputError
 
@@ -125,3 +130,19 @@ def test_a_rule_may_be_about_a_class_that_is_defined_later() -> None:
     assert Tree().parent is None
     with pytest.raises(InputError, match=r"Tree\.parent: must be a part, not 1"):
         Tree(1)  # type: ignore[arg-type]
+
+
+@given(st.floats(0, 1), st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))
+@example(1.0, -0.1, -0.01)  # -0.1 + (-0.01 - -0.1) is greater than -0.01
+def test_rounding_never_leaves_an_interval(gene: float, one: float, other: float) -> None:
+    low, high = sorted((one, other))
+    assert low <= scale(gene, low, high) <= high
+    assert scale(0, low, high) == low
+    assert abs(scale(1, low, high) - high) <= math.ulp(max(abs(low), abs(high), high - low))
+
+
+@given(st.integers(1, 1000), st.data())
+def test_each_choice_has_its_own_share_of_the_interval(count: int, data: st.DataObject) -> None:
+    index = data.draw(st.integers(0, count - 1))
+    assert pick_index((index + 0.5) / count, count) == index
+    assert (pick_index(0.0, count), pick_index(1.0, count)) == (0, count - 1)

@@ -1,4 +1,4 @@
-"""Trials that are added until an interval is narrow enough, by simulation."""
+"""The number of a champion's trials, and those added until an interval is narrow enough."""
 
 import math
 import re
@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from evoros.base.errors import InputError
+from evoros.certificate.final_choice import FinalChoice
 from evoros.certificate.rates import bound_mean, share_level
 from evoros.certificate.validation import (
     Validation,
@@ -103,3 +104,23 @@ def test_what_is_foreseen_is_the_first_look_of_a_middling_fitness() -> None:
     assert find_least_width((10.5, 10.5), 3 * int(count), 0.95) <= 0.2
     assert foresee_trials(Validation(), 3, bounds) == ""
     assert foresee_trials(validation, 3, (3.0, math.inf)) == ""
+
+
+@pytest.mark.parametrize(
+    ("bad", "name"),
+    [
+        ({"precision": 0.0}, "precision"),
+        ({"trials": 0}, "trials"),
+        ({"trials": 6, "max_trials": 5}, "set validation.max_trials=6"),
+        ({"confidence": 95}, "confidence"),
+        ({"rivals": -1}, "rivals"),
+    ],
+)
+def test_values_out_of_range_are_refused(bad: dict[str, float], name: str) -> None:
+    with pytest.raises(InputError, match=name):
+        Validation(**bad)  # type: ignore[arg-type]
+
+
+def test_a_final_choice_names_the_value_that_it_cannot_use() -> None:
+    with pytest.raises(InputError, match="method"):
+        FinalChoice(method="halving")  # type: ignore[arg-type]

@@ -1,15 +1,22 @@
-"""Installations with the same sources share their machine code."""
+"""Installations with the same sources share machine code, and damaged code is compiled again."""
 
 import json
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from evoros.compilation import machine_code
+from evoros.compilation import rules as compilation
+from evoros.compilation.named_rules import NamedRule
+from evoros.compilation.rules import FILTER, CompiledRule
 from evoros.files.resources import PACKAGE
+from evoros.filter.protocol import FILTER_ARGUMENTS
+from evoros.filter.silence import Silence
 
 COMPILE = """
 import json
@@ -56,3 +63,36 @@ def test_equal_sources_share_what_is_compiled_and_others_do_not(tmp_path: Path) 
     files = [str(folder / "evoros" / "__init__.py") for folder in folders]
     counts = [compile_in(folder, tmp_path / "cache") for folder in folders]
     assert counts == [[files[0], 0, 1], [files[1], 1, 0], [files[2], 0, 1]]
+
+
+RULE = NamedRule(Silence.rule, FILTER_ARGUMENTS, Silence.Parameters)
+DAMAGES: dict[str, Callable[[bytes], bytes]] = {
+    "empty": lambda content: b"",
+    "half": lambda content: content[: len(content) // 2],
+    "zeros": lambda content: bytes(len(content)),
+    "half zeros": lambda content: content[: len(content) // 2] + bytes(len(content) // 2),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+def test_damaged_code_is_compiled_anew_and_kept(
+    suffix: str, damage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(machine_code, "cache_folder", lambda: tmp_path)
+    compile_anew()
+    (file,) = tmp_path.rglob(f"*{suffix}")
+    damaged = DAMAGES[damage](file.read_bytes())
+    file.write_bytes(damaged)
+    compile_anew()
+    assert file.read_bytes() != damaged
+    before = file.stat().st_mtime_ns
+    compile_anew()
+    assert file.stat().st_mtime_ns == before  # it was loaded
+
+
+def compile_anew() -> None:
+    """Compile or load a rule as a new process does."""
+    rule = compilation._compile.__wrapped__(RULE, FILTER)
+    assert isinstance(rule, CompiledRule)

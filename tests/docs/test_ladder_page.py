@@ -1,24 +1,18 @@
 """The commands of docs/ladder.md have choices, keys and options that exist."""
 
 import re
-import subprocess
 
-from documents import split_command, text
+from documents import shell_lines, split_command, text
 
 from evoros.analysis.subcommands import parse
 from evoros.files.plugins import conf_folders
 
-PAGE = text("ladder")
+LINES = [split_command(line) for line in shell_lines(text("ladder"))]
 OWN = {"designs", "hydra", "world", "seed", "trials", "figures"}  # no groups, or checked elsewhere
 
 
-def lines() -> list[list[str]]:
-    blocks = re.findall(r"^```bash\n(.*?)^```$", PAGE, re.M | re.S)
-    return [split_command(line) for block in blocks for line in block.splitlines()]
-
-
 def test_choices_and_keys_exist() -> None:
-    for name, *words in lines():
+    for name, *words in LINES:
         assert name in ("evoros", "evoros evaluate", "evoros analyze")
         for word in words if name != "evoros analyze" else []:
             key, _, value = word.partition("=")
@@ -37,13 +31,7 @@ def test_choices_and_keys_exist() -> None:
 
 
 def test_the_ladder_is_drawn_of_the_evaluations_that_are_made() -> None:
-    made = [w.partition("=")[2] for _, *words in lines() for w in words if "run.dir=" in w]
-    (drawn,) = (parse(words) for name, *words in lines() if name == "evoros analyze")
+    made = [w.partition("=")[2] for _, *words in LINES for w in words if "run.dir=" in w]
+    (drawn,) = (parse(words) for name, *words in LINES if name == "evoros analyze")
     assert drawn.ladder
     assert [str(folder) for folder in drawn.folders] == made
-
-
-def test_a_shell_takes_every_line() -> None:
-    for block in re.findall(r"^```bash\n(.*?)^```$", PAGE, re.M | re.S):
-        checked = subprocess.run(["bash", "-n"], input=block, capture_output=True, text=True)
-        assert checked.stderr == ""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from documents import write
+from documents import shell_lines, write
 from examples import composed
 from helpers import ROOT
 
@@ -15,8 +15,7 @@ from evoros.filter.protocol import Channels
 
 README = (ROOT / "README.md").read_text()
 FILES = dict(re.findall(r"^<!-- file: (\S+) -->\n```\w+\n(.*?)^```$", README, re.M | re.S))
-BLOCKS = re.findall(r"^```bash\n(.*?)^```$", README, re.M | re.S)
-TYPED = [line.removeprefix(".venv/bin/") for block in BLOCKS for line in block.splitlines()]
+TYPED = [line.removeprefix(".venv/bin/") for line in shell_lines(README)]
 COMMANDS = [
     line
     for line in TYPED

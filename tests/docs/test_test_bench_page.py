@@ -1,13 +1,12 @@
 """The commands of docs/test_bench.md find the fault of a ROS 2 node, and show that it is mended."""
 
 import csv
-import re
 import subprocess
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
-from documents import files, split_command, text, write
+from documents import files, shell_lines, split_command, text, write
 from fixture_types import Patch
 from needs import ROS2_PYTHON
 
@@ -16,7 +15,6 @@ from evoros.cli.command import evaluate
 from evoros.cli.replay import replay
 from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
 
-PAGE = text("test_bench")
 COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "evoros evaluate": evaluate,
     "evoros replay": replay,
@@ -29,11 +27,6 @@ SHORT = [  # enough to get past the first wall, or not
     "requirements.touches_nothing.share=0.6",
 ]
 SHARE = "+requirements.completes.share"
-
-
-def lines() -> list[str]:
-    blocks = re.findall(r"^```bash\n(.*?)^```$", PAGE, re.M | re.S)
-    return [line for block in blocks for line in block.splitlines()]
 
 
 def run(line: str, folder: Path) -> int:
@@ -53,7 +46,7 @@ def test_the_fault_of_the_node_is_found_and_mended(tmp_path: Path, monkeypatch: 
     write(files("test_bench"), tmp_path)
     (tmp_path / "rclpy").symlink_to(ROS2_PYTHON.parents[1])
     monkeypatch.chdir(tmp_path)
-    *commands, pipeline = lines()
+    *commands, pipeline = shell_lines(text("test_bench"))
     statuses = [run(line, tmp_path) for line in commands]
     # So few trials do not show the margin of the last command.
     assert statuses == [DONE, NOT_MET, DONE, DONE, DONE, NOT_DECIDED]

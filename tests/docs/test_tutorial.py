@@ -4,15 +4,13 @@ import json
 import re
 import runpy
 import shlex
-import struct
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import nbformat
 import pytest
-from documents import split_command
+from documents import shell_lines, split_command
 from helpers import ROOT
 from nbclient import NotebookClient
 
@@ -46,8 +44,7 @@ CLIP = ["--to", "2", "--size", "160x90"]
 
 
 def lines() -> list[list[str]]:
-    blocks = re.findall(r"^```bash\n(.*?)^```$", TUTORIAL, re.M | re.S)
-    typed = [split_command(line) for block in blocks for line in block.splitlines()]
+    typed = map(split_command, shell_lines(TUTORIAL))
     return [words for words in typed if words[0] in COMMANDS]
 
 
@@ -121,18 +118,3 @@ def test_the_notebook_runs(tmp_path: Path) -> None:
     resources = {"metadata": {"path": str(tmp_path)}}
     NotebookClient(notebook, timeout=280, kernel_name="python3", resources=resources).execute()
     assert len(list(tmp_path.glob("outputs/network/*/champion/design.csv"))) == 1
-
-
-def test_a_shell_takes_every_line() -> None:
-    for block in re.findall(r"^```bash\n(.*?)^```$", TUTORIAL, re.M | re.S):
-        checked = subprocess.run(["bash", "-n"], input=block, capture_output=True, text=True)
-        assert checked.stderr == ""
-
-
-def test_its_pictures_are_there() -> None:
-    names = re.findall(r"!\[[^\]]+\]\((img/[\w.]+)\)", TUTORIAL)
-    assert len(names) >= 6
-    for name in names:
-        head = (ROOT / "docs" / name).read_bytes()[:24]
-        width, _ = struct.unpack(">II", head[16:])
-        assert width >= 1000  # pixels: of at least one column at 300 dots an inch

@@ -1,15 +1,13 @@
 """The commands of docs/your_robot.md lead from its example files to an evaluated champion."""
 
 import re
-import struct
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 import yaml
-from documents import example_files, split_command, text, write
+from documents import example_files, shell_lines, split_command, text, write
 from fixture_types import Capture, Patch
-from helpers import ROOT
 
 from evoros.analysis.command import evoros_analyze
 from evoros.cli.command import evaluate
@@ -20,6 +18,7 @@ from evoros.storage.reading import load_run
 from evoros.terminal.console import DONE
 
 PAGE = text("your_robot")
+LINES = [split_command(line) for line in shell_lines(PAGE)]
 COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {  # in the order of the page
     "evoros inspect": inspect,
     "evoros": evoros,
@@ -40,17 +39,12 @@ SMALL = {
 }
 
 
-def lines() -> list[list[str]]:
-    blocks = re.findall(r"^```bash\n(.*?)^```$", PAGE, re.M | re.S)
-    return [split_command(line) for block in blocks for line in block.splitlines()]
-
-
 @pytest.mark.slow
 def test_every_command_runs_in_order(tmp_path: Path, monkeypatch: Patch, capsys: Capture) -> None:
     write(example_files(), tmp_path)
     monkeypatch.chdir(tmp_path)
-    assert [words[0] for words in lines()] == list(COMMANDS)
-    for name, *words in lines():
+    assert [words[0] for words in LINES] == list(COMMANDS)
+    for name, *words in LINES:
         assert COMMANDS[name]([*words, *SMALL.get(name, [])]) == DONE, capsys.readouterr().err
         if name == "evoros inspect":  # the page shows what it prints, apart from long lines
             shown = re.findall(r"^```text\n(robot scout.*?)^```$", PAGE, re.M | re.S)[0]
@@ -69,12 +63,3 @@ def test_every_command_runs_in_order(tmp_path: Path, monkeypatch: Patch, capsys:
     for name, z in zip(sensors["sensors"], poses.z_m, strict=True):
         assert sensors[name]["pose"][2] == ground + z
     assert (package / "drawing" / "mounting.pdf").exists()
-
-
-def test_its_pictures_are_fit_to_print() -> None:
-    names = re.findall(r"!\[[^\]]+\]\((img/[\w.]+)\)", PAGE)
-    assert len(names) == 2
-    for name in names:
-        head = (ROOT / "docs" / name).read_bytes()[:24]
-        width, _ = struct.unpack(">II", head[16:])
-        assert width >= 1000  # pixels: of at least one column at 300 dots an inch

@@ -3,8 +3,9 @@
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 
 import cases
@@ -14,7 +15,7 @@ import hostile
 import kills
 import power_cuts
 import pytest
-from cases import FAULT, SAME, Fault, Trial
+from cases import FAULT, SAME, Fault, Trial, run_cases
 from helpers import copied, everything, reseal, tiny
 
 from evoros.files import disk
@@ -189,3 +190,31 @@ def test_a_mended_folder_that_says_nothing_is_a_fault(run: Path, tmp_path: Path)
     silent = damages.Subject(run, run, mend)
     with pytest.raises(Fault, match=r"setting\.json: mended without a word"):
         damages.judge(silent, folder, "setting.json")
+
+
+SEEDS: dict[str, Sequence[int]] = {"hostile": (113, 115, 116, 124, 127, 131), "fuzz": range(40)}
+MORE: dict[str, Sequence[int]] = {
+    "power_cuts": (1, 5, 6, 8, *range(1002, 1008), 1010, 1011),  # of all commands
+    "damages": (41, 43, 45),  # of a sweep, a killed run and an evaluation
+    "hostile": (114, 117, 119, 121, 125, 129),
+    "fuzz": range(1000, 1020),
+    "kills": (2,),  # three times with two workers
+}
+
+
+def list_faults(name: str, seeds: Sequence[int]) -> list[str]:
+    module = import_module(name)
+    results = list(run_cases(module.prepare, seeds, module.LIMIT_S))
+    assert len(results) == len(seeds)
+    return [f"{name} {seed}: {result}" for seed, result in results if result.verdict == FAULT]
+
+
+@pytest.mark.parametrize("name", SEEDS)
+def test_some_faults_of_each_kind_lose_nothing(name: str) -> None:
+    assert list_faults(name, SEEDS[name]) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MORE)
+def test_more_faults_of_each_kind_lose_nothing(name: str) -> None:
+    assert list_faults(name, MORE[name]) == []

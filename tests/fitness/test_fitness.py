@@ -1,5 +1,6 @@
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import pytest
 from bundled_parts import every, find_other_defaults
@@ -8,7 +9,7 @@ from hypothesis import strategies as st
 
 from evoros.design.design import Design
 from evoros.fitness.equation_one import EquationOne, equation_one
-from evoros.fitness.naming import bound_fitness
+from evoros.fitness.naming import FitnessName, bound_fitness, name_fitness
 from evoros.fitness.protocol import Fitness
 from evoros.fitness.scoring import Scoring
 from evoros.fitness.worst_case import WorstCase
@@ -113,3 +114,52 @@ class TestBundledFitness(FitnessSuite):
 
 def test_configurations_repeat_the_defaults() -> None:
     assert find_other_defaults("fitness") == []
+
+
+@dataclass(frozen=True)
+class CarefulURDFDriver2(Fitness):
+    def score(self, outcomes: Sequence[Outcome]) -> float:
+        return 0.0
+
+    def worst(self, outcomes: Sequence[Outcome]) -> float:
+        return 0.0
+
+
+class PlanB(CarefulURDFDriver2):
+    pass
+
+
+@dataclass(frozen=True)
+class Distance(CarefulURDFDriver2):
+    title = "distance driven"
+    unit = "m"
+
+
+@pytest.mark.parametrize(
+    ("fitness", "label"),
+    [
+        (Distance(), "distance driven [m]"),
+        (CarefulURDFDriver2(), "fitness (careful URDF driver 2)"),
+        (PlanB(), "fitness (plan b)"),
+        (EquationOne(), "fitness (Eq. 1)"),
+        (EquationOne(sensor_penalty=0.3), "fitness (Eq. 1 less penalties)"),
+        (EquationOne(price_weight=0.1), "fitness (Eq. 1 less penalties)"),
+        (WorstCase(Distance(), 0.25), "distance driven, mean of the lowest 25 % [m]"),
+    ],
+)
+def test_the_label_has_title_and_unit(fitness: Fitness, label: str) -> None:
+    assert name_fitness(fitness).label == label
+    assert Scoring(fitness).name.label == label
+
+
+def test_the_label_of_several_robots_names_their_mean() -> None:
+    assert Scoring(Distance(), (0, 2)).name.label == "distance driven, mean over the robots [m]"
+
+
+@pytest.mark.parametrize("fitness", [Distance(), CarefulURDFDriver2(), WorstCase(Distance())])
+def test_only_equation_one_is_called_so(fitness: Fitness) -> None:
+    assert "Eq" not in name_fitness(fitness).label
+
+
+def test_an_unknown_fitness_has_the_word_alone() -> None:
+    assert FitnessName().label == "fitness"

@@ -1,4 +1,4 @@
-"""How deep solids overlap, and the lifts at which they do."""
+"""How deep solids overlap, the lifts at which they do, and the clearance along a track."""
 
 import math
 
@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from planar_cases import project_obstacles, rover, solids, world_of
 
+from evoros.geometry.clearance import compute_clearances, summarize_track
+from evoros.geometry.footprint import Outlines
 from evoros.geometry.overlap import Solid, clearance, overlap_depth
 from evoros.geometry.shapes import Pose, Shape, Vector, normalize
+from evoros.world.standing import outlines
 
 EXACT_M, EXACT = 2e-4, 0.021  # the stated errors of a depth, and a little more
 CORNERS = tuple((x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5))
@@ -115,3 +119,30 @@ def test_the_farthest_points_of_a_cylinder_lie_on_its_rims() -> None:
     assert solid.farthest(diagonal) == pytest.approx((1.18, 2.24, 3.5))
     low, high = solid.box()
     assert (*low, *high) == pytest.approx((0.7, 1.7, 2.5, 1.3, 2.3, 3.5))
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.lists(solids, min_size=1, max_size=6), st.integers(0, 1000))
+def test_the_least_clearance_is_that_of_all_poses(
+    placed: list[tuple[Shape, Pose]], seed: int
+) -> None:
+    robot, world = rover(), world_of(*placed)
+    rng = np.random.default_rng(seed)
+    steps = rng.normal(0.0, (0.05, 0.05, 0.2), (300, 3))
+    poses = np.cumsum(steps, axis=0) + rng.uniform(-5, 5, 3)
+    track = np.column_stack((poses, np.zeros(len(poses))))  # without contact
+    areas = outlines(world, robot.height_m)
+    summary = summarize_track(track, len(track), robot.outline, areas, np.array([[0.0, 0.0]]))
+    clearances = compute_clearances(robot.outline, poses, project_obstacles(world, robot))
+    assert summary.clearance == clearances.min()
+    moved = np.diff(track[:, :2], axis=0)
+    assert summary.length == pytest.approx(np.hypot(moved[:, 0], moved[:, 1]).sum())
+    assert summary.point_distances[0] == pytest.approx(np.hypot(track[:, 0], track[:, 1]).min())
+
+
+def test_without_obstacles_there_is_no_clearance() -> None:
+    summary = summarize_track(
+        np.zeros((3, 4)), 3, rover().outline, Outlines.of([]), np.zeros((0, 2))
+    )
+    assert summary.clearance == math.inf
+    assert summary.length == 0.0

@@ -1,8 +1,11 @@
-"""The public names: each has one home, all are listed, and documents import no other."""
+"""The public names: each module has one, and authors of parts need one import."""
 
 import ast
 import inspect
 import re
+import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from importlib import import_module
 from importlib.util import find_spec
@@ -14,6 +17,7 @@ from documents import DOCS
 from helpers import ROOT
 
 import evoros
+from evoros import parts
 
 PUBLIC = [
     import_module(name)
@@ -127,3 +131,60 @@ def test_a_private_import_is_found() -> None:
     block = "from evoros.design.design import Design\nfrom evoros import (\n    Mount,\n    no,\n)"
     assert list(private(block)) == ["evoros.design", "evoros.design.design.Design", "evoros.no"]
     assert list(private("import evoros\nevoros.api.run()")) == ["evoros.api"]
+
+
+def test_the_folder_analysis_has_one_name() -> None:
+    with pytest.raises(ImportError, match=r"^analysis: .* is imported as evoros\.analysis; "):
+        import_module("analysis")
+    assert (
+        import_module("evoros.analysis.subcommands").Product.__module__
+        == "evoros.analysis.subcommands"
+    )
+
+
+def test_a_copy_that_lost_its_links_says_so(tmp_path: Path) -> None:
+    """Links as git writes them with ``core.symlinks=false``: files with the link's target."""
+    package = tmp_path / "evoros"
+    package.mkdir()
+    shutil.copy(ROOT / "evoros" / "__init__.py", package)
+    (package / "analysis").write_text("../analysis")
+    done = subprocess.run(
+        [sys.executable, "-c", "import evoros"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stderr.splitlines()[-1].startswith(f"ImportError: {package}/analysis must be a ")
+
+
+SLOW = ("pandas", "matplotlib", "hydra", "omegaconf", "pybullet", "rich", "jinja2")
+
+
+def test_it_offers_all_that_it_imports_and_nothing_else() -> None:
+    tree = ast.parse(Path(parts.__file__).read_text())
+    imported = [
+        alias.asname or alias.name
+        for node in tree.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    ]
+    assert sorted(parts.__all__) == sorted(imported)
+    assert len(set(imported)) == len(imported)
+
+
+def test_it_offers_every_protocol() -> None:
+    """A group's protocols are the classes of its protocol.py that users implement."""
+    groups = [path.parent.name for path in (ROOT / "evoros").glob("*/protocol.py")]
+    assert len(groups) >= 8
+    for group in groups:
+        # A design has regions; several observers may be chosen.
+        word = {"design": "region_description", "observers": "observer"}.get(group, group)
+        name = "".join(part.capitalize() for part in word.split("_"))
+        assert name in parts.__all__, group
+
+
+def test_it_imports_nothing_slow_that_a_mission_does_not_need() -> None:
+    code = f"import sys, evoros.parts; print([name for name in {SLOW} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"

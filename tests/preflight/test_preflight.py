@@ -1,5 +1,6 @@
-"""Bad input is found before anything is written, and not while an experiment is built."""
+"""Bad input, values in other units, and controllers that do not repeat are found before a run."""
 
+import logging
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -9,23 +10,41 @@ from typing import Any
 import numpy as np
 import pytest
 from fixture_types import Capture, Patch
-from helpers import TINY, USER_PARTS, everything, finished_run, refusal, resume, scored, tiny
+from helpers import (
+    TINY,
+    USER_PARTS,
+    everything,
+    finished_run,
+    refusal,
+    resume,
+    scored,
+    tiny,
+    with_parts,
+)
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.random import Generator
 
 from evoros import Evaluator
+from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.cli.command import evaluate
 from evoros.config.compose import compose
+from evoros.controller.line_controller import Program
 from evoros.controller.rover import Rover
 from evoros.evolution.experiment import Experiment
+from evoros.executor.processes import Processes
+from evoros.executor.serial import Serial
 from evoros.failure.protocol import Failure, Fault
 from evoros.failure.random import RandomFailure
 from evoros.filter.protocol import Channels
 from evoros.filter.silence import Silence
 from evoros.mission import compiled_loop
 from evoros.mission.inputs import ENGINE_RULES, LoopInputs
+from evoros.mission.mission import TRAJECTORY
 from evoros.optimizer.ga import GeneticAlgorithm
-from evoros.preflight.preflight import preflight
+from evoros.preflight.own_code import find_difference, report_repeatability
+from evoros.preflight.preflight import check_units, check_workers, preflight
 from evoros.robot.model import Robot
 from evoros.simulator.planar import Planar
 from evoros.terminal.console import DONE, INPUT
@@ -209,3 +228,95 @@ def test_a_fault_must_have_an_onset_for_each_sensor(
     """Compiled code would read past the end of an array that is too short."""
     with pytest.raises(InputError, match=r"^failure: Wrong must draw one onset time \[s\] for"):
         preflight(replace(faultless, failure=Wrong(choose)))
+
+
+PLANE = ("simulator=planar", "executor=serial", "world=maze")
+
+
+@pytest.mark.parametrize(
+    ("usual", "mistaken", "meant"),
+    [
+        ("course.home_yaw_rad=-6.2", "course.home_yaw_rad=-90", "set it to -1.571 in radians"),
+        (
+            "design.sensors.sonar.range_max_m=999",
+            "design.sensors.sonar.range_max_m=6000",
+            "set it to 6 in metres",
+        ),
+    ],
+)
+def test_a_value_in_another_unit_is_told_with_the_value_in_the_right_one(
+    usual: str, mistaken: str, meant: str
+) -> None:
+    assert list(check_units(compose([*PLANE, usual]).build())) == []
+    (warning,) = check_units(compose([*PLANE, mistaken]).build())
+    assert mistaken.rpartition("=")[0].rpartition(".")[2] in warning
+    assert warning.endswith(meant)
+
+
+def test_only_many_more_workers_than_cores_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("evoros.preflight.preflight.available_cores", lambda: 2)
+    experiment = compose(PLANE).build()
+    for workers in (0, 1, 8):
+        assert list(check_workers(replace(experiment, executor=Processes(workers=workers)))) == []
+    (warning,) = check_workers(replace(experiment, executor=Processes(workers=9)))
+    assert warning.startswith("executor.workers: 9 workers share 2 cores")
+
+
+PROGRAM = """
+import json, os, sys
+source, answers = open(int(os.environ["EVOROS_IN"])), open(int(os.environ["EVOROS_OUT"]), "w")
+source.readline()
+print('{"ready": true}', file=answers, flush=True)
+once = os.path.exists(sys.argv[1])
+open(sys.argv[1], "w").close()
+for line in source:
+    time = json.loads(line)[0]
+    print(json.dumps([1, 0.2, 0.1 if once and time >= 2.0 else 0.0]), file=answers, flush=True)
+"""
+
+
+@pytest.mark.parametrize("repeatable", [True, False])
+def test_the_first_tick_that_differs_is_named(
+    repeatable: bool, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "program.py").write_text(PROGRAM)
+    mark = tmp_path / "mark"
+    if repeatable:
+        mark.touch()
+    command = ["/usr/bin/env", "python3", str(tmp_path / "program.py"), str(mark)]
+    experiment = compose(
+        ["simulator=planar", "world=boxes", "world.boxes.course.time_limit_s=4"]
+    ).build()
+    scenario = with_parts(experiment.scenario, controller=Program(command=command))
+    design = experiment.space.decode(np.full(experiment.space.size, 0.5))
+    mission = experiment.plan.selection(0, 0, design)[0]
+    with caplog.at_level(logging.WARNING), Serial().open() as pool:
+        report_repeatability(scenario, mission, pool)
+    (*lines,) = (record.getMessage() for record in caplog.records)
+    if repeatable:
+        assert lines == []
+    else:
+        # The command of 2 s has turned the front wheels, and it is recorded in that decision's row.
+        (line,) = lines
+        assert "runs differ from tick 20 on, at 2 s (steering_rad" in line
+
+
+COLUMNS = [*TRAJECTORY, "range_0_m", "range_1_m"]
+
+
+@given(st.integers(1, 20), st.integers(0, 19), st.integers(0, len(TRAJECTORY) - 1))
+def test_the_row_and_the_column_of_a_change_are_found(rows: int, row: int, column: int) -> None:
+    row = row % rows
+    first: Array = np.random.default_rng(rows).normal(size=(rows, len(TRAJECTORY) + 2))
+    first[:, -1] = np.nan  # a silent sensor does not differ from itself
+    second = first.copy()
+    assert find_difference(first, second, COLUMNS) == ""
+    second[row:, column] += 1.0
+    difference = find_difference(first, second, COLUMNS)
+    assert f"from tick {row} on" in difference
+    assert f"({TRAJECTORY[column]} " in difference
+
+
+def test_a_trajectory_that_ends_earlier_differs() -> None:
+    first = np.zeros((5, len(TRAJECTORY)))
+    assert "from tick 3 on, because they end at" in find_difference(first, first[:3], TRAJECTORY)

@@ -1,4 +1,4 @@
-"""Robots are compared with independent readers of URDF: yourdfpy and PyBullet."""
+"""Robots are compared with independent readers of URDF, and one with published measures."""
 
 import logging
 import math
@@ -18,6 +18,7 @@ from lxml import etree
 from planar_cases import start, state_of, world_of
 from robot_cases import ROBOTS, SENSORS, car, configuration, independent, load, rover, some_mounts
 
+from evoros import compose
 from evoros.base.arrays import YAW_RATE, Array
 from evoros.formats.urdf.tree import UrdfDocument, read_tree
 from evoros.geometry.shapes import Pose
@@ -273,3 +274,14 @@ def test_a_mount_that_is_left_out_is_chosen_for_the_robot(name: str) -> None:
     stated = load(name)
     assert stated.chosen_mount == ()
     assert stated.default_pitch([Sonar(fov_deg=80)]) == stated.mount_pitch_deg
+
+
+def test_it_has_the_published_size_mass_and_wheels() -> None:
+    robot = compose(["robot=coyote", "world=barn", "design=around"]).build().members[0].robot
+    length, width = np.ptp(robot.outline, axis=0)
+    assert (length, width) == (pytest.approx(0.508), pytest.approx(0.430))
+    assert robot.drive.max_speed_mps == 2.0
+    described = etree.fromstring(robot.urdf.encode())
+    masses = [float(mass.get("value", "0")) for mass in described.iter("mass")]
+    assert sum(masses) == pytest.approx(17.0)
+    assert {wheel.get("radius") for wheel in described.iter("cylinder")} == {"0.098"}

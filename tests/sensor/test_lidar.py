@@ -1,4 +1,4 @@
-"""The lidar and the infrared range finder: their rays, what they see, and where it is shown."""
+"""The lidar, the infrared and the multizone range finder: their rays, and what they see."""
 
 import math
 
@@ -20,6 +20,7 @@ from evoros.plugins.recordings.video.renderer import Fan, _reach_at
 from evoros.robot.model import Robot
 from evoros.sensor.infrared import Infrared
 from evoros.sensor.lidar import Lidar
+from evoros.sensor.multizone import Multizone
 from evoros.sensor.protocol import Mount, sensor_bearings
 from evoros.simulator.engines.planar_layout import SPACING, sight_of
 from evoros.simulator.engines.planar_sensing import UNSURE_RAD, estimate_bearing, find_span
@@ -167,3 +168,45 @@ def test_a_fan_of_a_scan_ends_at_the_range_of_each_sector() -> None:
 
 def replace_reach(fan: Fan, reach: Array) -> Fan:
     return fan._replace(reach_m=reach)
+
+
+eyes = st.builds(
+    Multizone,
+    fov_deg=st.floats(0.5, 170.0),
+    zones=st.integers(1, 16),
+    rays_per_zone=st.integers(1, 9),
+)
+unhurried = settings(deadline=None)  # a busy machine is no failure
+
+
+@unhurried
+@given(eyes)
+def test_zones_share_the_field_equally_from_the_right_to_the_left(eye: Multizone) -> None:
+    rays = eye.rays()
+    bearings = np.degrees(np.arctan2(rays[:, 1], rays[:, 0]))
+    zone = np.floor((bearings + eye.fov_deg / 2) / eye.fov_deg * eye.zones)
+    assert zone.tolist() == eye.channel_of().tolist()
+    middles = (np.arange(eye.zones) + 0.5) * eye.fov_deg / eye.zones - eye.fov_deg / 2
+    assert np.degrees(sensor_bearings(eye)) == pytest.approx(middles, abs=1e-9)
+    assert np.array_equal(rays[::-1] * (1.0, -1.0, 1.0), rays)
+
+
+@given(eyes)
+def test_more_zones_cost_more(eye: Multizone) -> None:
+    assert eye.price == eye.base_price + eye.zone_price * eye.zones
+
+
+@pytest.mark.parametrize(("zones", "seen"), [(1, [True]), (4, [False, False, True, False])])
+def test_a_wide_zone_sees_a_post_but_not_where_it_is(zones: int, seen: list[bool]) -> None:
+    """A post 10 deg to the left: of four zones of 20 deg, only that from 0 to 20 deg sees it."""
+    eye = Multizone(fov_deg=80.0, zones=zones, rays_per_zone=60)
+    mount = Mount("eye", "base_link", 0.0, 0.0, 0.3, 0.0, 0.0)
+    robot = rover().with_sensors([mount], {"eye": eye})
+    angle = math.radians(10.0)
+    place = Pose((2.0 * math.cos(angle), 2.0 * math.sin(angle), 0.5))
+    simulation = start(world_of((Shape("cylinder", (0.1, 1.0)), place)), robot)
+    put(simulation, 0.0, 0.0, 0.0)
+    ranges = np.zeros(zones)
+    simulation.sense(ranges)
+    assert (ranges < eye.range_max_m).tolist() == seen
+    assert ranges.min() == pytest.approx(1.9, abs=0.01)

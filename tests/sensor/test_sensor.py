@@ -1,4 +1,4 @@
-"""Sensors: the geometry of their rays, what Gazebo is told, and their configuration."""
+"""Sensors: the geometry of their rays, what Gazebo is told, their configuration and their names."""
 
 import math
 from typing import Any
@@ -14,6 +14,7 @@ from lxml import etree
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import Filter
 from evoros.filter.silence import Silence
+from evoros.sensor.protocol import choose_prefix, find_prefix
 from evoros.sensor.sonar import Sonar
 from evoros.testing import ContactSensorSuite, RangeSensorSuite, SignalSensorSuite
 
@@ -128,3 +129,32 @@ def test_gazebo_is_told_the_same_sensor(sonar: Sonar, one: float, two: float, na
     assert number("lidar/range/max") == sonar.range_max_m
     assert number("update_rate") == pytest.approx(20)
     assert number("lidar/noise/stddev") == pytest.approx(math.hypot(one, two))
+
+
+TYPES = ("sonar", "imu", "sonar_wide")
+taken = st.sets(
+    st.builds(
+        "{}{}_{}{}".format,
+        st.sampled_from(["", "evoros_", "evoros_evoros_", "my_"]),
+        st.sampled_from(["sonar", "imu", "sonar_wide", "lidar"]),
+        st.integers(0, 12),
+        st.sampled_from(["", "_joint"]),
+    )
+)
+
+
+@given(taken, st.lists(st.sampled_from(TYPES), min_size=1, max_size=5))
+def test_names_are_free_and_found_again(robot: set[str], mounted: list[str]) -> None:
+    prefix = choose_prefix(robot, TYPES)
+    links = {f"{prefix}{kind}_{index}" for index, kind in enumerate(mounted)}
+    joints = {f"{link}_joint" for link in links}
+    assert not (links | joints) & robot
+    assert find_prefix(robot | links, TYPES) == prefix
+    others = {name for name in robot if name.startswith(prefix)} - links
+    assert not any(f"{prefix}{kind}_{index}" in others for kind in TYPES for index in range(13))
+
+
+def test_a_robot_without_such_names_keeps_short_ones() -> None:
+    names = ("base_link", "sonar", "sonar_link", "sonar_0_mount", "my_sonar_0")
+    assert choose_prefix(names, TYPES) == ""
+    assert choose_prefix((), ()) == ""

@@ -1,12 +1,14 @@
-"""Lines about how files were read: once on a terminal, all of them in the log of a run."""
+"""Lines about how files were read, on a terminal and in the log of a run; long commands tell."""
 
 import logging
+import time
 from pathlib import Path
-from threading import Thread
+from threading import Thread, active_count
 
-from fixture_types import Capture
+from fixture_types import Capture, Log
 
 from evoros.preflight.preflight import check_robots
+from evoros.terminal.activity import announce, tell_slow
 from evoros.terminal.log import (
     LOGGER,
     attach,
@@ -126,3 +128,22 @@ def test_only_messages_of_the_thread_are_withheld(capsys: Capture) -> None:
     assert [record.getMessage() for record in outer] == ["first", "third"]
     assert [record.getMessage() for record in inner] == ["second"]
     assert capsys.readouterr().err == "of another\n"
+
+
+def test_what_takes_long_is_told_even_while_messages_are_withheld(caplog: Log) -> None:
+    with caplog.at_level(logging.INFO), tell_slow("reading city.world", 0.02):
+        with withhold_messages() as withheld, announce("dividing house.dae"):
+            while not any("house.dae" in message for message in caplog.messages):
+                time.sleep(0.01)
+        while not any("city.world" in message for message in caplog.messages[1:]):
+            time.sleep(0.01)
+    assert not withheld
+    assert all(message.endswith(" s so far") for message in caplog.messages)
+
+
+def test_what_is_quick_is_not_told_and_leaves_no_thread(caplog: Log) -> None:
+    threads = active_count()
+    with caplog.at_level(logging.INFO), tell_slow("reading", 60.0):
+        pass
+    assert not caplog.messages
+    assert active_count() == threads

@@ -1,6 +1,7 @@
 """BARN worlds, drawn and from files: the automaton, the corridor, the shortest way, the files."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,11 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from evoros import compose
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
+from evoros.design.design import Design
 from evoros.formats.sdf.reader import read_sdf
 from evoros.geometry.footprint import distances, project_bodies
 from evoros.geometry.free_space import Cells
+from evoros.mission.mission import COMPLETED, Mission
+from evoros.mission.rollout import run_mission
 from evoros.plugins.barn.field import (
     CELL_M,
     PATHS,
@@ -34,6 +39,7 @@ from evoros.plugins.barn.field import (
     measure_way,
     read_grid,
 )
+from evoros.plugins.barn.fitness import score_mission
 from evoros.world.course import Course
 
 GRIDS = arrays(np.bool_, (SIDE, SIDE))
@@ -190,3 +196,20 @@ def test_a_folder_without_worlds_and_a_bad_path_are_refused(tmp_path: Path) -> N
     (tmp_path / PATHS / "path_0.npy").write_bytes(b"no array")
     with pytest.raises(InputError, match=r"path_0\.npy: not an array of cells"):
         load_barn(str(tmp_path), crossing())
+
+
+@pytest.mark.slow
+def test_a_hand_made_robot_arrives_and_scores() -> None:
+    experiment = compose(["experiment=barn_gap"]).build()
+    design: Design = experiment.space.decode(np.full(experiment.space.size, 0.5))
+    mission = Mission(0, 0, design, "barn", 0, "selection", "easy/0")
+    (outcome,), trajectory = run_mission(experiment.scenario, mission)
+    world = experiment.world["barn"].at("easy/0")
+    assert outcome.shortest_m == world.shortest_m is not None
+    assert outcome.ended == COMPLETED
+    assert outcome.visited == 1
+    assert outcome.least_waypoint_distances_m[0] <= 1.0  # it ends there, without a way back
+    assert 0.125 <= score_mission(outcome) <= 0.5
+    late = replace(experiment.world["barn"].course, time_limit_s=2.0)
+    assert late.route(True).shape == (1, 2)
+    assert len(trajectory) > 10

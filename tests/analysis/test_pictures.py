@@ -1,11 +1,15 @@
-"""Pictures of worlds from above."""
+"""Pictures of worlds and robots."""
 
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from field_cases import areas, field
+from matplotlib.figure import Figure
 
+from evoros.analysis.drawing import inspection
 from evoros.analysis.drawing.worlds import draw_worlds
+from evoros.config.compose import compose
 from evoros.field.drawn import FIXED
 from evoros.geometry.shapes import Body, Pose, Shape
 
@@ -57,3 +61,16 @@ def test_a_picture_has_parts_of_meshes_and_leaves_out_floors() -> None:
     boxes = [path.get_extents().bounds for path in solids.get_paths()]
     np.testing.assert_allclose(boxes, [(2.0, 5.0, 1.0, 1.0), (-2.5, 4.5, 1.0, 1.0)], atol=1e-9)
     np.testing.assert_allclose(np.asarray(solids.get_array()), (2.0, 1.0), atol=1e-9)
+
+
+@pytest.mark.parametrize(("name", "has_caster"), [("coyote", False), ("two_wheeler", True)])
+def test_the_legend_names_the_parts_that_the_robot_has(
+    name: str, has_caster: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figures: list[Figure] = []
+    monkeypatch.setattr(inspection, "render", lambda figure, _: figures.append(figure))
+    robot = compose([f"robot={name}"]).build().robot
+    inspection.draw_robot_picture(robot, {})
+    (legend,) = figures[0].legends
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert labels == ["body", "driven wheel", *["caster"] * has_caster, "outline"]
