@@ -43,10 +43,8 @@ TESTS = (
 )
 EFFECTS = ("measure", "effect", "contrast", "difference", "low", "high")
 PLACES = ((0.0, "left"), (0.66, "right"), (0.81, "right"), (1.0, "right"))
-EFFECT_LENGTH, LEVEL_LENGTH = (
-    32,
-    24,
-)  # maximum lengths of names of effects, in the table, and levels
+EFFECT_LENGTH = 32  # maximum length of an effect's name in the table
+LEVEL_LENGTH = 24  # maximum length of a level's name
 PANEL_IN = 2.2
 LETTERS_PER_IN = 15  # axis label characters per inch
 LEGEND_LETTERS = 44  # maximum number of characters per legend line, without markers

@@ -115,7 +115,7 @@ def test_the_map_names_each_part_at_its_place() -> None:
     assert labels == ["steering fails: stuck", "battery, drive fails: constant"]
 
 
-def test_player_and_video_name_parts() -> None:
+def test_the_player_names_parts() -> None:
     encoded = list(_encode_part_faults(ROW, TRACK, {"stuck": "ends", "constant": "ends"}))
     assert [(fault["part"], fault["x"], fault["y"]) for fault in encoded] == [
         ("steering", 1.0, 0.0),

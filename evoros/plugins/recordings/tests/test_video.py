@@ -38,6 +38,7 @@ from evoros.plugins.recordings.video.camera import (
     Pixels,
     RenderOptions,
     chase_camera,
+    make_captions,
     overhead_camera,
     to_matrix,
 )
@@ -50,7 +51,12 @@ from evoros.plugins.recordings.video.captions import (
     write_caption,
 )
 from evoros.plugins.recordings.video.film import encode_mp4, film
-from evoros.plugins.recordings.video.motion import flag_ends, interpolate, measure_errors
+from evoros.plugins.recordings.video.motion import (
+    Motion,
+    flag_ends,
+    interpolate,
+    measure_errors,
+)
 from evoros.plugins.recordings.video.renderer import CUT_M, cut_obstacles, find_goals
 from evoros.plugins.recordings.video.scene import Picture, Scene, rasterize
 from evoros.storage.figure_context import FigureContext
@@ -453,6 +459,18 @@ def test_as_many_pictures_as_speed_and_rate_say(
     options = RenderOptions("above", (64, 64), fps, speed, start, end)
     pictures = list(film(assemble(path, urdf, OPEN, setting), options))
     assert [ranges_m.shape for ranges_m in pictures] == [(64, 64, 3)] * count
+
+
+def test_a_caption_names_the_parts_that_have_failed(urdf: str, setting: FigureContext) -> None:
+    failures = [("steering", 0.1, "stuck"), ("battery", 0.2, "constant")]
+    path = table(*[[1.0] * 6] * 3)
+    mission = assemble(path, urdf, OPEN, setting, part_failures=failures)
+    place, rows = path["x_m"].to_numpy(), np.arange(3)
+    motion = Motion(path["time_s"].to_numpy(), place, place, place, rows, {})
+    states = [caption.left[-1] for caption in make_captions(mission, motion, RenderOptions())]
+    assert "failed" not in states[0]
+    assert states[1].endswith(", failed: steering")
+    assert states[2].endswith(", failed: steering, battery")
 
 
 @pytest.fixture(scope="module")
