@@ -16,8 +16,8 @@ from evoros.files.private import keep_fonts
 
 if __name__ != "evoros.analysis":
     raise ImportError(
-        f"{__name__}: the folder analysis/ of evoros is imported as evoros.analysis; your package "
-        f"with this name needs an __init__.py and must come before that folder on the path"
+        f"{__name__}: this is a part of evoros; import it as evoros.analysis, or, to import your "
+        f"own package {__name__}, give it an __init__.py and put it first on sys.path"
     )
 
 keep_fonts()

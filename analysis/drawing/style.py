@@ -39,7 +39,7 @@ STYLE: dict[Any, Any] = {
     "pdf.fonttype": 42,  # embed TrueType fonts, as most publishers require
     "svg.hashsalt": "evoros",  # otherwise, the ids in an SVG are random
 }
-# A style file cannot change formats, layout, text parsing, and colours, chosen for a light page.
+# A style file cannot change settings with these prefixes, nor colours, which suit a light page.
 _OURS = ("savefig.", "backend", "figure.autolayout", "figure.constrained_layout", "text.")
 _chosen: ContextVar[Mapping[Any, Any] | None] = ContextVar("chosen", default=None)
 _DATES = {"svg": "Date", "pdf": "CreationDate"}
@@ -219,7 +219,7 @@ def wrap_lines(text: str, room: float, minimum: int = 8) -> list[str]:
 
 
 def wrap(text: str, room: float, minimum: int = 8) -> str:
-    """Return the lines of ``wrap_lines`` as one string."""
+    """Wrap text as ``wrap_lines`` does, and join the lines."""
     return "\n".join(wrap_lines(text, room, minimum))
 
 

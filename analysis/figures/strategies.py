@@ -63,7 +63,7 @@ _BOX: dict[str, Any] = {
 }
 _KEY: list[Artist] = [
     Line2D([], [], color=RANDOM, lw=0.8, ls=_DASHES, label="random designs, mean"),
-    Patch(fc=_GREY, ec=RANDOM, lw=0.6, label="random designs: quartiles, 5 % and 95 %"),
+    Patch(fc=_GREY, ec=RANDOM, lw=0.6, label="random designs: quartiles, 5th and 95th percentiles"),
     Line2D([], [], color=RANDOM, lw=1.4, label="random designs: median, or share"),
     Line2D([], [], color="black", lw=1, marker="_", ms=5, label="champions: mean, 95 % interval"),
 ]

@@ -1,4 +1,4 @@
-"""Fast start-up: imports at first use, and rare garbage collections."""
+"""Speeds up start-up: imports modules on first use, and collects garbage less often."""
 
 from __future__ import annotations
 

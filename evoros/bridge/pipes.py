@@ -14,7 +14,7 @@ _LONGEST_LINE = 1 << 20  # maximum length [bytes] of a line
 READ_FROM, WRITE_TO = "EVOROS_IN", "EVOROS_OUT"
 """Environment variables with the descriptors of a program's pipes; standard output stays free."""
 ENDING_S = 1.0
-"""Maximum time [s] that a process needs to exit after its pipes close, on a busy machine."""
+"""Time limit [s] for a process to exit after its pipes close, long enough on a busy machine."""
 
 
 class Pipes:

@@ -24,7 +24,7 @@ class Rival:
     design: int
     trials: int
     fitness: float  # fitness in these trials
-    low: float  # lower end of an interval that holds for all rivals at once; NaN if unknown
+    low: float  # lower end of the fitness interval, simultaneous for all rivals; NaN if unknown
     high: float
     led: bool  # True: best of a generation; False: runner-up of the last generation
 

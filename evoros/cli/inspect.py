@@ -24,8 +24,7 @@ _PLACEHOLDER = "world.NAME."
 DRIVE = "drive@robot.drive="
 USAGE = f"""{NAME} robot FILE world FILE [key=value ...] [options]
 
-Show how evoros reads an existing robot or world, and write the YAML files that evoros needs to use
-them.
+Show how evoros reads a robot or world, and write the YAML files with which evoros can use it.
 
 {NAME} robot FILE [key=value ...]          a URDF or xacro file
 {NAME} world FILE [key=value ...]          an SDF, .world or xacro file

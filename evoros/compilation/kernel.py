@@ -41,7 +41,7 @@ class NumberedRule(types.Callable):  # type: ignore[misc]
         super().__init__(f"NumberedRule({kind})")
 
     def get_call_type(self, context: Any, arguments: Any, keywords: Any) -> Signature:
-        """Return a signature that passes the number to the call."""
+        """Return a signature with this type as the receiver, so that the call gets the number."""
         return Signature(self.signature.return_type, self.signature.args, recvr=self)
 
     def get_call_signatures(self) -> tuple[list[Signature], bool]:

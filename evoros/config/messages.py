@@ -221,7 +221,7 @@ def _no_such_choice(error: errors.MissingConfigException) -> str:
         where = f" for the defaults of {match[1]}" if match else ""
         return f"{error.missing_cfg_file}: file not found{where}; {HELP}"
     fix = "choose one of these"
-    if group in ("hydra/launcher", "hydra/sweeper"):  # all known plugins follow this naming
+    if group in ("hydra/launcher", "hydra/sweeper"):  # all known plugins have such names
         package = f"hydra-{name.partition('_')[0]}-{group.rpartition('/')[2]}"
         fix = f"install its plugin (pip install {package}), or {fix}"
     return f"{group}: must be one of {choices}, not {name!r}; {fix}"

@@ -107,7 +107,7 @@ def to_body(position_m: tuple[float, float, float]) -> tuple[float, float, float
 
 
 def count_octants(yaw_rad: float) -> int:
-    """Convert a yaw to eighths of a turn, clockwise and rounded."""
+    """Convert a yaw [rad] to the nearest number of clockwise eighths of a turn."""
     return round(-yaw_rad / (2.0 * math.pi) * OCTANTS)
 
 

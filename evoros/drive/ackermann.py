@@ -117,7 +117,7 @@ class AckermannDescription(DriveDescription):
     max_speed_mps: Annotated[float, POSITIVE]  # speed limit of the fixed axle's middle
     caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction
     turning_x_m: Annotated[float | None, NUMBER] = None
-    """x of the turning point, ahead of a fixed axle that slides outwards; None: on the axle."""
+    """x of the point that moves along the heading, if the fixed axle slides; None: on the axle."""
 
     @property
     def wheel_joints(self) -> tuple[str, ...]:  # type: ignore[override]

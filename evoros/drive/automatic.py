@@ -379,7 +379,7 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
         "they are treated as plain wheels; set robot.drive if they have rollers": diagonal,
         "in evoros, these wheels grip, although they slide in Gazebo (<mu> is 0)": slippery,
         "driven wheels are not part of the drive": left_out,
-        "wheels on fixed joints can turn": fixed,
+        "in evoros, these wheels turn freely, although their joints are fixed": fixed,
         "the joints of a rocker-bogie are held, so not all wheels may touch the ground": bogies,
     }
     for note in list_notes(notes):

@@ -204,7 +204,7 @@ class FreshTrials:
 
 @dataclass
 class Validated:
-    """The best of each generation, the champion and its rivals, all on the same fresh draws."""
+    """Validates the best of each generation, the champion and its rivals, on equal fresh draws."""
 
     trials: Trials
     compared: int = 0  # number of trials by which designs are compared

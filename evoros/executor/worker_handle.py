@@ -23,7 +23,7 @@ from evoros.executor.protocol import MISSING, PILOT_LOST, RAISED, RETURNED, Answ
 from evoros.executor.worker_main import prepare, run_call
 
 START_LIMIT_S = 120.0  # maximum time until a process has imported the main script
-EXIT_S = 10.0  # maximum time that a process needs to exit after its pipe closes
+EXIT_S = 10.0  # time limit for a process to exit after its pipe closes
 LOOK_S = 1.0  # time between two checks that the process of a call still runs
 
 

@@ -59,8 +59,8 @@ def run_call(payload: bytes, contents: Sequence[protocol.Shared] = ()) -> protoc
 
 def _unpicklable(value: object, problem: Exception) -> EvorosError:
     error = EvorosError(
-        f"{type(value).__name__}: {value}; this cannot be sent back from the worker process "
-        f"({problem}); return or raise an object that pickles, or use executor=serial"
+        f"{type(value).__name__}: {value}; this object cannot be sent back from the worker process "
+        f"({problem}); return or raise an object that can be pickled, or use executor=serial"
     )
     for note in getattr(value, "__notes__", ()):
         error.add_note(note)

@@ -153,7 +153,7 @@ _FAULTS = sequence_of(Fault, "faults")
 def draw_faults(
     failure: Failure, channels: Channels, rng: Generator, earlier: Sequence[Fault] = ()
 ) -> tuple[Fault, ...]:
-    """Draw and check the faults of a mission, and number them after a robot's ``earlier`` ones."""
+    """Draw and check a mission's faults, numbered on from a robot's ``earlier`` faults."""
     faults: tuple[Fault, ...] = ask("failure", failure.draw, _FAULTS, channels, rng)
     for fault in faults:
         _check_fault(fault, failure, channels.size)

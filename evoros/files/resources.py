@@ -51,7 +51,7 @@ def read_file(path: Path) -> bytes:
 
 
 def find_file(name: str, kind: str) -> Path:
-    """Find a file in the current folder, or else in the bundled ``kind``; warn if it is in both."""
+    """Find a file in the current folder or among evoros's ``kind``; warn if both have one."""
     path = expand_home(name)
     files = [file for file in (path, bundled_folder(kind) / path) if file.is_file()]
     if len(files) == 2 and not files[0].samefile(files[1]):

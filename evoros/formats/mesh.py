@@ -47,7 +47,7 @@ class Mesh:
         count = len(self.shapes)
         parts = "its convex hull" if count == 1 else f"{count} convex parts"
         deviation = f"up to {1e3 * self.deviation_m:.0f} mm from the mesh's surface"
-        return (f"the mesh is replaced by {parts} ({deviation})", *self.remarks)
+        return (f"the mesh is replaced with {parts} ({deviation})", *self.remarks)
 
 
 def read_mesh(file: MeshFile, work: float = WORK, uses: int = 1) -> Mesh:
@@ -150,7 +150,7 @@ def _too_small(path: Path) -> InputError:
 
 def _list_remarks(file: MeshFile, dropped: int) -> Iterator[str]:
     if dropped:
-        yield f"parts below 1 mm are left out: {dropped}"
+        yield f"parts smaller than 1 mm are left out: {dropped}"
     with file.path.open("rb") as content:
         axis = re.search(rb"<up_axis>\s*([XY]_UP)", content.read(100_000))
     if axis and file.path.suffix.lower() == ".dae" and not file.up_axis:
@@ -170,7 +170,7 @@ def _shape(corners: Corners) -> Shape:
 @dataclass(frozen=True)
 class _Division:
     parts: tuple[Corners, ...]  # corners [m] of each part
-    dropped: int  # number of parts that are too small to count
+    dropped: int  # number of parts left out because they are too small
     deviation_m: float  # maximum distance of the mesh's surface from the parts
     work: float
     is_cut_short: bool

@@ -70,7 +70,7 @@ def read_faces(file: MeshFile, painted: bool = False) -> Submesh:
     if not len(triangles):
         raise InputError(f"{path}: must have at least one face; export the mesh again")
     if not np.isfinite(triangles).all():
-        raise InputError(f"{path}: must have finite coordinates only; export the mesh again")
+        raise InputError(f"{path}: all coordinates must be finite; export the mesh again")
     if file.center:
         points = triangles.reshape(-1, 3)
         triangles = triangles - (points.min(axis=0) + points.max(axis=0)) / 2
@@ -102,7 +102,7 @@ def _read_with_trimesh(path: Path, submesh: str, painted: bool) -> list[Submesh]
             scene = trimesh.load_scene(BytesIO(content), file_type=kind, **options)
         except Exception as error:  # trimesh raises errors of many types
             reason = shorten(str(error).partition("\n")[0])
-            problem = f"must be a mesh in the format {kind.upper()} ({reason})"
+            problem = f"must be a valid {kind.upper()} mesh ({reason})"
             raise InputError(f"{path}: {problem}; export the mesh again") from error
         for name, mesh in scene.geometry.items():
             if isinstance(mesh, trimesh.Trimesh):

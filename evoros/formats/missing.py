@@ -54,7 +54,7 @@ class Absences:
         self._absences.append(absence)
 
     def require_none(self, choices: str) -> None:
-        """Check that nothing is missing; ``choices`` names keys that can be set instead, if any."""
+        """Raise an error if anything is missing; it also suggests ``choices``, if not empty."""
         if not self._absences:
             return
         first, names = self._absences[0], self.names()

@@ -224,7 +224,7 @@ class Outlines:
     """Footprints of obstacles as arrays."""
 
     rows: Array  # (n, FOOTPRINT_SIZE)
-    corners: Array  # (m, 2) [m], all footprints
+    corners: Array  # (k, 2) [m], vertices of all footprints, one after another
 
     @classmethod
     def of(cls, footprints: Sequence[Footprint]) -> "Outlines":

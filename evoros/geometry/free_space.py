@@ -100,7 +100,7 @@ class FreeSpace:
         return np.asarray(scipy.ndimage.distance_transform_edt(self.free) * self.cell_m)
 
     def measure_clearance(self, points: Array) -> Array:
-        """Return the distances [m] of points (..., 2) [m] in the grid from blocked cells."""
+        """Return the distance [m] from each grid point (..., 2) [m] to the nearest blocked cell."""
         columns, rows = np.moveaxis(np.floor((points - self.low) / self.cell_m).astype(int), -1, 0)
         return np.asarray(self._clearances[rows, columns])
 

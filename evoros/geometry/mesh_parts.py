@@ -107,7 +107,7 @@ _PLATES = 128  # maximum number of plates of a surface, unless its share is larg
 _SMALL, _LARGE = _Limits(256, 0, 64), _Limits(2048, 4096, 256)
 _LARGE_M = 5.0  # extent from which a mesh counts as a building or a landscape
 _MOST_FACES = 2000  # maximum number of faces of a solid that is cut; a finer one is coarsened
-_FULL = 0.9  # fraction of its hull that a solid must fill to be replaced by the hull
+_FULL = 0.9  # fraction of its hull that a solid must fill to be replaced with the hull
 _READ, _MERGE, _HULL, _PART, _USE = 4, 10, 400, 400, 120
 """Work, in faces examined by cuts (5 us each), per face read, face merged, hull, part and use."""
 _USES_SHARE = 0.25  # maximum share of a mesh's work in the handling of further uses
@@ -118,7 +118,7 @@ class Parts:
     """Convex parts that represent a surface."""
 
     hulls: tuple[Hull, ...]
-    dropped: int  # number of parts that are too small to count
+    dropped: int  # number of parts left out because they are too small
     deviation: float  # maximum distance [m] from the surface to the surfaces of the parts
     work: float  # number of faces examined in cuts, or the equivalent; includes reading the mesh
     is_cut_short: bool  # whether more work would give better parts

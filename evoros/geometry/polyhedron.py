@@ -82,7 +82,7 @@ def solid_properties(corners: tuple[Vector, ...]) -> tuple[float, Array, Array]:
     """Return the volume [m3], centre (3,) [m] and inertia (3, 3) [m5] of a hull of density 1."""
     solid = convex_polyhedron(corners)
     inside = solid.corners.mean(axis=0)
-    tetrahedra = solid.corners[solid.triangles] - inside  # relative to the inner fourth corner
+    tetrahedra = solid.corners[solid.triangles] - inside  # relative to the fourth corner, inside
     volumes = determinant(tetrahedra) / 6.0
     volume = float(volumes.sum())
     centre = product(volumes, tetrahedra.sum(axis=1)) / 4.0 / volume

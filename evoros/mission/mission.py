@@ -21,7 +21,7 @@ ROBOT_COLUMNS = TRAJECTORY[1:]  # repeated for agents as NAME.x_m ...
 TIME, AT_X, AT_Y, HEADING, PACE, STEER, MODE, VISITED, TOUCHES = range(len(TRAJECTORY))
 
 WALKER = "walkers."  # prefix of a walker's name in trajectory columns
-# A robot's last trajectory columns, if the localization estimates its pose or can fail:
+# Further trajectory columns of a robot if its localization estimates the pose or can fail:
 ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
 
 

@@ -43,7 +43,7 @@ def delay_faults(faults: Sequence[Fault], time: float) -> tuple[Fault, ...]:
 
 @contextmanager
 def open_mission(scenario: Scenario, mission: Mission) -> Iterator["OpenMission"]:
-    """Make a mission's random draws, and start its engine and parts; stop these in the end.
+    """Make a mission's random draws, and start its engine and parts; stop them on exit.
 
     Raises:
         InputError: a part refuses to start, or the design does not fit (RefusedDesign).

@@ -63,9 +63,9 @@ class Scenario:
         most = self.simulator.max_robots
         if len(self.members) > most:
             raise InputError(
-                f"agents: must be at most {most - 1}, not {len(self.members) - 1}, because "
+                f"agents: there must be at most {most - 1}, not {len(self.members) - 1}, because "
                 f"{type(self.simulator).__name__} supports worlds with up to {most} robots "
-                "(max_robots); leave out agents, or use another simulator, for example "
+                "(max_robots); remove some, or use another simulator, for example "
                 f"simulator=planar or simulator=physics"
             )
         self._check_walkers()

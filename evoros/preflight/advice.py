@@ -24,7 +24,7 @@ def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) 
     """Suggest a change if no finer step helps; ``trial`` used the configured step."""
     drive, speed = setting.robot.drive, setting.speed
     shares = {move: 1.0 if move.lock else share for move, share in trial.shares.items()}
-    if not setting.describe(trial._replace(shares=shares)):  # only turns are wrong
+    if not setting.describe(trial._replace(shares=shares)):  # deviates only in turns
         push = speed * speed * elementary.tan(drive.steering_limit) / drive.wheelbase_m
         if push > FIRM_GRIP_MPS2:
             return (

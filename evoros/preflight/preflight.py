@@ -159,8 +159,8 @@ def check_units(experiment: Experiment) -> Iterator[str]:
         yaw = world.course.home_yaw_rad
         if abs(yaw) > 2 * math.pi:
             yield (
-                f"world.{name}.course.home_yaw_rad: {yaw:g} rad is more than a full turn, probably "
-                f"degrees; set it to {math.radians(yaw):.4g} in radians"
+                f"world.{name}.course.home_yaw_rad: {yaw:g} rad is more than a full turn; if it is "
+                f"in degrees, set it to {math.radians(yaw):.4g}"
             )
     for subject in scene.list_subjects(experiment):
         for name, sensor in subject.member.design.sensors.items():
@@ -168,8 +168,7 @@ def check_units(experiment: Experiment) -> Iterator[str]:
             if reach > _MAX_RANGE_M:
                 yield (
                     f"{subject.member.key}design.sensors.{name}.range_max_m: {reach:g} m is more "
-                    f"than {_MAX_RANGE_M:g} m, probably millimetres; set it to {reach / 1000:g} "
-                    f"in metres"
+                    f"than {_MAX_RANGE_M:g} m; if it is in millimetres, set it to {reach / 1000:g}"
                 )
 
 
@@ -278,8 +277,8 @@ def check_told(subject: scene.Subject) -> Iterator[str]:
             told.setdefault(limit, key)
     for limit, key in told.items():
         yield (
-            f"{key}: the program receives only the first {limit} sensors of each design, but "
-            f"designs have up to {count}; the controller's layers receive all sensors"
+            f"{key}: the program receives only the readings of a design's first {limit} sensors, "
+            f"but designs have up to {count}; the controller's layers receive all readings"
         )
 
 

@@ -82,7 +82,7 @@ def require_column(key: str, column: str, agents: Sequence[str]) -> None:
 
 
 QUANTITY = Rule(
-    "a column of missions or a measure", lambda v: isinstance(v, str | Measure), plain=True
+    "a column of missions.csv, or a measure", lambda v: isinstance(v, str | Measure), plain=True
 )
 EACH = Rule(
     f"{FAILED_SENSOR}, {WORLD}, {{{FAILED_SENSOR}: TIMES_S}}, {{{WORLD}: NAMES}}, or one of "

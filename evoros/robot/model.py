@@ -28,7 +28,7 @@ from evoros.sensor.protocol import SIGNAL_SIZES, Mount, RangeSensor, Sensor, cho
 
 
 def sensor_elements(name: str, mount: Mount, sensor: Sensor) -> tuple[Element, Element]:
-    """Create the link ``name`` of a sensor, and the joint that mounts it."""
+    """Create a sensor's link, called ``name``, and the joint that mounts it on the robot."""
     link = etree.Element("link", name=name)
     _add_body(link, sensor)
     joint = etree.Element("joint", name=f"{name}_joint", type="fixed")

@@ -50,7 +50,7 @@ def find_own_sensors(robot: Robot) -> OwnSensors:
             continue
         sensor, roll = _mount(described, urdf, robot)
         if described.kind == LIDAR:
-            with suppress(InputError):  # a lidar that does not fit is left out of the design
+            with suppress(InputError):  # ``config/own_designs.py`` leaves out an invalid lidar
                 sensor = replace(sensor, masked=_find_masked(sensor, robot))
         sensors.append(sensor)
         notes += [f"sensor {described.name}: {note}" for note in _describe(sensor, roll)]

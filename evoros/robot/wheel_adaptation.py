@@ -55,7 +55,7 @@ def adapt_wheel(
         notes["stops in the joints of wheels are ignored"].append(stops)
     if not _is_plain(urdf, joint, axis):
         _reshape(elements, urdf, joint, wheel, axis)
-        notes["wheels are replaced by one cylinder each"].append(joint.child)
+        notes["wheels are replaced with one cylinder each"].append(joint.child)
     if joint.type != "continuous" or not np.array_equal(axis, joint.axis):
         _rewrite(elements, joint, "continuous", axis)
     centre: Array = product(rotation, wheel.centre) + urdf.poses[joint.child].position

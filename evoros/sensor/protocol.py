@@ -90,7 +90,7 @@ class Sensor(ABC):
     filters: Mapping[str, Filter] = MappingProxyType({})
     """Filters by name, in the order in which they are applied to the readings, noise first."""
     size_m: Sequence[float]
-    """Side lengths (3,) [m] of the body, a box centred on the sensor frame that never collides."""
+    """Side lengths (3,) [m] of the body: a box that never collides, centred on the sensor frame."""
     mass_kg: float  # mass of the body [kg], greater than 0 because simulators drop massless bodies
     price: float = 0.0  # price, at least 0, in any unit
 

@@ -101,7 +101,7 @@ def _explain_stop(error: BaseException) -> str:
 
 
 CONSEQUENCES = {
-    layout.MISSIONS: "missing missions run again",
+    layout.MISSIONS: "missions without rows are repeated",
     layout.DIGESTS: "rewritten for the known files",
 }
 """The consequences of a problem in each file that has no backup copy."""

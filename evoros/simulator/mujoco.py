@@ -78,7 +78,7 @@ def _warnings() -> list[str]:
 
 @cache
 def import_mujoco() -> Any:
-    """Import the mujoco module, and redirect its warnings from a file to the mission."""
+    """Import the mujoco module; collect its warnings, which it would write to a file."""
     try:
         import mujoco
     except ImportError as error:

@@ -31,7 +31,7 @@ def require_whole(path: Path) -> None:
     begun = any((path / name).exists() for name in (MISSIONS, LOG))
     if (path / CONFIG).exists() and not begun:
         raise InputError(
-            f"{path}: {CONFIG} without {MISSIONS}, because the run was killed before the first "
+            f"{path}: has {CONFIG} but no {MISSIONS}, because the run was killed before the first "
             f"mission; delete the contents of the folder and start again"
         )
 

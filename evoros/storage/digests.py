@@ -225,7 +225,7 @@ def require_origin(folder: Path, manifest: Mapping[str, Any], entries: Mapping[s
     if foreign is None:
         return
     others = f"the other files agree with {MANIFEST if foreign == DIGESTS else DIGESTS}"
-    fix = "restore it from a copy; the rest of the folder is kept"
+    fix = "restore it from a copy, and leave the other files as they are"
     if foreign == DIGESTS:
         fix = f"restore it or type: {resume_command(folder)}"
     raise InputError(f"{folder / foreign}: the file is {FOREIGN} ({others}); {fix}")

@@ -250,7 +250,7 @@ def damaged(folder: Path, name: str, where: str = "") -> InputError:
     """Return the error for a damaged file in a folder."""
     fix = f"restore it or type: {resume_command(folder)}"
     if name in (MANIFEST, *ORIGINALS):
-        fix = "restore it from a copy; the rest of the folder is kept"
+        fix = "restore it from a copy, and leave the other files as they are"
     return InputError(
         f"{folder / name}{where}: has changed since evoros wrote it (for example, a disk fault or "
         f"an edit); {fix}"

@@ -45,7 +45,7 @@ def list_further(parts: bool, walkers: bool, shortest: bool) -> tuple[str, ...]:
 
 
 def list_further_in(scenario: "Scenario", parts: bool = False) -> tuple[str, ...]:
-    """List the additional columns of a scenario's missions, with failed parts if ``parts``."""
+    """List the additional columns of a scenario's missions; ``parts`` adds columns on parts."""
     parts = parts or bool(scenario.failure.parts)
     return list_further(parts, scenario.any_walkers, scenario.states_shortest)
 

@@ -84,7 +84,7 @@ def print_result(text: str) -> None:
     except OSError as error:
         if not isinstance(error, BrokenPipeError):
             LOGGER.error(
-                "standard output: cannot be written (%s); free some space, or redirect the output",
+                "cannot write to standard output (%s); free some space, or redirect the output",
                 error.strerror,
             )
         silence(sys.stdout)

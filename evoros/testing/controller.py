@@ -71,8 +71,8 @@ class _LayersSuite(_OnRobot, RuleSuite):
                     for name in silent:
                         given[name][:] = math.nan
                     decides, command = rule(*given.values()), given["command"]
-                    finite, lost = np.isfinite(command).all(), " and ".join(silent) or "nothing"
-                    assert not decides or finite, f"{command} must be finite with {lost} silent"
+                    finite, lost = np.isfinite(command).all(), " and ".join(silent) or "no input"
+                    assert not decides or finite, f"{command} must be finite if {lost} is missing"
 
 
 class LayerSuite(_LayersSuite):

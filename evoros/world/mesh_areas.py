@@ -24,7 +24,7 @@ _COUNTS_M2 = 0.005
 
 
 class MeshArea(NamedTuple):
-    """The areas [m2] of a mesh and of its differences from its parts, at the worst height."""
+    """Areas [m2] in which a mesh and its convex parts differ, each at the height with the most."""
 
     file: MeshFile
     height_m: float  # robot height

@@ -56,7 +56,7 @@ def test_a_run_does_not_depend_on_its_standard_streams(
     assert content(tmp_path / "run") == content(run)
     assert '"state": "finished"' in (tmp_path / "run" / "status.json").read_text()
     assert "Traceback" not in process.stderr
-    full = process.stderr.count("standard output: cannot be written (No space left on device)")
+    full = process.stderr.count("cannot write to standard output (No space left on device)")
     assert full == (redirected == ">/dev/full")
 
 

@@ -255,14 +255,14 @@ def test_what_is_left_out_is_noted_whenever_the_mesh_is_read(tmp_path: Path) -> 
     for _ in range(2):
         mesh = read_mesh(MeshFile(path))
         assert len(mesh.shapes) == 2
-        assert mesh.notes == ("parts below 1 mm are left out: 1",)
+        assert mesh.notes == ("parts smaller than 1 mm are left out: 1",)
 
 
 def test_how_far_the_parts_are_off_is_noted(tmp_path: Path) -> None:
     path = tmp_path / "ball.stl"
     trimesh.creation.icosphere(4, 1.0).export(path)
     [note] = read_mesh(MeshFile(path)).notes
-    assert note.startswith("the mesh is replaced by its convex hull (up to ")
+    assert note.startswith("the mesh is replaced with its convex hull (up to ")
 
 
 def test_a_negative_scale_mirrors(tmp_path: Path) -> None:

@@ -615,7 +615,7 @@ def test_a_mesh_of_the_body_becomes_convex_parts(tmp_path: Path, caplog: Log) ->
     assert shapes(robot, "base_link") == ["convex"]
     assert robot.height_m == pytest.approx(0.23, abs=1e-3)
     assert f"file://{tmp_path / 'body.stl'}" in robot.urdf
-    assert told(caplog, "1 collision meshes are replaced by convex parts")
+    assert told(caplog, "1 collision meshes are replaced with convex parts")
 
 
 def test_a_mesh_in_millimetres_is_told(tmp_path: Path, caplog: Log) -> None:
@@ -632,7 +632,7 @@ def test_a_missing_mesh_is_an_error_or_a_box(tmp_path: Path, caplog: Log) -> Non
         load(tmp_path, base, WHEELS, CASTER)
     robot = load(tmp_path, base, WHEELS, CASTER, missing="box")
     assert set(shapes(robot, "base_link")) == {"box", "convex"}  # its lower part is cut off
-    assert "package://bot/meshes/body.dae" in told(caplog, "missing meshes are replaced by boxes")
+    assert "package://bot/meshes/body.dae" in told(caplog, "missing meshes are replaced with boxes")
     with pytest.raises(InputError, match=r"robot\.missing"):
         load(tmp_path, base, WHEELS, CASTER, missing="ignore")
 
@@ -655,12 +655,10 @@ def test_a_mesh_of_many_parts_is_its_hull_and_told_so(tmp_path: Path, caplog: Lo
         CASTER,
     )
     assert shapes(robot, "base_link") == ["convex"]
-    (line,) = (
-        text for text in caplog.messages if "the mesh is replaced by its convex hull" in text
-    )
-    assert "it has 81 convex parts, more than 64" in line
-    assert told(caplog, "1 collision meshes are replaced by their convex hulls")
-    assert not any("replaced by convex parts" in message for message in caplog.messages)
+    (line,) = (text for text in caplog.messages if "replaced with its convex hull" in text)
+    assert "the mesh has 81 convex parts, more than 64" in line
+    assert told(caplog, "1 collision meshes are replaced with their convex hulls")
+    assert not any("replaced with convex parts" in message for message in caplog.messages)
 
 
 def test_a_body_whose_mesh_is_missing_has_a_box(tmp_path: Path, caplog: Log) -> None:
@@ -675,7 +673,7 @@ def test_a_body_whose_mesh_is_missing_has_a_box(tmp_path: Path, caplog: Log) -> 
     assert robot.height_m == pytest.approx(0.1)
     assert "package://bot/meshes/body.dae" in told(caplog, "missing meshes are left out")
     assert "0.19 x 0.27 x 0.08 m" in told(caplog, "box around the wheels takes their place")
-    assert not any("replaced by boxes" in message for message in caplog.messages)
+    assert not any("replaced with boxes" in message for message in caplog.messages)
 
 
 def test_shapes_without_a_size_are_left_out(tmp_path: Path, caplog: Log) -> None:
@@ -699,7 +697,7 @@ def test_absent_meshes_of_wheels_become_wheels_with_their_inertia(
         load(tmp_path, BASE, wheels, CASTER)
     robot = load(tmp_path, BASE, wheels, CASTER, missing="box")
     assert two_wheeled(robot).max_speed_mps == pytest.approx(min(8.0 * radius, 1.0))
-    assert f"wheel.stl (radius {radius:.3g} m)" in told(caplog, "replaced by cylinders")
+    assert f"wheel.stl (radius {radius:.3g} m)" in told(caplog, "replaced with cylinders")
 
 
 @pytest.mark.parametrize("size", ['radius="0" length="0.03"', 'radius="0.05" length="0"'])

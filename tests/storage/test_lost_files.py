@@ -124,5 +124,5 @@ def test_what_cannot_be_made_again_is_refused_untouched(
     (line,) = capsys.readouterr().err.splitlines()
     assert line == f"evoros: {refusal.value}"
     assert line.startswith(f"evoros: {folder / name}")
-    assert line.endswith("restore it from a copy; the rest of the folder is kept")
+    assert line.endswith("restore it from a copy, and leave the other files as they are")
     assert everything(folder) == before

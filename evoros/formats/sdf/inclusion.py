@@ -12,8 +12,8 @@ from evoros.formats.missing import Absence, MissingFileError
 from evoros.formats.sdf.reading import Reading
 
 CHOICES = (
-    "type world.NAME.missing=leave_out, or world.NAME.missing=box for boxes in place of meshes of "
-    "known size"
+    "type world.NAME.missing=leave_out, or world.NAME.missing=box to replace missing meshes of "
+    "known size with boxes"
 )
 
 

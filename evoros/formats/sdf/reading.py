@@ -56,7 +56,7 @@ class Addresses:
     ) -> Path | None:
         """Return the file or folder at an address in a file of the given folder, or None.
 
-        The first path that ``accepts`` approves counts; names with different letter case come last.
+        The result is the first path that ``accepts`` approves; other letter cases are tried last.
         """
         key = (uri, beside, accepts)
         if key not in self._places:

@@ -203,7 +203,7 @@ def correct_inertias(robot: Element, extent_m: float) -> list[str]:
             replaced.append(str(link.get("name")))
     notes = {
         "links with a mass of 0 are treated as frames": massless,
-        "impossible inertias are replaced by inertias of boxes around the shapes": replaced,
+        "impossible inertias are replaced with inertias of boxes around the shapes": replaced,
         f"centres of mass lie beyond the size of the robot ({extent_m:.3g} m) and may not be "
         f"in metres; write the <origin> of <inertial> in metres": beyond,
     }

@@ -213,7 +213,7 @@ def _resolve(name: str, element: Element, file: Path, packages: PackageIndex, no
     if not packages.allows(real) and not any(map(real.is_relative_to, above)):
         roots = ", ".join(map(str, packages.roots))
         problem = f"names {name}, which must lie inside {roots}"
-        raise element_error(element, problem, "add its folder to the robot's packages")
+        raise element_error(element, problem, "or add the file's folder to robot.packages")
     return f"file://{real}"
 
 

@@ -37,8 +37,8 @@ _LARGEST_M = 20.0  # maximum plausible size of a robot's mesh
 _KINDS = _EMPTY, _STRANGE, _BOXES, _ROUND, _ABSENT = (
     "shapes without a size are left out of the links",
     "invalid elements of <geometry> are left out:",
-    "missing meshes are replaced by boxes:",
-    "missing meshes of links that turn are replaced by cylinders:",
+    "missing meshes are replaced with boxes:",
+    "missing meshes of links that turn are replaced with cylinders:",
     "missing meshes are left out:",
 )
 """Kinds of notes on solids; names follow each note."""
@@ -113,7 +113,9 @@ class SolidsReader:
     def finish(self) -> list[str]:
         """Return one line per kind of assumption."""
         counts = {"convex parts": self._divided, "their convex hulls": self._hulls}
-        shapes = [f"{n} collision meshes are replaced by {what}" for what, n in counts.items() if n]
+        shapes = [
+            f"{n} collision meshes are replaced with {what}" for what, n in counts.items() if n
+        ]
         named = {kind: ", ".join(dict.fromkeys(names)) for kind, names in self._names.items()}
         return [*shapes, *(f"{kind} {names}" for kind, names in named.items() if names)]
 
@@ -167,9 +169,9 @@ class SolidsReader:
         else:
             self._hulls += 1
             count, gap = len(mesh.shapes), find_hull_gap(file)
-            off = f" (up to {1e3 * gap:.0f} mm from its surface)" if gap > TOLD_M else ""
-            why = f"because it has {count} convex parts, more than {_MAX_PARTS}"
-            remarks = (f"the mesh is replaced by its convex hull{off}, {why}", *mesh.remarks)
+            off = f", up to {1e3 * gap:.0f} mm from the surface" if gap > TOLD_M else ""
+            why = f"has {count} convex parts, more than {_MAX_PARTS}"
+            remarks = (f"the mesh {why}, and is replaced with its convex hull{off}", *mesh.remarks)
             shapes = (hull_of(mesh.shapes),)
         for remark in remarks:
             self.mesh_notes.add_file(path, remark)
@@ -177,7 +179,7 @@ class SolidsReader:
 
 
 def simplify(shape: Shape) -> Shape:
-    """Keep the corners that are farthest in evenly spread directions."""
+    """Reduce a shape with too many corners to those farthest out in evenly spread directions."""
     if len(shape.corners) <= _MAX_CORNERS:
         return shape
     corners = np.array(shape.corners)

@@ -77,7 +77,7 @@ def _read_text(element: Element) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Urdf:
-    """A tree of links, connected to ``root`` by ``joints``."""
+    """A parsed URDF: links with poses and shapes, connected to ``root`` by ``joints``."""
 
     source: str
     name: str

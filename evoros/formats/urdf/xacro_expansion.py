@@ -41,7 +41,7 @@ class ReadOptions:
     ignored_packages: Sequence[str] = ()  # packages with files to leave out
     environment: Mapping[str, object] = field(default_factory=dict)  # $(env) and $(optenv)
     missing: str = "error"  # treatment of missing meshes: error, leave_out or box
-    packages_key: str = "robot.packages"  # configuration key in messages
+    packages_key: str = "robot.packages"  # configuration key of ``packages``, for messages
     time_limit_s: float = 10.0  # processor time
 
 

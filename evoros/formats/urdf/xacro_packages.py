@@ -59,8 +59,9 @@ class Packages:
             raise OutsideError(f"{name} does not exist; correct the name")
         real = Path(path).resolve()
         if not self.index.allows(real):
-            folders = f"{', '.join(map(str, self.index.roots))} or the robot's packages"
-            raise OutsideError(f"{name} must lie inside {folders}; add its folder to them")
+            fix = "or add the file's folder to robot.packages (for a world, to model_paths)"
+            roots = ", ".join(map(str, self.index.roots))
+            raise OutsideError(f"{name} must lie inside {roots}; {fix}")
         self.read.append(str(real))
         # XML allows no comments or blank lines before the declaration.
         content = re.sub(rb"\A(\s|<!--.*?-->)+(?=<\?xml )", b"", real.read_bytes(), flags=re.DOTALL)

@@ -103,7 +103,7 @@ def place_inside(top: Path, path: Path) -> str:
 
 
 def place_named(folder: Path, manifest: Mapping[str, Any], tops: Sequence[Path]) -> dict[str, str]:
-    """Return the archive path of each folder that may occur in the files of a run or evaluation.
+    """Map each folder that the files of a run or evaluation may name to its archive path.
 
     These are ``tops``, the sweep, and sources of designs; outside ``tops``, only the name is kept.
     """

@@ -23,7 +23,7 @@ from evoros.base.arrays import Array
 from evoros.plugins.evo_ros_2018 import claims_designs
 from evoros.plugins.evo_ros_2018.claims_designs import RANDOM, SPATIAL, read_diversity
 
-_PROMINENCE_DEG = 3.0  # below it, an extreme of the heading is a correction, not a turning point
+_PROMINENCE_DEG = 3.0  # less prominent extrema of the heading are corrections
 _SETTLING = 1  # turning points ignored after a waypoint or an avoidance, while the robot realigns
 FIRST_ROBOT, HELP = own_claims.FIRST_ROBOT, own_claims.HELP
 NEEDS, FILES = own_claims.NEEDS, own_claims.FILES
@@ -128,7 +128,7 @@ def _report_pooled(study: Study) -> Iterator[str]:
 def measure_swings(trajectory: pd.DataFrame, mode: int) -> list[float]:
     """Measure how far the heading swings about the course [deg] at each turning point.
 
-    Only stretches in ``mode`` between two waypoints are used. A swing is the distance of an extreme
+    Only stretches in ``mode`` between two waypoints are used. A swing is an extremum's distance
     from the mean of its two neighbours, so steady turns do not count. The swing of ``A sin(w t) + c
     t`` is ``2 A (1 + d^2 / 2)`` to second order in ``d = c / (A w)``.
     """
@@ -146,8 +146,8 @@ def measure_swings(trajectory: pd.DataFrame, mode: int) -> list[float]:
 
 
 def _turning_points(yaw: Array) -> Array:
-    extremes = [find_peaks(sign * yaw, prominence=_PROMINENCE_DEG)[0] for sign in (1, -1)]
-    return np.asarray(yaw[np.sort(np.concatenate(extremes))])
+    extrema = [find_peaks(sign * yaw, prominence=_PROMINENCE_DEG)[0] for sign in (1, -1)]
+    return np.asarray(yaw[np.sort(np.concatenate(extrema))])
 
 
 def _read_champion_swings(record: Record) -> pd.DataFrame:

@@ -47,7 +47,7 @@ def judge_configurations(table: pd.DataFrame) -> finding.Finding:
     champions = table[~table.random]
     if len(champions) < MIN_POINTS:
         known = len(champions)
-        return CONFIGURATIONS.lack(f"{MIN_POINTS} champions of mirrored designs, not {known}")
+        return CONFIGURATIONS.lack(f"{MIN_POINTS} champions with mirrored designs, not {known}")
     clustering = features.cluster_designs(champions)
     names = (features.FRONT, features.SIDE)
     front, side = (int((champions.strategy == name).sum()) for name in names)

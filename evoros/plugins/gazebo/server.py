@@ -107,8 +107,8 @@ def compile_server() -> Path:
     folder = private_folder("gazebo")
     if folder is None:
         raise InputError(
-            "simulator=gazebo: needs a folder for the compiled server that only this user can "
-            "write to; set XDG_CACHE_HOME to such a folder"
+            "simulator=gazebo: needs a folder that only this user can write to, for the compiled "
+            "server; set XDG_CACHE_HOME to such a folder"
         )
     server = folder / f"gazebo_server-{key}"
     if server.exists():

@@ -271,8 +271,8 @@ class Gazebo(Simulator):
         count = count_movable(hold_standing(world, robots=1))
         if count > MOST_MOVABLE:
             raise InputError(
-                f"must have at most {MOST_MOVABLE} bodies that move for simulator=gazebo, not "
-                f"{count}, because its engine computes all of them in every step; make some bodies "
+                f"must have at most {MOST_MOVABLE} movable bodies with simulator=gazebo, not "
+                f"{count}, because Gazebo simulates all of them in every step; make some bodies "
                 f"static, or use simulator=mujoco"
             )
 

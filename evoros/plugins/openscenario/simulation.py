@@ -50,7 +50,7 @@ def build_setting(overrides: tuple[str, ...], config_dir: str | None, trial: int
     else:
         named = read_sources(designs, experiment)
         if len(named) != 1:
-            raise InputError(f"designs: must select one design, not {len(named)}; select only one")
+            raise InputError(f"designs: must be a single design, not {len(named)}; select one")
         design = named[0].design
     if len(experiment.world) != 1:
         raise InputError(

@@ -378,6 +378,6 @@ def test_more_than_six_sonars_are_said_once_before_the_run(
     preflight(compose_experiment(binary, "simulator=planar", "design.number=4"))
     told = [line for line in caplog.messages if "the program receives" in line]
     assert told == [
-        "controller: the program receives only the first 6 sensors of each design, but designs "
-        "have up to 8; the controller's layers receive all"
+        "controller: the program receives only the readings of a design's first 6 sensors, but "
+        "designs have up to 8; the controller's layers receive all readings"
     ]

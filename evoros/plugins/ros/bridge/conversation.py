@@ -115,7 +115,7 @@ class Wheels:
 
 
 def ros_time(time: float) -> tuple[int, int]:
-    """Convert a mission time [s] to seconds and nanoseconds; the mission starts at 1 s."""
+    """Convert a mission time [s] to ROS time (seconds, nanoseconds); missions start at 1 s."""
     # ROS treats time 0 as unset. A clock one nanosecond short would make a timer miss a tick.
     return divmod(round((1.0 + time) * 1e9), 10**9)
 

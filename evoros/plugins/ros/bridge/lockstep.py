@@ -49,7 +49,7 @@ class Nodes:
         environment: dict[str, str],
         completed: list[list[str]] | None = None,
     ) -> None:
-        """Start all commands, or their ``completed`` forms if given; messages quote ``commands``.
+        """Start ``completed``, if given, or ``commands``, which messages quote in either case.
 
         ``python3`` in a command or in a node's shebang line resolves to this process's Python.
         """

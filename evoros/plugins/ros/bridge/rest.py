@@ -118,7 +118,7 @@ class WatchedThread:
 
 
 def tells_places() -> bool:
-    """Return True if the kernel (5.16 or later) names where threads wait until they are woken."""
+    """Return True if the kernel (at least 5.16) reports the function in which a thread sleeps."""
     version = re.match(r"(\d+)\.(\d+)", os.uname().release)
     if version is None or tuple(map(int, version.groups())) < (5, 16):
         return False
