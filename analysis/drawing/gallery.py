@@ -66,7 +66,7 @@ def draw_designs(
 
 
 def draw_shown(designs: Sequence[ShownDesign]) -> Figure:
-    """Draw each design in a panel of its own, with the numbers of its sensors."""
+    """Draw each design in a separate panel, with the numbers of its sensors."""
     columns = min(PER_ROW, len(designs))
     size = (COLUMN_IN if columns == 1 else PAGE_IN), 2.6 * math.ceil(len(designs) / columns)
     look: dict[str, Any] = {"fontsize": "small", "ha": "center", "va": "center", "zorder": 6}

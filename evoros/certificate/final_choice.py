@@ -23,7 +23,7 @@ class FinalChoice:
     finalists: Annotated[int, COUNT] = 20  # best designs of the whole run
 
     def find_finalists(self, fitness: Mapping[int, float]) -> list[int]:
-        """Return the ids of the fittest designs, best first; of equals, the older is first."""
+        """Return the ids of the fittest designs, best first; of equals, the oldest first."""
         return sorted(fitness, key=lambda i: (-fitness[i], i))[: self.finalists]
 
 

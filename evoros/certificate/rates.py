@@ -49,7 +49,7 @@ def bound_difference(first: tuple[int, int], second: tuple[int, int], confidence
 
 
 def _bound_below(first: tuple[int, int], second: tuple[int, int], tail: float) -> float:
-    """Return the lower end: a quantile of the difference between two Beta variables."""
+    """Return an interval's lower end: a quantile of the difference between two Beta variables."""
     (successes, trials), (others, of) = first, second
     if not successes:
         return -bound_rate(others, of, 1 - 2 * tail)[1]

@@ -38,7 +38,7 @@ DEFAULT_GAIN, GREATEST_GAIN = 1.0, 6.0  # ArduPilot's default and maximum veloci
 
 
 def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str, float]:
-    """Return the parameters derived from the robot and the mission, except for given ones."""
+    """Return the parameters derived from the robot and the mission, unless they are given."""
     drive = briefing.robot.drive
     speed = float(given.get("WP_SPEED", drive.max_speed_mps))
     if speed <= 0.0:
@@ -64,7 +64,7 @@ def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str,
 
 
 def list_range_finders(robot: Robot) -> list[tuple[int, RangeSensor]]:
-    """List the (mount, sensor) pairs sent to the autopilot, the first ones with a single range."""
+    """List the first (mount, sensor) pairs with a single range; the autopilot receives these."""
     return [
         (mount, sensor)
         for mount, sensor in enumerate(robot.mounted_sensors())

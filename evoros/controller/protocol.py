@@ -31,7 +31,7 @@ pose in ``pose``; later calls must not read ``pose``.
 
 
 class EvolvedValue(NamedTuple):
-    """A controller's number that evolves, and its range."""
+    """An evolving number of a controller, and its range."""
 
     path: str  # path relative to the declaring part, for example weights.3
     low: float

@@ -42,7 +42,9 @@ class MissionRecord(Protocol):
         """Record finished missions."""
 
 
-CALLS_PER_WORKER = 3  # submitted ahead: enough to keep a worker busy, few to repeat on a crash
+CALLS_PER_WORKER = (
+    3  # calls submitted ahead: enough to keep a worker busy, few to repeat after a crash
+)
 NEW_WORKERS_S = 1.0  # maximum time until workers that join receive calls
 MISSIONS_OUT = 50_000  # maximum number of missions in calls, which bounds the main process's memory
 

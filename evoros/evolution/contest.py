@@ -61,7 +61,7 @@ class Contest:
 
     @property
     def compared(self) -> int:
-        """The number of trials by which designs are compared; all in the last round have it."""
+        """The number of trials by which designs are compared; the last round's all have it."""
         last = self.rounds[-1] if self.rounds else ()
         return min((len(self.earlier[i]) + len(self.scores[i]) for i in last), default=0)
 

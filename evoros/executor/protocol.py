@@ -26,7 +26,7 @@ class Pool(Protocol):
 
     @property
     def shares_files(self) -> bool:
-        """True if workers see the files of this process; otherwise, it draws the figures itself."""
+        """True if workers see the files of this process, so that they can draw the figures."""
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
         """Call ``function(*args)`` in a worker; raise an InputError if anything does not pickle.
@@ -59,7 +59,7 @@ class Batches(Protocol):
         """Open the device in a worker; raise a DeviceError if it cannot be used."""
 
     def give_up(self, reason: str) -> str:
-        """Return the message that missions run one by one, or raise RunStopped, for ``reason``."""
+        """Say that missions run one by one because of ``reason``, or raise a RunStopped."""
 
 
 @runtime_checkable

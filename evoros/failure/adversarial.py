@@ -35,7 +35,9 @@ class AdversarialFailure(AdaptiveFailure):
     most: Annotated[int, COUNT] = 1  # maximum number of failed sensors in a case
     earliest_s: Annotated[float, NOT_NEGATIVE] = 40.0
     latest_s: Annotated[float, NOT_NEGATIVE] = 80.0
-    fame: Annotated[int, WHOLE] = 1  # trials per generation with old cases, fewer than half
+    fame: Annotated[int, WHOLE] = (
+        1  # number of trials with old cases in each generation, fewer than half
+    )
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # applied to the readings
 
     def __post_init__(self) -> None:

@@ -170,7 +170,7 @@ def make_faults(failure: Failure, case: Case, sensors: int) -> tuple[Fault, ...]
 
 
 def number_faults(faults: Sequence[Fault], earlier: Sequence[Fault] = ()) -> tuple[Fault, ...]:
-    """Number faults of equal signal and name, after a robot's ``earlier`` ones."""
+    """Number faults of equal signal and name, continuing from a robot's ``earlier`` faults."""
     counts = Counter((fault.signal, fault.name) for fault in earlier)
     numbered = []
     for fault in faults:

@@ -209,7 +209,7 @@ def _find_route(
 def _find_loop(
     space: FreeSpace, points: Array, spacings: tuple[float, ...], rng: Generator
 ) -> _Route | None:
-    """Find a wide loop through the first of ``points`` (n, 2) [m] and 4 others, or else fewer.
+    """Find a wide loop through the first of ``points`` (n, 2) [m] and 4 others, if possible.
 
     The corners are at least the first of ``spacings`` [m] apart, or else the second. Loops rank by
     length [m] plus area [m2]; those without obstacles nearby come last.

@@ -190,7 +190,7 @@ WALL_WIDTH_M, WALL_HEIGHT_M = 0.2, 1.0
 def draw_obstacles(
     kinds: Mapping[str, ObstacleKind], count: int, placed: PlacedObstacles, rng: Generator
 ) -> Iterator[Body]:
-    """Yield ``count`` obstacles among the ones already placed, or fewer if one does not fit."""
+    """Place and yield ``count`` obstacles; end early if there is no room for one."""
     names = list(kinds)
     shares = np.cumsum([kind.share for kind in kinds.values()])
     for rank in range(1, count + 1):

@@ -195,12 +195,12 @@ def contains(footprint: Footprint, point: Sequence[float]) -> bool:
 
 
 def distances(footprint: Footprint, points: Array) -> Array:
-    """Return the distances (n,) [m] of points (n, 2) from a footprint; 0 inside."""
+    """Return the distance (n,) [m] from each of the points (n, 2) to a footprint; 0 inside."""
     return np.maximum(_polygon_distances(footprint.vertices, points) - footprint.radius, 0.0)
 
 
 def _polygon_distances(polygon: Array, points: Array) -> Array:
-    """Return the distances (n,) [m] of points (n, 2) from a convex polygon (k, 2); 0 inside."""
+    """Return the distance (n,) [m] from each point (n, 2) to a convex polygon (k, 2); 0 inside."""
     edges = np.roll(polygon, -1, axis=0) - polygon
     squared = np.full(len(points), np.inf)
     inside = np.full(len(points), len(polygon) > 2)

@@ -98,7 +98,7 @@ class _Limits:
 
 
 def _limit_pieces(most: int, extent: float) -> int:
-    """Return the number of pieces, up to ``most``, of a surface [m] whose pieces deviate little."""
+    """Return the limit, up to ``most``, on a surface's pieces if few pieces represent it well."""
     return min(most, max(_FEWEST, math.ceil(2 * extent / TOLERANCE_M)))
 
 

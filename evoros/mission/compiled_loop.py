@@ -102,7 +102,7 @@ def tabulate(
 
 
 def tabulate_stages(inputs: LoopInputs, tabulate: Callable[..., Any] = tabulate) -> LoopInputs:
-    """Return the inputs with their stages replaced with tables."""
+    """Return the inputs with tables in place of stages."""
     tables = {name: tabulate(kind, getattr(inputs, name)) for name, kind in STAGES.items()}
     return inputs._replace(**tables)
 

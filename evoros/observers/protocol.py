@@ -12,7 +12,7 @@ from typing import TypeAlias
 from evoros.base.checks import mapping_of
 
 FREE = ("executor", "observers", "controls", "stop_after")
-"""Configuration keys that change no row, only their number. An evaluation has only the first."""
+"""Configuration keys that change only the number of rows. An evaluation has only the first."""
 Value: TypeAlias = str | int | float | bool | None
 """A configuration value; lists are strings, and environment references stay unresolved."""
 

@@ -17,7 +17,7 @@ from evoros.simulator.protocol import Simulator
 FIRM_GRIP_MPS2 = 8.0  # lateral acceleration above which wheels slip on common ground
 RIGHT = ", in which the robot moves as commanded"
 SOFT = (0.6, 0.5)
-"""Impedances of softer ground, on which the wheels of most robots that hop stay down."""
+"""Impedances of softer ground, which keeps the wheels of most hopping robots down."""
 
 
 def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) -> str:
@@ -72,7 +72,7 @@ def _list_changes(
 def _list_resistances(
     words: str, simulator: Simulator, setting: Setting, trial: TrialDrive
 ) -> Iterator[Change]:
-    """Yield the turning resistance that the turns of a skid-steer robot show, if they show one."""
+    """Yield the turning resistance that explains the turns of a skid-steer robot, if any does."""
     drive: Any = setting.robot.drive
     shares = [trial.shares[move] for move in TURNS]
     share = 0.5 * (max(shares) + min(shares))

@@ -160,7 +160,7 @@ def check_units(experiment: Experiment) -> Iterator[str]:
         if abs(yaw) > 2 * math.pi:
             yield (
                 f"world.{name}.course.home_yaw_rad: {yaw:g} rad is more than a full turn; if it is "
-                f"in degrees, set it to {math.radians(yaw):.4g}"
+                f"in degrees, set it to {math.radians(yaw):.4g} in radians"
             )
     for subject in scene.list_subjects(experiment):
         for name, sensor in subject.member.design.sensors.items():
@@ -168,7 +168,8 @@ def check_units(experiment: Experiment) -> Iterator[str]:
             if reach > _MAX_RANGE_M:
                 yield (
                     f"{subject.member.key}design.sensors.{name}.range_max_m: {reach:g} m is more "
-                    f"than {_MAX_RANGE_M:g} m; if it is in millimetres, set it to {reach / 1000:g}"
+                    f"than {_MAX_RANGE_M:g} m; if it is in millimetres, set it to "
+                    f"{reach / 1000:g} in metres"
                 )
 
 

@@ -129,7 +129,7 @@ def _check_waypoints(
 
 
 def _free_space(points: Array, obstacles: Sequence[Footprint]) -> Array:
-    """Return the distances (n,) [m] of points (n, 2) from the nearest obstacle."""
+    """Return the distance (n,) [m] from each of the points (n, 2) to the nearest obstacle."""
     boxes = np.array([find_bounds(area) for area in obstacles])[:, :, None]
     outside = np.maximum(np.maximum(boxes[:, 0] - points, points - boxes[:, 1]), 0.0)
     gaps = np.sqrt((outside * outside).sum(axis=2))  # lower bounds of the distances

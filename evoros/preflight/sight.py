@@ -68,7 +68,7 @@ def _is_masked(robot: Robot, mount: Mount) -> bool:
 
 
 def _propose_masks(robots: Sequence[Robot]) -> Iterator[str]:
-    """Propose a mask for each scanner type whose same beams see the robot in all designs."""
+    """Propose a mask for each scanner type in which the same beams see the robot in all designs."""
     types: dict[str, set[tuple[int, str]]] = {}
     for robot in robots:
         for mount, seeing in zip(robot.mounts, find_seeing_beams(robot), strict=True):
@@ -174,7 +174,7 @@ def check_designs(robots: Mapping[str, Robot]) -> Iterator[str]:
 def _find_worst(
     found: Mapping[str, Sequence[T]], badness: Callable[[T], float]
 ) -> Iterator[tuple[str, T]]:
-    """Yield the worst item, if any, with its robot and the number of other robots with items."""
+    """Yield the worst item, if any; name its robot, and count the other robots that have items."""
     worst = {name: max(items, key=badness) for name, items in found.items() if items}
     if worst:
         name = max(worst, key=lambda name: badness(worst[name]))

@@ -126,7 +126,7 @@ _SIZE: Array = np.full(3, 2.0 * _ASSUMED_RADIUS_M)
 def add_supports(
     elements: Element, urdf: Urdf, wheels: Sequence[Wheel], casters: Sequence[str], corners: Array
 ) -> Casters:
-    """Add balls on which a two-wheeled robot slides that would otherwise tip over.
+    """Add balls on which a two-wheeled robot slides if it would otherwise tip over.
 
     ``corners`` (n, 3) [m] are points of the body. A robot with casters gets a ball in front of or
     behind the axle only if no caster is there and the weight leans there, or balls opposite the

@@ -150,7 +150,7 @@ def _complete_masses(
 
 
 def _balance_wheels(elements: Element, urdf: Urdf, drive: DriveDescription) -> list[str]:
-    """Move centres of mass that are farther from the axle than the wheel's rim into the wheel."""
+    """Move a wheel's centre of mass into the wheel if it is farther from the axle than the rim."""
     moved = []
     for joint in (urdf.joints[name] for name in drive.wheel_joints):
         link = next(link for link in elements.findall("link") if link.get("name") == joint.child)

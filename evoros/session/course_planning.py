@@ -32,7 +32,7 @@ from evoros.world.standing import stand
 HEADROOM_M = 0.1  # minimum clearance between the robot and a body above its course
 
 FLOOR_SHARE = 0.05
-"""Share of a world's bounding box below which level tops at one height are no floor."""
+"""Share of a world's bounding box that level tops at one height must cover to be a floor."""
 MANY = 20_000
 """Number of shapes above which the first course is taken, to save time; a city has more."""
 
@@ -47,7 +47,7 @@ class Planned:
 
 
 Floor: TypeAlias = tuple[tuple[str, bool, Vector], ...]
-"""Name, whether it is ground, and position [m] of each body."""
+"""Each body's name, whether it is ground, and its position [m]."""
 
 
 @dataclass(frozen=True)

@@ -230,7 +230,7 @@ def _find_size(record: RunFolder, key: str, written: int, wanted: int | None) ->
 def reopen_run(
     config: Configuration, folder: Path, overrides: Sequence[str], config_dir: str | None
 ) -> Session | None:
-    """Open the run in a job's folder to resume it; return None if it is complete and drawn."""
+    """Open the run in a job's folder to resume it; None if the run and its figures are complete."""
     require_same(folder, config)
     if config.evaluates:
         _require_same_designs(folder, config)

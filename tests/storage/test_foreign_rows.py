@@ -41,7 +41,10 @@ EDITS: dict[str, tuple[Edit, str]] = {
     "pasted": (lambda rows, foreign: [*rows[:3], foreign, *rows[4:]], "line 4: damaged"),
     "added": (lambda rows, foreign: [*rows, foreign], "damaged"),
     "cut at its end": (lambda rows, _: rows[:-3], "missions without rows are repeated"),
-    "cut in the middle": (lambda rows, _: [*rows[:4], *rows[6:]], "missions without rows are repeated"),
+    "cut in the middle": (
+        lambda rows, _: [*rows[:4], *rows[6:]],
+        "missions without rows are repeated",
+    ),
     "cut in its last row": (lambda rows, _: [*rows[:-1], rows[-1][:-9]], "damaged"),
     "with junk at its end": (lambda rows, _: [*rows, b"\xd3junk"], "damaged"),
     "repeated": (lambda rows, _: [*rows[:4], rows[2], *rows[4:]], "line 5: damaged"),

@@ -244,7 +244,7 @@ def _read_flag(script: Element, tag: str) -> bool:
 
 
 def _read_points(script: Element) -> Iterator[Point]:
-    """Yield the waypoints by time; of several at one time, the last one counts.
+    """Yield the waypoints in order of time; of several with the same time, only the last.
 
     Gazebo also stores them in a map by time (gazebo/physics/Actor.cc, rendering/SceneManager.cc).
     """

@@ -61,7 +61,7 @@ class Frames:
         return True
 
     def check(self) -> None:
-        """Check that every frame can be resolved, even an unused one."""
+        """Check that all frames can be resolved, even unused ones."""
         for path in self._frames:
             self.world_pose(path)
 

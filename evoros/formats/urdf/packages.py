@@ -35,7 +35,9 @@ class PackageIndex:
     """Locations of the packages that a robot's file may name, and the folders that may be read."""
 
     roots: tuple[Path, ...]  # folders that hold files or packages; the bundled robots come last
-    folders: Mapping[str, Path]  # packages by stated name; the nearest of equal names counts
+    folders: Mapping[
+        str, Path
+    ]  # packages by stated name; the nearest of several with the same name
     ignored: frozenset[str] = frozenset()  # packages to leave out
 
     def find(self, name: str) -> Path | None:
@@ -98,7 +100,7 @@ def _environment_folders() -> Iterator[Path]:
 
 
 class _Search:
-    """Collects packages by name; of several with one name, it keeps the first."""
+    """Collects packages by name; keeps the first of several with the same name."""
 
     def __init__(self, given: Sequence[Path]) -> None:
         self.stated: dict[str, Path] = {}  # keyed by name in package.xml or in an index

@@ -31,7 +31,9 @@ _LOG = logging.getLogger(__name__)
 _PRIMITIVES = ("box", "cylinder", "sphere", "convex")
 _SOLIDS = (*_PRIMITIVES, "mesh", "capsule", "ellipsoid")
 _MAX_PARTS = 64  # maximum number of convex parts of a mesh, beyond which its hull is used
-_MAX_CORNERS = 256  # maximum number of corners of a convex part, beyond which extreme ones are used
+_MAX_CORNERS = (
+    256  # maximum number of corners of a convex part, beyond which only extreme ones are kept
+)
 _ELLIPSOID_RINGS = 9
 _LARGEST_M = 20.0  # maximum plausible size of a robot's mesh
 _KINDS = _EMPTY, _STRANGE, _BOXES, _ROUND, _ABSENT = (

@@ -28,7 +28,7 @@ LEGACY_TAGS = {
     "property": ("name",),
     "unless": ("value",),
 }
-"""Tags of xacro, with attributes by which they differ from tags of SDF with the same name."""
+"""Tags of xacro, with the attributes that distinguish them from SDF tags of the same name."""
 _DEFINITIONS = ("xacro:property", "xacro:macro", "xacro:include")
 _URDF = (
     *("robot", "link", "joint", "material", "origin", "parent", "child", "axis", "limit", "mimic"),

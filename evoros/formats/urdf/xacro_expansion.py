@@ -121,7 +121,7 @@ def _collect_absences(
 
 
 def _find_renamed(name: str, place: str) -> Remedy:
-    """Return how to get a missing file, which may only have another name in its folder."""
+    """Return how to get a missing file, which may merely have a different name in its folder."""
     path = Path(place.rpartition(":")[0] or place).parent / name
     files = {_stem(file): str(file) for file in path.parent.glob(f"*{path.suffix}")}
     for other in get_close_matches(_stem(path), files, 1, _ALIKE):

@@ -97,7 +97,7 @@ def _parse_file(path: Any) -> Element:
 
 
 def _effective_values(record: Record) -> Iterator[tuple[str, Any]]:
-    """Yield the configuration values, with evolved values replaced with the champion's."""
+    """Yield the configuration values, with the champion's values in place of evolved ones."""
     genes = select_robot(record.run.genes)
     evolved = dict(zip(genes.key.astype(str), genes.value.tolist(), strict=True))
     for key, value in {**record.values, **evolved}.items():

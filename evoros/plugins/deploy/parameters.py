@@ -149,7 +149,7 @@ def _is_ardupilot(champion: Champion) -> bool:
 
 
 def list_flown(champion: Champion) -> Iterator[str]:
-    """Yield lines with ArduPilot's parameters in missions; fixed parameters are commented out."""
+    """Yield lines with the ArduPilot parameters of missions, with fixed ones commented out."""
     if not _is_ardupilot(champion):
         return
     evolved = {key for _, key, _ in champion.genes}

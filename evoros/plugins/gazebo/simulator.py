@@ -223,7 +223,7 @@ class Vehicle:
 
 
 MAX_STEP_S = 0.025
-"""Maximum step [s] at which a rover's motion is within 1 % of geometry (``docs/fidelity.md``)."""
+"""Maximum step [s] at which a rover moves within 1 % of its kinematics (``docs/fidelity.md``)."""
 
 MOST_MOVABLE = 500
 """Maximum number of movable bodies; DART takes 25 us for each in every step, even at rest."""

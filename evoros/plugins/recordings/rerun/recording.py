@@ -55,7 +55,7 @@ AGENTS = "agents"
 
 
 def record_study(record: Record, missions: Sequence[RecordedMission]) -> bytes:
-    """Return a recording: equal data for equal runs, but the library's ids differ each time."""
+    """Return a recording; equal runs give equal data, except for the library's ids."""
     # Properties would contain the time of day.
     stream = rr.RecordingStream(APPLICATION, recording_id=record.name, send_properties=False)
     with tempfile.TemporaryDirectory() as folder:
