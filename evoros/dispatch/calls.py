@@ -149,7 +149,7 @@ def find_share(pace: Pace, missions: int, batches: Batches) -> float:
 def run_batches(batches: Batches, asked: Sequence[Asked], *packed: Shared) -> list[CallAnswer]:
     """Run the missions of several runs together, and return an answer for each run.
 
-    Others run one by one, with a note of the reason; a broken device raises RunStopped.
+    Missions that cannot be joined run one by one, with the reason. A broken device: RunStopped.
     """
     begun = perf_counter()
     pairs = enumerate(zip(packed, (part.missions for part in asked), strict=True))

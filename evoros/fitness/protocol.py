@@ -47,7 +47,7 @@ class Fitness(ABC):
 
 
 class AdditiveFitness(Fitness):
-    """A fitness function that scores each mission, so that intervals can use them as samples."""
+    """A fitness function that scores each mission, so that missions are samples of intervals."""
 
     @abstractmethod
     def score_missions(self, outcomes: Sequence[Outcome]) -> Sequence[float]:

@@ -98,7 +98,7 @@ def fill_summary(
 def add_driven(way: Array, x: float, y: float, yaw: float, touching: bool) -> float:
     """Advance the last position of ``way`` (WAY_SIZE,) and return the distance driven [m].
 
-    In lasting contact (slides, shakes), only motion along the heading beyond ``SHAKE_M`` counts.
+    In lasting contact, only motion along the heading counts, once it exceeds ``SHAKE_M``.
     """
     dx, dy = x - way[LAST_X], y - way[LAST_Y]
     stays = touching and way[LAST_TOUCH] > 0.0

@@ -132,7 +132,7 @@ def clearance(first: Solid, second: Solid) -> Clearance | None:
 
 
 def _cross(planes: Array) -> tuple[Clearance | None, list[Array]]:
-    """Return a hull's lifts on the vertical axis and its normals there, or a separating normal."""
+    """Intersect a hull with the vertical axis; return the lifts, and the normals of both faces."""
     rise, offset = planes[:, 2], planes[:, 3]
     aside = np.flatnonzero(np.abs(rise) <= SIDEWAYS)
     if len(aside) and offset[aside].min() < 0.0:

@@ -70,7 +70,7 @@ def find_separation(polygon: Array, points: Array, enough: float) -> tuple[float
 
 @compilable
 def _off_edge(px: float, py: float, dx: float, dy: float, squared: float) -> tuple[float, float]:
-    """Return the vector [m] from the nearest point of an edge (dx, dy) to p; all from its start."""
+    """Return the vector [m] from the nearest point of an edge to p, given from its start."""
     along = 0.0
     if squared > 0.0:
         along = (px * dx + py * dy) / squared

@@ -48,7 +48,7 @@ RANDOM, EVEN = "random", "even"
 class SocialForce:
     """The forces on a walker per unit mass (Helbing and Molnar, Phys. Rev. E 51, 4282, 1995).
 
-    The defaults are the paper's, but here walkers have a radius of 0.25 m, between surfaces.
+    The defaults are the paper's, for points; here, distances are between walkers' surfaces.
     """
 
     relaxation_s: Annotated[float, checks.POSITIVE] = 0.5  # time in which a walker reaches its pace

@@ -1,6 +1,6 @@
 """Loads a world from an SDF file, and separates its bodies from the ground and each other.
 
-Engines would push overlapping bodies apart at any speed; all views show the same world.
+Otherwise, engines would push them apart at any speed, and simulators would differ.
 """
 
 import logging

@@ -72,7 +72,7 @@ class Inertial(NamedTuple):
 def format_link(
     model: str, link: str, pose: Pose, inertial: Inertial | None, solids: Sequence[Solid]
 ) -> tuple[str, list[str]]:
-    """Return a link as SDF, and its meshes, which SDF cannot load, as lines for the server."""
+    """Return a link as SDF, and its meshes, which the server attaches, as lines for the server."""
     parts, meshes = [], []
     if inertial is not None:
         mass, *moments = format_numbers([inertial.mass, *inertial.moments]).split()

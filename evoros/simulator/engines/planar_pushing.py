@@ -142,7 +142,7 @@ def put_back(movables: Movables, placed: Placed) -> None:
 
 @compilable
 def push_by_robot(movables: Movables, placed: Placed, robot: Pusher, slip: float) -> bool:
-    """Push each body out of the robot's outline; ``slip`` 1 drags it; True if any overlapped."""
+    """Push bodies out of a robot's outline, dragged if ``slip`` is 1; True if any overlapped."""
     x, y, _, _ = robot.pose
     overlaps = False
     for i in range(len(placed.levels)):
