@@ -56,9 +56,8 @@ class _Ranking(NamedTuple):
 def brunner_munzel(x: Sample, y: Sample) -> float:
     """Return the two-sided p-value of ``x`` exceeding ``y`` as often as the reverse.
 
-    The p-value is exact if the distributions are equal and all splits are enumerated. With unequal
-    spreads, it falls below 0.05 in 2 to 7 % of pairs of samples without a difference. It is 1 if a
-    sample has fewer than ``MIN_VALUES`` values.
+    It is exact for equal distributions if all splits are enumerated; with unequal spreads, it falls
+    below 0.05 in 2 to 7 % of cases. It is 1 for samples of fewer than ``MIN_VALUES`` values.
     """
     if min(len(x), len(y)) < MIN_VALUES:
         return 1.0

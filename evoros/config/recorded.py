@@ -112,7 +112,7 @@ def override_recorded(
 ) -> tuple[Configuration, int | None]:
     """Apply overrides to a recorded configuration; return it and the new value of ``growing``.
 
-    Only the executor, observers and ``growing`` (increased; otherwise None) may change.
+    Only the executor, observers and ``growing`` may change; its value is None if it does not.
     """
     if not overrides:
         return recorded, None

@@ -1,8 +1,7 @@
 """Resolves references in a configuration, so that the recorded configuration has the values used.
 
-References ``${key}`` remain. References to possible secrets also remain: environment variables
-named like secrets, strings from any variable at a key that is named like a secret or passed to
-other programs, and addresses with a password.
+References ``${key}`` remain, as do possible secrets: environment variables named like secrets,
+strings at keys named like secrets or passed to other programs, and addresses with a password.
 """
 
 import json

@@ -24,7 +24,7 @@ CallResult = tuple[Outcomes, Array | None]
 
 
 class CallAnswer(NamedTuple):
-    """A call's results, and the time [s] of its last ``timed`` missions; the first loads code."""
+    """A call's results, and the time [s] of its last ``timed`` missions, after code was loaded."""
 
     results: list[CallResult]
     timed: int = 0

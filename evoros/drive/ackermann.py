@@ -36,9 +36,8 @@ MAX_DEFAULT_STEERING_RAD = 0.8  # applies even if the joints state wider limits
 class Ackermann:
     """A drive whose wheels all move in circles about the point where the extended axles meet.
 
-    This instant centre of rotation lies on the line of the fixed axle, ``wheelbase /
-    tan(steering)`` to the left of its middle. Each wheel's speed is proportional to its distance
-    from the centre.
+    This point lies ``wheelbase / tan(steering)`` to the left of the fixed axle's middle. Each
+    wheel's speed is proportional to its distance from it.
     """
 
     speed_limit_offset_m: ClassVar[float] = 0.0  # the limit applies to the fixed axle's middle
@@ -76,10 +75,9 @@ class Ackermann:
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return the angles [rad] (left, right) and rates [rad/s] (steered left, right, fixed ...).
 
-        ``speed`` [m/s] of the fixed axle's middle and ``steering`` [rad] of the bicycle model are
-        clipped to the limits. Curvature, not radius, avoids a division by zero straight ahead. In
-        units of the radius, a steering axis is ``1 -+ kingpin`` to the side of the centre of
-        rotation and ``tangent`` ahead of it.
+        The fixed axle's ``speed`` [m/s] and the bicycle model's ``steering`` [rad] are clipped. A
+        steering axis is ``1 -+ kingpin`` to the side of the centre of rotation and ``tangent``
+        ahead of it, in units of the radius.
         """
         fastest, lock, limit = self.max_speed_mps, self.steering_limit, self.steering_limit_rad
         speed = min(max(speed, -fastest), fastest)

@@ -73,11 +73,7 @@ def find_candidates(urdf: Urdf, casters: bool = False) -> list[Candidate]:
 
 
 def find_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> list[Joint]:
-    """Return the joints of wheels on the ground that do not turn about the lateral axis.
-
-    A part counts as a wheel if it is named or sized like one. Spheres are left out because they can
-    roll about every axis.
-    """
+    """Return the joints of wheels (except spheres) on the ground whose axis is not lateral."""
     ground = min((wheel.wheel.bottom for wheel in wheels), default=None)
     found: dict[Joint, Wheel] = {}
     for joint, along, wheel in _list_round(urdf):
@@ -127,10 +123,7 @@ def _find_steering(urdf: Urdf, above: Sequence[Joint]) -> Joint | None:
 
 
 def _inside_another(urdf: Urdf, candidate: Candidate, others: Mapping[str, Candidate]) -> bool:
-    """Return True if the candidate is only a part of another candidate's wheel.
-
-    In a chain of joints, the wheel is on the last turning joint, or else on the first fixed joint.
-    """
+    """Return True if the candidate is only a part of another candidate's wheel."""
     above = list(urdf.joints_above(candidate.joint.child))[1:]
     turning = (other for other in others.values() if other.turns and other is not candidate)
     if any(candidate.joint in urdf.joints_above(other.joint.child) for other in turning):

@@ -17,8 +17,7 @@ from evoros.formats.urdf.tree import Urdf
 class Differential(SkidSteer):
     """A drive with two wheels on one axle; the robot turns about a point on the axle's line.
 
-    The wheels roll without slipping, so the track alone determines the turn. Casters carry the rest
-    of the robot. The wheelbase of the bicycle model only maps steering angles to curvatures.
+    Casters carry the rest. The wheelbase only maps steering angles to curvatures.
     """
 
     wheel_separation_multiplier: Annotated[float, POSITIVE] = 1.0

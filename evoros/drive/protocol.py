@@ -287,9 +287,6 @@ def lag_gain(step: float, lag: float) -> float:
 
 
 def lag_mean(step: float, lag: float) -> float:
-    """Return a first-order lag's mean over a step [s] as a fraction of the change in that step.
-
-    ``a + c (1 - exp(-t / lag))`` has the mean ``a + c (1 - lag / step * gain)``, and changes by ``c
-    * gain``.
-    """
+    """Return a first-order lag's mean over a step [s] as a fraction of the change in that step."""
+    # ``a + c (1 - exp(-t / lag))`` has the mean ``a + c (1 - lag / step * gain)``.
     return 1.0 / lag_gain(step, lag) - lag / step

@@ -67,10 +67,7 @@ def group_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
 
 
 def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
-    """Measure the wheel that shapes form about the direction ``axis`` (3,) through their middle.
-
-    Width and centre belong to the tread, because hubs and gears on one side carry no load.
-    """
+    """Measure the wheel that shapes form about the direction ``axis`` (3,) through their middle."""
     if len(shapes) == 1:
         shape, pose = shapes[0]
         if shape.kind == "sphere":

@@ -90,10 +90,7 @@ class SkidSteer:
         return 0.5 * self.track_m * self.turning_resistance
 
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return no angles, and the wheel rates [rad/s].
-
-        ``steering`` [rad], then ``speed`` [m/s], is clipped, so that the robot stays on its curve.
-        """
+        """Return no angles, and the wheel rates [rad/s]; ``steering`` is clipped before speed."""
         lock = self.steering_limit_rad
         curvature = elementary.tan(min(max(steering, -lock), lock)) / self.wheelbase_m
         side = 0.5 * self.track_m * self.wheel_separation_multiplier * curvature

@@ -144,10 +144,7 @@ class Worker:
             raise _crash(_await_exit(process)) from error
 
     def _result(self, attempt: "Future[Any]", limit: float) -> Any:
-        """Wait for the result of an attempt.
-
-        Pebble's limits follow the wall clock, which jumps when it is set and when the machine
-        resumes.
+        """Wait for an attempt, because Pebble's limits follow the wall clock, which may jump.
 
         Raises:
             TimeoutError: the process took longer than ``limit`` [s] and was killed.

@@ -28,9 +28,8 @@ class Objects(Distribution):
     """A distribution of upright cylinders: a narrow one behind each waypoint, and wide decoys.
 
     "Behind" is as seen from home. ``seed`` and the key of the random draws determine the bytes of
-    the SDF. The distance of a decoy from home is uniform in ``distance_m``, as is its bearing, at
-    least ``apart_deg`` from every other object's. No decoy covers the acceptance area of a
-    waypoint.
+    the SDF. A decoy's distance from home is uniform in ``distance_m``, its bearing is uniform at
+    ``apart_deg`` or more from other objects, and it covers no waypoint's acceptance area.
     """
 
     kind: ClassVar[str] = "group of objects"

@@ -1,8 +1,4 @@
-"""Parses XML as leniently as Gazebo, and repairs unambiguous errors.
-
-Gazebo Classic reads XML with TinyXML 1. Each repair keeps the line number of every element. A
-DOCTYPE and a repeated attribute remain errors.
-"""
+"""Parses XML as leniently as Gazebo, and repairs unambiguous errors, with the same line numbers."""
 
 import logging
 import re

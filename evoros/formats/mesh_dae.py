@@ -1,8 +1,7 @@
 """Reads the surfaces of a COLLADA file (DAE), with the file's unit and the poses of its scene.
 
-By default, coordinates are used unchanged, with z up, regardless of ``<up_axis>``. Gazebo Classic
-and RViz do the same, and some exporters always write ``Y_UP``. ``pycollada`` rejects more of the
-public files, because of names with ``<`` or textures without a path.
+As in Gazebo Classic and RViz, ``<up_axis>`` is ignored by default, because some exporters always
+write ``Y_UP``. ``pycollada`` rejects more of the public files.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -130,8 +130,7 @@ def _min_clearance(track: Array, outline: Array, rows: Array, corners: Array) ->
     """Return the minimum of all clearances, of which only a few are computed.
 
     Between two poses, no point of the robot moves farther than the origin does, plus the reach
-    times the turn. Until these motions add up to the excess of the last clearance over the minimum
-    so far, the clearance cannot fall below that minimum.
+    times the turn. This limits the decrease of the clearance.
     """
     reach = _reach(outline)
     placed = outline.copy()

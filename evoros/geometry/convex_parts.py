@@ -65,9 +65,8 @@ def divide(
     """Cut a solid into pieces until their concavity [m] is within the tolerance.
 
     The piece with the largest concavity is cut first. There are at most ``few`` pieces if that
-    leaves no concavity above ``TOLERANCE_M``, and else at most ``most``. The result also holds the
-    number of faces examined, and True if more than ``work`` faces would have to be examined for all
-    cuts.
+    leaves no concavity above ``TOLERANCE_M``, and else at most ``most``. The result also has the
+    number of faces examined, and True if all cuts would need more than ``work`` of them.
     """
     done: list[Piece] = []
     waiting = [(-piece.concavity, i, piece) for i, piece in enumerate(_split(solid))]

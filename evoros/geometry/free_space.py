@@ -134,9 +134,8 @@ and in any case the third share of all free cells.
 def find_enclosed(free: Cells) -> Cells | None:
     """Return the largest enclosed region of free cells; None if there is none.
 
-    A free cell is sheltered if nearly all directions from it end at a blocked cell. A region of
-    sheltered cells is enclosed if obstacles make up most of its border. Doors and gaps therefore
-    leave a room enclosed, and trees in a field do not enclose the positions between them.
+    A free cell is sheltered if nearly all directions from it end at a blocked cell. Obstacles make
+    up most of the border of an enclosed region, such as a room with doors.
     """
     blocked = np.sum([_look(free, x, y) for x, y in DIRECTIONS], axis=0)
     regions, total = label_regions(free & (blocked >= SHELTERED)), float(free.sum())

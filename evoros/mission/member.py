@@ -21,7 +21,7 @@ from evoros.world.course import Course
 @dataclass(frozen=True, eq=False)
 @checked
 class Member:
-    """A robot of a scenario, with fields named like configuration groups, for evolved keys."""
+    """A robot of a scenario; fields have the names of configuration groups, as in evolved keys."""
 
     robot: Annotated[Robot, instance_of(Robot, "a robot")]
     design: Annotated[SensorDesign, instance_of(SensorDesign, "a sensor design")]

@@ -24,7 +24,7 @@ class CatCma(Optimizer):
     """CatCMA with margin, from the package ``cmaes``.
 
     Regions and sensor types are categorical, sensor counts and other whole numbers are integers,
-    and all other genes are continuous. The search restarts after convergence. R. Hamano et al.,
+    and all other genes are continuous. The search restarts after convergence. See R. Hamano et al.,
     "CatCMA with Margin: Stochastic Optimization for Continuous, Integer, and Categorical
     Variables", GECCO 2025, arXiv:2504.07884.
     """

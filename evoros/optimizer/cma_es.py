@@ -30,8 +30,8 @@ class CmaEs(Optimizer):
     All genes are treated as continuous; ``CatCma`` is better suited to regions and whole numbers.
     The search starts at the centre of the space, and restarts at a random point after convergence.
     With ``adapt_rates``, it lowers the learning rates as far as the noise of the fitness requires.
-    N. Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv:1604.00772; M. Nomura, Y. Akimoto and
-    I. Ono, "CMA-ES with Learning Rate Adaptation", GECCO 2023, arXiv:2304.03473.
+    See N. Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv:1604.00772; M. Nomura, Y. Akimoto
+    and I. Ono, "CMA-ES with Learning Rate Adaptation", GECCO 2023, arXiv:2304.03473.
     """
 
     population_size: Annotated[int, POPULATION] = 16

@@ -28,7 +28,7 @@ class CmaMae(Optimizer):
     exceeds the threshold of their cell. A threshold starts at the worst fitness of the first
     generation, and rises by ``learning_rate`` times the excess. A rate of 0 amounts to CMA-ES on
     the fitness; at a rate of 1, a strategy leaves a cell as soon as the cell has a good elite.
-    Genes outside their range are reflected back into the range. M. Fontaine and S. Nikolaidis,
+    Genes outside their range are reflected back into the range. See M. Fontaine and S. Nikolaidis,
     "Covariance Matrix Adaptation MAP-Annealing", GECCO 2023, arXiv:2205.10752.
     """
 

@@ -26,7 +26,7 @@ class MapElites(Optimizer):
     """MAP-Elites with the iso+line operator, from the package ``ribs``.
 
     The first generation is random. Later generations perturb elites with normal noise and along the
-    line to another elite, and redraw each sensor's region and type with ``redraw_probability``.
+    line to another elite, and redraw each sensor's region and type with ``redraw_probability``. See
     J.-B. Mouret and J. Clune, "Illuminating Search Spaces by Mapping Elites", arXiv:1504.04909; V.
     Vassiliades and J.-B. Mouret, "Discovering the Elite Hypervolume by Leveraging Interspecies
     Correlation", GECCO 2018, arXiv:1804.03906.

@@ -26,7 +26,7 @@ class Nsga2(protocol.Optimizer):
     """NSGA-II, from the package ``pymoo``, which keeps the non-dominated designs.
 
     The operators are simulated binary crossover and polynomial mutation. A larger distribution
-    index keeps children closer to their parents. All genes are treated as continuous. K. Deb et
+    index keeps children closer to their parents. All genes are treated as continuous. See K. Deb et
     al., "A Fast and Elitist Multiobjective Genetic Algorithm: NSGA-II", IEEE Transactions on
     Evolutionary Computation 6 (2), 2002.
     """

@@ -32,8 +32,8 @@ class SetCover(protocol.Optimizer):
     bearing of the sector is still seen after any ``failed`` sensors fail; among equally cheap sets,
     one with the fewest sensors. Ties are broken at random, ``covers`` times. The genetic algorithm
     then chooses among the resulting sets, called bodies, and evolves all genes that do not belong
-    to sensors. M. S. Daskin, "Network and Discrete Location", Wiley 1995, Chapter 4 (set covering,
-    and backup coverage); the solver is HiGHS.
+    to sensors. See M. S. Daskin, "Network and Discrete Location", Wiley 1995, Chapter 4 (set
+    covering, and backup coverage); the solver is HiGHS.
     """
 
     population_size: Annotated[int, COUNT] = 30

@@ -27,8 +27,8 @@ class Tpe(Optimizer):
 
     Regions and sensor types are categorical, and whole numbers are integers. The designs of a
     generation are proposed one by one, on the assumption that the generation's earlier designs have
-    poor fitness. J. Bergstra et al., "Algorithms for Hyper-Parameter Optimization", NIPS 2011; S.
-    Watanabe, "Tree-Structured Parzen Estimator", arXiv:2304.11127.
+    poor fitness. See J. Bergstra et al., "Algorithms for Hyper-Parameter Optimization", NIPS 2011;
+    S. Watanabe, "Tree-Structured Parzen Estimator", arXiv:2304.11127.
     """
 
     population_size: Annotated[int, COUNT] = 16

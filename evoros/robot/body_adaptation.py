@@ -164,10 +164,7 @@ def _points(shapes: Sequence[tuple[Shape, Pose]]) -> Array:
 
 
 def show_as_collisions(elements: Element, urdf: Urdf, reader: SolidsReader) -> list[str]:
-    """Use the visuals of wheels and casters as collision shapes where these are missing or square.
-
-    A wheel may have a box as its collision shape, as for a fast preview.
-    """
+    """Use the visuals of wheels and casters as collision shapes that are missing or square."""
     changed, squared = [], []
     for link in elements.findall("link"):
         name = str(link.get("name"))

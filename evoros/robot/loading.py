@@ -1,7 +1,4 @@
-"""Reads a robot from URDF or xacro, and rewrites it into the form that engines and drives need.
-
-Stated values are kept, and each assumption is logged.
-"""
+"""Reads a robot from URDF or xacro, and rewrites it for engines and drives, with notes."""
 
 import logging
 import math

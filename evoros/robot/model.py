@@ -60,10 +60,7 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A robot, with or without sensors.
-
-    The robot's frame is the root link of ``urdf_elements``: on the ground, x forward, y left.
-    """
+    """A robot, with or without sensors; its frame is the root link, x forward and y left."""
 
     name: str
     base_urdf: UrdfDocument  # content of the robot's file, without sensors

@@ -55,10 +55,7 @@ def fit_mount(mount: MountDefaults, places: Places, solids: Sequence[SolidShape]
 
 
 def level_pitch(sensors: Iterable[Sensor]) -> float:
-    """Return the minimum pitch [deg], nose up, at which no ray of any sensor points down.
-
-    Sensors that also see backwards get a pitch of 0, because their rear rays would point down.
-    """
+    """Return the minimum pitch [deg], nose up, at which no ray points down; 0 with rear rays."""
     rays = [sensor.rays().T for sensor in sensors if sees(sensor)]
     drops = [float(atan2_all(-z, x).max()) for x, _, z in rays if x.min() > 0.0]
     return max((round(math.degrees(drop), 6) for drop in drops if drop > 0.0), default=0.0)

@@ -22,10 +22,9 @@ Mask = NDArray[np.bool_]
 def find_seen(robot: Robot, distance_m: float) -> Mask:
     """Return a mask (sensors, 360): True at the ``BEARINGS_DEG`` that each range sensor sees.
 
-    Each bearing stands for a point at ``distance_m`` [m] from the middle of the robot's outline. In
-    top view, a sensor sees the points within its ranges and field of view; the robot hides none. A
-    beam narrower than ``RAY_DEG`` also sees the point whose one-degree sector contains its centre
-    line.
+    A bearing is a point at ``distance_m`` [m] from the middle of the outline. In top view, a sensor
+    sees points in its ranges and field of view, which the robot never hides. A beam narrower than
+    ``RAY_DEG`` also sees the point whose one-degree sector contains its centre line.
     """
     middle = (robot.outline.min(axis=0) + robot.outline.max(axis=0)) / 2
     points, borders = (distance_m * _list_directions(shift) + middle for shift in (0.0, -0.5))

@@ -1,7 +1,4 @@
-"""Intersections of a robot's sensor rays with the robot itself.
-
-The body may surround part of a sensor's housing, but blocks only rays that leave the housing.
-"""
+"""Intersections of a robot's sensor rays with the robot, except inside a sensor's housing."""
 
 import math
 from collections.abc import Iterator
@@ -124,10 +121,7 @@ def meet_shapes(
     distances: Array,
     numbers: Array,
 ) -> None:
-    """Shorten each ray's distance [m] where a shape is nearer, and store the index of that shape.
-
-    ``backward`` (k, 3) holds the reversed directions of the rays.
-    """
+    """Shorten each ray's distance [m] where a shape is nearer, and store that shape's index."""
     for s in range(len(rows)):
         row = rows[s]
         frame = turn_frame(row, 1.0, 0.0)

@@ -26,8 +26,7 @@ class Bumper(ContactSensor):
     """A sensor that reads 1 if something has touched its zone of the robot since the last reading.
 
     In top view, the zone is a strip of width ``width_m`` that begins ``depth_m`` behind the mount
-    and extends forward. It covers the robot's outline in the strip, at any height, but not the
-    ground.
+    and extends forward. It covers the outline at any height, but not the ground.
     """
 
     width_m: Annotated[float, POSITIVE] = 0.4  # width of the zone

@@ -25,10 +25,9 @@ _SMALL_RAD = 1e-9  # half angle of rotation below which the axis is undefined
 class Imu(SignalSensor):
     """Angular rates and accelerations along the axes of the sensor's frame, x forward and z up.
 
-    Each reading is the mean over the time since the previous one. The acceleration is the specific
-    force: at rest on level ground, it equals gravity and points up. The first reading contains the
-    current rates, and only gravity as the acceleration. The defaults are close to InvenSense's
-    MPU-9250.
+    Each reading is the mean since the previous one; the first has the current rates and only
+    gravity. The acceleration is the specific force: at rest on level ground, it equals gravity and
+    points up. The defaults are close to InvenSense's MPU-9250.
     """
 
     measures = MOTION

@@ -121,7 +121,7 @@ def create_run(config: Configuration, folder: Path) -> Session:
 
 
 def check_run(config: Configuration, similar: Experiment | None) -> Experiment:
-    """Build and check a run without recording it; reuse all except ``SEARCH`` of ``similar``."""
+    """Build and check a run without recording it; reuse ``similar`` except for ``SEARCH``."""
     if config.evaluates:
         return build_evaluation(config)[0]
     if similar is not None:

@@ -26,7 +26,7 @@ RUNS, INPUTS = "runs", "inputs"  # folders of runs, and of the runs' input files
 
 
 def open_folder(path: str | Path) -> Path:
-    """Return a folder, or unpack an archive's runs, such as ``study.zip/NAME``, into one."""
+    """Return a folder, unpacked from an archive if the path is like ``study.zip/NAME``."""
     path = expand_home(path)
     archive = find_archive(path)
     if archive is None:

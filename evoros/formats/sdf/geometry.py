@@ -266,10 +266,7 @@ def _read_scale(scale: Element) -> tuple[float, ...]:
 
 
 def scale_model(model: Element, scale: Element, reading: Reading) -> None:
-    """Apply the ``<scale>`` of a ``<state>`` to the sizes of a model's collisions.
-
-    As in Gazebo, a mesh's scale is replaced, and the poses of links and collisions are unchanged.
-    """
+    """Apply a state's ``<scale>`` to a model's sizes, not to poses; it replaces a mesh's scale."""
     x, y, z = _read_scale(scale)
     if (x, y, z) == (1.0, 1.0, 1.0):
         return

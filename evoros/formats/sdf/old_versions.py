@@ -1,7 +1,6 @@
 """Converts SDF 1.0, the format of Gazebo 1.0 (2012), to the elements of later versions.
 
-The table follows sdformat's conversion from attributes to elements, ``1_0.convert``. The many files
-that claim version 1.0 but use the later form stay unchanged.
+The table follows sdformat's ``1_0.convert``; files in the later form stay unchanged.
 """
 
 from lxml import etree

@@ -1,10 +1,9 @@
 """Reads the bodies of an SDF file (versions 1.0 to 1.12) with a ``<world>`` or only models.
 
 The reader accepts files that Gazebo accepts. No element that may matter is dropped silently:
-omissions and assumptions are warnings of the logger ``evoros.sdf``.
-
-A ``<state>`` moves models and links to world poses, as in Gazebo. Links connected by joints become
-one body. A link without mass gets 1 kg, the default of SDF.
+omissions and assumptions are warnings of the logger ``evoros.sdf``. A ``<state>`` moves models and
+links to world poses, as in Gazebo. Links connected by joints become one body. A link without mass
+gets 1 kg, the default of SDF.
 """
 
 import hashlib
@@ -118,10 +117,9 @@ def read_sdf(
     file: FilePath | None = None,
     course: Array | None = None,
 ) -> SdfWorld:
-    """Read the content of an SDF file.
+    """Read the content of an SDF file, called ``source`` in errors.
 
-    ``source`` is the name of the file in errors. The files that it names are searched for around
-    the path ``file``. Meshes near the points (n, 2) [m] of ``course`` are divided first.
+    Its files are searched for around ``file``. Meshes near ``course`` (n, 2) [m] are divided first.
     """
     reading = Reading(file or FilePath(source).absolute(), options or SdfOptions(), source)
     root = parse_leniently(content, source)

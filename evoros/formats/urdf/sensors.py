@@ -225,10 +225,8 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
 
 
 def _read_fan(fan: Element) -> tuple[int, float, float, tuple[str, ...]]:
-    """Return the number of ranges, edges [rad] and notes of a ``<horizontal>`` or ``<vertical>``.
-
-    Gazebo interpolates rays to ``<samples>`` times ``<resolution>`` ranges, rounded down.
-    """
+    """Return the number of ranges, edges [rad] and notes of a ``<horizontal>`` (or vertical)."""
+    # Gazebo interpolates to ``<samples>`` times ``<resolution>`` ranges, rounded down.
     samples = max(1, round(xml.read_positive(xml.require_child(fan, "samples"), 1)[0]))
     resolution = xml.find_child(fan, "resolution")
     scale = 1.0 if resolution is None else xml.read_positive(resolution, 1)[0]

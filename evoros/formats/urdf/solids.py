@@ -218,10 +218,7 @@ def find_turning(robot: Element) -> set[str]:
 
 
 def _match_inertia(link: Element, turns: bool) -> Shape | None:
-    """Return the box, or the wheel if the link ``turns``, with the inertia that a link states.
-
-    The wheel's axis is chosen so that the moments about the other two axes are most alike.
-    """
+    """Return the box, or the wheel if the link ``turns``, with the inertia that a link states."""
     inertial = link.find("inertial")
     if inertial is None:
         return None

@@ -2,10 +2,9 @@
 
 The program reads a request (JSON) from standard input and answers in JSON on standard output. A
 xacro file is code, because its expressions can run Python. The limits set here and an environment
-without the user's variables keep a faulty file, but not a hostile one, from harming the run.
-
-Up to ROS Indigo (2014), the tags of xacro needed no prefix, a macro could be called without one,
-and properties and macros could be used before their definitions; such files are converted.
+without the user's variables keep a faulty file, but not a hostile one, from harming the run. Up to
+ROS Indigo (2014), the tags of xacro needed no prefix, a macro could be called without one, and
+properties and macros could be used before their definitions; such files are converted.
 """
 
 import contextlib

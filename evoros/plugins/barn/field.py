@@ -1,9 +1,8 @@
 """Worlds like BARN's, fields of cylinders from a cellular automaton with a path through them.
 
 The procedure, constants and positions follow Perille, Truong, Xiao and Stone, "Benchmarking Metric
-Ground Navigation", 2020 (arXiv 2008.13315), and their generator
-(github.com/dperille/jackal-map-creation). The grid's row index increases across the field (x), its
-column index along the path (y).
+Ground Navigation", 2020 (arXiv 2008.13315), and github.com/dperille/jackal-map-creation. The row
+index increases across the field (x), the column index along the path (y).
 """
 
 import hashlib

@@ -51,11 +51,9 @@ SCRIPT = (
 
 
 def answer(wanted: Mapping[str, str], request: bytes) -> tuple[int, bytes, bool]:
-    """Run the pickled ``Request``.
+    """Run a pickled ``Request``; return the answer's kind and content, and if C libraries match.
 
-    Return the kind and content of the answer, and True if the C library matches the main process's.
-    Arguments and results have built-in types, and the request is unpickled only in an equal
-    environment, so this works with any version of evoros.
+    Arguments and results have built-in types, so this works with any version of evoros.
     """
     differences = list_differences(wanted)
     if differences:

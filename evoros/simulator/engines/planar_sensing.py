@@ -92,7 +92,7 @@ def sense(parameters: Array, memory: Array, signals: Array) -> None:
 
 
 def sense_signals(parameters: Array, memory: Array, signals: Array) -> None:
-    """Fill ``signals`` like ``sense`` (compiled a sixth faster), also of sensors without rays."""
+    """Fill ``signals`` like ``sense``, which compiles faster, but also for sensors without rays."""
     sense(parameters, memory, signals)
     places = unpack(layout.Plane, parameters).places
     for i in range(len(places) - 1):

@@ -21,9 +21,8 @@ from evoros.world.standing import GAP_M
 def split_body(body: Body) -> Iterator[tuple[Pose, tuple[Shape, ...]]]:
     """Yield the world pose and the shapes of each engine body that represents a world body.
 
-    Each polyhedron of a fixed body becomes a separate engine body, which needs no file. A height
-    field also becomes one, because it must be the only shape of an engine body and has its origin
-    midway between its lowest and highest point.
+    Each polyhedron of a fixed body becomes an engine body, which needs no file, as does a height
+    field, whose origin is midway between its lowest and highest point.
     """
     kinds = {shape.kind for shape in body.shapes}
     if body.mass is not None or not kinds & {"convex", "heightfield"}:

@@ -50,9 +50,8 @@ class Outlet:
     def arrange(self) -> None:
         """Find the order of the node's subscriptions, once the node is connected.
 
-        An executor runs ready callbacks in this order, regardless of the order of arrival. Messages
-        published in this order therefore always reach the callbacks in order. Several nodes may
-        have different orders, so they receive each message at rest.
+        An executor runs ready callbacks in this order, regardless of the order of arrival. Nodes
+        may have different orders, so they receive each message at rest.
         """
         infos = {
             topic: self._node.get_subscriptions_info_by_topic(publisher.topic_name)
