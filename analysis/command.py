@@ -94,7 +94,7 @@ def _render(product: Product, options: argparse.Namespace) -> dict[str, bytes]:
 
 
 def write_folder(path: Path, command: str, files: Mapping[str, bytes]) -> None:
-    """Replace a folder by ``files``, keyed by path, unless others changed it; all or nothing."""
+    """Atomically replace a folder with ``files``, keyed by path, unless others changed it."""
     change = _find_change(path, command)
     if change:
         raise InputError(

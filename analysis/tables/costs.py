@@ -108,7 +108,7 @@ def add_budget(parser: argparse.ArgumentParser) -> None:
 
 
 def read_best_within(record: Record, axis: str, budget: float) -> pd.DataFrame:
-    """Read the sensors of the best design of the last generation that a budget suffices for."""
+    """Read the sensors of the best design of the last generation that a budget covers."""
     costs = read_costs(record, axis)
     last = costs.index[costs <= budget].max()
     row = select_bests(read_generations(record)).loc[[last]].reset_index()
@@ -142,7 +142,7 @@ def find_span(costs: Mapping[str, "pd.Series[float]"], axis: str, budget: float 
 
 
 def average(trace: "pd.Series[float]", span: Span) -> float:
-    """Return the mean over a span of a step function, given by its value from each cost on."""
+    """Return the mean of a step function, given by its value from each cost on, over a span."""
     start, end = span
     inside = trace.index[(trace.index > start) & (trace.index < end)].to_numpy(float)
     edges = np.array([start, *inside, end])

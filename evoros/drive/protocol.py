@@ -180,7 +180,7 @@ def wheel(urdf: Urdf, name: str) -> tuple[Array, float]:
     shapes = urdf.shapes[link]
     if len(shapes) != 1 or shapes[0].kind not in ("cylinder", "sphere"):
         rule = f"wheel {link!r} must have one collision shape, a cylinder or a sphere"
-        raise urdf.error(rule, "replace its <collision> elements by one of these")
+        raise urdf.error(rule, "replace its <collision> elements with one of these")
     pose, radius = urdf.poses[link] @ shapes[0].pose, shapes[0].size[0]
     if shapes[0].kind == "cylinder" and abs(pose.rotation[LEFT, 2]) < 1.0 - 1e-6:
         fix = 'rotate its <origin>, for example with rpy="1.5707963 0 0"'

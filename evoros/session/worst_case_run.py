@@ -39,7 +39,7 @@ class WorstCaseRun:
     settings: WorstCases
     designs: Sequence[NamedDesign]
     rates: Sequence[Mapping[str, float]]  # fraction of completed trials by world, per design
-    # number of conditions per design; worst cases are numbered from there
+    # number of conditions per design; worst cases are numbered from this number on
     conditions: Sequence[int]
     folder: RunFolder
     dispatcher: Dispatcher

@@ -17,7 +17,7 @@ from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.world.model import World
 
 MAX_STEP_S = 0.025
-"""Maximum step [s] at which a rover's motion is within 1 % of geometry (docs/fidelity.md)."""
+"""Maximum step [s] at which a rover moves within 1 % of its kinematics (docs/fidelity.md)."""
 
 MOST_MOVABLE = 5000
 """Maximum number of movable bodies; MuJoCo compiles 5,000 in 5 s per design, 20,000 in 112 s."""

@@ -21,7 +21,9 @@ from evoros.storage.layout import MARKS
 
 FORMAT = 1  # version of the archive format
 RECORD = "evoros-archive.json"  # member with the format version and the version of evoros
-CHECKSUMS = "checksums.sha256"  # member with the hashes of all others, as of ``sha256sum --check``
+CHECKSUMS = (
+    "checksums.sha256"  # member with the hashes of all others, in the format of ``sha256sum``
+)
 RUNS, INPUTS = "runs", "inputs"  # folders of runs, and of the runs' input files
 
 

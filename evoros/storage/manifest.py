@@ -170,7 +170,7 @@ def find_changes(
     yield from (f"configuration ({key})" for key in list_other_secrets(*secrets))
 
 
-_UNTIL_SCORED = {"fitness", "objectives", "descriptors"}  # affect no mission, but the tables
+_UNTIL_SCORED = {"fitness", "objectives", "descriptors"}  # affect only the tables, no mission
 
 
 def _has_final_choice(missions: Path) -> bool:

@@ -81,7 +81,7 @@ class SystematicFailureSuite(FailureSuite):
     protocol = SystematicFailure
 
     def use(self, part: SystematicFailure, seed: int) -> Iterator[Any]:
-        """Yield also the faults of several cases."""
+        """Also yield the faults of several cases."""
         yield from super().use(part, seed)
         for count in self.counts:
             for number in range(min(part.count_cases(count), TRIALS)):

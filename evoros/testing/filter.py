@@ -118,9 +118,9 @@ class FilterSuite(RuleSuite):
             assert np.allclose(exact, before, rtol=0.0, atol=1e-6, equal_nan=True)
 
     def test_lasting_silence_stays_silent(self) -> None:
-        """A filter does not invent readings where all are missing."""
+        """A filter does not invent readings if all are missing."""
         output = self.filter(np.full((20, POSE_SIZE), math.nan), 1)
-        assert np.isnan(output).all(), "the filter must keep lasting silence silent"
+        assert np.isnan(output).all(), "the filter must not invent readings if all are missing"
 
     def test_values_are_finite_or_silent(self) -> None:
         """Infinity is not a reading."""

@@ -149,7 +149,9 @@ class OptimizerSuite(PartSuite):
             for one in asked:
                 genome, parents = one.genome, one.parents
                 assert one.id not in seen, f"individual {one.id} must be proposed only once"
-                assert genome.shape == (THREE_SENSORS.size,), f"{genome} must have a gene each"
+                assert genome.shape == (THREE_SENSORS.size,), (
+                    f"{genome} must have one value per gene"
+                )
                 assert np.all((genome >= 0) & (genome <= 1)), f"genes must be from 0 to 1: {genome}"
                 assert set(parents) <= seen, f"the parents {parents} must be known individuals"
             asked_ids, tabled = {one.id for one in asked}, {row.individual.id for row in table}
@@ -181,7 +183,7 @@ class OptimizerSuite(PartSuite):
                 search.tell(wrong if bad is None else {**wrong, asked[-1].id: bad})
             except InputError as error:
                 refusal = str(error)
-            assert "scores" in refusal, f"{name} must be refused by naming scores, not {refusal!r}"
+            assert "scores" in refusal, f"the error for {name} must name scores, not {refusal!r}"
             assert [one.id for one in search.ask()] == [one.id for one in asked]
             search.tell(good)
 

@@ -191,7 +191,7 @@ def _find_level(
     grounds = [_find_height(solids, point) for point in along.tolist()]
 
     def carries_all(height: float) -> bool:
-        """Return True if floors at this height carry all waypoints and most of the way between."""
+        """Return True if floors at this height carry all waypoints and most of the route."""
         carried = np.array([g is not None and abs(g - height) <= MAT_M for g in grounds])
         for top in tops:
             if abs(top.height - height) <= MAT_M:

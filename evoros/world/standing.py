@@ -1,4 +1,4 @@
-"""The obstacles after movable bodies have fallen, for users without gravity, also as arrays."""
+"""Obstacles after movable bodies have fallen, for code without gravity; also as arrays."""
 
 import math
 from collections.abc import Iterator, Sequence

@@ -109,7 +109,7 @@ def meet_walkers(parameters: Array, memory: Array, index: int, pose: PlanarPose)
 
 @compilable
 def measure_gap(outline: Array, pose: PlanarPose, x: float, y: float) -> float:
-    """Return the distance [m] of (x, y) from an outline at a pose; negative inside."""
+    """Return the distance [m] from (x, y) to an outline at a pose; negative inside."""
     px, py, cos, sin = pose
     dx = x - px
     dy = y - py

@@ -224,7 +224,7 @@ def find_span(fan: Fan, x: float, y: float, radius: float) -> tuple[float, float
         return 0.0, float(fan.end_beam - fan.first_beam)
     sine = radius / math.sqrt(squared)
     square = sine * sine
-    # Two terms of the arcsine's series, and a third so large that all further ones are less.
+    # Two terms of the arcsine's series, and a third that bounds the sum of all further ones.
     half = sine * (1.0 + square * (1.0 / 6.0 + square * (math.pi / 2.0 - 7.0 / 6.0)))
     middle = estimate_bearing(x, y) - fan.bearing
     if middle < 0.0:

@@ -42,7 +42,7 @@ class RigidSignals:
         self._rolling = solve_rolling(robot.drive) if self._wheels else np.zeros((2, 0))
 
     def touch(self, contacts: Iterable[Array]) -> None:
-        """Count this step for each touched zone; a contact is points (k, 2) [m] in robot frame."""
+        """Count a step for touched zones; contacts are points (k, 2) [m] in the robot's frame."""
         # Engines report only the corners of a contact, which extends over their hull.
         pieces = [
             (*a, *b)

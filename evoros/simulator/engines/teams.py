@@ -48,7 +48,7 @@ def read_command(commands: Array, share: Share) -> tuple[float, ...]:
 
 
 def sum_others(bit: int, index: int, count: int) -> int:
-    """Return the sum of all robots' bits but one; the first has ``bit``, each next the next bit."""
+    """Return the sum of the bits of all robots except one; ``bit`` is the first robot's."""
     return sum(bit << other for other in range(count) if other != index)
 
 
