@@ -70,7 +70,7 @@ class Simulation:
         return first, second
 
     def compute_power(self, difference: float, n: int) -> float:
-        """Return the power for a difference [sd] with n replicates, by Holm's smallest p-value."""
+        """Return the power for a difference [sd] with n replicates, after Holm's correction."""
         first, second = (noise[:, :n] for noise in self._noise)
         statistics = compute_statistics(first + difference, second)
         low, high = find_critical(n, LEVEL / self.comparisons)

@@ -49,7 +49,11 @@ class OutsideProcess:
         return self._ended is None
 
     def lost(self, what: str, time: float | None = None) -> PilotLost:
-        """Create the error for a process that exited or, as ``what`` says, hangs."""
+        """Create the error for a process that exited or hangs, with its status and last output.
+
+        If the process still runs, the error says ``what`` it did, for example ``did not answer
+        within 10 s``. ``time`` is the mission's time [s] if the mission has started.
+        """
         if not self.running(wait_s=0.2):
             what = f"ended {_describe(self._ended or 0)}"
         when = "before the mission started" if time is None else f"at {time:g} simulated s"

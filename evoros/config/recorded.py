@@ -112,7 +112,8 @@ def override_recorded(
 ) -> tuple[Configuration, int | None]:
     """Apply overrides to a recorded configuration; return it and the new value of ``growing``.
 
-    Only the executor, observers and ``growing`` may change; its value is None if it does not.
+    Overrides may change the executor and a search's observers, and increase the key ``growing``,
+    whose value is None if not overridden.
     """
     if not overrides:
         return recorded, None

@@ -156,7 +156,10 @@ class Pilot(Protocol):
 
 
 class LiveController(AnyController):
-    """An external controller, such as a program, which gets the whole route and gives its mode."""
+    """An external controller: a program, ROS nodes or an autopilot.
+
+    An external controller has no rule to compile, receives the whole route, and reports its mode.
+    """
 
     @property
     def files(self) -> Sequence[str]:

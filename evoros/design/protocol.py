@@ -69,7 +69,10 @@ class RegionDescription(ABC):
     def bind(
         self, robot: Robot, mirrored: bool, key: str, sensors: Sequence[Sensor]
     ) -> BoundRegion:
-        """Return the region bound to a robot; InputError if it or its twin is off the robot."""
+        """Return this region, configured at ``key``, bound to a robot that carries ``sensors``.
+
+        An InputError says that the region, or its mirror image if ``mirrored``, is off the robot.
+        """
 
 
 def check_link(link: str, robot: Robot, mirrored: bool, key: str) -> None:

@@ -108,7 +108,11 @@ PARTS: Mapping[str, str] = dict(zip(SIGNALS, _PARTS, strict=True))
 
 @dataclass(frozen=True)
 class Fault:
-    """A filter that acts on a signal from an onset on; sensor faults have one for each sensor."""
+    """A filter that acts on one of a mission's signals from an onset on.
+
+    The fault's name and number select a random stream. A sensor fault has one onset per sensor; any
+    other fault has one onset.
+    """
 
     filter: Filter
     onset: Array  # (n,) [s] after the trigger; infinity: never
@@ -202,7 +206,10 @@ def _check_fault(fault: Fault, failure: Failure, sensors: int) -> None:
 
 
 class SystematicFailure(Failure):
-    """A failure model with finitely many cases, which a design's trials meet in random order."""
+    """A failure model with a finite number of cases and an ``effect``.
+
+    The trials of a design run through the cases in random order; ``draw`` draws one case uniformly.
+    """
 
     effect: Filter
 
@@ -219,10 +226,16 @@ class Adversary(Protocol):
     """The evolving cases of one run."""
 
     def list_cases(self) -> Sequence[Case]:
-        """Return the next generation's cases, met in random order; called once per generation."""
+        """Return the cases of the next generation, one per trial; called once per generation.
+
+        Trials use the cases in random order unless every design meets all cases.
+        """
 
     def tell(self, scores: Mapping[int, Mapping[int, float]]) -> None:
-        """Receive a generation's scores by design and case index; designs may lack cases."""
+        """Receive the generation's scores, keyed by design and then by the case's index.
+
+        A design may have met only some of the cases, or none.
+        """
 
 
 class AdaptiveFailure(Failure):

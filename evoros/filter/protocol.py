@@ -106,7 +106,10 @@ FILTER_RULES = {"effect": one_of(*EFFECTS), "name": TEXT}
 
 @compilable
 def add_within(value: float, amount: float, low: float, high: float) -> float:
-    """Return a reading plus an error, within the limits; a reading at ``high`` stays."""
+    """Return the sum of a reading and an error, clipped to the limits of its channel.
+
+    A value at ``high`` is unchanged because it means that a range sensor sees nothing.
+    """
     return min(max(value + amount, low), high) if value < high else value
 
 

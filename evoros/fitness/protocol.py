@@ -22,7 +22,10 @@ class Fitness(ABC):
         return ""
 
     def bounds(self, worlds: int) -> tuple[float, ...]:
-        """Return a score's minimum and maximum, which bound all intervals; empty if unknown."""
+        """Return the minimum and maximum of a score over ``worlds``; empty if unknown.
+
+        Intervals never extend beyond these bounds.
+        """
         return ()
 
     def check_worlds(self, worlds: Mapping[str, World]) -> None:  # noqa: B027 - accepts any worlds

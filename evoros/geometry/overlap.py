@@ -132,7 +132,10 @@ def clearance(first: Solid, second: Solid) -> Clearance | None:
 
 
 def _cross(planes: Array) -> tuple[Clearance | None, list[Array]]:
-    """Intersect a hull with the vertical axis; return the lifts, and the normals of both faces."""
+    """Intersect a hull with the vertical axis; return the lifts and the normals of both faces.
+
+    If the axis misses the hull, the only normal is horizontal and separates the two solids.
+    """
     rise, offset = planes[:, 2], planes[:, 3]
     aside = np.flatnonzero(np.abs(rise) <= SIDEWAYS)
     if len(aside) and offset[aside].min() < 0.0:

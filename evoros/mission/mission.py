@@ -27,7 +27,11 @@ ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
 
 @dataclass(frozen=True)
 class Outcome:
-    """A robot's metrics in one mission; if it was not run, progress is 0 and others are NaN."""
+    """The metrics of a robot in one mission, in the order of the columns of ``missions.csv``.
+
+    If the simulation failed, the worker was lost, or a part refused the design, the progress is 0
+    and metrics that were not measured are NaN.
+    """
 
     ended: str  # completed, collision, time_limit, mission_over, or one of NOT_RUN
     reason: str  # why the mission was not run; otherwise empty

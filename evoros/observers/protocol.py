@@ -75,7 +75,10 @@ class Observer(ABC):
 
     @abstractmethod
     def open(self, run: ObservedRun) -> AbstractContextManager[Send]:
-        """Connect to the tracker for a run, which it recognises by its ``id`` if sent before."""
+        """Connect to the tracker for a run that may already have been sent in part or in full.
+
+        The tracker recognises the run by its ``id``. Leaving the context ends the connection.
+        """
 
 
 OBSERVERS = mapping_of(Observer, "observers (subclasses of evoros.parts.Observer)")

@@ -65,7 +65,11 @@ class Search(Protocol):
         """Return the individuals of the next generation that need evaluation."""
 
     def tell(self, scores: Mapping[int, Score]) -> Sequence[Candidate]:
-        """Record the scores of new and changed individuals by id; return the generation's table."""
+        """Record scores by id, and return the generation's table.
+
+        ``scores`` covers all individuals from ``ask``, and earlier individuals whose scores have
+        changed.
+        """
 
     def champions(self) -> Sequence[Individual]:
         """Return the design, front or archive that the search has found, best first."""

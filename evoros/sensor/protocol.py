@@ -105,7 +105,10 @@ class Sensor(ABC):
 
 
 class RangeSensor(Sensor):
-    """A type of sensor that measures distances along rays; ``fov_deg`` is its field of view."""
+    """A type of sensor that measures distances along rays, all with the same limits.
+
+    ``fov_deg``, if defined, is the full width of the field of view; see ``find_field``.
+    """
 
     measures = RANGE
     radiation: str = ""  # radiation type in ROS messages: ``infrared``, or empty for ultrasound

@@ -49,7 +49,11 @@ class Run:
 
     @cached_property
     def missions(self) -> pd.DataFrame:
-        """The finished missions by generation, design, world and trial, or in evaluation order."""
+        """The finished missions, one per row, sorted by generation, design, world and trial.
+
+        The table of an evaluation has the columns ``source`` and ``design``, and keeps the file's
+        order.
+        """
         if self.evaluates:
             return read_table(self.path / layout.MISSIONS, MISSION_NUMBERS)
         frame = read_table(self.path / layout.MISSIONS, RUN_NUMBERS)

@@ -27,7 +27,11 @@ DesignName = tuple[str, str]  # source of a given design, and its name there
 
 
 class RunFolder(MissionLog):
-    """An open run folder; ``rows`` locates finished missions, an evaluation's by design names."""
+    """An open run folder.
+
+    ``rows`` locates the finished missions. Rows of an evaluation contain names of designs; a
+    design's id is its index in ``designs_in.csv``.
+    """
 
     def __init__(self, path: Path, report: Report = ignore) -> None:
         manifest = layout.read_json(path / layout.MANIFEST)

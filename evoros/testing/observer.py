@@ -46,7 +46,10 @@ class ObserverSuite(DescriptionSuite):
     protocol = Observer
 
     def read(self, run: ObservedRun) -> Any:
-        """Return all that the tracker has stored about a run, except ids and times of sending."""
+        """Return everything that the tracker has stored about a run, in the tracker's order.
+
+        Runs with equal content must give equal results, so leave out ids and times of sending.
+        """
         raise NotImplementedError
 
     def choose_origin(self, folder: Path) -> Path:

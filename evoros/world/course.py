@@ -18,7 +18,10 @@ DIRECTION = checks.one_of("random", "forward", "backward", "parity", ONE_WAY)
 @dataclass(frozen=True)
 @checks.checked
 class Course:
-    """A route around the corners home, then in reverse; ``one_way`` ends at the last corner."""
+    """A route in two phases: around the corners back to home, then the same in reverse.
+
+    With ``direction=one_way``, the route ends at the last corner.
+    """
 
     home_x_m: Annotated[float, checks.NUMBER]
     home_y_m: Annotated[float, checks.NUMBER]

@@ -51,7 +51,10 @@ A_SAMPLER = instance_of(WorldSampler, "a world sampler (an object with draw_worl
 @dataclass(frozen=True)
 @checked
 class World:
-    """Bodies and a course, with the ground at z = 0 at home; with a sampler, this is an example."""
+    """Bodies and a course among them, with the ground at z = 0 at home.
+
+    With a sampler, each mission has a different world; this world is an example.
+    """
 
     name: Annotated[str, TEXT]
     bodies: Annotated[tuple[Body, ...], sequence_of(Body, "bodies")]

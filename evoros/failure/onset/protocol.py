@@ -13,7 +13,10 @@ class Onset(ABC):
 
     @abstractmethod
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
-        """Draw an event and the time [s] from it to the failure, in a constant number of draws."""
+        """Return a mission event, and the time [s] from the event to the failure.
+
+        The number of draws must be the same in every mission.
+        """
 
 
 AN_ONSET = instance_of(Onset, "an onset (a subclass of evoros.parts.Onset)")
