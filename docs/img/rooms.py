@@ -70,7 +70,7 @@ def drawing(document: str) -> str:
         f'<path d="M {arrow} {TOP + 10} V {bottom - 16} m -6 -10 l 6 10 l 6 -10" fill="none"'
         ' stroke="#888888" stroke-width="2"/>',
         f'<g transform="rotate(90 {arrow + 14} {(TOP + bottom) / 2:g})">',
-        label(arrow + 14, (TOP + bottom) / 2, "imports point down only", 13, ' fill="#666666"'),
+        label(arrow + 14, (TOP + bottom) / 2, "all imports point down", 13, ' fill="#666666"'),
         "</g>",
         label(WIDTH / 2, bottom + 18, "green: users add parts of their own", 13, ' fill="#3c7a38"'),
         "</svg>",
