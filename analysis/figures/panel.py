@@ -146,7 +146,7 @@ def _make_panels(
 def lay_out(
     numbers: Sequence[int], ratio: float, width: float, foot: float, above: float = TITLE_IN
 ) -> Sheet:
-    """Lay out panels (``ratio`` = height / width), on one page if possible; heights are in [in]."""
+    """Lay out panels (``ratio`` = height / width), on one page if possible; heights [in]."""
     heading = HEADING_IN * (len(numbers) > 1)
     pages = []
     for panel_in in (PANEL_IN, MIN_PANEL_IN):

@@ -82,7 +82,7 @@ def show_named(
 
 
 def find_shown_designs(folder: Path, design: str | None = None) -> list[ShownDesign]:
-    """Find champions of runs and designs of evaluations, or named ones; InputError if none."""
+    """Find champions of runs and designs of evaluations, or named ones; fail if there are none."""
     study = load_study([folder])
     shown = [found for record in study.records for found in _show_run(record, design)]
     shown += [found for record in study.evaluations for found in _show_given(record, design)]

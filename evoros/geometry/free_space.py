@@ -54,7 +54,7 @@ class FreeSpace:
         ground: Sequence[Footprint] | None = None,
         cell_m: float = CELL_M,
     ) -> "FreeSpace":
-        """Return positions between two corners [m], ``radius_m`` off footprints, on ``ground``."""
+        """Return positions between two corners [m], ``radius_m`` from footprints, on ``ground``."""
         columns, rows = np.ceil((np.maximum(high, low + 1.0) - low) / cell_m).astype(int)
         space = cls(low, np.ones((rows, columns), dtype=np.bool_), cell_m)
         if ground is not None:
