@@ -169,7 +169,7 @@ PAPER = "paper"  # value of ``--claims`` that selects the 2018 paper's claims
 
 @dataclass(frozen=True)
 class Section:
-    """The content of a section."""
+    """A section of a page, or the reason why it is missing."""
 
     name: str
     missing: str = ""  # reason why there is no content

@@ -56,7 +56,7 @@ class Tick(NamedTuple):
 
 @dataclass(frozen=True)
 class DesignMap:
-    """A map on the page."""
+    """A map of an archive or a front on the page, with markers that select designs."""
 
     name: str  # name of the figure
     axes: tuple[str, str]

@@ -170,7 +170,7 @@ PLAYER = ("missions", "plan", "readings", "signals", "player")  # scripts in ``w
 
 @dataclass(frozen=True)
 class Flown:
-    """Rerun missions of the best designs so far, for runs that stored no missions."""
+    """Missions that were rerun for the best designs so far, because the runs stored none."""
 
     playbacks: Mapping[str, Markup] = field(default_factory=dict)  # one per run, by name
     notes: Sequence[str] = ()  # sentences about the rerun missions, and why others were not rerun

@@ -158,7 +158,7 @@ def find_first(trace: "pd.Series[float]", target: float) -> float:
 
 @dataclass(frozen=True)
 class Race:
-    """The searches of a study at the same cost."""
+    """A comparison of a study's searches at the same cost."""
 
     axis: str
     line: str  # ``validated``, or ``recorded`` if not every generation was validated

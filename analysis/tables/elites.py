@@ -22,7 +22,7 @@ MOST_CELLS = 1000
 
 @dataclass(frozen=True)
 class Axis:
-    """One measure of a run."""
+    """A measure of a run that is drawn along an axis."""
 
     column: str  # column in the generations table, and the measure's key
     label: str

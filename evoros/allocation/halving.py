@@ -11,7 +11,7 @@ from evoros.base.checks import COUNT, WHOLE, checked
 @dataclass(frozen=True)
 @checked
 class SequentialHalving(Allocation):
-    """Run new designs and the best survivors in rounds, each of which keeps the better half.
+    """Runs new designs and the best survivors in rounds, each of which keeps the better half.
 
     The rounds share the budget equally, so designs in later rounds get more trials each. A round
     gives each design at least the experiment's ``trials``, even if this exceeds the budget.

@@ -11,7 +11,7 @@ from evoros.base.checks import COUNT, checked
 @dataclass(frozen=True)
 @checked
 class Lifelong(Allocation):
-    """Run new designs, and run the best survivors of the last generation again.
+    """Runs new designs, and runs the best survivors of the last generation again.
 
     Further trials correct the fitness of a design that was lucky at first, so lucky designs do not
     survive for long. Source: Beyer, Evolutionary algorithms in noisy environments, Computer Methods

@@ -8,7 +8,7 @@ from evoros.allocation.protocol import Allocation, Standing
 
 @dataclass(frozen=True)
 class Once(Allocation):
-    """Evaluate each new design once; the design keeps this fitness for as long as it survives."""
+    """Evaluates each new design once; the design keeps this fitness for as long as it survives."""
 
     def most_trials(self, trials: int) -> int:
         return trials

@@ -17,7 +17,7 @@ DIGITS = 6  # decimal places of a quantile, so that all processors give the same
 @dataclass(frozen=True)
 @checked
 class Racing(Allocation):
-    """Race new designs and the best survivors on common random numbers.
+    """Races new designs and the best survivors on common random numbers.
 
     Each round runs one trial of each design in the race. A design then leaves if a one-sided paired
     t-test places it below the leader. The race ends when ``best`` designs are left, or after

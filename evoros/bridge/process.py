@@ -28,7 +28,7 @@ END_LIMIT_S = 10.0
 
 @dataclass
 class OutsideProcess:
-    """A started command; for use by a single thread."""
+    """An external process, started from a command; for use by a single thread."""
 
     name: str
     sockets: Mapping[str, socket.socket]  # created in the command's network

@@ -78,7 +78,7 @@ class CompiledRule(types.WrapperAddressProtocol):  # type: ignore[misc]
 
 
 class NotCompilable(Exception):
-    """The reason why a rule can only be interpreted."""
+    """numba cannot compile a rule; the message is the reason."""
 
 
 @intrinsic  # type: ignore[untyped-decorator]

@@ -71,7 +71,7 @@ class Memory(NamedTuple):
 @dataclass(frozen=True)
 @checked
 class L1(Layer):
-    """ArduPilot's route following.
+    """Follows the route as ArduPilot does: L1 guidance, then yaw rate control.
 
     The law was designed for speeds above ``least_speed_mps``; a slow robot with a delayed pose
     swings by some 30 deg, as in the 2018 paper (Evo-ROS). The law guides the centre of the rear

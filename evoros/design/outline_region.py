@@ -82,7 +82,7 @@ def trace_side(outline: Array, side: str) -> SideLine:
 @dataclass(frozen=True)
 @checked
 class OutlineRegion(protocol.RegionDescription):
-    """A side of the outline, at a height, of a robot or one of its links.
+    """A side of the outline of a robot, or of one of its links, at a height.
 
     Without collision shapes at that height, all shapes count. Sensors face outwards.
     """
@@ -156,7 +156,7 @@ class OutlineRegion(protocol.RegionDescription):
 
 @dataclass(frozen=True)
 class BoundOutlineRegion:
-    """A side of a robot's outline."""
+    """An outline region bound to a robot."""
 
     link: str
     ranges: Mapping[str, protocol.Range]

@@ -61,7 +61,7 @@ class BoundRegion(Protocol):
 
 
 class RegionDescription(ABC):
-    """A region for any robot."""
+    """A region that is not yet bound to a robot."""
 
     overhang_m: float = 0.0  # maximum distance [m] of a sensor outside the robot's outline
 

@@ -53,7 +53,7 @@ GENES, FIXED = checks.mapping_of(Gene, "genes"), checks.mapping_of(FixedSensor, 
 @dataclass(frozen=True)
 @checks.checked
 class SensorDesign:
-    """The sensor types, the regions where sensors are placed, and other evolved values.
+    """A design space not yet bound to a robot: sensor types, regions, other evolved values.
 
     The number of placed sensors also evolves if ``number`` is [low, high]. If ``mirrored``, each
     placed sensor has a twin across the robot's x axis. Types of ``fixed`` sensors are not placed.
@@ -133,7 +133,7 @@ class SensorDesign:
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """A design bound to a robot; it rejects genomes outside the closed unit cube."""
+    """A design space bound to a robot; it rejects genomes outside the closed unit cube."""
 
     design: SensorDesign
     robot: Robot

@@ -74,7 +74,7 @@ def refuse_articulated(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
             problem = "bends its frame" if gap > radius else "steers a whole axle"
             problem += f" at joint {name!r}, which turns the wheels {names} together"
         elif len(turned) == 2 and gap > tolerated(radius):
-            problem = f"steers wheel {names} {gap:.3g} m away from its steering axis {name!r}"
+            problem = f"turns wheel {names} about {name!r}, a steering axis {gap:.3g} m away"
             others = _choose_kind(pair_up([wheel for wheel in wheels if wheel.steering is None]))
             if others:
                 fixes = [f"set robot.drive.kind={others} if such wheels only trail, as casters do"]

@@ -184,7 +184,7 @@ class Opposition:
 
 @dataclass
 class Scores:
-    """The scores of a run's individuals so far; only the ledger covers every individual."""
+    """Scores a run's individuals generation by generation; only the ledger has all of them."""
 
     trials: Trials
     survivors: list[Individual] = field(default_factory=list)  # survivors of the last generation

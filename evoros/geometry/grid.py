@@ -23,7 +23,7 @@ GRID_SIZE = 5
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Square cells over the ground."""
+    """A grid of square cells over the ground."""
 
     origin: Array  # (2,) [m]
     cell: float  # [m]

@@ -50,7 +50,7 @@ class FilterStage(NamedTuple):
 
 
 class LayerStage(NamedTuple):
-    """A layer of a controller."""
+    """A controller layer's rule, with its parameters and memory."""
 
     rule: Callable[[Array, Array, Array, Array, Array, float, Array], bool]
     parameters: Array

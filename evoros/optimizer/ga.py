@@ -28,7 +28,7 @@ from evoros.optimizer.protocol import (
 @dataclass(frozen=True)
 @checked
 class GeneticAlgorithm(Optimizer):
-    """Tournaments, single-point crossover between blocks, mutation of aspects, and one elite.
+    """A genetic algorithm: tournaments, crossover between blocks, mutation of aspects, one elite.
 
     In each generation, tournaments in the population fill a parent pool of the same size.
     Consecutive parents cross over or are cloned. The population and the children form the candidate

@@ -59,7 +59,7 @@ class Candidate:
 
 
 class Search(Protocol):
-    """A started optimizer, used by ask, evaluate and tell."""
+    """A started optimizer: call ``ask``, evaluate the individuals, call ``tell``, and repeat."""
 
     def ask(self) -> Sequence[Individual]:
         """Return the individuals of the next generation that need evaluation."""

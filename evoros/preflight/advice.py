@@ -85,7 +85,7 @@ def _list_resistances(
 
 
 def _strengthen(setting: Setting, simulator: Simulator) -> Iterator[Change]:
-    """Yield higher effort limits of the wheels."""
+    """Yield the change that raises the wheels' effort limits."""
     robot = setting.robot
     for factor in (2.0, 4.0):
         elements, efforts = (robot.engine_urdf or robot.base_urdf).copy_elements(), []

@@ -33,7 +33,7 @@ class OwnSensor:
 
 @dataclass(frozen=True)
 class OwnSensors:
-    """The sensors in a description, and notes on where they deviate from the description."""
+    """The sensors found in a description, and notes on how they differ from it."""
 
     sensors: Sequence[OwnSensor]
     notes: Sequence[str]

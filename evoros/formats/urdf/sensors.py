@@ -132,7 +132,7 @@ class DescribedSensor:
 
 
 class SensorsRead(NamedTuple):
-    """The sensors of a description."""
+    """The sensors read from a description, and notes on sensors left out."""
 
     sensors: Sequence[DescribedSensor]
     left_out: Sequence[str]  # one line per sensor, with the reason

@@ -29,7 +29,7 @@ CONTACT_PROBE_SIZE = ZONE + ZONE_SIZE
 
 
 class Probes(NamedTuple):
-    """The sensors of a robot that do not cast rays."""
+    """A robot's sensors without rays, as arrays."""
 
     motion: Matrix  # (p, MOTION_PROBE_SIZE)
     wheels: Array  # indices of the wheel signals

@@ -88,7 +88,7 @@ Contact: TypeAlias = tuple[float, float, float, float, float, float]
 
 
 class Pusher(NamedTuple):
-    """A robot that takes a step."""
+    """A robot that pushes bodies in a step."""
 
     mass: float  # [kg]; the robot can overcome the friction of this mass at a coefficient of 1
     height: float  # [m]

@@ -158,7 +158,7 @@ def detect(obstacles: Matrix, entries: Array, faces: Array, sensors: Sensors, gr
 
 
 class Fan(NamedTuple):
-    """The values of a group that all obstacles share."""
+    """A group's values that do not depend on the obstacle."""
 
     first_beam: int
     end_beam: int

@@ -24,7 +24,7 @@ OWN_SHARE = 0.8  # fraction of a wall-clock limit after which this process exits
 
 
 class Tick(NamedTuple):
-    """The values before a decision; None stands for a missing reading."""
+    """The values on which a decision is based; None stands for a missing reading."""
 
     time: float  # mission time [s]
     state: list[float | None]  # x, y [m], yaw [rad], speed [m/s], yaw rate [rad/s], contact
