@@ -1,8 +1,8 @@
-"""Missions that run part by part: the bits of whole ones, and faults that come on their way."""
+"""Missions that run part by part: the bits of whole ones, faults on their way, and filters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,12 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mission_cases import run_interpreted
+from numpy.random import Generator
+from sensor_cases import equip, start_chain
 
-from evoros.base.arrays import YAW
+from evoros.base.arrays import YAW, Array
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
+from evoros.failure.combined import CombinedFailure
 from evoros.failure.given import GivenFailure
 from evoros.failure.none import NoFailure
 from evoros.failure.onset.place import PlaceOnset
@@ -27,9 +30,10 @@ from evoros.failure.part import PartFailure
 from evoros.failure.protocol import Failure, Fault
 from evoros.failure.random import RandomFailure
 from evoros.filter.constant import Constant
+from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.limit import Limit
 from evoros.filter.pose_jump import PoseJump
-from evoros.filter.protocol import Filter
+from evoros.filter.protocol import Channels, Filter
 from evoros.filter.silence import Silence
 from evoros.filter.stuck import Stuck
 from evoros.mission.compiled_loop import run_call
@@ -37,6 +41,7 @@ from evoros.mission.inputs import Run
 from evoros.mission.mission import AT_X, AT_Y, STEER, TIME, VISITED, Mission
 from evoros.mission.rollout import open_mission, run_mission
 from evoros.mission.scenario import Scenario
+from evoros.sensor.odometry import Odometry
 from evoros.testing import place_sensors
 
 PARTS: dict[str, Filter] = {
@@ -224,3 +229,73 @@ def test_nobody_drives_past_the_faults_of_a_drive() -> None:
         flown.run(10)
         with pytest.raises(InputError, match=r"must not affect commands, steering or drive"):
             flown.command(0.3, 0.3)
+
+
+def failing(effect: Filter, count: int = 1) -> RandomFailure:
+    return RandomFailure(count, 0.0, 1.0, effect)
+
+
+class Several(Failure):
+    """The same noise on all sensors, so many times."""
+
+    def __init__(self, times: int) -> None:
+        self.times = times
+
+    def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
+        return self.times * failing(GaussianNoise(0.2), channels.size).draw(channels, rng)
+
+
+@pytest.fixture(scope="module")
+def experiment() -> Experiment:
+    return compose([]).build()
+
+
+def heard(experiment: Experiment, failure: Failure, seconds: float = 3.0) -> Array:
+    """(ticks, sensors): what the controller reads of constant ranges under the failure."""
+    space = experiment.space
+    design = space.decode(np.full(space.size, 0.5))
+    robot = experiment.robot.with_sensors(design.mounts, experiment.design.sensors)
+    draws = partial(generator, "test")
+    faults = failure.draw(robot.describe_sensors(), draws("failure"))
+    raw, readings = np.full(len(robot.mounts), 2.0), np.zeros(len(robot.mounts))
+    chain = start_chain(robot, faults, raw, readings, draws)
+    rows = []
+    for tick in range(round(10 * seconds)):
+        for stage in chain:
+            stage.rule(*stage[2:7], 0.1 * tick)
+        rows.append(readings.copy())
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("added", [Silence(), GaussianNoise(0.3)])
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_failure_added_before_another_does_not_shift_its_noise(
+    experiment: Experiment, added: Silence | GaussianNoise, count: int
+) -> None:
+    noisy = failing(GaussianNoise(0.2))
+    first = failing(added, count)
+    alone = heard(experiment, CombinedFailure({"noisy": noisy}))
+    both = heard(experiment, CombinedFailure({"first": first, "noisy": noisy}))
+    intact = heard(experiment, CombinedFailure())
+    hit = (alone != intact).any(axis=0)
+    spared = hit & (heard(experiment, CombinedFailure({"first": first})) == intact).all(axis=0)
+    assert hit.sum() == spared.sum() == 1  # the failures meet different sensors
+    assert np.array_equal(alone[:, spared], both[:, spared])
+
+
+def test_faults_of_one_name_have_draws_of_their_own(experiment: Experiment) -> None:
+    intact, once, twice = (
+        heard(experiment, failure) for failure in (Several(0), Several(1), Several(2))
+    )
+    assert not np.allclose(once[-1], intact[-1])
+    assert not np.allclose(twice[-1] - intact[-1], 2 * (once[-1] - intact[-1]))
+
+
+def test_each_sensor_reads_its_own_signal(experiment: Experiment) -> None:
+    """Odometry divides what its own signal gained since the last reading by the time."""
+    mounts = [("odometry", 0.0, 0.0, 0.0, 0.0)] * 2
+    robot = equip(experiment.robot, *mounts, odometry=Odometry())
+    signals, readings = np.array([0.1, 0.2, 0.3, 0.4]), np.zeros(4)
+    for stage in start_chain(robot, (), signals, readings, partial(generator, "test")):
+        stage.rule(*stage[2:7], 0.5)
+    assert readings == pytest.approx(signals / 0.5)

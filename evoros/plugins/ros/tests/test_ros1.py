@@ -1,9 +1,11 @@
-"""ROS 1 nodes as the controller: their messages and commands, with equal bytes in each run."""
+"""ROS 1 nodes as the controller: equal bytes in each run, and one line for each fault."""
 
 import math
+import os
 import re
 import shlex
 import shutil
+import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -14,7 +16,7 @@ import pytest
 from busy import busy_cores
 from helpers import ROOT, content, tiny
 
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, LaunchError, PilotLost, SimulationError
 from evoros.plugins.ros.ros_controller import Ros1, name_topics
 from evoros.plugins.ros.tests.ros1_cases import PYTHON, controller, faulty, node
 from evoros.plugins.ros.tests.ros_cases import (
@@ -182,8 +184,8 @@ def test_ackermann_commands_are_taken_where_there_are_such_messages(tmp_path: Pa
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"nodes": []}, "nodes: must be a list of commands"),
-        ({"nodes": "python3 avoid.py"}, "nodes: must be a list of commands"),
+        ({"nodes": []}, "nodes: must be a non-empty list of commands"),
+        ({"nodes": "python3 avoid.py"}, "nodes: must be a non-empty list of commands"),
         ({"twist": "curvature"}, "twist: must be one of yaw_rate, steering"),
         ({"answer": "never"}, "answer: must be one of rest, each"),
         (
@@ -230,3 +232,89 @@ def test_a_run_with_one_worker_and_with_two_gives_the_same_bytes(tmp_path: Path)
         assert tiny(run, *settings, *parallel) == 0
     first, second = map(content, runs)
     assert first == second
+
+
+FAULTS = {
+    "dies": (PilotLost, r"faulty.py'? dies exited with status 7"),
+    "closes": (PilotLost, r"a node no longer publishes on /cmd_vel"),
+    "stops": (PilotLost, r"did not come to rest: .*faulty.py'? stops"),
+    "spins": (PilotLost, r"did not come to rest: .*faulty.py'? spins"),
+    "hides": (PilotLost, r"what the process .*faulty.py'? hides waits for is hidden"),
+    "nan": (SimulationError, r"NaN.* at 1.9 s; it must send"),
+    "infinite": (SimulationError, r"Infinity.* at 1.9 s; it must send"),
+    "mode": (SimulationError, r"dancing.* at 1.9 s; it must send"),
+}
+
+
+@pytest.fixture(scope="module")
+def endings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Exception | None]:
+    """How missions with each fault ended."""
+    python = tmp_path_factory.mktemp("bin") / "python3"
+    command = f"setpriv --bounding-set=-sys_ptrace {PYTHON}" if os.geteuid() == 0 else PYTHON
+    python.write_text(f'#!/bin/sh\nexec {command} "$@"\n')  # root may look at all processes
+    python.chmod(0o755)
+    changes: dict[str, dict[str, Any]] = {"hides": {"python": str(python)}}
+    return end_all({fault: faulty(fault, **changes.get(fault, {})) for fault in FAULTS})
+
+
+def end_all(controllers: dict[str, Ros1]) -> dict[str, Exception | None]:
+    """The error with which a mission of each controller ended; four missions at once."""
+    with ThreadPoolExecutor(4) as pool:
+        flights = {name: pool.submit(fly, item) for name, item in controllers.items()}
+        return {name: flight.exception() for name, flight in flights.items()}  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_in_mid_mission_ends_it_with_one_line(
+    fault: str, endings: dict[str, Exception | None]
+) -> None:
+    kind, message = FAULTS[fault]
+    error = endings[fault]
+    assert type(error) is kind
+    assert re.search(message, str(error))
+    assert "1.9" in str(error)
+    assert "\n" not in str(error)
+
+
+NO_ROS: dict[str, Any] = {"python": sys.executable}
+QUICK: dict[str, Any] = {"start_limit_s": 10.0}
+REFUSED: dict[str, tuple[list[str], dict[str, Any], str]] = {
+    "no rospy": (node("avoid", "rate"), NO_ROS, "controller.python: must be a Python with ROS 1"),
+    "no command": ([str(NODES / "avoid.py")], {}, "controller.nodes: this system cannot execute"),
+    "no node": (node("faulty", "no_node"), QUICK, "no_node has started no node"),
+    "deaf": (node("faulty", "deaf"), QUICK, "no node subscribes to /move_base_simple/goal, /odom"),
+    "mute": (node("avoid", "rate", "/wish"), QUICK, "no node publishes on /cmd_vel"),
+    "point": (node("faulty", "point"), {}, "/cmd_vel: messages must be Twist or"),
+    "parameter": (
+        node("avoid", "rate"),
+        {"parameters": {"gain": None}},
+        "controller.parameters.gain: must be a number, a string",
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def refusals() -> dict[str, Exception | None]:
+    """How missions with each unfit node ended."""
+    return end_all({case: controller(node, **more) for case, (node, more, _) in REFUSED.items()})
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_nodes_that_cannot_control_are_refused_in_one_line(
+    case: str, refusals: dict[str, Exception | None]
+) -> None:
+    error = refusals[case]
+    assert type(error) is LaunchError
+    assert REFUSED[case][2] in str(error)
+    assert "\n" not in str(error)
+
+
+def test_two_nodes_that_command_are_refused_by_their_names() -> None:
+    two = controller(node("avoid", "rate"), node("limit"))
+    with pytest.raises(LaunchError, match=r"/cmd_vel: must have one publisher, not 2 \(/avoid"):
+        fly(two)
+
+
+def test_a_node_that_fails_at_its_start_says_why() -> None:
+    with pytest.raises(PilotLost, match=r"there is no map.*exited with status 1"):
+        fly(faulty("fails"))

@@ -1,15 +1,18 @@
-"""A robot whose wheels stick out: they meet obstacles; what nothing drives turns freely."""
+"""Robots whose wheels stick out, whose mesh is missing or whose motors have no limits drive."""
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from drive_cases import FRONT, PAIR, REAR, Y, steered
 from pybullet_cases import level, short_experiment
 from rigid_cases import ENGINES, Rigid, probe
 
-from evoros.base.arrays import CONTACT, STATE_SIZE, X
+from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, X
+from evoros.drive.automatic import AutomaticDescription
 from evoros.drive.differential import DifferentialDescription
 from evoros.formats.urdf.tree import UrdfDocument
 from evoros.geometry.shapes import Body, Pose, Shape
@@ -17,7 +20,7 @@ from evoros.robot.loading import load_robot
 from evoros.robot.model import Robot
 from evoros.robot.mounting import MountDefaults
 from evoros.simulator.planar import Planar
-from evoros.simulator.protocol import open_alone
+from evoros.simulator.protocol import Simulator, open_alone
 from evoros.world.model import World
 
 pytestmark = pytest.mark.usefixtures("closed_engines")
@@ -139,3 +142,72 @@ def test_a_chassis_may_be_a_polyhedron(engine: type[Rigid], buggy: Robot) -> Non
     wall = Body("wall", Pose((0.65, 0.0, 0.5)), (Shape("box", (0.1, 0.1, 1.0)),))
     seen = drive_on(robot, world_with(wall), engine(time_step=0.005))
     assert next(x for x, contact in seen if contact) == pytest.approx(0.55, abs=0.035)
+
+
+INERTIAL = """<inertial><mass value="{0}"/>
+  <inertia ixx="{1}" iyy="{1}" izz="{1}" ixy="0" ixz="0" iyz="0"/></inertial>"""
+HEAVY_WHEEL = """<link name="{0}_wheel">{1}<collision><origin rpy="1.5707963 0 0"/>
+    <geometry><cylinder radius="0.05" length="0.03"/></geometry></collision></link>
+  <joint name="{0}_joint" type="continuous"><parent link="body"/><child link="{0}_wheel"/>
+    <origin xyz="0 {2} 0.05"/><axis xyz="0 1 0"/><limit effort="2" velocity="10"/></joint>"""
+BALL = """<link name="{0}_caster">{1}<collision><geometry><sphere radius="0.02"/></geometry>
+    </collision></link>
+  <joint name="{0}_joint" type="fixed"><parent link="body"/><child link="{0}_caster"/>
+    <origin xyz="{2} 0.1 0.02"/></joint>"""
+LOST = f"""<robot name="lost"><link name="body"><collision><geometry>
+    <mesh filename="package://lost/body.dae"/></geometry></collision></link>
+  <link name="mass">{INERTIAL.format(4.0, 0.04)}</link>
+  <joint name="mass_joint" type="fixed"><parent link="body"/><child link="mass"/>
+    <origin xyz="0 0 0.06"/></joint>
+  {HEAVY_WHEEL.format("left", INERTIAL.format(0.3, 0.0005), 0.15)}
+  {HEAVY_WHEEL.format("right", INERTIAL.format(0.3, 0.0005), -0.15)}
+  {BALL.format("front", INERTIAL.format(0.1, 0.0001), 0.14)}
+  {BALL.format("rear", INERTIAL.format(0.1, 0.0001), -0.14)}</robot>"""
+
+
+@pytest.mark.parametrize("kind", [Planar, *ENGINES])
+def test_a_post_between_the_wheels_stops_it(kind: type[Planar | Rigid], tmp_path: Path) -> None:
+    """The box around wheels and casters reaches 0.16 m ahead, and the post begins at 0.48 m."""
+    file = tmp_path / "lost.urdf"
+    file.write_text(LOST)
+    robot = load_robot(str(file), AutomaticDescription(), missing="box")
+    post = Body("post", Pose((0.5, 0.0, 0.5)), (Shape("box", (0.04, 0.04, 1.0)),))
+    state, places = np.zeros(STATE_SIZE), []
+    with open_alone(
+        kind(time_step=0.005).open, robot, level(short_experiment(), post)
+    ) as simulation:
+        for _ in range(40):
+            simulation.advance(np.array([0.3, 0.0]), 0.1)
+            simulation.observe(state)
+            places.append((float(state[X]), bool(state[CONTACT])))
+    first = next(x for x, contact in places if contact)
+    assert first == pytest.approx(0.32, abs=0.035)
+    assert places[-1][0] < 0.36
+
+
+DRIVES = {"differential": PAIR, "skid_steer": FRONT + REAR, "ackermann": None}
+UNLIMITED = {"none": "", "-1": 'effort="-1" velocity="-1"', "0": 'effort="0" velocity="0"'}
+BODY = """<link name="base"><inertial><origin xyz="0 0 0.05"/><mass value="4"/><inertia ixx="0.05"
+iyy="0.05" izz="0.05" ixy="0" ixz="0" iyz="0"/></inertial><collision><origin xyz="0 0 0.06"/>
+<geometry><box size="0.5 0.15 0.06"/></geometry></collision></link>"""
+
+
+@pytest.mark.parametrize("simulator", ENGINES)
+@pytest.mark.parametrize(
+    ("limit", "kind"),
+    [*(("none", kind) for kind in DRIVES), ("-1", "ackermann"), ("0", "differential")],
+)
+def test_wheels_without_limits_turn_as_commanded(
+    simulator: type[Simulator], limit: str, kind: str, tmp_path: Path
+) -> None:
+    """PyBullet's wheels that skid are prisms in a margin of 1 mm, of 2 % of the radius."""
+    stated = UNLIMITED[limit]
+    steering = steered("revolute", f'<limit lower="-0.6" upper="0.6" {stated}/>')
+    parts = (DRIVES[kind] or steering + REAR).replace(Y, f"{Y}<limit {stated}/>" if stated else Y)
+    (tmp_path / "r.urdf").write_text(f'<robot name="r">{BODY}{parts}</robot>')
+    robot = load_robot(str(tmp_path / "r.urdf"), AutomaticDescription())
+    speed, state = 0.9 * robot.drive.max_speed_mps, np.zeros(STATE_SIZE)
+    with open_alone(simulator().open, robot, level(short_experiment())) as simulation:
+        simulation.advance(np.array([speed, 0.0]), 2.0)
+        simulation.observe(state)
+    assert state[SPEED] == pytest.approx(speed, rel=0.03)
