@@ -184,7 +184,7 @@ def run_job(
     explain: Callable[[Path, BaseException], JobResult],
     job: Job,
 ) -> float:
-    """Run a job in this process; return its validated fitness, or else its best fitness."""
+    """Run a job in this process; return its validated fitness or, without one, its best fitness."""
     with log_to_terminal(again=True), log_everything(), log_for_job(str(job.folder)):
         try:
             session = build(job)

@@ -64,7 +64,7 @@ class Configuration:
 
 
 def build(values: Mapping[str, Any], choices: Mapping[str, str]) -> Any:
-    """Instantiate the class named by ``values``, and nested ones; ``choices`` is for messages."""
+    """Instantiate the classes that ``values`` names; ``choices`` is used in messages."""
     targets = check_classes(values, choices)
     worlds = values.get("world")
     names = [*worlds] if isinstance(worlds, Mapping) else []

@@ -190,7 +190,7 @@ def _read_kind(names: Sequence[str]) -> str:
 
 
 def find_diagonal(urdf: Urdf, wheels: Sequence[Candidate]) -> list[str]:
-    """Return the joints of wheels whose friction in Gazebo is at 45 deg, as with rollers."""
+    """Return the joints of wheels whose friction axis in Gazebo is at 45 deg, as with rollers."""
     # Some robots with plain wheels also use this setting, to turn better in Gazebo.
     joints = (wheel.joint for wheel in wheels)
     groups = ((joint, urdf.rigid_group(joint.child)) for joint in joints)

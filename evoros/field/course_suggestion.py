@@ -120,7 +120,7 @@ def _find_widest_route(
     ground: Sequence[Footprint] | None,
     home: tuple[float, float] | None,
 ) -> _Route | None:
-    """Find a route inside walls, or else among the obstacles, or else around them."""
+    """Find a route inside walls; failing that, among the obstacles, and finally around them."""
     if not footprints and ground is None:
         corners = OPEN_SIDE_M * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]])
         square = np.vstack(((0.0, 0.0) if home is None else home, corners))

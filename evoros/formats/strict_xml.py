@@ -92,7 +92,7 @@ def place_of(element: Element) -> str:
 
 
 def name_of(element: Element) -> str:
-    """Return the quoted name of the nearest enclosing model, else of the nearest element."""
+    """Return the quoted name of the nearest enclosing model or, without one, element."""
     owners = [owner for owner in walk_up(element) if owner.get("name")]
     models = [owner for owner in owners if owner.tag == "model"]
     return quote(next((str(owner.get("name")) for owner in (*models, *owners)), ""))

@@ -137,7 +137,7 @@ def _stays_beside(origin: float, direction: float, half: float, best: float) -> 
 
 @compilable
 def _intersect_box(origin: Point, way: Point, half: Point, best: float) -> float:
-    """Return the distance [m] along a unit vector to a box with half lengths [m], else ``best``."""
+    """Return the distance [m] along a unit vector to a box of half lengths [m], up to ``best``."""
     near, far = _clip(origin[0], way[0], half[0], -math.inf, best)
     if near > far or far < 0.0:
         return best

@@ -1,4 +1,4 @@
-"""The score if the worst failures that a design met occurred in all worlds together."""
+"""The score if the worst failures that a design has met coincided in all worlds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

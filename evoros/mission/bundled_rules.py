@@ -35,7 +35,7 @@ RULES = (
     (planar_rules.observe, OBSERVE),
     (NamedRule(pipeline.copy_signal, SENSOR_ARGUMENTS), FILTER),
 )
-"""The rules of everything else with their signatures, slow ones first."""
+"""All other rules with their signatures, the slowest to compile first."""
 
 
 def compile_share(index: int, shares: int) -> None:

@@ -48,7 +48,7 @@ def run(
 
 
 def open_controls(run: Path, controls: Controls) -> Iterator[Session]:
-    """Open each unfinished control of a finished run in turn; the caller runs it."""
+    """Open a finished run's unfinished controls one after another; the caller runs each."""
     run = run.absolute()
     parts: dict[str, Callable[[Path, Controls, Path], Session]] = {}
     if RANDOM in controls.designs:

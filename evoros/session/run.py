@@ -210,7 +210,7 @@ def _start_evaluation(
 
 
 def _find_size(record: RunFolder, key: str, written: int, wanted: int | None) -> int:
-    """Return the size in the status, or else ``written``; ``wanted`` must not be smaller."""
+    """Return the size in the status or, if unknown, ``written``; ``wanted`` must not be smaller."""
     recorded = record.read_status().get(SIZES[key])
     known = max(recorded, written) if isinstance(recorded, int) else written
     if recorded is None and len(record.rows):  # a run without rows may not have a status yet

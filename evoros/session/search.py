@@ -112,7 +112,7 @@ class Search(Watcher):
         self.folder.complete(ending.last.number + 1, self.extended)
 
     def _stops(self, spent: Spent) -> bool:
-        """Note the cost of a generation; return True at a limit, unless recorded ones follow."""
+        """Note a generation's cost; return True at a limit, unless recorded generations follow."""
         spent.wall_s = self._status.wall_s
         if len(self.processor_s) == spent.generations - 1 >= self._recorded:
             self.processor_s.append(round(self._before + spent.processor_s, 3))

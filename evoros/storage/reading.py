@@ -154,7 +154,7 @@ def load_run(folder: str | Path) -> Run:
 
 
 def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
-    """Read a CSV file, whose columns ``numbers`` are numeric, without an incomplete last row."""
+    """Read a CSV file except for an incomplete last row; columns ``numbers`` are numeric."""
     try:
         complete, newline, _ = read_bytes(path).decode().rpartition("\n")
         frame = pd.read_csv(io.StringIO(complete + newline))

@@ -30,7 +30,7 @@ from evoros.world.model import World
 _LOG = logging.getLogger(__name__)
 
 _Pairs = dict[tuple[int, int], float]
-"""Depths [m] of overlaps by pair of bodies, of which the first is movable."""
+"""Depth [m] of each overlap, keyed by a movable body and the body that it overlaps."""
 
 
 def free_bodies(bodies: Sequence[Body], source: str) -> tuple[Body, ...]:

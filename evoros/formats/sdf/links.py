@@ -203,7 +203,7 @@ def _read_shapes(
 
 
 def _read_friction(collision: Element) -> float:
-    """Read the friction coefficient mu: ODE's, else Bullet's, else 1, the default of SDF."""
+    """Read the friction coefficient mu of ODE or else Bullet, or return SDF's default of 1."""
     surface = xml.find_child(collision, "surface")
     friction = None if surface is None else xml.find_child(surface, "friction")
     if friction is None:
@@ -224,7 +224,7 @@ def _read_coefficient(element: Element | None) -> list[float]:
 
 
 def _read_density(collision: Element, link: Element) -> float:
-    """Return the density [kg/m3] of a collision: its value, else its link's, else water's."""
+    """Return a collision's density [kg/m3], by default its link's or, without one, water's."""
     for element in (collision.find("density"), link.find("inertial/density")):
         if element is not None:
             return xml.read_positive(element, 1)[0]

@@ -32,7 +32,7 @@ class Layout:
 
     @classmethod
     def around(cls, folders: Iterable[Path], home: Path | None) -> "Layout":
-        """Place folders such that relative paths between them remain valid.
+        """Place folders so that relative paths between them remain valid.
 
         Folders whose only common parent is above the user's ``home`` are placed side by side,
         because paths from that parent contain the user's name.
