@@ -135,13 +135,6 @@ def kill_worker(tally: str) -> None:
     time.sleep(LONG_S)
 
 
-def stop_worker(tally: str) -> None:
-    """Stop the worker of the cluster, and this process with it."""
-    note(tally)
-    os.kill(worker_of_cluster(), signal.SIGSTOP)
-    time.sleep(LONG_S)
-
-
 def kill_companion(tally: str) -> None:
     """Kill the process of evoros beside the worker of the cluster, and this one with it."""
     note(tally)

@@ -21,7 +21,7 @@ from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
 from evoros.simulator.engines.planar_layout import Memory, place_robot
 from evoros.simulator.planar import Planar
-from evoros.simulator.protocol import RuleSimulation, open_alone
+from evoros.simulator.protocol import RuleSimulation, Simulation, open_alone
 from evoros.world.model import World
 
 calm = settings(max_examples=25)
@@ -95,7 +95,7 @@ def put(simulation: RuleSimulation, x: float, y: float, yaw: float) -> None:
     place_robot(unpack(Memory, simulation.memory), 0, x, y, yaw)
 
 
-def state_of(simulation: RuleSimulation) -> Array:
+def state_of(simulation: Simulation) -> Array:
     state = np.zeros(STATE_SIZE)
     simulation.observe(state)
     return state

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from bag_readers import ReadMessage, read_mcap, read_rosbag
-from helpers import tiny
+from helpers import finished_run
 from matplotlib.collections import PolyCollection
 from rerun.chunk import RrdReader
 
@@ -66,9 +66,7 @@ AXES = ("x", "y", "z")
 
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
-    folder = tmp_path_factory.mktemp("all") / "run"
-    assert tiny(folder, *ALL) == DONE
-    return read_record(folder, "run")
+    return read_record(finished_run(tmp_path_factory.mktemp("all") / "run", *ALL), "run")
 
 
 @pytest.fixture(scope="module")

@@ -169,7 +169,6 @@ def test_designs_that_differ_a_little_are_others(column: str, copied: Path) -> N
 
 @pytest.mark.slow
 def test_other_evolved_values_belong_to_the_design(tmp_path: Path) -> None:
-    """Whatever the configuration of the evaluation has in their place."""
     key = "controller.avoidance.range_m"
     gene = f"{{_target_: evoros.design.genes.Gene, key: {key}, low: 1, high: 2}}"
     run = tmp_path / "run"

@@ -135,7 +135,6 @@ def test_it_can_be_read(name: str, studies: Callable[[str], Study], look: list[s
 
 
 def test_faults_of_text_are_found() -> None:
-    """Text on text, and text that leaves the picture."""
     figure = Figure(figsize=(2.0, 1.0))
     for place, word in (((0.3, 0.5), "under"), ((0.31, 0.52), "over"), ((0.9, 0.1), "leaves")):
         figure.text(*place, word)

@@ -130,7 +130,6 @@ def drawn_lines(axes: Axes) -> dict[str, list[float]]:
 
 @pytest.mark.parametrize("width", [3.5, 7.0])
 def test_treatments_share_panels_and_one_legend(width: float) -> None:
-    """Nothing of the storm was validated."""
     figure, table = draw_fitness(STUDY, width), compute_quartiles(STUDY)
     recorded, validated = figure.axes
     assert [axes.get_title() for axes in figure.axes] == ["best, recorded", "best, validated"]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from browser import chromium, complaints, find_map, press
-from helpers import tiny
+from helpers import finished_run
 from selenium.webdriver import Chrome
 
 from evoros.analysis.command import evoros_analyze
@@ -34,9 +34,7 @@ SEARCH = (
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("maps") / "run"
-    assert tiny(folder, *SEARCH) == DONE
-    return folder
+    return finished_run(tmp_path_factory.mktemp("maps") / "run", *SEARCH)
 
 
 @pytest.fixture(scope="module")

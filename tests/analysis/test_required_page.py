@@ -65,7 +65,6 @@ def test_the_trajectories_of_the_worst_missions_are_those_of_a_replay(
 def test_the_worst_kept_missions_are_shown_as_those_of_a_champion(
     folder: Path, tmp_path: Path, capsys: Capture
 ) -> None:
-    """In each world whose missions were kept, the worst one of them."""
     assert evoros_analyze(["mission", str(folder), f"--output={tmp_path}"]) == DONE
     said = capsys.readouterr().out
     shown = pd.read_csv(tmp_path / "mission.csv")

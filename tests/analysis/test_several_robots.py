@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bag_readers import read_mcap
-from helpers import tiny
+from helpers import finished_run
 from rerun.chunk import RrdReader
 
 from evoros.analysis.command import evoros_analyze
@@ -44,9 +44,7 @@ TWO = (
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     """A run in which the second robot has a design of its own."""
-    folder = tmp_path_factory.mktemp("two") / "run"
-    assert tiny(folder, *TWO) == 0
-    return load_study([folder])
+    return load_study([finished_run(tmp_path_factory.mktemp("two") / "run", *TWO)])
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from documents import columns, figure_pages
 from fixture_types import Capture, Folders, Patch
-from helpers import TINY, copied, cut, everything, reseal, tiny, vary
+from helpers import TINY, copied, cut, everything, finished_run, reseal, tiny, vary
 
 from evoros import InputError
 from evoros.analysis import analyze, load_study, save
@@ -59,7 +59,7 @@ def documented(subcommand: str, heading: str, result: list[str]) -> list[str]:
     """The columns of a file; some are there only in some runs, or in place of another."""
     names: list[str] = []
     for first, meaning in columns(sections()[subcommand], heading):
-        instead = re.match(r"in place of `(\w+)`", meaning)
+        instead = re.match(r"replaces `(\w+)`", meaning)
         if meaning.startswith("only with "):
             names += [name for name in re.findall(r"\w+", first) if name in result]
         elif instead is None:
@@ -173,9 +173,7 @@ def test_in_python_a_wrong_name_is_refused(mixed: Path) -> None:
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("unfinished") / "run"
-    assert tiny(folder, "record=all") == DONE
-    return folder
+    return finished_run(tmp_path_factory.mktemp("unfinished") / "run", "record=all")
 
 
 def interrupt(run: Path, to: Path, state: str) -> Path:

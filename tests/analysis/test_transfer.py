@@ -68,7 +68,6 @@ def fitness(folder: Path) -> dict[str, float]:
 
 @pytest.mark.slow
 def test_designs_are_matched_by_what_they_are(folder: Path) -> None:
-    """In another file, in another order."""
     table = pairs(folder / "spatial", folder / "random").set_index("design")
     spatial, random = fitness(folder / "spatial"), fitness(folder / "random")
     assert sorted(table.index) == sorted(ANGLES)
@@ -226,7 +225,6 @@ def test_evaluations_are_told_apart_by_controller(rungs: list[Path]) -> None:
 
 
 def test_each_rung_is_compared_with_the_next(rungs: list[Path]) -> None:
-    """Whatever they differ in, in the order given; a design keeps its name."""
     for order in (rungs, rungs[::-1]):
         table = climb(load_study(order))
         assert len(table) == 2 * len(ANGLES)

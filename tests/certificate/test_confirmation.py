@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from helpers import USER_PARTS, content, copied, cut, refusal, resume, tiny
+from helpers import USER_PARTS, content, copied, cut, finished_run, refusal, resume, tiny
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -90,9 +90,7 @@ def test_a_confirmation_is_the_selection_again_at_places_of_its_own(policy: str)
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An uninterrupted run with two trials."""
-    run = tmp_path_factory.mktemp("whole") / "run"
-    assert tiny(run, *STRICT, "trials=2") == DONE
-    return run
+    return finished_run(tmp_path_factory.mktemp("whole") / "run", *STRICT, "trials=2")
 
 
 def strict(*more: str) -> Experiment:

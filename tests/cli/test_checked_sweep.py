@@ -80,7 +80,6 @@ def test_an_evaluation_without_its_designs_stops_the_sweep(tmp_path: Path, capsy
 
 @given(st.data())
 def test_a_fault_is_named_by_the_overrides_that_cause_it(data: st.DataObject) -> None:
-    """A value of one axis is at fault, whatever the others are."""
     axes = data.draw(st.lists(st.integers(2, 4), min_size=1, max_size=3))
     values = [[f"key{axis}={value}" for value in range(count)] for axis, count in enumerate(axes)]
     axis = data.draw(st.integers(0, len(axes) - 1))
@@ -108,7 +107,6 @@ SEEDS = "seed=3,12"
     ],
 )
 def test_jobs_that_differ_in_numbers_are_as_each_is_alone(words: tuple[str, ...]) -> None:
-    """They are composed together, and all that they have is as in jobs composed one by one."""
     place = "hydra.sweep.dir=a"
     together = [job for job in Jobs([*words, place], True, None) if isinstance(job, Job)]
     assert len(together) == len(Jobs([*words, place], True, None))

@@ -246,7 +246,6 @@ def test_help_explains_and_version_is_ours(capsys: Capture) -> None:
 def test_an_exception_in_a_worker_stops_the_run_which_can_be_resumed(
     tmp_path: Path, capsys: Capture
 ) -> None:
-    """With a user's class, from a folder that may have any name."""
     run, mark, folder = tmp_path / "run", tmp_path / "mark", tmp_path / "it's, mine=1"
     folder.symlink_to(USER_PARTS, target_is_directory=True)
     faulty = ["simulator.fault=raise", f"simulator.mark={mark}"]

@@ -67,7 +67,6 @@ def test_figures_that_were_not_drawn_are_drawn(tmp_path: Path) -> None:
 
 
 def test_another_run_is_not_touched(copy: Path, capsys: Capture) -> None:
-    """Jobs with the same folders, but another configuration than the folders' runs."""
     before = everything(copy)
     subdir = "hydra.sweep.subdir='" + NAME.format("${seed}") + "'"
     assert sweep(copy, "seed=0,1", "trials=2", subdir) == INPUT
@@ -236,7 +235,6 @@ def expected(tmp_path_factory: Folders) -> dict[str, dict[str, str]]:
 def test_a_launcher_makes_the_same_folders_and_a_bad_job_stops_the_sweep(
     launcher: str, expected: dict[str, dict[str, str]], tmp_path: Path, capfd: Capture
 ) -> None:
-    """And it goes on with a sweep that has begun."""
     sweep, chosen = tmp_path / "a sweep", f"hydra/launcher={launcher}"
     assert launch(sweep, "seed=-2,0", chosen) == INPUT
     assert not sweep.exists()

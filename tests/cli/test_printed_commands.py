@@ -55,7 +55,6 @@ def run_apart(lines: Iterable[str]) -> dict[str, int]:
 
 @pytest.mark.slow
 def test_every_printed_command_does_what_its_line_says(tmp_path: Path, monkeypatch: Patch) -> None:
-    """Also with parts of the user's own, in a folder with an awkward name."""
     name = AWKWARD
     monkeypatch.chdir(tmp_path)
     finished_run(tmp_path / name)

@@ -107,7 +107,6 @@ def sweep_of(works: list[Fake], names: str) -> tuple[Sweep, list[Job], dict[str,
 def test_the_folders_of_a_sweep_are_those_of_its_runs_alone(
     tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
-    """With jobs among them that are lost, and some that give warnings."""
     opened: list[Processes] = []
     real = Processes.open
 

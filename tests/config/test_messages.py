@@ -24,7 +24,6 @@ from evoros.files.resources import bundled_folder
     ],
 )
 def test_a_misspelt_key_is_told_with_the_nearest_existing_one(typed: str, meant: str) -> None:
-    """The proposal is the whole key, which composes."""
     with pytest.raises(InputError) as raised:
         compose([typed])
     assert str(raised.value).endswith(f"did you mean {meant}")
@@ -40,7 +39,6 @@ def test_a_key_that_a_file_may_have_is_added_as_the_message_says(tmp_path: Path)
 
 @pytest.mark.parametrize("group", ["world", "robot", "controller"])
 def test_a_group_without_a_choice_is_told_with_choices_that_work(group: str) -> None:
-    """Choices of plug-ins are named, too."""
     files = (file for folder in conf_folders() for file in folder.glob(f"{group}/*.yaml"))
     bundled = sorted(file.stem for file in files)
     for word in (f"{group}=[]", f"~{group}"):

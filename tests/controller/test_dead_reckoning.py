@@ -120,7 +120,6 @@ def test_silent_sensors_are_replaced_or_stay(robot: Robot) -> None:
 
 @pytest.mark.slow
 def test_missions_are_the_same_compiled_and_have_the_estimate() -> None:
-    """Also if the IMU falls silent on the way."""
     failing = ["failure=random", "failure.count=8", "failure.earliest_s=5", "failure.latest_s=20"]
     failing += ["world.maze.course.time_limit_s=30"]
     experiment = compose(["experiment=reckoning", *failing]).build()

@@ -189,7 +189,6 @@ def require_own_loss_only(outcomes: dict[MissionKey, Outcomes], *reasons: str) -
 
 @pytest.mark.slow
 def test_an_exception_amid_a_call_costs_its_own_mission_only() -> None:
-    """And the others have the outcomes that they have in this process."""
     outcomes = flown(Processes(workers=1, retries=0), trapped("fail", 13), WORST)
     require_own_loss_only(outcomes, "the trap")
 
@@ -213,7 +212,6 @@ def test_a_fault_that_stops_the_run_is_that_of_one_mission(monkeypatch: Patch) -
 
 @pytest.mark.slow
 def test_a_crash_amid_a_call_costs_its_own_mission_only(tmp_path: Path, monkeypatch: Patch) -> None:
-    """It crashes in a call with others, if in any, and alone."""
     monkeypatch.setattr(calls, "CALL_S", 1e6)  # no call ends before the mission that crashes
     scenario = trapped("crash", 13, str(tmp_path / "tally"))
     near = slice(None, None, 2)  # one mission of each design

@@ -46,7 +46,6 @@ def test_every_link_leads_somewhere(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_a_table_has_no_gap(page: Path) -> None:
-    """What follows an empty line is a table of its own, with a head."""
     rest = re.findall(r"\|\n\n+(\|.*)\n(?!\|[-| :]+\|$)", prose(page), re.M)
     assert rest == []
 

@@ -29,9 +29,7 @@ MORE = (*FINAL, *PRECISE, "validation.rivals=2", "trials=2")
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: Folders) -> Path:
-    folder = tmp_path_factory.mktemp("ending") / "run"
-    assert tiny(folder, *MORE) == DONE
-    return folder
+    return finished_run(tmp_path_factory.mktemp("ending") / "run", *MORE)
 
 
 def certificate(run: Path) -> Any:

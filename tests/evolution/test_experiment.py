@@ -104,7 +104,6 @@ def test_the_champions_trajectory_is_that_of_its_mission(tmp_path: Path) -> None
 
 
 def test_validation_never_enters_selection(tmp_path: Path) -> None:
-    """The same search with more validation: every fitness stays, only the validated ones change."""
     without, with_it = (
         load_run(finished_run(tmp_path / f"{trials}", f"optimizer.validation_trials={trials}"))
         for trials in (0, 2)
@@ -143,7 +142,6 @@ def test_every_bundled_experiment_flies(name: str) -> None:
 
 @pytest.mark.parametrize("failure", ["none", "random", "spatial", "combined"])
 def test_groups_of_parts_combine(failure: str) -> None:
-    """Each part is at work: the failure from the start, and the controller that was chosen."""
     early = {
         "random": ["failure.earliest_s=0.5", "failure.latest_s=0.5"],
         "spatial": ["failure.earliest_s=0.5", "failure.latest_s=0.5"],

@@ -198,7 +198,6 @@ def test_workers_that_are_still_starting_end_too_and_in_silence(
 @pytest.mark.usefixtures("no_process_left")
 @pytest.mark.parametrize("leave", [False, True])
 def test_a_program_in_a_session_of_its_own_ends_with_its_worker(tally: str, leave: bool) -> None:
-    """Also if the worker crashes before."""
     with Processes(workers=1, retries=0).open() as pool:
         done = pool.submit(start_and_leave, tally, leave)
         assert isinstance(done.exception(60), WorkerLost if leave else NoneType)

@@ -157,7 +157,6 @@ def test_an_onset_is_an_event_and_a_time_after_it(name: str) -> None:
 
 
 def test_a_drawn_onset_shifts_no_later_draw() -> None:
-    """Whatever its bounds are, and whether or not they are equal."""
     pairs: list[tuple[Onset, Onset]] = [
         (TimeOnset(), TimeOnset(5.0, 5.0)),
         (CourseOnset(), CourseOnset(0.5, 0.5)),

@@ -16,7 +16,7 @@ import kills
 import power_cuts
 import pytest
 from cases import FAULT, SAME, Fault, Trial, run_cases
-from helpers import copied, everything, reseal, tiny
+from helpers import copied, everything, finished_run, reseal
 
 from evoros.files import disk
 from evoros.terminal.console import DONE, INPUT, report_error
@@ -25,9 +25,7 @@ from evoros.terminal.log import log_to_terminal
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("harness") / "run"
-    assert tiny(folder, "optimizer.generations=1") == DONE
-    return folder
+    return finished_run(tmp_path_factory.mktemp("harness") / "run", "optimizer.generations=1")
 
 
 def change_a_digit(folder: Path) -> Path:

@@ -238,7 +238,6 @@ def test_the_six_worlds_show_the_narrow_object_on_all_sides_and_share_their_numb
 
 
 def test_decoys_are_everywhere_that_is_allowed() -> None:
-    """Uniform bearings outside of the forbidden third: none of four equal parts is rare."""
     one = replace(SCENE, decoys=1)
     drawn = [float(places(one.draw_world(str(key)))[1][1]) for key in range(200)]
     shares = np.histogram(np.mod(drawn, 2 * math.pi), 4, (math.pi / 3, 5 * math.pi / 3))[0] / 200

@@ -119,7 +119,6 @@ def test_a_link_and_a_folder_are_no_zip_file(tmp_path: Path) -> None:
 
 @given(st.dictionaries(st.from_regex(r"[a-z]{1,3}(/[a-z]{1,2})?", fullmatch=True), st.binary()))
 def test_what_is_written_is_read(files: dict[str, bytes]) -> None:
-    """In the same bytes each time, however well it can be packed."""
     from tempfile import TemporaryDirectory
 
     tops = {name.partition("/")[0] for name in files if "/" in name}

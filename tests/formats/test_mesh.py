@@ -276,7 +276,6 @@ def test_a_negative_scale_mirrors(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_library_s_attempts_at_a_file_are_not_told(tmp_path: Path, capfd: Capture) -> None:
-    """Not even where no log has been set up."""
     text = "solid s\n facet normal 0 0 x\n  outer loop\n   vertex 0 0 0\n   vertex 1 0 0\n"
     text += "   vertex 0 1 0\n  endloop\n endfacet\nendsolid s\n"
     path = write(tmp_path / "normals.stl", text)

@@ -80,7 +80,6 @@ def rock(seed: int) -> Shape:
 @settings(deadline=None, max_examples=20)
 @given(st.lists(st.integers(0, 2**32), min_size=1, max_size=3), angles)
 def test_polyhedra_survive_being_written(seeds: list[int], yaw: float) -> None:
-    """A movable body of some parts, and a fixed one of a single part."""
     pose = Pose.from_rpy((1.25, -3.5, 20.0), 0.3, 0.2, yaw)
     shapes = tuple(map(rock, seeds))
     movable = Body("movable", pose, shapes, 4.0, 0.7, (0.1, 0.2, 0.25))

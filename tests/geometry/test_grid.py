@@ -38,7 +38,6 @@ def test_the_index_names_all_that_is_within_reach(
 
 
 def test_a_long_wall_is_listed_only_where_it_is_near() -> None:
-    """Not all over the circle around it."""
     wall = Footprint(np.array([[-50.0, 0.0], [50.0, 0.0], [50.0, 0.2], [-50.0, 0.2]]))
     grid = Grid.around([wall], 5.0)
     _, entries = grid.list_near([wall], 5.0)

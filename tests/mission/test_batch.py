@@ -115,7 +115,6 @@ def test_missions_with_each_choice_of_each_group_run_together_or_have_no_kernel(
 
 
 def test_a_mission_that_cannot_be_opened_leaves_the_others_alone() -> None:
-    """A part refuses an evolved value of its design."""
     experiment = experiment_of(*COMBINATIONS[1])
     chosen = missions(experiment, 2)
     design = replace(chosen[0].design, values={"controller.avoidance.range_m": -1.0})
@@ -170,7 +169,6 @@ def test_so_have_missions_in_a_live_engine() -> None:
 
 
 def test_missions_of_several_experiments_are_one_launch() -> None:
-    """One that has no kernel leaves the others alone."""
     driver = StandInDriver()
     runner = Batcher(open_stand_in(driver))
     experiments = [experiment_of(*COMBINATIONS[k]) for k in (1, 0)]

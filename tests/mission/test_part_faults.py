@@ -270,7 +270,6 @@ def test_a_sensor_can_fail_by_an_event_too() -> None:
 
 
 def test_a_probability_is_a_share_of_missions() -> None:
-    """Of 200 missions, within four standard errors."""
     rare = ("failure=drive", "failure.probability=0.3", *NOW)
     failure, draws = configured(*rare).failure, 200
     hit = sum(

@@ -337,7 +337,6 @@ def write_wheel(path: Path, radius: float = 50.0, half: float = 15.0) -> None:
 def test_a_wheel_of_any_shape_becomes_a_cylinder(
     tmp_path: Path, caplog: Log, kind: str, part: str
 ) -> None:
-    """A cylinder about its axis, as large as the shape."""
     write_wheel(tmp_path / "wheel.stl")
     shape = f"<{part}>{TETRAHEDRA[kind]}</{part}>"
     if kind == "box":  # not round: it must be named

@@ -125,7 +125,6 @@ def test_a_run_has_no_table_of_an_evaluation(run: Path) -> None:
 
 @pytest.mark.slow
 def test_draws_are_none_of_the_runs_and_the_same_for_all_designs(run: Path, tmp_path: Path) -> None:
-    """Though the seed is the run's."""
     assert scored(tmp_path / "scores", run, "trials=2") == DONE
     assert scored(tmp_path / "seed", run, "trials=2", "seed=1") == DONE
     seen, fresh, other = (

@@ -137,7 +137,6 @@ def test_a_run_may_keep_none(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 
 
 def test_an_evaluation_keeps_all_if_told(run: Path, tmp_path: Path) -> None:
-    """Its folder of trajectories has the same layout; designs are numbered as they are given."""
     folder = scored(tmp_path / "all", run, "record=all", "trials=2")
     wanted = [(0, 0, world, trial) for world in ("far", "near") for trial in (0, 1)]
     assert all((folder / trajectory_file(key)).is_file() for key in wanted)

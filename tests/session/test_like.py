@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import yaml
 from fixture_types import Capture, Folders, Patch
-from helpers import OPTION, USER_PARTS, refused, reseal, tiny, vary
+from helpers import OPTION, USER_PARTS, finished_run, refused, reseal, tiny, vary
 
 from evoros.cli.command import evaluate
 from evoros.config.compose import compose
@@ -22,9 +22,7 @@ SHORT = ("optimizer.generations=1", "optimizer.population_size=2")
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: Folders) -> Path:
-    folder = tmp_path_factory.mktemp("like") / "run"
-    assert tiny(folder, *CHANGED, *SHORT) == DONE
-    return folder
+    return finished_run(tmp_path_factory.mktemp("like") / "run", *CHANGED, *SHORT)
 
 
 def like(run: Path, folder: Path, *more: str) -> int:

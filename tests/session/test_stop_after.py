@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from helpers import TINY, everything, tiny
+from helpers import TINY, everything, finished_run, tiny
 
 from evoros.cli.main import evoros
 from evoros.evolution.stop_after import Spent, StopAfter
@@ -20,9 +20,7 @@ VARYING = ("evoros.log", "status.json", "manifest.json", "config.yaml", "digests
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("runs") / "whole"
-    assert tiny(folder, *SIZE) == DONE
-    return folder
+    return finished_run(tmp_path_factory.mktemp("runs") / "whole", *SIZE)
 
 
 @pytest.fixture

@@ -165,7 +165,6 @@ def test_contact_is_that_of_the_outlines() -> None:
 
 
 def test_a_robot_that_reaches_farther_than_it_sees_meets_obstacles() -> None:
-    """Without any sensor, and with an outline of more than a metre."""
     bare = experiment().robot.with_sensors([], {})
     robot = replace(bare, outline=4.0 * bare.outline)
     post = Shape("box", (0.2, 0.2, 0.5)), Pose((4.0, 0.0, 0.25))

@@ -157,7 +157,6 @@ def test_a_robot_pushes_as_much_friction_as_its_weight_has() -> None:
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_nothing_overlaps_wherever_a_rover_drives(seed: int) -> None:
-    """Among boxes, barrels and walls, turned at random."""
     rng = np.random.default_rng(seed)
     obstacles: list[Body] = []
     for i, (x, y, yaw) in enumerate(rng.uniform((-2.5, -2.5, -3), (2.5, 2.5, 3), (40, 3))):

@@ -252,7 +252,6 @@ def test_a_robot_pushes_a_crate_until_it_meets_another_robot() -> None:
 
 @pytest.mark.slow
 def test_robots_that_push_apart_do_so_as_each_alone() -> None:
-    """A low one and a high one, each with a crate of its own."""
     kinds = [("erle_rover", 0.0), ("mule", 9.0)]
     robots = [PlacedRobot(equip(name, (0.2, 0, 0.3, 0)), (x, 0, 0, 0.2)) for name, x in kinds]
     crates = [box(f"crate{x}", x + 0.6, 0.1, (0.3, 0.3, 0.3), mass=1.0) for _, x in kinds]

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from lxml import etree
+from planar_cases import state_of
 from pybullet_cases import level, short_experiment
 from rigid_cases import ENGINES, Rigid, attitude
 
-from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, YAW_RATE, Array, X, Y
+from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, YAW_RATE, X, Y
 from evoros.config.compose import compose
 from evoros.drive.automatic import AutomaticDescription
 from evoros.drive.skid_steer import SkidSteer
@@ -54,12 +55,6 @@ def plain(*bodies: Body) -> World:
     ground = tuple(body for body in world.bodies if body.is_ground)
     course = replace(world.course, home_x_m=0.0, home_y_m=0.0, home_z_m=0.0, home_yaw_rad=0.0)
     return replace(world, bodies=(*ground, *bodies), course=course)
-
-
-def state_of(simulation: Any) -> Array:
-    state = np.zeros(STATE_SIZE)
-    simulation.observe(state)
-    return state
 
 
 # Open loop.

@@ -121,7 +121,6 @@ def test_the_second_robot_is_named_by_its_bit(simulator: Any) -> None:
 
 
 def test_absent_walkers_have_no_place(simulator: Any) -> None:
-    """Of a number that is drawn, all have columns."""
     robot = equip("erle_rover", AHEAD)
     several = walkers(number=[0, 3], route=[(3.0, 0.0), (3.0, 9.0)])
     counts, signals = set(), np.zeros(robot.signal_count)

@@ -145,7 +145,6 @@ def test_a_damaged_one_is_said_in_one_line(
 def test_sensors_are_where_the_robot_has_them(
     poses: list[tuple[float, float, float]], yaw: float
 ) -> None:
-    """In the robot's frame, whatever link carries them."""
     place = (0.1, -0.2, 0.3, yaw)
     robot = replace(evolving().robot, sensor_links={"mast": place})
     mounts = [Mount("sonar", "mast", x, y, 0.05, turn, 12.5) for x, y, turn in poses]
@@ -165,7 +164,6 @@ def test_sensors_are_where_the_robot_has_them(
 def test_a_candidate_has_the_mounts_of_its_design(
     build: Callable[[], Experiment], data: st.DataObject
 ) -> None:
-    """Whatever evolves: types, regions with heights of their own, the number of sensors."""
     experiment = build()
     space = experiment.space
     genome = np.array([data.draw(st.floats(0, 1)) for _ in range(space.size)])

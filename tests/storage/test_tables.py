@@ -4,7 +4,7 @@ import math
 from dataclasses import fields, replace
 
 import pytest
-from helpers import tiny
+from helpers import finished_run
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
@@ -23,7 +23,6 @@ from evoros.storage.tables import (
     read_outcomes,
     to_csv,
 )
-from evoros.terminal.console import DONE
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 # Reasons are one line; lists of effects hold names.
@@ -119,9 +118,9 @@ MIXED = [
 
 @pytest.fixture(scope="module", params=range(3))
 def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Run:
-    folder = tmp_path_factory.mktemp("run") / "run"
-    assert tiny(folder, *MIXED, f"seed={request.param}") == DONE
-    return load_run(folder)
+    return load_run(
+        finished_run(tmp_path_factory.mktemp("run") / "run", *MIXED, f"seed={request.param}")
+    )
 
 
 def test_each_sensor_of_the_table_is_a_link_of_the_robot_at_its_pose(run: Run) -> None:

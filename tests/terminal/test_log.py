@@ -96,7 +96,6 @@ def test_a_log_that_cannot_be_read_withholds_nothing(tmp_path: Path, capsys: Cap
 def test_control_characters_of_others_reach_no_terminal_and_no_log(
     capsys: Capture, tmp_path: Path
 ) -> None:
-    """A program's output may move the cursor, or rename the window."""
     with log_to_terminal(), log_to_file(tmp_path / "log"):
         LOGGER.warning("pilot said %s", "\x1b[2J\x1b]0;owned\x07 gr\u00fc\u00dfe\u9b27\x85")
     plain = "pilot said \\x1b[2J\\x1b]0;owned\\x07 gr\u00fc\u00dfe\u9b27\\x85\n"

@@ -236,7 +236,6 @@ def test_bodies_that_stand_are_those_of_the_world() -> None:
 
 
 def test_a_body_that_fell_is_in_the_way() -> None:
-    """From above the robot's height to the ground."""
     world = world_of(GROUND, hung("high", 2.0, 2.0, 4.0))
     assert len(project_bodies(world.obstacles, 0.3)) == 0
     assert len(outlines(world, 0.3).rows) == 1

@@ -272,7 +272,6 @@ def test_an_existing_file_stays(case: Case, capsys: Capture) -> None:
 
 
 def test_a_full_disk_leaves_no_file(case: Case, tmp_path: Path, capsys: Capture) -> None:
-    """A limit of the system, which no file may exceed."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     size = case.file.stat().st_size
     given = [case.run, "--config-dir", case.project / "mine"]

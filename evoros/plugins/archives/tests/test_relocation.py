@@ -45,7 +45,6 @@ NAMES = st.lists(st.sampled_from("abc"), min_size=1, max_size=4).map("/".join)
 
 @given(st.lists(NAMES, min_size=1, max_size=4), NAMES, NAMES)
 def test_files_lie_to_each_other_as_before(folders: list[str], one: str, other: str) -> None:
-    """Whether relative paths with ``..`` lead from one to the other."""
     import os
 
     paths = [Path("/top") / folder for folder in folders]

@@ -26,7 +26,7 @@ from executor_calls import (
     wait_until,
 )
 from fixture_types import Capture, Folders, Log, Patch
-from helpers import ROOT, TINY, content, resume, start, tiny, wait_for_missions
+from helpers import ROOT, TINY, content, finished_run, resume, start, wait_for_missions
 
 from evoros.base.errors import InputError, RunStopped, WorkerLost
 from evoros.cli.main import evoros
@@ -49,9 +49,7 @@ GENERATIONS = "optimizer.generations=4"
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: Folders) -> dict[str, str]:
     """A run in one process."""
-    run = tmp_path_factory.mktemp("whole") / "run"
-    assert tiny(run, GENERATIONS) == DONE
-    return content(run)
+    return content(finished_run(tmp_path_factory.mktemp("whole") / "run", GENERATIONS))
 
 
 @pytest.fixture(scope="module")

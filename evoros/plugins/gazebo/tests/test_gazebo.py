@@ -95,7 +95,6 @@ def push() -> bytes:
 
 @pytest.mark.slow
 def test_bits_do_not_depend_on_what_a_server_did_before(flown: Experiment) -> None:
-    """Reset, opened again beside another world, and in another process."""
     first = push()
     assert push() == first
     run_mission(flown.scenario, mission(flown, "maze"))

@@ -264,7 +264,6 @@ def tables_of(sweep: Path) -> set[bytes]:
 def test_a_sweep_launches_missions_of_all_its_runs_together(
     tmp_path: Path, monkeypatch: Patch
 ) -> None:
-    """With fewer launches than its runs alone, and the same bytes."""
     launches, alone, missions_alone = Launches(monkeypatch), 0, 0
     for seed in (0, 1, 2):
         folder = f"hydra.run.dir={tmp_path / 'alone' / str(seed)}"

@@ -88,7 +88,6 @@ def test_faces_of_a_mesh_are_seen_from_both_sides_and_in_the_same_shade() -> Non
 
 
 def test_sensors_on_a_mesh_are_seen(urdf: str) -> None:
-    """A sensor on the roof is in the picture in the colour of its state."""
     box = '<visual><geometry><box size="0.04 0.04 0.04"/></geometry></visual>'
     joint = (
         '<joint name="s" type="fixed"><parent link="base_link"/><child link="sonar_0"/>'

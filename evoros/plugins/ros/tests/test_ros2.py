@@ -64,7 +64,6 @@ def faulty(fault: str, **changes: Any) -> Ros2:
 
 @pytest.mark.slow
 def test_nodes_on_busy_cores_give_what_their_algorithms_give() -> None:
-    """The algorithms and their expected commands are the same as for ROS 1."""
     with busy_cores():
         flown = fly_at_once({style: controller(node("avoid", style)) for style in STYLES})
     assert flown == {style: expect(style, first_end=0) for style in STYLES}
@@ -85,7 +84,6 @@ def test_a_command_may_start_its_node_as_a_process_of_its_own() -> None:
 
 @pytest.mark.slow
 def test_a_graph_of_two_nodes_gives_the_same_bytes_on_busy_cores() -> None:
-    """Both nodes react to the odometry, and the second one to the first."""
     avoid = [*node("avoid", "callback"), "--ros-args", "-r", "cmd_vel:=wish"]
     first, second = controller(avoid, node("limit")), controller(node("limit"), avoid)
     steps = fly(first)

@@ -69,7 +69,6 @@ def mission(
 
 @pytest.mark.slow
 def test_the_node_drives_by_the_scan(mission: Any) -> None:
-    """Its commands are those of the algorithm on the readings, and it turns before the wall."""
     _, readings, states, commands = mission
     bumper = readings[:, -1] > 0.0
     scans = readings[:, :BEAMS].astype(np.float32).tolist()
