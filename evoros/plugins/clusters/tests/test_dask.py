@@ -267,7 +267,7 @@ def test_leaving_a_cluster_ends_its_calls_and_leaves_the_workers(
         ({"address": ""}, "Dask.address: must be"),
         ({"address": 8786}, "Dask.address: must be"),
         ({"address": "tcp://a:1", "workers": 2}, "executor.workers: must be null, not 2, if"),
-        ({"workers": -1}, "Dask.workers: must be a non-negative integer, or null"),
+        ({"workers": -1}, "Dask.workers: must be an integer >= 0, or null"),
         ({"time_limit_s": 0}, "Dask.time_limit_s: must be a positive number"),
         ({"retries": 0.5}, "Dask.retries: must be"),
     ],
