@@ -333,7 +333,10 @@ def test_nothing_remains_of_lost_missions(
     ("override", "message"),
     [
         ("controller.command=[]", "controller.command: must be a command, as a list"),
-        ("controller.modes=[a,a]", "controller.modes: must be a list of distinct strings"),
+        (
+            "controller.modes=[a,a]",
+            "controller.modes: must be a non-empty list of distinct strings",
+        ),
         ("controller.period_s=0.033", "controller.period_s: must be "),
         ("+controller.parameters.x=nan", "controller.parameters: must be a mapping from names to"),
         (

@@ -134,7 +134,7 @@ def test_a_private_import_is_found() -> None:
 
 
 def test_the_folder_analysis_has_one_name() -> None:
-    with pytest.raises(ImportError, match=r"^analysis: .* is imported as evoros\.analysis; "):
+    with pytest.raises(ImportError, match=r"^analysis: .* import it as evoros\.analysis, "):
         import_module("analysis")
     assert (
         import_module("evoros.analysis.subcommands").Product.__module__
