@@ -43,7 +43,7 @@ def show(arguments: Sequence[str]) -> int:
     require_keys(options.overrides, options.source)
     source = expand_home(options.source)
     _check_picture(options.picture)
-    if source.is_file() and source.suffix != ".zip":
+    if source.suffix == ".csv" or (source.is_file() and source.suffix != ".zip"):
         shown = _read_table(options.source, options.overrides, options.config_dir)
         if options.design is not None:
             shown = _choose(shown, options.design)

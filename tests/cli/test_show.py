@@ -64,6 +64,8 @@ def test_what_cannot_be_shown_is_refused_in_one_line(
     table = str(run / "champion" / "design.csv")
     refusal = refused(lambda: evoros(["show", table, *TABLE, "--design", "x"]), capsys)
     assert "--design x: not found; the designs are " in refusal
+    refusal = refused(lambda: evoros(["show", "nix.csv", *TABLE]), capsys)
+    assert "nix.csv: not found; give a CSV file of designs" in refusal
 
 
 def test_a_picture_is_written_once(tmp_path: Path, capsys: Capture) -> None:
