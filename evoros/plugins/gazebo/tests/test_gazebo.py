@@ -254,7 +254,9 @@ def test_many_obstacles_are_possible_and_many_movable_ones_refused() -> None:
         simulation.observe(state)
     assert state[0] == pytest.approx(0.3, abs=0.01)
     loose = going_on(level(plane_experiment(), *(replace(b, mass=1.0) for b in bodies)))
-    with pytest.raises(InputError, match=f"at most {MOST_MOVABLE} bodies .* not 2000") as refused:
+    with pytest.raises(
+        InputError, match=f"at most {MOST_MOVABLE} movable bodies .* not 2000"
+    ) as refused:
         Gazebo().check_world(loose)
     assert is_of(str(refused.value), "evoros/plugins/gazebo/simulator.py simulator=gazebo")
     Mujoco().check_world(loose)
