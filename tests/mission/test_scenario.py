@@ -27,7 +27,7 @@ class Lonely(Simulator):
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("experiment=two_rovers", "agents: must be at most 0, not 1, because Lonely"),
+        ("experiment=two_rovers", "agents: there must be at most 0, not 1, because Lonely"),
         ("walkers=people", "walkers: must be empty with Lonely"),
     ],
 )
