@@ -1,6 +1,7 @@
 """Runs the jobs of a sweep, several at the same time, in one pool of workers.
 
-Jobs are built in the main thread, because ``${hydra:...}`` refers to global state.
+Missions of other jobs keep the workers busy while a job ranks designs and waits for the disk. Jobs
+are built in the main thread, because ``${hydra:...}`` refers to global state.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
