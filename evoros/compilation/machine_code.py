@@ -144,8 +144,7 @@ def cache_folder() -> Path | None:
     if folder is None:
         LOGGER.warning(
             "compiled rules cannot be cached, because neither %s nor the temporary folder has a "
-            "folder "
-            "that only this user can write to; every process compiles the rules again",
+            "folder that only this user can write to; every process compiles the rules again",
             cache_home(),
         )
     else:

@@ -90,7 +90,7 @@ def build_reproduction(
     limits = {} if evaluates(source) else {"generations": status["generations_done"]}
     if (folder / MISSIONS).exists():
         _require_same(reproduction)
-        stop = [override(f"stop_after.{name}", limits.get(name)) for name in LIMITS * bool(limits)]
+        stop = [override(f"stop_after.{name}", limits.get(name)) for name in LIMITS if limits]
         session = open_run(folder, [*overrides, f"{key}={size}", *stop], config_dir)
         return replace(session, observed=False)
     with collect_messages() as messages:
