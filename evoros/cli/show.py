@@ -2,6 +2,7 @@
 
 import tempfile
 import webbrowser
+from argparse import Namespace
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,7 +31,6 @@ def show(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
     from evoros.analysis.drawing.gallery import draw_shown
     from evoros.analysis.drawing.style import render
-    from evoros.analysis.tables.showing import find_shown_designs
 
     parser = CommandParser(NAME, description=ABOUT)
     parser.add_argument("source", metavar="SOURCE")
@@ -41,19 +41,8 @@ def show(arguments: Sequence[str]) -> int:
     parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder with your own parts")
     options = parser.parse_intermixed_args(list(arguments))
     require_keys(options.overrides, options.source)
-    source = expand_home(options.source)
     _check_picture(options.picture)
-    if source.suffix == ".csv" or (source.is_file() and source.suffix != ".zip"):
-        shown = _read_table(options.source, options.overrides, options.config_dir)
-        if options.design is not None:
-            shown = _choose(shown, options.design)
-    elif options.overrides:
-        raise InputError(
-            f"{options.overrides[0]}: applies only to a CSV file of designs, because a run records "
-            f"its configuration; leave it out"
-        )
-    else:
-        shown = find_shown_designs(source, options.design)
+    shown = _find(options)
     print_result("\n\n".join(_describe(design) for design in shown))
     if options.picture or options.browser:
         picture = options.picture or Path(tempfile.mkdtemp(prefix="evoros_")) / "designs.svg"
@@ -62,6 +51,21 @@ def show(arguments: Sequence[str]) -> int:
         if options.browser:
             webbrowser.open(picture.resolve().as_uri())
     return DONE
+
+
+def _find(options: Namespace) -> "list[ShownDesign]":
+    from evoros.analysis.tables.showing import find_shown_designs
+
+    source = expand_home(options.source)
+    if source.suffix == ".csv" or (source.is_file() and source.suffix != ".zip"):
+        shown = _read_table(options.source, options.overrides, options.config_dir)
+        return shown if options.design is None else _choose(shown, options.design)
+    if options.overrides:
+        raise InputError(
+            f"{options.overrides[0]}: applies only to a CSV file of designs, because a run records "
+            f"its configuration; leave it out"
+        )
+    return find_shown_designs(source, options.design)
 
 
 def _read_table(
