@@ -250,3 +250,12 @@ def scale(gene: float, low: float, high: float) -> float:
 def pick_index(gene: float, count: int) -> int:
     """Return the index 0..count-1 at ``gene`` (0..1); all indices have equal shares."""
     return min(int(gene * count), count - 1)
+
+
+def null_or_whole(minimum: int) -> Rule:
+    """Return the rule for an optional whole number."""
+    return Rule(
+        f"an integer >= {minimum}, or null",
+        lambda v: v is None or (is_whole(v) and v >= minimum),
+        limit=MOST,
+    )

@@ -3,9 +3,9 @@
 from dataclasses import dataclass, fields
 from typing import Annotated
 
-from evoros.base.checks import COUNT, POSITIVE, Rule, checked, instance_of
+from evoros.base.checks import POSITIVE, Rule, checked, instance_of, null_or_whole
 
-LIMIT = Rule("null or a positive integer", lambda v: v is None or COUNT.holds(v))
+LIMIT = null_or_whole(1)
 TIME = Rule("null or a positive number", lambda v: v is None or POSITIVE.holds(v))
 
 

@@ -15,9 +15,9 @@ from pathlib import Path
 from threading import Lock, Thread
 from typing import Annotated, Any
 
-from evoros.base.checks import checked
+from evoros.base.checks import checked, null_or_whole
 from evoros.executor.protocol import ONE_THREAD, Call, Executor, Pool, pack_call
-from evoros.executor.worker_handle import Limits, Worker, null_or_whole, settle
+from evoros.executor.worker_handle import Limits, Worker, settle
 
 
 @dataclass(frozen=True)

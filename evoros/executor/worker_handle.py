@@ -16,7 +16,7 @@ from typing import Annotated, Any
 
 from pebble import ProcessExpired, ProcessPool
 
-from evoros.base.checks import MOST, POSITIVE, WHOLE, Rule, checked, is_whole
+from evoros.base.checks import POSITIVE, WHOLE, checked, null_or_whole
 from evoros.base.errors import WorkerLost
 from evoros.executor.descendants import SWEEPER, MarkedProcess, kill_marked
 from evoros.executor.protocol import MISSING, PILOT_LOST, RAISED, RETURNED, Answer, Call, Shared
@@ -186,15 +186,6 @@ def _crash(code: int | None) -> NoAnswerError:
         f"its worker process ended{how}",
         "read what that process printed, use fewer executor.workers if memory ran out, or "
         "debug it with executor=serial",
-    )
-
-
-def null_or_whole(minimum: int) -> Rule:
-    """Return the rule for an optional whole number."""
-    return Rule(
-        f"an integer >= {minimum}, or null",
-        lambda v: v is None or (is_whole(v) and v >= minimum),
-        limit=MOST,
     )
 
 

@@ -5,11 +5,11 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from typing import Annotated
 
-from evoros.base.checks import Rule, checked
+from evoros.base.checks import Rule, checked, null_or_whole
 from evoros.base.errors import InputError, require_extra
 from evoros.executor.processes import available_cores
 from evoros.executor.protocol import Executor, Pool
-from evoros.executor.worker_handle import Limits, null_or_whole
+from evoros.executor.worker_handle import Limits
 from evoros.plugins.clusters.remote import RemotePool
 
 _ADDRESS = Rule(
