@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from datetime import UTC, datetime
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -155,6 +156,8 @@ def cut(run: Path, size: int) -> None:
     status = json.loads((run / "status.json").read_text())
     del status["digest"]
     status |= {"state": "running", "generations_done": len([*(run / "generations").iterdir()])}
+    # A status that is not recent reads as killed, and the run that is cut may have ended long ago.
+    status["updated"] = datetime.now(UTC).isoformat(timespec="seconds")
     (run / "status.json").write_text(seal_json("status.json", status))
     renew_digests(run, missions=describe_growing(rows[: rows.index(b"\n") + 1]))
 
