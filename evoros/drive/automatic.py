@@ -2,7 +2,6 @@
 
 import logging
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -10,10 +9,7 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import Annotated
 
-import numpy as np
-
 from evoros.base import elementary
-from evoros.base.arrays import Array, length, product
 from evoros.base.checks import POSITIVE, checked, one_of
 from evoros.base.errors import InputError
 from evoros.drive.candidates import (
@@ -26,6 +22,15 @@ from evoros.drive.candidates import (
     pair_up,
     read_wheel,
     select_driven,
+)
+from evoros.drive.evidence import (
+    PUSHING_PLUGIN,
+    find_bogies,
+    find_diagonal,
+    find_rollers,
+    name_sideways_plugin,
+    read_kind,
+    slides,
 )
 from evoros.drive.protocol import (
     ANGLE,
@@ -43,21 +48,9 @@ from evoros.drive.rolling import Candidate, Pair
 from evoros.drive.skid_steer import AT_LEAST_ONE
 from evoros.formats.notes import list_notes
 from evoros.formats.urdf.parts import Joint
-from evoros.formats.urdf.tree import Plugin, Urdf
+from evoros.formats.urdf.tree import Urdf
 
-_KINDS = {
-    "mecanum": re.compile(r"mecanum", re.IGNORECASE),
-    "omni": re.compile(r"omni(?!vision)", re.IGNORECASE),
-}
-_PUSHING_PLUGIN = re.compile(r"(planar|force_?based)_?move", re.IGNORECASE)
-_SIDEWAYS_PLUGIN = re.compile(
-    rf"{_PUSHING_PLUGIN.pattern}|mecanum|holonomic|omni_?(base|control|dir|drive|wheel)",
-    re.IGNORECASE,
-)
 HOLD_STRAIGHT = "set robot.drive.kind={} to lock the steering and turn by wheel speeds alone"
-_MIN_ROLLERS = 3  # minimum number of turning joints on a wheel with rollers
-_DIAGONAL = (elementary.cos(math.radians(60.0)), elementary.cos(math.radians(30.0)))
-"""Range of the cosine between a mecanum wheel's axle and <fdir1>."""
 
 
 def refuse_articulated(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
@@ -84,16 +77,6 @@ def refuse_articulated(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
         raise urdf.error(f"the robot {problem}; no drive models this", ", or ".join(fixes))
 
 
-def _find_bogies(urdf: Urdf, wheels: Sequence[Candidate]) -> list[str]:
-    """Return the joints on which two or more wheels of one side rise and sink together."""
-    carried: dict[str, list[Candidate]] = {}
-    for wheel in wheels:
-        for joint in list(urdf.joints_above(wheel.joint.child))[1:]:
-            if joint.type in TURNING and abs(float(urdf.axis_of(joint)[LEFT])) > NEARLY_ALIGNED:
-                carried.setdefault(joint.name, []).append(wheel)
-    return [n for n, group in carried.items() if len(group) > len({w.y > 0.0 for w in group}) == 1]
-
-
 def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
     """Reject a robot whose wheels or controller also move the robot sideways.
 
@@ -103,13 +86,13 @@ def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
     pairs = pair_up([wheel for wheel in wheels if wheel.steering is None])
     turning = [joint for joint in urdf.joints.values() if joint.type in TURNING]
     joints = [wheel.joint for wheel in wheels] if pairs else turning
-    reason = next(filter(None, (_find_rollers(urdf, joint) for joint in joints)), "")
-    plugin = _name_sideways_plugin(urdf.plugins)
+    reason = next(filter(None, (find_rollers(urdf, joint) for joint in joints)), "")
+    plugin = name_sideways_plugin(urdf.plugins)
     if plugin and not reason:  # a name or slippery wheels prove nothing without a plugin
-        reason = _read_kind([urdf.name, Path(urdf.source).name])
-        if len(pairs) > 1 and all(_slides(urdf, joint) for joint in joints):
+        reason = read_kind([urdf.name, Path(urdf.source).name])
+        if len(pairs) > 1 and all(slides(urdf, joint) for joint in joints):
             reason = f"wheels slide in Gazebo, where plugin {plugin} moves the robot"
-    if not reason and plugin and (len(pairs) == 1 or (pairs and _PUSHING_PLUGIN.search(plugin))):
+    if not reason and plugin and (len(pairs) == 1 or (pairs and PUSHING_PLUGIN.search(plugin))):
         _LOG.warning(
             f"{urdf.source}: the Gazebo plugin {plugin} can also push the robot sideways; missions "
             "never command that, and the wheels are simulated as plain wheels"
@@ -166,60 +149,6 @@ def misaligned_error(urdf: Urdf, joints: Sequence[Joint], fix: str) -> InputErro
     rule = f"wheel axes must point left (y), but deviate by {angles} deg: {names}"
     hint = "steered wheels need the ackermann drive; no drive supports omni wheels"
     return urdf.error(rule, f"{fix} ({hint})")
-
-
-def _find_rollers(urdf: Urdf, joint: Joint) -> str:
-    """Return the evidence that a wheel has rollers; "" if there is none."""
-    group = urdf.rigid_group(joint.child)
-    names = [joint.name, *group, *(mesh for link in group for mesh in urdf.meshes.get(link, ()))]
-    if kind := _read_kind(names):
-        return kind
-    rollers = [j for link in group for j in urdf.children_of(link) if j.type in TURNING]
-    if len(rollers) >= _MIN_ROLLERS:
-        return f"wheels with rollers: {joint.child!r} has {len(rollers)}"
-    return ""
-
-
-def _read_kind(names: Sequence[str]) -> str:
-    """Return the kind of wheels that a name states; "" if no name states one."""
-    for kind, pattern in _KINDS.items():
-        named = next(filter(pattern.search, names), "")
-        if named:
-            return f"{kind} wheels, according to the name {named!r}"
-    return ""
-
-
-def find_diagonal(urdf: Urdf, wheels: Sequence[Candidate]) -> list[str]:
-    """Return the joints of wheels whose friction axis in Gazebo is at 45 deg, as with rollers."""
-    # Some robots with plain wheels also use this setting, to turn better in Gazebo.
-    joints = (wheel.joint for wheel in wheels)
-    groups = ((joint, urdf.rigid_group(joint.child)) for joint in joints)
-    return [j.name for j, group in groups if any(_is_diagonal(urdf, link, j) for link in group)]
-
-
-def _is_diagonal(urdf: Urdf, link: str, joint: Joint) -> bool:
-    if link not in urdf.friction_axes:
-        return False
-    direction, frame = urdf.friction_axes[link]
-    pose = urdf.poses.get(frame or link)
-    size = length(np.array(direction))
-    if pose is None or size == 0.0:
-        return False
-    along: Array = product(pose.rotation, np.array(direction)) / size
-    low, high = _DIAGONAL
-    return low < abs(float(product(along, urdf.axis_of(joint)))) < high
-
-
-def _slides(urdf: Urdf, joint: Joint) -> bool:
-    return not urdf.slippery.isdisjoint(urdf.rigid_group(joint.child))
-
-
-def _name_sideways_plugin(plugins: Sequence[Plugin]) -> str:
-    for plugin in plugins:
-        files = [text.rpartition("/")[2] for text in plugin.texts.get("parameters", ())]
-        for name in filter(_SIDEWAYS_PLUGIN.search, [*plugin.name.split(), *files]):
-            return name
-    return ""
 
 
 def _find_drives() -> Mapping[str, type[DriveDescription]]:
@@ -313,7 +242,7 @@ class AutomaticDescription(DriveDescription):
     def _error(self, urdf: Urdf, steered: Sequence[Pair], others: Sequence[Pair]) -> Exception:
         if len(steered) > 1 or (steered and len(others) > 1):
             axles = f"the robot has {len(steered)} steered and {len(others)} other axles"
-            bogies = _find_bogies(urdf, [wheel for pair in [*steered, *others] for wheel in pair])
+            bogies = find_bogies(urdf, [wheel for pair in [*steered, *others] for wheel in pair])
             if bogies:
                 axles = f"{axles} on a rocker-bogie ({', '.join(bogies)})"
             return urdf.error(
@@ -369,9 +298,9 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
     called = (joint for joint in urdf.joints.values() if is_called_wheel(joint))
     # wheels off the ground, for example
     left_out = [joint.name for joint in called if joint.name in driven]
-    slippery = [wheel.joint.name for wheel in wheels if _slides(urdf, wheel.joint)]
+    slippery = [wheel.joint.name for wheel in wheels if slides(urdf, wheel.joint)]
     fixed = [wheel.joint.name for wheel in wheels if not wheel.turns]
-    bogies = _find_bogies(urdf, wheels)
+    bogies = find_bogies(urdf, wheels)
     notes = {
         "friction of these wheels is rotated by 45 deg in Gazebo (<fdir1>), as for mecanum wheels; "
         "they are treated as plain wheels; set robot.drive if they have rollers": diagonal,
