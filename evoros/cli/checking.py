@@ -1,4 +1,4 @@
-"""Checks all jobs of a sweep before the first one starts, and warns if there are too few seeds."""
+"""Checks all jobs of a sweep before the first job starts, and warns about too few seeds."""
 
 import json
 import re
@@ -24,14 +24,14 @@ from evoros.terminal.console import INPUT, report_error
 from evoros.terminal.log import LOGGER, withhold_messages
 
 Explain: TypeAlias = Callable[[Path, BaseException], JobResult]
-"""Turns the exception that ended a job into its result."""
-MAX_FAULTS = 10  # maximum number of faults reported; the rest are only counted
-MAX_BUILT = 16  # maximum number of built experiments that are cached for similar jobs
-_BLOCK = re.compile(r"(?m)^(?=[^\s#-])")  # start of a top-level key in YAML
+"""Converts the exception that ended a job into the job's result."""
+MAX_FAULTS = 10  # maximum number of faults described; further faults are only counted
+MAX_BUILT = 16  # maximum number of experiments cached for similar jobs
+_BLOCK = re.compile(r"(?m)^(?=[^\s#-])")  # start of a top-level YAML key
 
 
 def check_jobs(command: str, jobs: Jobs, explain: Explain) -> list[Job]:
-    """Check all jobs of a sweep and report faults; return the jobs, or none if any has a fault."""
+    """Check all jobs of a sweep, and report faults; return the jobs, or none if any has a fault."""
     ready, refused = _sort_jobs(jobs, explain)
     faults = list(describe_faults([job.overrides for job in ready], refused))
     if len(faults) > MAX_FAULTS:
@@ -49,7 +49,7 @@ def _sort_jobs(jobs: Jobs, explain: Explain) -> tuple[list[Job], list[RefusedJob
     checks = _Checks(explain)
     with withhold_messages():
         named: list[Job] = []
-        for job in jobs:  # class names first, because building a job may take a minute
+        for job in jobs:  # check class names first, because building a job may take a minute
             if isinstance(job, RefusedJob):
                 refused.append(job)
             elif fault := checks.find_misnamed(job):
@@ -90,7 +90,7 @@ class _Checks:
             require_unused(job.folder)
         except Exception as error:
             return self.explain(job.folder, error).message
-        # An invalid seed is a fault; valid seeds are interchangeable.
+        # An invalid seed is a fault; all valid seeds are equivalent.
         seed = job.config.values.get("seed")
         valid = isinstance(seed, int) and SEED.holds(seed) and seed <= SEED.limit
         key = _describe(job.config, ("seed",) if valid else ())
@@ -103,7 +103,7 @@ class _Checks:
         try:
             check_figures(job.config.values)
             experiment = check_run(job.config, self.built.get(key))
-        except Exception as error:  # a user's part may raise anything
+        except Exception as error:  # a user's part may raise any exception
             return self.explain(job.folder, error).message
         if not job.config.evaluates:
             if len(self.built) >= MAX_BUILT:
@@ -120,7 +120,7 @@ def _describe(config: Configuration, ignored: Sequence[str]) -> str:
 def describe_faults(
     ready: Sequence[tuple[str, ...]], refused: Sequence[RefusedJob]
 ) -> Iterator[str]:
-    """Describe each fault once, after the overrides that the jobs with this fault share."""
+    """Describe each fault once, after the overrides that all jobs with this fault share."""
     total = len(ready) + len(refused)
     everywhere = set.intersection(*map(set, (*ready, *(job.overrides for job in refused))))
     faults: dict[str, list[tuple[str, ...]]] = {}
@@ -134,7 +134,7 @@ def describe_faults(
 
 
 def warn_of_few_seeds(jobs: Iterable[Job]) -> None:
-    """Warn if no p-value of ``compare`` or ``factors`` can fall below the significance level."""
+    """Warn if p-values of ``compare`` or ``factors`` cannot be significant with so few seeds."""
     seeds = defaultdict[str, set[int]](set)
     for job in jobs:
         if not job.config.evaluates:
@@ -145,7 +145,7 @@ def warn_of_few_seeds(jobs: Iterable[Job]) -> None:
 
 
 def find_treatment(config: Configuration) -> str:
-    """Return the part of the configuration text that all runs of one treatment share."""
+    """Return the part of the configuration text that all runs of a treatment share."""
     from evoros.analysis.tables.factors import IGNORED
 
     apart = tuple(f"{key}:" for key in IGNORED if key != "treatment")  # treatments are compared
@@ -153,10 +153,11 @@ def find_treatment(config: Configuration) -> str:
 
 
 def advise_seeds(seeds: list[set[int]]) -> Iterator[str]:
-    """Yield a warning, with the number of seeds needed, for each test that can find no difference.
+    """Yield a warning, with the number of seeds required, for each test that cannot be significant.
 
-    Holm's correction multiplies the smallest p by the number of pairs. ``factors`` tests three or
-    more treatments; with three of two runs, 6 of 90 permutations are as extreme as the data.
+    Holm's correction multiplies the smallest p-value by the number of pairs. ``factors`` tests
+    three or more treatments; with two runs each of three treatments, 6 of 90 permutations are as
+    extreme as the data.
     """
     from evoros.analysis.statistics.small_samples import LEVEL
     from evoros.analysis.statistics.two_samples import minimum_p, minimum_replicates

@@ -1,6 +1,6 @@
-"""Commands that start or resume a search or an evaluation: arguments, messages, exit statuses.
+"""The commands that start or resume a search or an evaluation.
 
-Exit statuses: 0 done; 1 stopped, resumable; 2 input that cannot be used; 130 interrupted.
+Exit statuses: 0 done; 1 stopped, resumable; 2 invalid input; 130 interrupted.
 """
 
 from argparse import Action, ArgumentParser, Namespace
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def parse_options(arguments: Sequence[str]) -> Namespace:
-    """Parse the arguments of a command; options and overrides may be mixed."""
+    """Parse the arguments of a command; options and overrides can be mixed."""
     return _parser().parse_intermixed_args(list(arguments))
 
 
@@ -35,7 +35,7 @@ class _Refuse(Action):
 
 
 def _parser() -> ArgumentParser:
-    """Return a parser of Hydra's options; ``config/help.py`` passes some of them to Hydra."""
+    """Return a parser for Hydra's options; ``config/help.py`` passes some of them on to Hydra."""
     parser = CommandParser("evoros", add_help=False)
     parser.add_argument("overrides", nargs="*")
     parser.add_argument("--multirun", "-m", action="store_true")
@@ -61,7 +61,7 @@ class Command:
 
     name: str
     primary: str  # primary configuration file in conf/
-    folder_key: str  # key to suggest if a folder is typed without a key
+    folder_key: str  # key to suggest for a folder typed without a key
 
     def __call__(self, arguments: Sequence[str]) -> int:
         """Run the command and return its exit status."""
@@ -97,7 +97,7 @@ def _execute(command: Command, arguments: list[str], interrupts: Interrupts) -> 
         typed = options.overrides
         primary, _ = choose_primary(command.primary, typed, options.config_dir, _read_run)
         others = [word for word in arguments if word not in typed]
-        words = [*typed, *others]  # the only order that Hydra accepts
+        words = [*typed, *others]  # the only order accepted by Hydra
         return show(command.name, primary, words)
     return _start(command, options, interrupts)
 
@@ -137,7 +137,7 @@ def run_alone(
     config_dir: str | None,
     interrupts: Interrupts,
 ) -> int:
-    """Build and run a single job, report its result and return the exit status."""
+    """Build and run a single job, report the result, and return the exit status."""
     from evoros.analysis.run_figures import draw_figure
     from evoros.session.controls import run as run_with_controls
     from evoros.session.progress import Progress

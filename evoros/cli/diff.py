@@ -1,4 +1,4 @@
-"""The subcommand ``diff``: reports whether two runs are equal, or their first difference."""
+"""The subcommand ``diff``: reports the first difference between two runs, or their equality."""
 
 from collections.abc import Sequence
 

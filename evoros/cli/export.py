@@ -39,7 +39,7 @@ def export(arguments: Sequence[str]) -> int:
             run = export(folder, observer, Path.cwd())
         except InputError:
             raise
-        except Exception as error:  # a library may raise anything
+        except Exception as error:  # a library may raise any exception
             return console.report_error(
                 NAME, f"{options.tracker}: {describe(error)}", console.STOPPED
             )

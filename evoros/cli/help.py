@@ -1,4 +1,4 @@
-"""The help of ``evoros`` and ``evoros evaluate``, made without Hydra, which is slow to import."""
+"""The help of ``evoros`` and ``evoros evaluate``, without Hydra, which imports slowly."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +8,7 @@ from textwrap import fill
 from evoros.cli.subcommands import SUBCOMMANDS
 from evoros.files.plugins import conf_folders
 
-WIDTH = 100  # maximum width of help [characters]
+WIDTH = 100  # maximum width of the help [characters]
 
 
 def format_help(primary: str, config_dir: Path | None) -> str:

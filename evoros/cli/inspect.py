@@ -20,7 +20,7 @@ NAME = "evoros inspect"
 DEFAULT_FOLDER = "mine"
 SIMULATOR = "simulator="
 _PLACEHOLDER = "world.NAME."
-"""Prefix of the world's keys in messages from file readers, which do not know the world's name."""
+"""Prefix of world keys in messages from file readers, which do not know the name of the world."""
 DRIVE = "drive@robot.drive="
 USAGE = f"""{NAME} robot FILE world FILE [key=value ...] [options]
 
@@ -41,7 +41,7 @@ ROBOT_KEYS: Mapping[str, Any] = {
     "drive": {"max_speed_mps": None},
     "mount": {"link": None, "z_m": None, "pitch_deg": None},
 }
-"""Keys that most robots need, written to the YAML file as a starting point."""
+"""Keys that most robots need, written to the YAML file as a template."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +52,12 @@ class Request:
     file: Path
     name: str
     values: Mapping[str, Any]  # values of other keys
-    drive: str = ""  # choice from the group drive; empty for the default
+    drive: str = ""  # option of the group drive; empty for the default
 
 
 @reports_errors(NAME)
 def inspect(arguments: Sequence[str]) -> int:
-    """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
+    """Run the command and return the exit status: 0, or 2 for invalid input."""
     from evoros.session.inspection import LEVEL, require_design
 
     options = _parser().parse_intermixed_args(list(arguments))
@@ -69,8 +69,8 @@ def inspect(arguments: Sequence[str]) -> int:
         raise InputError(
             "--name: applies to a single part; inspect the robot and the world one at a time"
         )
-    chosen: list[str] = []  # overrides that choose the parts
-    further: list[str] = []  # other overrides needed to run the parts
+    chosen: list[str] = []  # overrides that select the parts
+    further: list[str] = []  # further overrides needed to run the parts
     shown: list[str] = []
     for request in requests:
         with tell_slow(f"reading {request.file}"):
@@ -111,13 +111,13 @@ def _parser() -> CommandParser:
 
 
 def _parse(words: Sequence[str], name: str | None) -> list[Request]:
-    """Parse ``robot FILE world FILE key=value ...``; the robot comes first."""
+    """Parse ``robot FILE world FILE key=value ...``; return the robot first."""
     from evoros.config.own_files import ROBOT, WORLD, choose_name, parse_keys
 
     files: dict[str, Path] = {}
     settings = [word for word in words if "=" in word and not Path(word).is_file()]
     names = iter([word for word in words if word not in settings])
-    keys = [word.lstrip("+") for word in settings]  # a run needs ++ for a key that is not set yet
+    keys = [word.lstrip("+") for word in settings]  # a run requires ++ for a key that is not set
     for group in names:
         if group not in (ROBOT, WORLD) or group in files:
             raise InputError(
@@ -127,7 +127,7 @@ def _parse(words: Sequence[str], name: str | None) -> list[Request]:
         file = expand_home(next(names, ""))
         if not file.is_file():
             raise InputError(f"{group} {file}: file not found; correct the path")
-        files[group] = file  # relative paths stay relative, so that files can be moved together
+        files[group] = file  # keep paths relative, so that the files can be moved together
     if not files:
         raise InputError("robot FILE, world FILE or both are missing; add at least one")
     drives = [key for key in keys if key.startswith(DRIVE) and ROBOT in files]
@@ -154,14 +154,14 @@ def _parse(words: Sequence[str], name: str | None) -> list[Request]:
 
 
 def _describe(request: Request, chosen: Sequence[str], folder: Path) -> "tuple[OwnFile, str, str]":
-    """Return a part's YAML file, the simulator that the part needs, and where its course is."""
+    """Return the YAML file of a part, the simulator it requires, and the location of its course."""
     from evoros.config.own_files import ROBOT, OwnFile, is_bundled
     from evoros.formats.sdf.reading import SdfOptions
     from evoros.session.course_planning import plan_course
     from evoros.session.inspection import LEVEL, UNEVEN, find_robot
 
     own_name = request.name
-    if is_bundled(request.group, own_name):  # Hydra would use the bundled part, not the user's
+    if is_bundled(request.group, own_name):  # Hydra would load the bundled part instead
         raise InputError(
             f"--name {own_name}: already the name of a bundled {request.group}; choose another name"
         )
@@ -170,7 +170,7 @@ def _describe(request: Request, chosen: Sequence[str], folder: Path) -> "tuple[O
         values = {"description": str(request.file), **ROBOT_KEYS, **request.values}
         choices = {"override /drive@drive": request.drive} if request.drive else {}
         if request.drive and "drive" not in request.values:
-            del values["drive"]  # these keys belong to the automatic drive
+            del values["drive"]  # the automatic drive has these keys
         return OwnFile(request.group, own_name, title, values, choices), LEVEL, ""
     keys = {entry.name: entry.default for entry in fields(SdfOptions)}  # keys that messages suggest
     values = {"sdf": str(request.file), **keys, "model_paths": [], **request.values}
@@ -226,7 +226,7 @@ def _write(path: Path, content: bytes, replace: bool = False) -> None:
 
 
 def _format(inspection: "Inspection", shown: Sequence[str]) -> str:
-    here = f"{Path.cwd()}/"  # removed to shorten paths below the current folder
+    here = f"{Path.cwd()}/"  # shortens paths below the current folder
     messages = [text.replace(here, "") for text in inspection.messages if text not in shown]
     rows = [*inspection.rows, *(("note", message) for message in messages)]
     width = max(len(name) for name, _ in rows)

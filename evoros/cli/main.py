@@ -1,4 +1,4 @@
-"""The command ``evoros``: runs a search, or the subcommand that its first argument names."""
+"""The command ``evoros``: runs a search, or the subcommand named by the first argument."""
 
 import os
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from evoros.terminal.console import DONE, INPUT, print_result, report_error, rep
 from evoros.terminal.log import log_to_terminal
 
 COMPLETIONS = ("-sc", "--shell-completion")
-LINE = "COMP_LINE"  # environment variable with the line typed so far
+LINE = "COMP_LINE"  # environment variable that holds the line typed so far
 
 
 def evoros(arguments: Sequence[str]) -> int:
@@ -28,7 +28,7 @@ def evoros(arguments: Sequence[str]) -> int:
 
 
 def complete(query: str) -> int:
-    """Print the words that can complete the typed line, for a query such as ``query=bash``."""
+    """Print completions of the typed line for a query such as ``query=bash``."""
     from evoros.config.help import show
 
     typed = os.environ.get(LINE, "").split()[1:]
@@ -49,7 +49,7 @@ def complete(query: str) -> int:
 def _list_words(subcommand: str, position: int) -> list[str]:
     from evoros.analysis import subcommands as analysis
 
-    if subcommand == FIGURES and position == 2:  # the subcommand itself is the first word
+    if subcommand == FIGURES and position == 2:  # the first argument is a figure's subcommand
         return list(analysis.SUBCOMMANDS)
     return list(SUBCOMMANDS[subcommand].options)
 

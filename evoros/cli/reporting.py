@@ -1,4 +1,4 @@
-"""Reports how jobs end: interrupting signals, messages, summaries and exit statuses."""
+"""Reports how jobs end: signals, messages, summaries and exit statuses."""
 
 import os
 import signal
@@ -16,11 +16,11 @@ PATIENCE_S = 10.0
 
 
 class Interrupts:
-    """Turns the first SIGINT or SIGTERM into KeyboardInterrupt; the next ends the process."""
+    """Converts the first SIGINT or SIGTERM to KeyboardInterrupt; the second ends the process."""
 
     def __init__(self) -> None:
         self.last: int | None = None  # latest signal
-        self._first_s: float | None = None  # [s], time.monotonic() at the first signal
+        self._first_s: float | None = None  # time.monotonic() [s] at the first signal
 
     def __enter__(self) -> "Interrupts":
         self._handlers = {
@@ -38,20 +38,20 @@ class Interrupts:
         self.last = signum
         if self._first_s is not None:
             if time.monotonic() - self._first_s > PATIENCE_S:
-                os._exit(self.explain()[1])  # also ends the workers; runs stay resumable
+                os._exit(self.explain()[1])  # also ends the workers; runs can be resumed
             return
         self._first_s = time.monotonic()
-        # Code that catches Exception, such as logging, does not catch KeyboardInterrupt.
+        # Code that catches Exception, such as logging, lets KeyboardInterrupt through.
         raise KeyboardInterrupt
 
     def explain(self) -> tuple[str, int]:
-        """Return a message about the last signal, and the exit status for that signal."""
+        """Return a message about the last signal, and the corresponding exit status."""
         if self.last == signal.SIGTERM:
             return "terminated by a signal", console.STOPPED
         return console.explain_interrupt()
 
 
-# Exit statuses, worst first; a sweep exits with the worst status of its jobs.
+# Exit statuses from worst to best; a sweep returns the worst status of its jobs.
 WORST_FIRST = (
     *(console.INTERRUPTED, console.INPUT, console.STOPPED),
     *(console.NOT_MET, console.NOT_DECIDED, console.DONE),
@@ -60,18 +60,18 @@ WORST_FIRST = (
 
 @dataclass(frozen=True)
 class JobResult:
-    """The exit status of a job, and why the job ended early (empty if it finished)."""
+    """The exit status of a job, and the reason for an early end (empty if it finished)."""
 
     status: int
     message: str = ""
-    kept: bool = False  # True if the job was complete before the sweep
+    kept: bool = False  # whether the job was already complete before the sweep
 
 
 def explain_end(
     config_dir: str | None, interrupts: Interrupts, folder: Path, error: BaseException
 ) -> JobResult:
-    """Return the result of a job that raised an error, with the command that resumes it."""
-    # Imported here because --help needs none of these, and they are slow to import.
+    """Return the result of a job that raised an error, with the command that resumes the job."""
+    # Imported here, because --help does not use these slow imports.
     from evoros.config.own_files import locate_fault
     from evoros.storage.layout import FINISHED, LOG, MISSIONS, STATUS, read_json, resume_command
 
@@ -104,7 +104,7 @@ def explain_end(
     path_error = explain_path(error)
     if path_error:
         return JobResult(console.STOPPED if hint else console.INPUT, place + path_error + hint)
-    # An error in the user's own part, a full disk, or a bug in evoros.
+    # an error in a user's part, a full disk, or a bug in evoros
     message = single_line(f"{type(error).__name__}: {error}")
     if not (shown or place):
         last = traceback.extract_tb(error.__traceback__)[-1]
@@ -113,7 +113,7 @@ def explain_end(
 
 
 def _start_again(folder: Path, resume: str, told: str) -> str:
-    """Return what to do after fixing a part that a message names; empty if nothing is recorded."""
+    """Return what to do after fixing the part named in a message; empty if nothing is recorded."""
     from evoros.storage.layout import MISSIONS
     from evoros.storage.manifest import list_unrecorded
 
@@ -131,7 +131,7 @@ def _is_gone(folder: Path, error: BaseException) -> bool:
 
 
 def report_result(command: str, in_sweep: bool, folder: Path, result: JobResult) -> int:
-    """Print the summary of a finished job, or report why it ended; return its exit status."""
+    """Print the summary of a finished job, or why it ended early; return the exit status."""
     if result.message:
         name = f"{folder.name}: " if in_sweep else ""
         return console.report_error(command, f"{name}{result.message}", result.status)
@@ -142,7 +142,7 @@ def report_result(command: str, in_sweep: bool, folder: Path, result: JobResult)
 
 
 def judge_result(folder: Path, result: JobResult) -> int:
-    """Return a job's exit status, which reflects the verdicts of a finished evaluation."""
+    """Return the exit status of a job, which depends on the verdicts of a finished evaluation."""
     if result.status != console.DONE:
         return result.status
     from evoros.requirement.verdict import UNDECIDED, VIOLATED

@@ -22,13 +22,13 @@ SOURCE is a run, a sweep, an evaluation, an archive, or a CSV file of designs:
   evoros show outputs/run                   the champion, or the best design so far
   evoros show outputs/run --design 251      any design of the run
   evoros show designs.csv experiment=mine   a file, with keys as for evoros evaluate"""
-MOST_VALUES = 8  # longest list of evolved values that is printed
+MOST_VALUES = 8  # maximum number of evolved values printed per design
 FORMATS = ("png", "svg", "pdf")
 
 
 @reports_errors(NAME)
 def show(arguments: Sequence[str]) -> int:
-    """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
+    """Run the command and return the exit status: 0, or 2 for invalid input."""
     from evoros.analysis.drawing.gallery import draw_shown
     from evoros.analysis.drawing.style import render
 
@@ -71,7 +71,7 @@ def _find(options: Namespace) -> "list[ShownDesign]":
 def _read_table(
     source: str, overrides: Sequence[str], config_dir: str | None
 ) -> "list[ShownDesign]":
-    """Read a CSV file of designs for the configuration that ``evoros evaluate`` would use."""
+    """Read a CSV file of designs with the configuration that ``evoros evaluate`` would use."""
     from evoros.analysis.tables.showing import show_named
     from evoros.config.jobs import Job, Jobs
     from evoros.session.evaluation import read_sources
@@ -79,7 +79,7 @@ def _read_table(
     from evoros.storage.figure_context import describe_experiment
 
     jobs = list(Jobs(overrides, False, config_dir, "evaluate", read_like))
-    first = jobs[0]  # the jobs of a study differ in failures or draws
+    first = jobs[0]  # the jobs of a study differ only in failures or draws
     if not isinstance(first, Job):
         raise InputError(first.fault)
     experiment = first.config.build()

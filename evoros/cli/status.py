@@ -1,4 +1,4 @@
-"""The subcommand ``status``, and tables of a sweep's jobs or of all folders below a folder."""
+"""The subcommand ``status``, and tables of a sweep's jobs or of all runs below a folder."""
 
 import sys
 import time
@@ -23,7 +23,7 @@ UPDATE_S = 2.0  # interval between updates
 
 @reports_errors(NAME)
 def status(arguments: Sequence[str]) -> int:
-    """Print the table once, or update it on the terminal while a run is active."""
+    """Print the table once, or update it on a terminal while a run is active."""
     from rich.live import Live
     from rich.text import Text
 
@@ -51,16 +51,16 @@ def _look(folder: Path) -> tuple[str, bool]:
     return format_folders(folder, overviews), running
 
 
-KEPT, REFUSED = "kept", "refused"  # complete before the sweep was repeated; has a fault
-SCORES = COLUMNS.index("missions") + 1  # number of leading ``COLUMNS`` shown for jobs
+KEPT, REFUSED = "kept", "refused"  # states: complete before the sweep; has a fault
+SCORES = COLUMNS.index("missions") + 1  # number of ``COLUMNS`` shown for jobs
 CUT, GAP, SHORTEST = "...", 2, 16  # ellipsis, spaces between columns, minimum width of names
 
 
 def format_jobs(results: Sequence[tuple[Path, JobResult]]) -> str:
-    """Format the folders and results of a sweep's jobs as a table sorted by name."""
+    """Format the results of a sweep's jobs as a table, sorted by folder name."""
     rows = [("job", *COLUMNS[:SCORES])]
     for folder, result in sorted(results, key=lambda pair: natural_key(pair[0].name)):
-        if result.status == INPUT:  # an existing folder belongs to another job
+        if result.status == INPUT:  # the folder exists and belongs to another job
             rows.append((folder.name, REFUSED, *[UNKNOWN] * (SCORES - 1)))
             continue
         state, *cells = list_cells(survey(folder))[:SCORES]
@@ -69,7 +69,7 @@ def format_jobs(results: Sequence[tuple[Path, JobResult]]) -> str:
 
 
 def format_folders(base: Path, overviews: Sequence[Overview]) -> str:
-    """Format the folders below a base folder as a table, followed by the reasons for failures."""
+    """Format the folders below ``base`` as a table, followed by the reasons of failures."""
     rows: list[tuple[str, ...]] = [("folder", *COLUMNS)]
     reasons = []
     for overview in overviews:
@@ -81,7 +81,7 @@ def format_folders(base: Path, overviews: Sequence[Overview]) -> str:
 
 
 def _align(rows: Sequence[Sequence[str]]) -> str:
-    """Align words left and numbers right; shorten names so that no line wraps on a terminal."""
+    """Left-align text and right-align numbers; shorten names so that lines fit the terminal."""
     if sys.stdout.isatty():
         others = [max(map(len, column)) + GAP for column in zip(*rows, strict=True)][1:]
         room = get_terminal_size().columns - sum(others)
@@ -97,7 +97,7 @@ def _align(rows: Sequence[Sequence[str]]) -> str:
 
 
 def shorten_names(names: Sequence[str], room: int) -> list[str]:
-    """Shorten names to ``room`` characters by cutting their common prefix, then their middle."""
+    """Shorten names to ``room`` characters: cut the common prefix, then the middle."""
     room = max(room, SHORTEST)
     if max(map(len, names), default=0) <= room:
         return list(names)
@@ -107,5 +107,5 @@ def shorten_names(names: Sequence[str], room: int) -> list[str]:
     if common > len(CUT):
         names = [CUT + name[common:] for name in names]
     kept = room - len(CUT)
-    end = kept // 3  # a name's last characters are a hash that distinguishes it
+    end = kept // 3  # a name ends with a hash that distinguishes it
     return [name if len(name) <= room else name[: kept - end] + CUT + name[-end:] for name in names]

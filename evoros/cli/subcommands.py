@@ -1,4 +1,4 @@
-"""The subcommands of ``evoros``, with help and options; modules are imported only when used."""
+"""The subcommands of ``evoros`` with help and options; their modules are imported on use."""
 
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
@@ -80,7 +80,7 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
 
 
 def find_misuse(arguments: Sequence[str]) -> str:
-    """Explain how to correct a wrong subcommand or another subcommand's option; may be empty."""
+    """Explain how to correct a wrong subcommand or misplaced option; empty without an error."""
     word, *others = arguments or [""]
     for folder in (text[7:] for text in arguments if text.startswith("resume=")):
         return f"resume: a subcommand, not a key; type: {_write_resume(folder)}"

@@ -1,4 +1,4 @@
-"""The summary printed when a run is finished."""
+"""The summary printed when a run has finished."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,13 +21,13 @@ from evoros.storage.layout import read_bytes, read_rows
 from evoros.storage.verdicts import describe, name_worst, read_verdicts
 
 IN_THE_PLANE = "evoros.simulator.planar.Planar"
-FEW_TRIALS = 20  # number of validation trials below which the summary suggests more
+FEW_TRIALS = 20  # number of validation trials below which the summary recommends more
 _CONFIDENCE = 0.95
 MOST_ADVISED = 100_000  # maximum number of trials suggested for an undecided requirement
 
 
 def summarize(folder: Path) -> str:
-    """Describe a finished run in a few lines, based on its files."""
+    """Summarize a finished run in a few lines, from its files."""
     lines = _summarize_evaluation(folder) if layout.evaluates(folder) else _summarize_search(folder)
     return "\n".join([*(f"WARNING           {doubt}" for doubt in list_doubts(folder)), *lines])
 
@@ -86,7 +86,7 @@ def _describe_designs(rows: Sequence[Mapping[str, str]]) -> list[str]:
             spread = float(rows[0]["fitness_sd"])
             digits = min(
                 count_digits(4 * spread / math.sqrt(trials)), 3
-            )  # width of a 95 % interval
+            )  # width of the 95 % interval
             fitness = f"{scores[0]:.{digits}f}, the mean of {trials:,} trials (standard deviation "
             fitness += f"{spread:.{count_digits(spread)}f})"
     else:
@@ -145,7 +145,7 @@ def _advise_trials(folder: Path) -> Iterator[str]:
 
 
 def _describe_worst_cases(folder: Path) -> list[str]:
-    # Importing pandas, which reads the table, is slow.
+    # slow: imports pandas
     from evoros.storage.reading import read_overrides, read_worst_cases
     from evoros.worst_cases.summary import describe_worst_cases
 
@@ -157,7 +157,7 @@ def _describe_worst_cases(folder: Path) -> list[str]:
 def _describe_controls(folder: Path) -> Sequence[str]:
     if not (folder / layout.CONTROLS).is_dir():
         return ()
-    # Importing pandas, which reads the tables, is slow.
+    # slow: imports pandas
     from evoros.analysis.report.summary import list_controls
     from evoros.analysis.tables.loading import load_study
 

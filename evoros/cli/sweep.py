@@ -1,7 +1,7 @@
 """Runs the jobs of a sweep, several at the same time, in one pool of workers.
 
-Missions of other jobs keep the workers busy while a job ranks designs and waits for the disk. Jobs
-are built in the main thread, because ``${hydra:...}`` refers to global state.
+While one job ranks designs or waits for the disk, missions of other jobs keep the workers busy.
+Jobs are built in the main thread, because ``${hydra:...}`` refers to global state.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -36,20 +36,20 @@ from evoros.storage.layout import MISSIONS, folders_below
 from evoros.terminal import console
 from evoros.terminal.log import LOGGER, log_everything, log_for_job, log_to_terminal, warn_left_out
 
-MAX_THREADS = 1000  # maximum number of simultaneous jobs, more than any number of workers needs
+MAX_THREADS = 1000  # maximum number of simultaneous jobs; more than any number of workers requires
 
 
 def jobs_at_once(workers: int) -> int:
-    """Return the number of simultaneous jobs that keep the workers busy."""
+    """Return the number of simultaneous jobs that keep all workers busy."""
     return 1 if workers == 1 else 2 + workers // 4
 
 
 JOBS_TOGETHER = KEPT
-"""Number of jobs whose missions are launched together; each worker caches their experiments."""
+"""Number of jobs that run missions together; each worker caches their experiments."""
 
 
 class SharedPool:
-    """The pool of all running jobs, started when the first job opens it."""
+    """A pool shared by all running jobs, started when the first job opens it."""
 
     def __init__(self, executor: Executor | None = None) -> None:
         self.executor = executor
@@ -60,23 +60,23 @@ class SharedPool:
 
     @contextmanager
     def open(self, executor: Executor) -> Iterator[Pool]:
-        """Replace the executor's ``open``; raise KeyboardInterrupt once ``close`` was called."""
+        """Replace ``Executor.open``; raise KeyboardInterrupt once ``close`` has been called."""
         try:
             yield self.start(executor)
         except Exception:
-            if self._stopping:  # the pool cancelled or refused the job's calls
+            if self._stopping:  # the pool cancelled or rejected the job's calls
                 raise KeyboardInterrupt from None
             raise
 
     @property
     def jobs(self) -> int:
-        """The number of simultaneous jobs; one before the pool is started."""
+        """The number of simultaneous jobs; 1 until the pool is started."""
         if isinstance(self._pool, BatchPool):
             return JOBS_TOGETHER
         return 1 if self._pool is None else jobs_at_once(self._pool.workers)
 
     def start(self, executor: Executor) -> Pool:
-        """Start the pool if needed; raise the errors of ``Executor.open``."""
+        """Start the pool if it is not running; raises the errors of ``Executor.open``."""
         with self._lock:
             if self._stopping:
                 raise KeyboardInterrupt
@@ -85,16 +85,16 @@ class SharedPool:
             return self._pool
 
     def close(self) -> None:
-        """End the workers and interrupt the jobs waiting for them."""
+        """End the workers, and interrupt the jobs that wait for them."""
         self._stopping = True
         with self._lock:
             self._stack.close()
 
 
 class Sweep:
-    """Starts jobs, waits for them and reports their results, all in the main thread.
+    """Starts jobs, waits for them, and reports their results, all in the main thread.
 
-    ``build`` returns None for a complete job; ``explain`` turns a job's exception into a result.
+    ``build`` returns None for a complete job; ``explain`` converts a job's exception to a result.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class Sweep:
         self.results: list[tuple[Path, JobResult]] = []  # one per job that has ended
 
     def begin(self, job: Job) -> None:
-        """Wait until fewer jobs than the pool allows are running, then build and start a job."""
+        """Wait until the pool allows another job, then build and start the job."""
         folder = job.folder
         self._wait(self._pool.jobs - 1)
         try:
@@ -127,7 +127,7 @@ class Sweep:
             if self._pool.jobs != 1:
                 self._running[self._threads.submit(self._run, folder, session)] = folder
                 return
-            result = self._run(folder, session)  # not in a thread, so a debugger can be used
+            result = self._run(folder, session)  # no thread, so that a debugger can be used
         except (KeyboardInterrupt, Exception) as error:
             result = self._explain(folder, error)
             self.skip(folder, result)
@@ -138,12 +138,12 @@ class Sweep:
         self._conclude(folder, result)
 
     def skip(self, folder: Path, result: JobResult) -> None:
-        """Count a job that was already complete or could not start."""
+        """Count a job that was already complete or that could not start."""
         self.results.append((folder, result))
         self._display.skip()
 
     def finish(self) -> None:
-        """Wait for all jobs; if interrupted, the jobs continue until ``close``."""
+        """Wait for all jobs; after an interrupt, jobs continue until ``close``."""
         self._wait(0)
 
     def close(self) -> None:
@@ -153,11 +153,11 @@ class Sweep:
         self._threads.shutdown()
 
     def _use_executor(self, executor: Executor) -> None:
-        if executor != self._pool.executor:  # two pools would compete for the cores
+        if executor != self._pool.executor:  # two pools would compete for cores
             self._wait(0)
             self._pool.close()
             self._pool = SharedPool(executor)
-        with suppress(EvorosError):  # the job tries again and reports the error
+        with suppress(EvorosError):  # the job will retry and report the error
             self._pool.start(executor)
 
     def _run(self, folder: Path, session: Session) -> JobResult:
@@ -185,14 +185,14 @@ def run_job(
     explain: Callable[[Path, BaseException], JobResult],
     job: Job,
 ) -> float:
-    """Run a job in this process; return its validated fitness or, without one, its best fitness."""
+    """Run a job in this process; return its validated fitness, or its best fitness without one."""
     with log_to_terminal(again=True), log_everything(), log_for_job(str(job.folder)):
         try:
             session = build(job)
             if session is not None:
                 run_with_controls(session, NoDisplay(), draw_figure)
         except Exception as error:
-            with suppress(OSError):  # removes only the empty folder that Hydra creates
+            with suppress(OSError):  # removes the folder created by Hydra only if empty
                 job.folder.rmdir()
             result = explain(job.folder, error)
             kind = InputError if isinstance(error, InputError) else RunStopped
@@ -204,7 +204,7 @@ def run_job(
 
 
 def run_sweep(command: str, jobs: Jobs, config_dir: str | None, interrupts: Interrupts) -> int:
-    """Run all jobs of a sweep in one pool and return the worst exit status."""
+    """Run all jobs of a sweep in one pool, and return the worst exit status."""
     build = partial(build_job, config_dir)
     explain = partial(explain_end, config_dir, interrupts)
     report = partial(report_result, command, True)
@@ -222,11 +222,11 @@ def run_sweep(command: str, jobs: Jobs, config_dir: str | None, interrupts: Inte
 
 
 def run_by_plugins(command: str, jobs: Jobs, config_dir: str | None, interrupts: Interrupts) -> int:
-    """Run jobs with the chosen Hydra launcher and sweeper; return the worst exit status."""
+    """Run jobs with the configured Hydra launcher and sweeper; return the worst exit status."""
     from evoros.config.launching import launch, search
 
     assert jobs.sweep is not None
-    searches = SWEEPER in jobs.plugins  # a sweeper chooses jobs based on earlier results
+    searches = SWEEPER in jobs.plugins  # sweepers choose jobs based on earlier results
     explain = partial(explain_end, config_dir, Interrupts())
     run = partial(run_job, partial(build_job, config_dir), explain)
     ready = [] if searches else check_jobs(command, jobs, explain)
@@ -285,11 +285,11 @@ def build_job(config_dir: str | None, job: Job) -> Session | None:
 
 
 def begin_all(jobs: Iterable[Job], sweep: Sweep, interrupts: Interrupts) -> int:
-    """Start jobs until a signal arrives, wait for them, and return the number started."""
+    """Start jobs until a signal arrives, wait for them, and return the number of started jobs."""
     begun = 0
     with closing(sweep), suppress(KeyboardInterrupt):  # each job reports how to resume it
         for job in jobs:
-            sweep.begin(job)  # if enough jobs are running, blocks until one ends
+            sweep.begin(job)  # blocks while enough jobs are running
             begun += 1
             if interrupts.last is not None:
                 break

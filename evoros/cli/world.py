@@ -17,7 +17,7 @@ The keys are the same as in a run with world=generated:
 
 @reports_errors(NAME)
 def world(arguments: Sequence[str]) -> int:
-    """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
+    """Run the command and return the exit status: 0, or 2 for invalid input."""
     from evoros.config.compose import compose
 
     parser = CommandParser(NAME, description=ABOUT)

@@ -1,1 +1,1 @@
-"""Shapes and the distances between them, independent of files, robots and worlds."""
+"""Shapes and distances between shapes, independent of files, robots and worlds."""

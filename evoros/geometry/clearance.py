@@ -1,4 +1,4 @@
-"""The length of a driven track, and its distances from points and obstacles, compiled."""
+"""The length of a driven track, and its distances to points and obstacles; compiled."""
 
 import math
 from collections.abc import Sequence
@@ -30,18 +30,19 @@ WAY_SIZE = 4
 """Size of the memory of ``add_driven``.
 
 It holds the last position [m], 1 if the robot touched an obstacle there (else 0), and the signed
-distance [m] along the heading that it has since driven in contact, not yet counted.
+distance [m] driven along the heading in the current contact, excluding the distance already
+counted.
 """
 SHAKE_M = 0.01
 """Upper bound [m] on the jitter of a robot that drives against a wall; MuJoCo reaches 5 mm."""
 
 
 class TrackSummary(NamedTuple):
-    """The length of a driven track, and its distances to points and obstacles."""
+    """The length of a driven track, and its minimum distances to points and obstacles."""
 
     length: float  # driven distance [m]
     point_distances: tuple[float, ...]  # minimum distance [m] to each point
-    clearance: float  # minimum distance [m] from the robot's outline to an obstacle, or infinity
+    clearance: float  # minimum distance [m] from the robot's outline to an obstacle
 
 
 def summarize_track(
@@ -49,7 +50,7 @@ def summarize_track(
 ) -> TrackSummary:
     """Summarize a ``track`` (t, 4) of x, y [m], yaw [rad] and contact (0 or 1).
 
-    Only the first ``untouched`` rows count for the clearance. ``outline`` (k, 2) [m] is convex and
+    The clearance covers only the first ``untouched`` rows. ``outline`` (k, 2) [m] is convex and
     counter-clockwise, in the robot's frame; ``points`` are (n, 2) [m].
     """
     result = np.empty(2 + len(points))
@@ -59,10 +60,10 @@ def summarize_track(
 
 
 def compute_clearances(outline: Array, poses: Array, obstacles: Sequence[Footprint]) -> Array:
-    """Return the distance (t,) [m] from a moving robot to the nearest obstacle; 0 on contact.
+    """Return the distance (t,) [m] to the nearest obstacle at each pose of a robot; 0 on contact.
 
     ``outline`` (k, 2) [m] is convex and counter-clockwise, in the robot's frame; ``poses`` (t, 3)
-    are x [m], y [m] and yaw [rad] of that frame. Without obstacles the distance is infinite.
+    are x [m], y [m] and yaw [rad] of that frame. The distance is infinite without obstacles.
     """
     outlines, result = Outlines.of(obstacles), np.empty(len(poses))
     arrays = (poses, outline, outlines.rows, outlines.corners)
@@ -79,7 +80,7 @@ def fill_summary(
     untouched: int,
     result: Array,
 ) -> None:
-    """Write the length, the clearance and the distances of ``summarize_track``."""
+    """Write the summary of ``summarize_track`` into ``result``."""
     result[0], way = 0.0, np.zeros(WAY_SIZE)
     way[LAST_X], way[LAST_Y] = track[0, 0], track[0, 1]
     for i in range(1, len(track)):
@@ -96,9 +97,9 @@ def fill_summary(
 
 @compilable
 def add_driven(way: Array, x: float, y: float, yaw: float, touching: bool) -> float:
-    """Advance the last position of ``way`` (WAY_SIZE,) and return the distance driven [m].
+    """Return the distance [m] driven to x, y, and store this position in ``way`` (WAY_SIZE,).
 
-    In lasting contact, only motion along the heading counts, once it exceeds ``SHAKE_M``.
+    During a contact, motion counts only along the heading, and only beyond ``SHAKE_M``.
     """
     dx, dy = x - way[LAST_X], y - way[LAST_Y]
     stays = touching and way[LAST_TOUCH] > 0.0
@@ -127,10 +128,10 @@ def fill_clearances(
 
 @compilable
 def _min_clearance(track: Array, outline: Array, rows: Array, corners: Array) -> float:
-    """Return the minimum of all clearances, of which only a few are computed.
+    """Return the minimum clearance over all poses, computing only a few clearances.
 
-    Between two poses, no point of the robot moves farther than the origin does, plus the reach
-    times the turn. This limits the decrease of the clearance.
+    Between two poses, no point of the robot moves farther than the origin's distance plus the reach
+    times the turn, which bounds the decrease of the clearance.
     """
     reach = _reach(outline)
     placed = outline.copy()
@@ -162,7 +163,7 @@ def _reach(outline: Array) -> float:
 def _clearance(
     pose: Array, outline: Array, reach: float, placed: Array, rows: Array, corners: Array
 ) -> float:
-    """Return the minimum distance [m] to an obstacle at one pose; ``placed`` is overwritten."""
+    """Return the distance [m] to the nearest obstacle at one pose; ``placed`` is overwritten."""
     x = pose[0]
     y = pose[1]
     sin, cos = elementary.sin_cos(pose[2])

@@ -1,7 +1,7 @@
-"""Divides solids into convex parts by plane cuts, exactly if the faces are flat.
+"""Divides solids into convex parts by plane cuts; exact for flat faces.
 
-MuJoCo would use a mesh's convex hull, and PyBullet an exact mesh only for fixed bodies.
-``manifold3d`` cuts and closes the cuts; ``coacd`` is hardly faster and not exact.
+MuJoCo would use the convex hull of a mesh, and PyBullet the exact mesh, but only for fixed bodies.
+``manifold3d`` cuts solids and closes the cuts; ``coacd`` is hardly faster and not exact.
 """
 
 import heapq
@@ -18,13 +18,13 @@ from evoros.geometry.triangles import Surface, find_normals, separate
 
 Plane = tuple[Array, float]
 """A plane's unit normal (3,), and its offset [m] from the origin along the normal."""
-TOLERANCE_M = 0.02  # distance from the surface up to which differences are ignored
-_SUSPECTS = 64  # maximum number of faces examined in hollows
+TOLERANCE_M = 0.02  # maximum deviation from the surface that is ignored
+_SUSPECTS = 64  # maximum number of faces examined in concave regions
 _FINE = 300  # number of faces above which fewer cuts are tried
-_CUT_WORK = 200  # number of faces whose handling takes as long as the fixed cost of a cut
-_GOOD = 0.95  # fraction of a hull that the pieces' hulls may fill after a good cut along a face
-_ROUNDING = 1e-5  # relative change in volume from rounding in cuts
-_SLIVER_M = 1e-5  # mean thickness of parts that only rounding has cut off
+_CUT_WORK = 200  # number of faces that take as long to process as the fixed cost of a cut
+_GOOD = 0.95  # relative volume of the pieces' hulls below which a cut along a face is good
+_ROUNDING = 1e-5  # relative change in volume that cuts may cause by rounding
+_SLIVER_M = 1e-5  # mean thickness [m] of parts that only rounding errors separate
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Piece:
 
     @property
     def concavity(self) -> float:
-        """The edge [m] of a cube with the volume that the hull has outside the solid."""
+        """The edge [m] of a cube as large as the volume between the hull and the solid."""
         lacking = self.hull.volume() - self.solid.volume()
         return float(np.cbrt(lacking)) if lacking > _ROUNDING * self.hull.volume() else 0.0
 
@@ -47,7 +47,7 @@ class Piece:
 
 
 def make_solid(surface: Surface) -> Any:
-    """Return the inside of an oriented surface as a manifold3d solid; None if it is open."""
+    """Return the inside of an oriented surface as a manifold3d solid; None if it is not closed."""
     if surface.volume < 0.0:
         surface = replace(surface, faces=surface.faces[:, ::-1])
     closed = separate(surface)
@@ -64,9 +64,9 @@ def divide(
 ) -> tuple[list[Piece], float, bool]:
     """Cut a solid into pieces until their concavity [m] is within the tolerance.
 
-    The piece with the largest concavity is cut first. There are at most ``few`` pieces if that
-    leaves no concavity above ``TOLERANCE_M``, and else at most ``most``. The result also has the
-    number of faces examined, and True if all cuts would need more than ``work`` of them.
+    The piece with the largest concavity is cut first. The number of pieces is at most ``few`` if
+    this leaves no concavity above ``TOLERANCE_M``, otherwise at most ``most``. Also return the
+    number of faces examined, and True if all cuts would exceed ``work`` examined faces.
     """
     done: list[Piece] = []
     waiting = [(-piece.concavity, i, piece) for i, piece in enumerate(_split(solid))]
@@ -91,7 +91,7 @@ def divide(
 
 
 def _split(*solids: Any) -> list[Piece]:
-    """Return the connected parts of solids; a solid with a cavity stays in one part."""
+    """Return the connected parts of solids; a solid with a cavity is not split."""
     parts: list[Any] = []
     for solid in solids:
         pieces = solid.decompose()
@@ -105,7 +105,7 @@ def _split(*solids: Any) -> list[Piece]:
 
 
 def _cut(piece: Piece) -> tuple[list[Piece], int]:
-    """Cut a piece by the plane that leaves the smallest hulls, if any; also count planes tried."""
+    """Cut a piece by the plane that leaves the smallest hulls, if any; also count the planes."""
     corners, outer = _find_hollows(piece)
     tried = 8 if piece.solid.num_tri() <= _FINE else 3
     along = list(_along_faces(corners, outer, 2 * tried))
@@ -124,14 +124,14 @@ def _try_planes(piece: Piece, planes: list[Plane]) -> tuple[float, list[Piece]]:
         pieces = _split(*piece.solid.split_by_plane(normal, offset))
         share = sum(part.hull.volume() for part in pieces) / piece.hull.volume()
         score = (round(share, 6), len(pieces))
-        # A cut that removes only a thin layer left by rounding gives a single piece.
+        # A cut that removes only a thin rounding layer leaves a single piece.
         if (len(pieces) > 1 or (pieces and share < 0.999)) and score < best:
             best, chosen = score, pieces
     return best[0], chosen
 
 
 def _merge(pieces: list[Piece]) -> list[Piece]:
-    """Merge pieces that are convex together but were separated by the cut of another piece."""
+    """Merge pieces separated by the cut of another piece if their union is convex."""
     waiting, done = list(pieces), []
     while waiting:
         piece = waiting.pop(0)
@@ -158,7 +158,7 @@ def _unite(first: Piece, second: Piece) -> Piece | None:
 
 
 def _find_hollows(piece: Piece) -> tuple[Array, Array]:
-    """Return the triangles (n, 3, 3) deepest in the hull of a piece, and the hull's corners."""
+    """Return the triangles (n, 3, 3) deepest inside a piece's hull, and the hull's corners."""
     mesh, hull = piece.solid.to_mesh64(), make_hull(piece.points)
     if hull is None:
         return np.empty((0, 3, 3)), np.empty((0, 3))
@@ -169,7 +169,7 @@ def _find_hollows(piece: Piece) -> tuple[Array, Array]:
 
 
 def _along_faces(corners: Array, outer: Array, most: int) -> Iterator[Plane]:
-    """Yield up to ``most`` distinct planes of triangles (n, 3, 3) that separate outer points."""
+    """Yield up to ``most`` distinct planes of triangles that have outer points on both sides."""
     if not len(corners):
         return
     normals = find_normals(corners)
@@ -184,7 +184,7 @@ def _along_faces(corners: Array, outer: Array, most: int) -> Iterator[Plane]:
 
 
 def _along_axes(corners: Array, outer: Array, most: int) -> Iterator[Plane]:
-    """Yield up to ``most`` planes normal to each axis through corners of triangles (n, 3, 3)."""
+    """Yield up to ``most`` planes per axis, normal to the axis, through corners of triangles."""
     low, high = outer.min(axis=0) + 1e-6, outer.max(axis=0) - 1e-6
     for axis in range(3) if len(corners) else ():
         levels = np.unique(corners[: 2 * most, :, axis].round(7))

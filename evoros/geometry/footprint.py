@@ -1,4 +1,4 @@
-"""Footprints of solid shapes on the ground, and the distances of points from them."""
+"""Footprints of solid shapes on the ground, and distances to points."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -14,7 +14,7 @@ from evoros.geometry import polyhedron
 from evoros.geometry.shapes import Body, Pose, Shape
 
 _ELLIPSE_CORNERS = 64
-_EXCESS = 1.2e-3  # 1 / cos(pi / 64) - 1: relative reach of 64 corners beyond their circle
+_EXCESS = 1.2e-3  # 1 / cos(pi / 64) - 1: relative excess of a 64-sided polygon around a circle
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,10 +28,10 @@ class Footprint:
 def project_shape(
     shape: Shape, pose: Pose, low_m: float = -math.inf, high_m: float = math.inf
 ) -> Footprint:
-    """Project a shape other than a plane, at ``pose`` in the world, onto the ground.
+    """Project a shape at ``pose`` in the world onto the ground; not for planes.
 
-    A convex polyhedron is projected only between the two heights [m], and any other shape entirely.
-    A tilted cylinder's end discs become polygons that exceed them by at most 0.13 % of the radius.
+    A convex polyhedron is projected only between two heights [m], any other shape as a whole. The
+    end discs of a tilted cylinder become polygons that exceed them by at most 0.13 % of the radius.
     """
     if shape.kind in ("convex", "heightfield"):
         return Footprint(convex_hull(_extreme_points(shape, pose, low_m, high_m)[:, :2]))
@@ -47,7 +47,7 @@ def project_shape(
 
 
 def _extreme_points(shape: Shape, pose: Pose, low_m: float, high_m: float) -> Array:
-    """Return points (n, 3) [m] that span a shape's hull; a polyhedron is cut at two heights."""
+    """Return points (n, 3) [m] that span a shape's hull; polyhedra are cut at the two heights."""
     corners = polyhedron.placed_corners(_span(shape), pose.rotation, pose.position)
     heights = corners[:, 2]
     if shape.kind == "heightfield" or (low_m <= heights.min() and heights.max() <= high_m):
@@ -76,9 +76,9 @@ def height_points(shape: Shape) -> Array:
 
 
 def _project_cylinder(radius: float, length: float, axis: Array) -> tuple[Array, float]:
-    """Return the vertices [m], about the centre, and the radius [m] of a cylinder's footprint."""
+    """Return the vertices [m], relative to the centre, and the radius [m] of the footprint."""
     reach = length / 2 * axis[:2]
-    if abs(axis[2]) > 1 - _EXCESS:  # the ellipses are nearly circles
+    if abs(axis[2]) > 1 - _EXCESS:  # the ends project to nearly circular ellipses
         return convex_hull(np.array([reach, -reach])), radius
     along = axis[:2] / math.hypot(axis[0], axis[1])
     across = np.array([-along[1], along[0]])
@@ -87,7 +87,7 @@ def _project_cylinder(radius: float, length: float, axis: Array) -> tuple[Array,
 
 
 def _circumscribe(along: float, across: float) -> Array:
-    """Return the corners of a polygon around an ellipse with half axes [m]; 4 if it is narrow."""
+    """Return the corners of a polygon around an ellipse with the given half axes [m]."""
     if along < _EXCESS * across:
         return np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (along, across)
     angles = np.arange(_ELLIPSE_CORNERS) * (2 * math.pi / _ELLIPSE_CORNERS)
@@ -112,7 +112,7 @@ def lowest_point(body: Body) -> float:
 
 def find_heights(shape: Shape, pose: Pose) -> tuple[float, float]:
     """Return the heights [m] of the lowest and highest point of a shape other than a plane."""
-    up = pose.rotation[2]  # the world's z axis in the frame of the shape
+    up = pose.rotation[2]  # the world's z axis in the shape's frame
     if shape.kind in ("convex", "heightfield"):
         heights = product(_span(shape), up) + pose.position[2]
         return float(heights.min()), float(heights.max())
@@ -124,11 +124,11 @@ def find_heights(shape: Shape, pose: Pose) -> tuple[float, float]:
         radius, length = shape.size
         depth = radius * math.hypot(up[0], up[1]) + length / 2 * abs(float(up[2]))
     bottom = pose.position[2] - depth
-    return bottom, 2.0 * pose.position[2] - bottom  # symmetric about its centre
+    return bottom, 2.0 * pose.position[2] - bottom  # the shape is symmetric about its centre
 
 
 def project_bodies(bodies: Iterable[Body], below_m: float = math.inf) -> tuple[Footprint, ...]:
-    """Project all solid shapes between the ground and ``below_m`` [m]; polyhedra are cut there."""
+    """Project all shapes but planes up to the height ``below_m`` [m], where polyhedra are cut."""
     areas = []
     for shape, pose in chain.from_iterable(body.placed for body in bodies):
         if shape.kind != "plane":
@@ -146,7 +146,7 @@ def bounding_circle(footprint: Footprint) -> tuple[float, float, float]:
 
 
 def find_bounds(*footprints: Footprint) -> tuple[Array, Array]:
-    """Return the lowest and the highest x, y (2,) [m] of footprints."""
+    """Return the minimum and maximum x, y (2,) [m] of footprints."""
     low = np.min([shape.vertices.min(axis=0) - shape.radius for shape in footprints], axis=0)
     high = np.max([shape.vertices.max(axis=0) + shape.radius for shape in footprints], axis=0)
     return low, high
@@ -155,13 +155,14 @@ def find_bounds(*footprints: Footprint) -> tuple[Array, Array]:
 def convex_hull(points: Array) -> Array:
     """Return the corners of the convex hull of points (n, 2), counter-clockwise.
 
-    Collinear points yield two corners, and coincident points (within 1e-12 of the extent) one.
-    Andrew's monotone chain is used, because Qhull rejects collinear points.
+    Collinear points yield two corners, and coincident points (within 1e-12 of the extent) yield
+    one. Andrew's monotone chain is used, because Qhull rejects collinear points.
     """
     extent = float(np.ptp(points, axis=0).max())
     if extent < 1e-100:
         return points[:1].copy()
-    # Points on an integer grid that differ by rounding coincide, so no turn is misjudged.
+    # Rounding to an integer grid merges points that differ by rounding errors, so that every turn
+    # is exact.
     grid = np.rint((points - points.min(axis=0)) * (1e12 / extent)).astype(np.int64).tolist()
     corners = {(x, y): point for (x, y), point in zip(grid, points, strict=True)}
     ordered = sorted(corners)
@@ -173,7 +174,7 @@ def convex_hull(points: Array) -> Array:
                 chain.pop()
             chain.append(cell)
         hull += chain[:-1]
-    # Rounding may put a point into either of two neighbouring cells.
+    # Rounding may put nearly equal points into neighbouring cells.
     return np.array([
         corners[b]
         for a, b in zip(hull[-1:] + hull[:-1], hull, strict=True)
@@ -186,7 +187,7 @@ def _turns_left(a: tuple[int, int], b: tuple[int, int], c: tuple[int, int]) -> b
 
 
 def contains(footprint: Footprint, point: Sequence[float]) -> bool:
-    """Return True if a point [x, y] lies in a footprint or on its border."""
+    """Return True if a point (x, y) [m] lies in or on the border of a footprint."""
     low, high = find_bounds(footprint)
     if (low > point).any() or (high < point).any():
         return False
@@ -195,12 +196,11 @@ def contains(footprint: Footprint, point: Sequence[float]) -> bool:
 
 
 def distances(footprint: Footprint, points: Array) -> Array:
-    """Return the distance (n,) [m] from each of the points (n, 2) to a footprint; 0 inside."""
+    """Return the distance (n,) [m] from each of the points (n, 2) [m] to a footprint; 0 inside."""
     return np.maximum(_polygon_distances(footprint.vertices, points) - footprint.radius, 0.0)
 
 
 def _polygon_distances(polygon: Array, points: Array) -> Array:
-    """Return the distance (n,) [m] from each point (n, 2) to a convex polygon (k, 2); 0 inside."""
     edges = np.roll(polygon, -1, axis=0) - polygon
     squared = np.full(len(points), np.inf)
     inside = np.full(len(points), len(polygon) > 2)
@@ -213,9 +213,9 @@ def _polygon_distances(polygon: Array, points: Array) -> Array:
     return np.where(inside, 0.0, np.sqrt(squared))
 
 
-# A footprint is a row of FOOTPRINT_SIZE values; one separate array holds all corners.
+# A row of FOOTPRINT_SIZE values describes a footprint; a separate array holds all corners.
 CENTRE_X, CENTRE_Y, CIRCLE, RADIUS, START, END = range(6)
-"""Columns: bounding circle's centre and radius, footprint radius [m], corners' start and end."""
+"""Columns: bounding circle's centre and radius, footprint radius [m], range of corner indices."""
 FOOTPRINT_SIZE = 6
 
 
@@ -224,11 +224,11 @@ class Outlines:
     """Footprints of obstacles as arrays."""
 
     rows: Array  # (n, FOOTPRINT_SIZE)
-    corners: Array  # (k, 2) [m], vertices of all footprints, one after another
+    corners: Array  # (k, 2) [m], vertices of all footprints, concatenated
 
     @classmethod
     def of(cls, footprints: Sequence[Footprint]) -> "Outlines":
-        """Pack footprints into arrays, in order."""
+        """Pack footprints into arrays."""
         rows, start = np.empty((len(footprints), FOOTPRINT_SIZE)), 0
         for row, footprint in zip(rows, footprints, strict=True):
             end = start + len(footprint.vertices)

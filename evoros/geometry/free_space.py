@@ -1,4 +1,4 @@
-"""A grid of the positions where a robot's centre is clear of obstacles and above ground."""
+"""A grid of positions at which a robot's centre is clear of obstacles and above ground."""
 
 import math
 from collections.abc import Sequence
@@ -22,13 +22,13 @@ def find_connected(free: Cells, start: tuple[int, int]) -> Cells:
 
 
 def label_regions(free: Cells, diagonals: bool = False) -> NDArray[np.int64]:
-    """Label the regions of free cells that share sides, from 1; blocked cells are 0."""
+    """Label the regions of side-connected free cells from 1; blocked cells are 0."""
     labels, _ = scipy.ndimage.label(free, np.ones((3, 3)) if diagonals else None)
     return np.asarray(labels, dtype=np.int64)
 
 
 def widen(cells: Cells, reach: int) -> Cells:
-    """Add all cells of grids (..., rows, columns) within ``reach`` cells along rows and columns."""
+    """Dilate marked cells of grids (..., rows, columns) by ``reach`` cells in rows and columns."""
     size = (1,) * (cells.ndim - 2) + (2 * reach + 1,) * 2
     return np.asarray(scipy.ndimage.maximum_filter(cells, size, mode="constant"), dtype=np.bool_)
 
@@ -38,7 +38,7 @@ CELL_M = 0.1
 
 @dataclass(frozen=True, eq=False)
 class FreeSpace:
-    """A grid of positions where a robot's centre is clear of obstacles."""
+    """A grid of positions at which a robot's centre is clear of obstacles."""
 
     low: Array  # (2,) [m], corner of the grid
     free: Cells  # (rows along y, columns along x)
@@ -54,7 +54,7 @@ class FreeSpace:
         ground: Sequence[Footprint] | None = None,
         cell_m: float = CELL_M,
     ) -> "FreeSpace":
-        """Return positions between two corners [m], ``radius_m`` from footprints, on ``ground``."""
+        """Return a grid from ``low`` to ``high`` [m]: free if on ``ground`` and off footprints."""
         columns, rows = np.ceil((np.maximum(high, low + 1.0) - low) / cell_m).astype(int)
         space = cls(low, np.ones((rows, columns), dtype=np.bool_), cell_m)
         if ground is not None:
@@ -65,19 +65,19 @@ class FreeSpace:
         return space
 
     def _keep_on(self, ground: Sequence[Footprint], radius_m: float) -> None:
-        """Block the positions that do not have ground all around within a radius."""
-        reach = radius_m / self.cell_m + 1.0  # a cell without ground begins before its centre
-        pad = math.ceil(reach)  # the ground may end just outside the grid
+        """Block all positions without ground everywhere within a radius."""
+        reach = radius_m / self.cell_m + 1.0  # cells without ground start before their centre
+        pad = math.ceil(reach)  # ground may end just outside the grid
         none = np.pad(np.zeros_like(self.free), pad)
         wide = FreeSpace(self.low - pad * self.cell_m, none, self.cell_m)
-        for footprint in ground:  # robots drive over seams between floors
+        for footprint in ground:  # robots drive across seams between floors
             window, near = wide.find_near(footprint, self.cell_m / 2)
             wide.free[window] |= near
         inner = (slice(pad, -pad),) * 2
         self.free[:] &= scipy.ndimage.distance_transform_edt(wide.free)[inner] > reach
 
     def find_near(self, footprint: Footprint, radius_m: float) -> tuple[tuple[slice, slice], Cells]:
-        """Return a window of the grid, and the mask of its cells within a radius of a footprint."""
+        """Return the window of the grid near a footprint, and its mask of cells within a radius."""
         reach = footprint.radius + radius_m
         ends = footprint.vertices.min(axis=0) - reach, footprint.vertices.max(axis=0) + reach
         cells = (np.floor((end - self.low) / self.cell_m).astype(int) for end in ends)
@@ -105,7 +105,7 @@ class FreeSpace:
         return np.asarray(self._clearances[rows, columns])
 
     def is_open(self, start: Array, end: Array) -> bool:
-        """Return True if all cells on the straight line between two points [m] are free."""
+        """Return True if all cells on the line segment between two points [m] are free."""
         count = 2 + int(math.dist(start, end) / (self.cell_m / 2))
         points = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
         column, row = np.floor((points - self.low) / self.cell_m).astype(int).T
@@ -118,24 +118,24 @@ DIRECTIONS = (
     *((x, y) for x in range(-2, 3) for y in range(-2, 3) if abs(x) + abs(y) in (1, 3)),
     *((x, y) for x in (-1, 1) for y in (-1, 1)),
 )
-"""Sixteen directions, about 22.5 deg apart."""
+"""Sixteen directions, about 22.5 deg apart, as (x, y) steps."""
 SHELTERED = 13
-"""Minimum number of blocked directions at a position inside walls; an outside corner has twelve."""
+"""Minimum number of blocked directions of a position between walls; an outer corner has twelve."""
 WALLED = 0.7
-"""Minimum fraction of obstacles on an enclosed region's border; the rest is doors and gaps."""
+"""Minimum fraction of obstacles on an enclosed region's border; doors and gaps are the rest."""
 LARGE_SHARE, ONE_SHARE, LEAST_SHARE = 0.2, 0.5, 0.01
-"""Minimum sizes of an enclosed region, larger than sheds in a field and houses in a town.
+"""Minimum sizes of an enclosed region; sheds in a field and houses in a town are smaller.
 
-The region must cover the first share of all free cells, or the second share of all enclosed cells,
-and in any case the third share of all free cells.
+The region must cover the first fraction of all free cells or the second of all enclosed cells, and
+always the third of all free cells.
 """
 
 
 def find_enclosed(free: Cells) -> Cells | None:
-    """Return the largest enclosed region of free cells; None if there is none.
+    """Return the largest enclosed region of free cells, or None if there is none.
 
-    A free cell is sheltered if nearly all directions from it end at a blocked cell. Obstacles make
-    up most of the border of an enclosed region, such as a room with doors.
+    A free cell is sheltered if nearly all directions from the cell end at a blocked cell. Obstacles
+    make up most of the border of an enclosed region, such as a room with doors.
     """
     blocked = np.sum([_look(free, x, y) for x, y in DIRECTIONS], axis=0)
     regions, total = label_regions(free & (blocked >= SHELTERED)), float(free.sum())
@@ -150,11 +150,11 @@ def find_enclosed(free: Cells) -> Cells | None:
 
 
 def _look(free: Cells, x: int, y: int) -> Cells:
-    """Return the cells from which steps by (x, y) cells end at a blocked cell."""
+    """Return the cells from which repeated steps of (x, y) cells end at a blocked cell."""
     if x == 0:
         return _look(free.T, y, 0).T
     rows, columns = free.shape
-    ends = np.zeros((rows + 2 * abs(y), columns), dtype=np.bool_)  # nothing ends beyond the grid
+    ends = np.zeros((rows + 2 * abs(y), columns), dtype=np.bool_)  # no ray ends beyond the grid
     inner = slice(abs(y), abs(y) + rows)
     for column in range(columns)[:: -1 if x > 0 else 1]:
         if 0 <= column + x < columns:

@@ -1,4 +1,4 @@
-"""A grid over the ground that lists, for each cell, the footprints near it."""
+"""A grid over the ground that lists the footprints near each cell."""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from evoros.geometry.footprint import Footprint, distances, find_bounds
 
 CELL_M = 1.0
 MAX_CELLS = 250_000
-"""Maximum number of cells; a world with obstacles far apart gets larger cells instead."""
+"""Maximum number of cells; the cells are larger in a world with obstacles far apart."""
 
 # A flat array of GRID_SIZE values describes the grid.
 ORIGIN_X, ORIGIN_Y, CELL, COLUMNS, ROWS = range(5)
@@ -31,7 +31,7 @@ class Grid:
 
     @classmethod
     def around(cls, footprints: Sequence[Footprint], reach: float) -> "Grid":
-        """Cover all points within ``reach`` [m] of a footprint; without any, make one cell."""
+        """Cover all points within ``reach`` [m] of a footprint; one cell without footprints."""
         if not footprints:
             return cls(np.zeros(2), CELL_M, (1, 1))
         low, high = find_bounds(*footprints)
@@ -53,7 +53,7 @@ class Grid:
         return starts.astype(np.float64), entries.astype(np.float64)
 
     def _cells_near(self, footprint: Footprint, reach: float) -> NDArray[np.intp]:
-        """Return all cells with a point within ``reach`` [m] of a footprint, and a few more."""
+        """Return all cells with a point within ``reach`` [m] of a footprint, and some others."""
         low, high = find_bounds(footprint)
         columns, rows = (
             np.arange(max(0, int(start // self.cell)), min(count, int(end // self.cell) + 1))
@@ -68,13 +68,13 @@ class Grid:
         return np.asarray((row * self.shape[0] + column)[near])
 
     def to_array(self) -> Array:
-        """Return the grid (GRID_SIZE,) for ``cell_at``."""
+        """Return the grid as an array (GRID_SIZE,) for ``cell_at``."""
         return np.array([*self.origin, self.cell, *self.shape], dtype=np.float64)
 
 
 @compilable
 def cell_at(grid: Array, x: float, y: float) -> int:
-    """Return the index of the cell that contains a point [m]; -1 outside the grid and for NaN."""
+    """Return the index of the cell that contains a point [m]; -1 for NaN and outside the grid."""
     column = (x - grid[ORIGIN_X]) / grid[CELL]
     row = (y - grid[ORIGIN_Y]) / grid[CELL]
     # The negated condition also catches NaN, which must not become a cell index.

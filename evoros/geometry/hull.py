@@ -1,4 +1,4 @@
-"""Convex hulls of points, with few corners and a minimum thickness."""
+"""Convex hulls of points, with a limited number of corners and a minimum thickness."""
 
 import itertools
 from dataclasses import dataclass
@@ -12,8 +12,8 @@ from evoros.base.arrays import Array, principal_axes, product
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.geometry.triangles import Surface, find_normals, sample
 
-THICKNESS_M = 0.002  # thickness of a flat hull
-SMALLEST_M = 0.001  # minimum extent of a hull
+THICKNESS_M = 0.002  # thickness [m] given to a flat hull
+SMALLEST_M = 0.001  # minimum extent [m] of a hull
 MOST_CORNERS = 96
 COARSENESS = 0.005  # maximum distance of an omitted corner from the hull, relative to its extent
 
@@ -29,7 +29,7 @@ class Hull:
     area: float  # [m2]
 
     def depth(self, points: Array) -> Array:
-        """Return the depth [m] of each of the points (k, 3) in the hull; negative outside."""
+        """Return the depth (k,) [m] of points (k, 3) [m] inside the hull; negative outside."""
         depth = np.full(len(points), np.inf)
         for i in range(0, len(self.planes), 256):
             planes = self.planes[i : i + 256]
@@ -39,7 +39,7 @@ class Hull:
 
 
 def make_hull(points: Array) -> Hull | None:
-    """Return the hull of points (k, 3) [m], thickened if flat; None if below ``SMALLEST_M``."""
+    """Return the hull of points (k, 3) [m], thickened if flat; None below ``SMALLEST_M``."""
     if len(points) < 3 or float((points.max(axis=0) - points.min(axis=0)).max()) < SMALLEST_M:
         return None
     hull = _qhull(points) if len(points) > 3 else None
@@ -61,7 +61,7 @@ def _qhull(points: Array) -> ConvexHull | None:
 
 
 def _thicken(points: Array) -> Array:
-    """Return flat points shifted to both sides of their plane, and other points unchanged."""
+    """Duplicate flat points on both sides of their plane; leave other points unchanged."""
     centre = points.mean(axis=0)
     _, axes = principal_axes(product((points - centre).T, points - centre))
     width = float(np.ptp(product(points - centre, axes[:, 0])))
@@ -94,7 +94,7 @@ def simplify(hull: Hull) -> tuple[Hull, float]:
 
 
 def _without_flat_corners(hull: Hull) -> Hull:
-    """Return the hull without the corners inside faces or edges that cuts leave behind."""
+    """Return the hull without the corners that cuts leave inside faces or edges."""
     _, first = np.unique(np.round(hull.planes[:, :3], 5), axis=0, return_index=True)
     planes = hull.planes[first]
     touched = np.abs(product(hull.corners, planes[:, :3].T) + planes[:, 3]) < 1e-6
@@ -114,7 +114,7 @@ def _extremes(points: Array, directions: Array) -> NDArray[np.integer]:
 
 @cache
 def _spread(count: int) -> Array:
-    """Return directions (count, 3) spread evenly over a sphere along a spiral."""
+    """Return directions (count, 3) spread evenly over a sphere, on a spiral."""
     z = 1 - (2 * np.arange(count) + 1) / count
     angle = np.pi * (1 + np.sqrt(5)) * np.arange(count)
     radius = np.sqrt(1 - z * z)
@@ -122,16 +122,16 @@ def _spread(count: int) -> Array:
 
 
 _DIRECTIONS = np.array([d for d in itertools.product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
-_MANY = 5000  # number of faces above which only every second, third, ... one is sampled
+_MANY = 5000  # number of faces above which only every second, third, ... face is sampled
 
 
 def find_gap(surface: Surface, hull: Hull | None = None) -> float:
-    """Return the maximum width [m] of a hollow, such as a room, that a surface's hull bridges."""
+    """Return the maximum width [m] of a concave region, such as a room, that the hull spans."""
     hull = hull or make_hull(surface.points)
     if hull is None:
         return 0.0
     extent = float(np.ptp(surface.points, axis=0).max())
-    # The step resolves a door in a wall of any length, unless that takes too many points.
+    # The step resolves a door in a wall of any length unless this would take too many points.
     step = min(max(extent / 20, 0.01), 0.25 if extent < 10.0 else 0.4)
     step = max(step, float(np.sqrt((hull.area + surface.area) / 1e5)))
     points, _ = sample(surface.triangles, step / 2)
@@ -143,23 +143,23 @@ def find_gap(surface: Surface, hull: Hull | None = None) -> float:
 def find_depth(surface: Surface, hull: Hull) -> float:
     """Return the maximum depth [m] of the surface inside its hull."""
     corners = surface.triangles[:: 1 + len(surface.faces) // _MANY]
-    # A valley may end on the hull, so its middle is sampled as well.
+    # A valley may end on the hull, so sample its middle as well.
     samples = [corners[:, i] for i in range(3)]
     samples += [(corners[:, i] + corners[:, i - 1]) / 2 for i in range(3)]
     samples.append(corners.mean(axis=1))
-    # A hull with few corners is slightly smaller and much faster.
+    # A simplified hull is slightly smaller and much faster.
     simple = simplify(hull)[0] if len(hull.corners) > MOST_CORNERS else hull
     return max(float(simple.depth(np.concatenate(samples)).max()), 0.0)
 
 
 def is_hull(surface: Surface, hull: Hull, tolerance: float) -> bool:
-    """Return True if the surface, except its bottom, covers its hull within a tolerance [m]."""
+    """Return True if the surface matches its hull within a tolerance [m], except at the bottom."""
     if find_depth(surface, hull) > tolerance:
         return False
     lacking = hull.area - surface.area
     if abs(lacking) <= 0.02 * hull.area:
         return find_gap(surface, hull) <= tolerance
-    # The area vectors of a closed surface cancel; the remainder points into the opening.
+    # The area vectors of a closed surface sum to zero; otherwise the sum points into the opening.
     corners = surface.triangles
     normals = find_normals(corners) / 2
     away = (normals * (corners.mean(axis=1) - hull.corners.mean(axis=0))).sum(axis=1)

@@ -1,4 +1,4 @@
-"""Divides any surface into convex parts: hulls that fit, pieces of solids, or plates for sheets."""
+"""Divides any surface into convex parts: close hulls, pieces of solids, or plates for sheets."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -25,17 +25,17 @@ from evoros.geometry.triangles import (
 
 
 class Sections(NamedTuple):
-    """Areas [m2] of sections of a surface and its parts, each the maximum over all heights."""
+    """Areas [m2] of horizontal sections of a surface and its parts, maximized over all heights."""
 
-    false: float  # inside the shapes, but outside the surface's solids and sheets
-    missed: float  # inside the surface's solids and sheets, but outside the shapes
+    false: float  # inside the parts, but outside the solids and sheets of the surface
+    missed: float  # inside the solids and sheets of the surface, but outside the parts
     footprint: float  # convex hull of the surface in top view
 
 
 def compare_sections(
     surface: Surface, parts: Iterable[Array], heights: Sequence[float]
 ) -> Sections:
-    """Compare a surface with convex parts, given by their corners (k, 3) [m]."""
+    """Compare a surface with convex parts, each given by its corners (k, 3) [m]."""
     surfaces = [(part, make_solid(part)) for part in list_surfaces(surface)]
     polyhedra = [convex_polyhedron(tuple(map(tuple, corners.tolist()))) for corners in parts]
     false = missed = 0.0
@@ -64,7 +64,7 @@ def _grow(area: Any) -> Any:
 
 
 def _draw(lines: Array, width: float) -> Any:
-    """Return the area within a width [m] of lines (n, 2, 2), including beyond their ends."""
+    """Return the area within ``width`` [m] of line segments (n, 2, 2), also beyond their ends."""
     along = lines[:, 1] - lines[:, 0]
     lengths = np.sqrt((along * along).sum(axis=1))
     lines, along = lines[lengths > 0.0], along[lengths > 0.0]
@@ -76,11 +76,11 @@ def _draw(lines: Array, width: float) -> Any:
 
 
 def _cut(triangles: Array, height: float) -> Array:
-    """Return the lines (m, 2, 2) along which triangles (n, 3, 3) cross a height [m]."""
+    """Return the line segments (m, 2, 2) in which triangles (n, 3, 3) cross a height [m]."""
     above = triangles[:, :, 2] > height
     crossing = triangles[above.any(axis=1) & ~above.all(axis=1)]
     above = crossing[:, :, 2] > height
-    # The two edges that cross belong to the corner that is alone on its side.
+    # Both crossing edges belong to the corner that is alone on its side.
     alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), (~above).argmax(axis=1))
     rows = np.arange(len(crossing))
     start = crossing[rows, alone]
@@ -92,25 +92,25 @@ def _cut(triangles: Array, height: float) -> Array:
 
 @dataclass(frozen=True)
 class _Limits:
-    surfaces: int  # connected parts; beyond this number, small neighbours are joined
-    plates: int  # further plates, which surfaces share by area
-    parts: int  # parts of one solid
+    surfaces: int  # maximum number of connected parts before small neighbours are joined
+    plates: int  # number of further plates, shared among the surfaces by area
+    parts: int  # maximum number of parts of one solid
 
 
 def _limit_pieces(most: int, extent: float) -> int:
-    """Return the limit, up to ``most``, on a surface's pieces if few pieces represent it well."""
+    """Return the maximum number of pieces, at most ``most``, of a surface with an extent [m]."""
     return min(most, max(_FEWEST, math.ceil(2 * extent / TOLERANCE_M)))
 
 
-_FEWEST = 12  # smallest limit on the number of surfaces, or of pieces of a surface
-_PLATES = 128  # maximum number of plates of a surface, unless its share is larger
+_FEWEST = 12  # minimum of the limits on surfaces, and on pieces of a surface
+_PLATES = 128  # maximum number of plates of a surface with a small share of the area
 _SMALL, _LARGE = _Limits(256, 0, 64), _Limits(2048, 4096, 256)
-_LARGE_M = 5.0  # extent from which a mesh counts as a building or a landscape
-_MOST_FACES = 2000  # maximum number of faces of a solid that is cut; a finer one is coarsened
-_FULL = 0.9  # fraction of its hull that a solid must fill to be replaced with the hull
+_LARGE_M = 5.0  # extent [m] from which a mesh is a building or a landscape
+_MOST_FACES = 2000  # maximum number of faces of a solid to cut; finer solids are coarsened
+_FULL = 0.9  # minimum fraction of the hull that a solid fills to be replaced with the hull
 _READ, _MERGE, _HULL, _PART, _USE = 4, 10, 400, 400, 120
-"""Work, in faces examined by cuts (5 us each), per face read, face merged, hull, part and use."""
-_USES_SHARE = 0.25  # maximum share of a mesh's work in the handling of further uses
+"""Work per face read, face merged, hull, part and use, in faces examined by cuts (5 us each)."""
+_USES_SHARE = 0.25  # maximum fraction of a mesh's work for its further uses
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,16 +118,16 @@ class Parts:
     """Convex parts that represent a surface."""
 
     hulls: tuple[Hull, ...]
-    dropped: int  # number of parts left out because they are too small
+    dropped: int  # number of parts omitted because they are too small
     deviation: float  # maximum distance [m] from the surface to the surfaces of the parts
-    work: float  # number of faces examined in cuts, or the equivalent; includes reading the mesh
+    work: float  # number of faces examined in cuts, or equivalent work; includes reading the mesh
     is_cut_short: bool  # whether more work would give better parts
 
 
 def divide_mesh(triangles: Array, work: float = math.inf, uses: int = 1) -> Parts:
     """Divide triangles (n, 3, 3) [m] into convex parts, with at most about ``work`` operations.
 
-    A world handles all parts again in each of the ``uses`` of the mesh.
+    A world processes all parts again for each of the ``uses`` of the mesh.
     """
     surface, spent = weld(triangles), float(_READ * len(triangles))
     limits = _LARGE if np.ptp(surface.points, axis=0).max() >= _LARGE_M else _SMALL
@@ -136,7 +136,7 @@ def divide_mesh(triangles: Array, work: float = math.inf, uses: int = 1) -> Part
     most = int(min(limits.surfaces, max(_FEWEST, (work - spent) / (_HULL + _PART)), parts / 2))
     surfaces = list_surfaces(surface)
     groups, deviation = _gather(surfaces, most)
-    if again:  # ground robots meet the lowest surfaces, such as trunks below leaves
+    if again:  # ground robots collide with the lowest surfaces, such as trunks below leaves
         groups.sort(key=lambda group: min(float(part.points[:, 2].min()) for part in group))
     spent += len(groups) * (_HULL + _PART)
     divider = _Divider(limits, surface.area, work, spent, parts - len(groups))
@@ -156,7 +156,7 @@ def divide_mesh(triangles: Array, work: float = math.inf, uses: int = 1) -> Part
 
 
 class _Divider:
-    """Divides the surfaces of a mesh with a total area [m2] within a limit of work."""
+    """Divides surfaces of a total ``area`` [m2] with a limited amount of work."""
 
     def __init__(
         self, limits: _Limits, area: float, limit: float, work: float, spare: float
@@ -164,12 +164,12 @@ class _Divider:
         self._limits = limits
         self._area = area
         self._limit = limit
-        self._spare = spare  # number of parts beyond one for each surface
+        self._spare = spare  # number of parts available beyond one per surface
         self.work = work
         self.is_cut_short = False
 
     def divide(self, group: list[Surface]) -> tuple[list[Hull], float]:
-        """Return the hulls of surfaces that count as one, and their maximum deviation [m]."""
+        """Return the hulls of surfaces that are treated as one, and their maximum deviation [m]."""
         surface = group[0]
         hull = make_hull(np.concatenate([part.points for part in group]))
         if hull is None:
@@ -199,7 +199,7 @@ class _Divider:
         while solid.num_tri() > _MOST_FACES and error < extent:
             error = cell
             solid, cell = solid.simplify(cell), 1.5 * cell
-        allowed = (self._limit - self.work) / 2  # the rest is left for other surfaces
+        allowed = (self._limit - self.work) / 2  # half of the rest is for other surfaces
         most = int(min(self._limits.parts, 1 + self._spare))
         few = _limit_pieces(most, extent)
         pieces, work, is_cut_short = divide(solid, tolerance, few, most, allowed)
@@ -209,14 +209,14 @@ class _Divider:
         return hulls, error + max((piece.concavity for piece in pieces), default=extent)
 
     def _make_plates(self, surface: Surface, extent: float) -> tuple[list[Hull], float]:
-        """Return the hulls of a surface's flat polygons, and their deviation [m]."""
+        """Return the hulls of a surface's flat polygons, and their maximum deviation [m]."""
         share = int(self._limits.plates * surface.area / self._area)
         wanted = max(_PLATES, share)
         most = min(wanted, 1 + self._spare)
         few = min(most, max(_limit_pieces(_PLATES, extent), share))
         most_faces = min(8 * most, (self._limit - self.work) / _MERGE)
         coarse, error, cell = surface, 0.0, min(max(extent / 200, 0.002), 0.1)
-        reach = float(np.abs(surface.points).max())  # cells beyond it all join the same points
+        reach = float(np.abs(surface.points).max())  # larger cells would merge the same points
         polygons: list[Array] = []
         while True:
             joined, kept, moved = join_near(surface, cell)
@@ -233,7 +233,7 @@ class _Divider:
 
 
 def list_surfaces(surface: Surface) -> list[Surface]:
-    """List the connected parts; a closed part that lines a cavity joins the part around it."""
+    """List the connected parts; a closed part around a cavity is joined with the part around it."""
     surfaces = [orient(part) for part in split_by_edges(surface)]
     volumes = [surface.volume if is_closed(surface) else 0.0 for surface in surfaces]
     order = sorted(range(len(surfaces)), key=lambda i: (-abs(volumes[i]), i))
@@ -257,7 +257,7 @@ def _is_cavity(surfaces: list[Surface], volumes: list[float], inner: int, outer:
 
 
 def _gather(surfaces: list[Surface], most: int) -> tuple[list[list[Surface]], float]:
-    """Group small neighbours into at most ``most`` clumps; also return the clumps' width [m]."""
+    """Group small neighbours into at most ``most`` groups; also return the groups' width [m]."""
     if len(surfaces) <= most:
         return [[surface] for surface in surfaces], 0.0
     low = np.array([surface.points.min(axis=0) for surface in surfaces])
@@ -269,7 +269,7 @@ def _gather(surfaces: list[Surface], most: int) -> tuple[list[list[Surface]], fl
         groups = {}
         cells = np.floor((low + high) / 2 / cell).tolist()
         for i, surface in enumerate(surfaces):
-            # A part larger than a cell stays alone.
+            # A part larger than a cell forms its group alone.
             key = (*cells[i],) if extents[i] < cell else (float(i),)
             groups.setdefault(key, []).append(surface)
         cell *= 1.5

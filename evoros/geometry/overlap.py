@@ -1,8 +1,9 @@
-"""Penetration depth of two solid shapes, and the lift that moves one clear of the other.
+"""Penetration depth of two solid shapes, and the lift that separates them.
 
-Two convex solids overlap if the origin lies in their Minkowski difference, whose nearest face gives
-the shortest separating translation. Its hull is refined by farthest points, as in the expanding
-polytope algorithm (van den Bergen, Game Developers Conference, 2001), also for round shapes.
+Two convex solids overlap if their Minkowski difference contains the origin; its face nearest to the
+origin gives the shortest separating translation. As in the expanding polytope algorithm (van den
+Bergen, Game Developers Conference, 2001), farthest points refine the hull, which also covers round
+shapes.
 """
 
 import math
@@ -18,11 +19,11 @@ from evoros.geometry.polyhedron import box_corners, convex_polyhedron, hull_plan
 from evoros.geometry.shapes import Pose, Shape
 
 _EXACT_M = 1e-4
-"""Tolerance [m]: a depth is exact if no point of the shapes is farther beyond the face."""
-_EXACT = 0.02  # the same for deep overlaps, as a fraction of the depth
+"""Tolerance [m]: a depth is exact if no point of the shapes lies farther beyond the face."""
+_EXACT = 0.02  # the tolerance for deep overlaps, as a fraction of the depth
 _ROUNDS = 50  # maximum number of refinements; most pairs need fewer than ten
 _AT_ONCE = 8  # number of faces refined at a time
-_SIDES = 16  # number of corners of the polygon in a circle before refinement
+_SIDES = 16  # number of corners of the polygon that first approximates a circle
 SIDEWAYS = 1e-9  # upward component of a unit normal below which a face counts as vertical
 
 
@@ -32,7 +33,7 @@ class Solid:
 
     shape: Shape
     pose: Pose
-    points: Array  # (n, 3) [m], on the surface: all corners, or a sample if the shape is round
+    points: Array  # (n, 3) [m], on the surface: all corners, or samples of a round shape
 
     @classmethod
     def at(cls, shape: Shape, pose: Pose) -> "Solid":
@@ -56,7 +57,7 @@ class Solid:
         return np.asarray(self.points[int(product(self.points, direction).argmax())])
 
     def box(self) -> tuple[Array, Array]:
-        """Return the lowest and the highest coordinates (3,) [m] of the solid."""
+        """Return the minimum and maximum coordinates (3,) [m] of the solid."""
         if self.shape.kind in ("box", "convex"):
             return self.points.min(axis=0), self.points.max(axis=0)
         ends = [[float(self.farthest(s * axis)[i]) for s in (-1.0, 1.0)]
@@ -66,7 +67,7 @@ class Solid:
 
 
 class Clearance(NamedTuple):
-    """The range of lifts [m] in which a solid overlaps another."""
+    """The range of lifts [m] at which one solid overlaps another."""
 
     low: float
     high: float
@@ -92,7 +93,7 @@ def _unit_circle() -> Array:
 
 
 def overlap_depth(first: Solid, second: Solid) -> float:
-    """Return the overlap depth [m] of two solids, accurate to 0.1 mm or 2 %; at most 0 if apart."""
+    """Return the overlap depth [m] of two solids, exact to 0.1 mm or 2 %; at most 0 if apart."""
     points = _differences(first, second)
     depth = 0.0
     for _ in range(_ROUNDS):
@@ -107,7 +108,7 @@ def overlap_depth(first: Solid, second: Solid) -> float:
 
 
 def clearance(first: Solid, second: Solid) -> Clearance | None:
-    """Return the lifts of the first solid at which it overlaps the second; None without any."""
+    """Return the lifts of the first solid at which it overlaps the second; None without overlap."""
     points = _differences(first, second)
     lifts = None
     for _ in range(_ROUNDS):
@@ -132,9 +133,9 @@ def clearance(first: Solid, second: Solid) -> Clearance | None:
 
 
 def _cross(planes: Array) -> tuple[Clearance | None, list[Array]]:
-    """Intersect a hull with the vertical axis; return the lifts and the normals of both faces.
+    """Intersect a hull with the vertical axis; return the lifts, and the normals of the faces hit.
 
-    If the axis misses the hull, the only normal is horizontal and separates the two solids.
+    If the axis misses the hull, the only normal is horizontal: of a face that separates the two.
     """
     rise, offset = planes[:, 2], planes[:, 3]
     aside = np.flatnonzero(np.abs(rise) <= SIDEWAYS)

@@ -1,4 +1,4 @@
-"""Convex polygons on the ground: the distance and the contact between two of them."""
+"""Convex polygons on the ground: the distance and the contact between two polygons."""
 
 import math
 
@@ -10,7 +10,7 @@ from evoros.base.compilable import compilable
 def transform_polygon(
     polygon: Array, x: float, y: float, cos: float, sin: float, result: Array
 ) -> None:
-    """Write the corners ``polygon`` (k, 2) [m], rotated and moved by x, y [m], into ``result``."""
+    """Write ``polygon`` (k, 2) [m], rotated and then moved by x, y [m], into ``result``."""
     for i in range(len(polygon)):
         a = polygon[i, 0]
         b = polygon[i, 1]
@@ -22,14 +22,14 @@ def transform_polygon(
 def polygon_distance(first: Array, second: Array, cutoff: float) -> float:
     """Return the distance [m] between convex counter-clockwise polygons (k, 2); 0 if they overlap.
 
-    A polygon may be a segment or a point. Beyond ``cutoff``, a lower bound may be returned.
+    A polygon may be a segment or a point. A distance above ``cutoff`` may be a lower bound.
     """
     apart, _ = find_separation(first, second, cutoff)
     if apart <= cutoff:
         apart = max(apart, find_separation(second, first, cutoff)[0])
     if apart > cutoff or apart <= 0.0:
         return max(apart, 0.0)
-    # A corner of one of two disjoint convex polygons belongs to their nearest pair of points.
+    # The shortest path between two disjoint convex polygons starts or ends at a corner.
     return math.sqrt(min(_squared_distance(first, second), _squared_distance(second, first)))
 
 
@@ -44,9 +44,9 @@ def find_edge(polygon: Array, i: int) -> tuple[float, float, float, float]:
 
 @compilable
 def find_separation(polygon: Array, points: Array, enough: float) -> tuple[float, int]:
-    """Return the largest separation [m] of points from an edge of a polygon, and the edge, or -1.
+    """Return the largest separation [m] of points from an edge of a polygon, and the edge or -1.
 
-    The search ends at the first edge that separates the points by more than ``enough``.
+    The search stops at the first edge that separates the points by more than ``enough`` [m].
     """
     best = -math.inf
     edge = -1
@@ -70,7 +70,7 @@ def find_separation(polygon: Array, points: Array, enough: float) -> tuple[float
 
 @compilable
 def _off_edge(px: float, py: float, dx: float, dy: float, squared: float) -> tuple[float, float]:
-    """Return the vector [m] from the nearest point of an edge to p, given from its start."""
+    """Return the vector [m] from the nearest point of an edge to p, given relative to its start."""
     along = 0.0
     if squared > 0.0:
         along = (px * dx + py * dy) / squared
@@ -95,7 +95,7 @@ def _squared_distance(polygon: Array, points: Array) -> float:
 
 @compilable
 def find_border(polygon: Array, x: float, y: float) -> tuple[float, float, float]:
-    """Return the distance [m] to a convex polygon, negative inside, and the outward unit normal."""
+    """Return the distance [m] to a convex polygon, negative inside, and the outward normal."""
     best = math.inf
     nearest_x = 0.0
     nearest_y = 0.0
@@ -121,7 +121,7 @@ def find_border(polygon: Array, x: float, y: float) -> tuple[float, float, float
 
 
 EDGE_TOLERANCE_M = 1e-4
-"""Corners within this distance of the farthest reach belong to the touching edge."""
+"""Corners at most this far behind the foremost corner belong to the touching edge."""
 
 
 @compilable
@@ -130,10 +130,10 @@ def polygon_contact(
 ) -> tuple[float, float, float, float, float, float]:
     """Return the contact of two convex counter-clockwise polygons (k, 2) [m], possibly rounded.
 
-    Each polygon may be a segment or a point, and is widened by its radius [m]. The result is the
-    depth [m] of the overlap, at most 0 without contact; the normal x, y, from the first to the
-    second; the position of the contact along the normal [m]; and the lowest and the highest
-    position of the contact along the normal's left-hand perpendicular [m].
+    A polygon may be a segment or a point, and is widened by its radius [m]. The result is the
+    overlap depth [m], at most 0 without contact; the unit normal x, y from the first to the second
+    polygon; the contact's position along the normal [m]; and the contact's minimum and maximum
+    position along the normal's left-hand perpendicular [m].
     """
     radius = first_radius + second_radius
     best, nx, ny = _widest_gap(first, second)
@@ -148,7 +148,7 @@ def polygon_contact(
             return radius - best if best > 0.0 else 0.0, nx, ny, 0.0, 0.0, 0.0
     near, low, high = _support(first, nx, ny)
     far, from_, to = _support(second, -nx, -ny)
-    # The perpendicular of the opposite normal points the other way.
+    # The perpendicular of the opposite normal has the opposite direction.
     start = max(low, -to)
     end = min(high, -from_)
     if start > end:
@@ -180,7 +180,7 @@ def _nearest(first: Array, second: Array) -> tuple[float, float, float]:
 
 @compilable
 def _from_corners(points: Array, polygon: Array) -> tuple[float, float, float]:
-    """Return the distance [m] from a polygon to the nearest point, and the direction to it."""
+    """Return the distance [m] from a polygon to the nearest of the points, and its direction."""
     best = math.inf
     nx = 0.0
     ny = 0.0
@@ -199,7 +199,7 @@ def _from_corners(points: Array, polygon: Array) -> tuple[float, float, float]:
 
 @compilable
 def _support(polygon: Array, nx: float, ny: float) -> tuple[float, float, float]:
-    """Return a polygon's reach along a normal [m], and the ends of its touching edge across it."""
+    """Return the extent [m] of a polygon along a normal, and its touching edge's ends across it."""
     reach = -math.inf
     for i in range(len(polygon)):
         reach = max(reach, polygon[i, 0] * nx + polygon[i, 1] * ny)

@@ -1,4 +1,4 @@
-"""Convex polyhedra and polygons: faces, edges, volume, moments of inertia and decomposition."""
+"""Convex polyhedra and polygons: faces, edges, volumes, moments of inertia, decomposition."""
 
 import itertools
 import math
@@ -14,19 +14,19 @@ from evoros.base.arrays import Array, determinant, length, product
 from evoros.geometry.shapes import Shape, Vector
 from evoros.geometry.triangles import Indices, Surface, find_normals, group_connected, list_edges
 
-_SAME_FACE = 9  # number of decimals to which the planes of two triangles on one face agree
+_SAME_FACE = 9  # number of decimals to which the planes of a face's triangles agree
 
 
 class Polyhedron(NamedTuple):
-    """The convex hull of points; all arrays are read-only by convention."""
+    """The convex hull of points; the arrays must not be written to."""
 
     corners: Array  # (k, 3) [m], only those on the hull
-    triangles: NDArray[np.intp]  # (t, 3) corners, counter-clockwise as seen from outside
-    edges: NDArray[np.intp]  # (e, 2) corners, including edges between two triangles of one face
+    triangles: NDArray[np.intp]  # (t, 3) corner indices, counter-clockwise as seen from outside
+    edges: NDArray[np.intp]  # (e, 2) corner indices, including edges between coplanar triangles
     faces: Array  # (f, 4): a point p is inside if faces[:, :3] @ p <= faces[:, 3] [m]
 
 
-@lru_cache(maxsize=2**15)  # enough for the parts of a furnished building
+@lru_cache(maxsize=2**15)  # enough for the parts of one furnished building
 def convex_polyhedron(corners: tuple[Vector, ...]) -> Polyhedron:
     """Return the convex hull of points [m] that do not lie in a common plane."""
     points = np.array(corners, dtype=np.float64)
@@ -42,17 +42,17 @@ def convex_polyhedron(corners: tuple[Vector, ...]) -> Polyhedron:
 
 
 def hull_planes(points: Array) -> tuple[Array, Array]:
-    """Return the hull of points (n, 3) [m]: faces as in ``Polyhedron``, and corners (k, 3)."""
+    """Return the faces (see ``Polyhedron``) and corners (k, 3) of the hull of points (n, 3) [m]."""
     hull = _hull(points)
     return _distinct_planes(hull.equations), points[hull.vertices]
 
 
 def _hull(points: Array) -> Any:
-    from scipy.spatial import ConvexHull, QhullError  # slower than loading most worlds
+    from scipy.spatial import ConvexHull, QhullError  # imports slower than most worlds load
 
     try:
         return ConvexHull(points)
-    except QhullError:  # nearly flat: let Qhull move the points by a rounding error
+    except QhullError:  # nearly flat: let Qhull joggle the points by rounding errors
         return ConvexHull(points, qhull_options="QJ Pp")
 
 
@@ -67,7 +67,7 @@ def box_corners(box: Shape) -> Array:
 
 
 def clip_polyhedron(corners: Array, edges: NDArray[np.intp], low: float, high: float) -> Array:
-    """Return points (n, 3) that span the part of a convex polyhedron between two heights z [m]."""
+    """Return points (n, 3) that span a convex polyhedron between two heights z [m]."""
     kept = [corners[(corners[:, 2] >= low) & (corners[:, 2] <= high)]]
     first, second = corners[edges[:, 0]], corners[edges[:, 1]]
     for height in (low, high):
@@ -79,10 +79,10 @@ def clip_polyhedron(corners: Array, edges: NDArray[np.intp], low: float, high: f
 
 
 def solid_properties(corners: tuple[Vector, ...]) -> tuple[float, Array, Array]:
-    """Return the volume [m3], centre (3,) [m] and inertia (3, 3) [m5] of a hull of density 1."""
+    """Return a convex solid's volume [m3], centre (3,) [m] and inertia (3, 3) [m5] at density 1."""
     solid = convex_polyhedron(corners)
     inside = solid.corners.mean(axis=0)
-    tetrahedra = solid.corners[solid.triangles] - inside  # relative to the fourth corner, inside
+    tetrahedra = solid.corners[solid.triangles] - inside  # relative to the fourth corner (inside)
     volumes = determinant(tetrahedra) / 6.0
     volume = float(volumes.sum())
     centre = product(volumes, tetrahedra.sum(axis=1)) / 4.0 / volume
@@ -103,7 +103,7 @@ def placed_corners(
 
 
 Ring = list[tuple[float, float]]
-_FLAT = 1e-6  # [m] and [rad]: deviation up to which faces lie in one plane
+_FLAT = 1e-6  # [m] and [rad], maximum deviation of coplanar faces
 
 
 def divide_into_polygons(surface: Surface) -> list[Array]:
@@ -111,7 +111,7 @@ def divide_into_polygons(surface: Surface) -> list[Array]:
     corners = surface.triangles
     normals = find_normals(corners)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    # The two sides of a sheet count as one plane.
+    # Both sides of a sheet have the same plane.
     largest = np.abs(normals).argmax(axis=1)[:, None]
     normals *= np.sign(np.take_along_axis(normals, largest, axis=1))
     polygons: list[Array] = []
@@ -121,7 +121,7 @@ def divide_into_polygons(surface: Surface) -> list[Array]:
 
 
 def _facets(faces: Indices, normals: Array, offsets: Array) -> list[Indices]:
-    """Return the face indices of each facet, a set of connected faces in one plane."""
+    """Return the faces of each facet, a set of connected coplanar faces."""
     edges = list_edges(faces)
     owners = np.tile(np.arange(len(faces)), 3)
     order = np.lexsort((owners, edges[:, 1], edges[:, 0]))
@@ -133,7 +133,7 @@ def _facets(faces: Indices, normals: Array, offsets: Array) -> list[Indices]:
 
 
 def _merge(points: Array, faces: Indices, normal: Array) -> list[Array]:
-    """Merge the triangles of a facet across their longest edges while the result stays convex."""
+    """Merge the triangles of a facet across their longest edges while the results are convex."""
     axis = int(np.abs(normal).argmax())
     used, corners = np.unique(faces, return_inverse=True)
     points = points[used]
@@ -161,7 +161,7 @@ def _edges_of(loop: list[int]) -> list[tuple[int, int]]:
 
 
 def _join(first: list[int], second: list[int], i: int, j: int) -> list[int]:
-    """Return the loop around two loops; the first has the edge i to j, the second j to i."""
+    """Join two loops at an edge: i to j in the first loop, j to i in the second."""
     a, b = first.index(j), second.index(i)
     return (first[a:] + first[:a])[:-1] + (second[b:] + second[:b])[:-1]
 
@@ -182,7 +182,7 @@ def _is_convex(flat: list[list[float]], loop: list[int]) -> bool:
 def decompose(rings: Sequence[Ring]) -> list[Ring]:
     """Return convex counter-clockwise polygons that together cover the inside of the rings.
 
-    A ring inside another is a hole. A ring that is empty or crosses raises a ValueError.
+    A ring inside another ring is a hole. An empty or self-intersecting ring raises a ValueError.
     """
     from manifold3d import CrossSection, FillRule, triangulate
 
@@ -223,7 +223,7 @@ def solid_moments(shape: Shape, mass: float) -> Vector:
 
 
 def joint_moments(shapes: Sequence[Shape], mass: float) -> Vector:
-    """Return the moments [kg m2] of shapes with a common density and a total mass [kg]."""
+    """Return the moments [kg m2] of shapes of equal density with a total mass [kg]."""
     volumes = [solid_volume(shape) for shape in shapes]
     total = np.zeros((3, 3))
     for shape, volume in zip(shapes, volumes, strict=True):
@@ -247,7 +247,7 @@ def solid_volume(shape: Shape) -> float:
 
 
 def solid_centre(shape: Shape) -> Vector:
-    """Return the centre of mass [m] of a homogeneous solid shape in the shape's frame."""
+    """Return a homogeneous shape's centre of mass [m] in the shape's frame."""
     if shape.kind != "convex":
         return (0.0, 0.0, 0.0)
     x, y, z = solid_properties(shape.corners)[1].tolist()
@@ -267,5 +267,5 @@ def point_tensor(mass: float, offset: Array) -> Array:
 
 
 def symmetric_tensor(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> Array:
-    """Return the symmetric matrix (3, 3) of these six moments."""
+    """Return the symmetric matrix (3, 3) with these six components."""
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

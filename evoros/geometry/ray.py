@@ -1,31 +1,32 @@
-"""Ray casting against solid shapes, with the same results compiled and interpreted."""
+"""Ray casting against solid shapes, with identical results compiled and interpreted."""
 
 import math
 
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
 
-# An obstacle is a row of OBSTACLE_SIZE values in the world frame.
+# A row of OBSTACLE_SIZE values describes an obstacle in the world frame.
 KIND, AT_X, AT_Y, AT_Z, BOUND, ROTATION = range(6)
-"""Kind; centre and bounding radius of the footprint [m]; rotation matrix by rows (3, 3)."""
+"""Kind; centre and radius [m] of the footprint's bounding circle; rotation matrix (3, 3)."""
 EXTENT = ROTATION + 9
 """Half lengths [m] of a box; radius and half length of a cylinder; radius of a sphere.
 
-For a polyhedron, the index of its first row in the array of faces, and of the row after its last.
+For a polyhedron: the index of its first face in the array of faces, and the index after its last
+face.
 """
 OBSTACLE_SIZE = EXTENT + 3
 BOX, CYLINDER, SPHERE, CONVEX = 0.0, 1.0, 2.0, 3.0
 Frame = tuple[float, float, float, float, float, float, float, float, float]
 """The rows of a rotation matrix."""
 Point = tuple[float, float, float]  # x, y, z [m]
-MARGIN_M = 1e-9  # upper bound [m] on the rounding error of a distance
+MARGIN_M = 1e-9  # upper bound [m] on rounding errors of distances
 FACE_SIZE = 4
 """Number of values of a face: outward normal (3,), and distance [m] from the solid's origin."""
 
 
 @compilable
 def place_obstacle(obstacle: Array, x: float, y: float, cos: float, sin: float, row: Array) -> None:
-    """Write an obstacle's row, rotated about the vertical and moved by x, y [m], into ``row``."""
+    """Write an obstacle, rotated about the vertical axis and moved by x, y [m], into ``row``."""
     for i in range(OBSTACLE_SIZE):
         row[i] = obstacle[i]
     row[AT_X] = x + cos * obstacle[AT_X] - sin * obstacle[AT_Y]
@@ -45,13 +46,13 @@ def cast_rays(
     best: float,
     ranges: Array,
 ) -> float:
-    """Return the minimum distance [m] from a sensor to an obstacle, or ``best`` if that is smaller.
+    """Return the distance [m] from a sensor to an obstacle, at most ``best``.
 
-    If ``ranges`` is not empty, it holds a distance for each ray; the function lowers the distances
-    of rays that hit the obstacle earlier, and ignores ``best``. ``faces`` (f, FACE_SIZE) holds the
-    faces of all polyhedra. The rays (n, 3) are unit vectors in the frame rotated by ``turn_frame``;
-    ``origin`` is relative to the obstacle's centre, in the same frame. A ray that starts inside the
-    obstacle does not see it.
+    If ``ranges`` is not empty, it holds one distance per ray: the function lowers the distance of
+    each ray that hits the obstacle earlier, and ignores ``best``. ``faces`` (f, FACE_SIZE) holds
+    the faces of all polyhedra. The rays (n, 3) are unit vectors in the rays' frame (see
+    ``turn_frame``); ``origin`` is relative to the obstacle's centre, in the same frame. A ray that
+    starts inside the obstacle does not hit it.
     """
     start, kind = _turn(frame, origin), obstacle[KIND]
     a, b, c = obstacle[EXTENT], obstacle[EXTENT + 1], obstacle[EXTENT + 2]
@@ -59,7 +60,7 @@ def cast_rays(
         if len(ranges) > 0:
             best = ranges[i]
         way = _turn(frame, (rays[i, 0], rays[i, 1], rays[i, 2]))
-        # Inlined, because a separate function takes 50 % longer when compiled
+        # Inlined: as a separate function, the compiled code takes 50 % longer.
         if kind == BOX:
             if not _falls_short(start, way, (a, b, c), best):
                 best = _intersect_box(start, way, (a, b, c), best)
@@ -83,7 +84,7 @@ def _turn(frame: Frame, vector: Point) -> Point:
 
 @compilable
 def is_beside(box: Array, frame: Frame, x: float, y: float, across: float, along: float) -> bool:
-    """Return True if a box at (x, y) [m] lies on the side (across, along) of a vertical plane."""
+    """Return True if a box at (x, y) [m] lies on the (across, along) side of a vertical plane."""
     m00, m01, _, m10, m11, _, m20, m21, _ = frame
     half = box[EXTENT] * abs(m00 * across + m01 * along)
     half += box[EXTENT + 1] * abs(m10 * across + m11 * along)
@@ -93,7 +94,7 @@ def is_beside(box: Array, frame: Frame, x: float, y: float, across: float, along
 
 @compilable
 def is_beyond(box: Array, frame: Frame, centre: Point, distance: float) -> bool:
-    """Return True if a box at ``centre`` in the rays' frame is surely beyond ``distance`` [m]."""
+    """Return True only if a box at ``centre`` in the rays' frame is beyond ``distance`` [m]."""
     x, y, _ = _turn(frame, centre)
     far = distance + MARGIN_M
     return bool(abs(x) - box[EXTENT] > far or abs(y) - box[EXTENT + 1] > far)
@@ -103,7 +104,7 @@ def is_beyond(box: Array, frame: Frame, centre: Point, distance: float) -> bool:
 def turn_frame(obstacle: Array, cos: float, sin: float) -> Frame:
     """Return the rotation from the rays' frame, turned left by an angle, to an obstacle's frame."""
     r = ROTATION
-    # The transpose of the obstacle's rotation, times the rotation of the rays' frame
+    # transpose of the obstacle's rotation times the rotation of the rays' frame
     return (
         obstacle[r] * cos + obstacle[r + 3] * sin,
         obstacle[r + 3] * cos - obstacle[r] * sin,
@@ -119,7 +120,7 @@ def turn_frame(obstacle: Array, cos: float, sin: float) -> Frame:
 
 @compilable
 def _falls_short(origin: Point, way: Point, half: Point, best: float) -> bool:
-    """Return True if a ray surely misses a box within ``best`` [m]; this needs no division."""
+    """Return True only if a ray misses a box within ``best`` [m]; avoids divisions."""
     return (
         _stays_beside(origin[0], way[0], half[0], best)
         or _stays_beside(origin[1], way[1], half[1], best)
@@ -129,7 +130,7 @@ def _falls_short(origin: Point, way: Point, half: Point, best: float) -> bool:
 
 @compilable
 def _stays_beside(origin: float, direction: float, half: float, best: float) -> bool:
-    """Return True if a ray surely misses a slab of half width ``half`` [m] within ``best`` [m]."""
+    """Return True only if a ray misses a slab of half width ``half`` [m] within ``best`` [m]."""
     outside = abs(origin) - half - MARGIN_M
     towards = -direction if origin > 0.0 else direction
     return outside > 0.0 and (towards <= 0.0 or towards * best < outside)
@@ -137,7 +138,7 @@ def _stays_beside(origin: float, direction: float, half: float, best: float) -> 
 
 @compilable
 def _intersect_box(origin: Point, way: Point, half: Point, best: float) -> float:
-    """Return the distance [m] along a unit vector to a box of half lengths [m], up to ``best``."""
+    """Return the distance [m] along a ray to a box with half lengths [m], at most ``best``."""
     near, far = _clip(origin[0], way[0], half[0], -math.inf, best)
     if near > far or far < 0.0:
         return best
@@ -152,7 +153,7 @@ def _intersect_box(origin: Point, way: Point, half: Point, best: float) -> float
 def _intersect_cylinder(
     origin: Point, way: Point, radius: float, half_length: float, best: float
 ) -> float:
-    """Return the distance to a cylinder about the z axis, like ``_intersect_box``."""
+    """Return the distance [m] along a ray to a cylinder about the z axis, at most ``best``."""
     ox, oy, oz = origin
     ux, uy, uz = way
     near = -math.inf
@@ -175,7 +176,7 @@ def _intersect_cylinder(
 
 @compilable
 def _intersect_sphere(origin: Point, way: Point, radius: float, best: float) -> float:
-    """Return the distance to a sphere, like ``_intersect_box``."""
+    """Return the distance [m] along a ray to a sphere, at most ``best``."""
     ox, oy, oz = origin
     along = ox * way[0] + oy * way[1] + oz * way[2]
     root = along * along - (ox * ox + oy * oy + oz * oz - radius * radius)
@@ -187,7 +188,7 @@ def _intersect_sphere(origin: Point, way: Point, radius: float, best: float) -> 
 
 @compilable
 def _intersect_polyhedron(origin: Point, way: Point, faces: Array, best: float) -> float:
-    """Return the distance to the half-spaces' intersection, like ``_intersect_box``."""
+    """Return the distance [m] along a ray to a convex polyhedron, at most ``best``."""
     near = -math.inf
     far = best
     for i in range(len(faces)):

@@ -1,4 +1,4 @@
-"""Poses, shapes, and the solid bodies made of shapes."""
+"""Poses, shapes, and rigid bodies made of shapes."""
 
 import math
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ def _numbers(count: int) -> checks.Rule:
 @dataclass(frozen=True)
 @checks.checked
 class Pose:
-    """The pose of one frame in another, with ``a_to_c = a_to_b @ b_to_c``."""
+    """The pose of a frame in another frame; poses compose as ``a_to_c = a_to_b @ b_to_c``."""
 
     position: Annotated[Vector, _numbers(3)] = (0.0, 0.0, 0.0)  # x, y, z [m]
     quaternion: Annotated[Quaternion, _numbers(4)] = (0.0, 0.0, 0.0, 1.0)  # x, y, z, w, of length 1
@@ -38,7 +38,7 @@ class Pose:
 
     @classmethod
     def from_rpy(cls, position: Vector, roll: float, pitch: float, yaw: float) -> "Pose":
-        """Create a pose with the rotation Rz(yaw) Ry(pitch) Rx(roll) [rad] used by SDF and URDF."""
+        """Create a pose with the rotation Rz(yaw) Ry(pitch) Rx(roll) [rad], as in SDF and URDF."""
         sr, cr = elementary.sin_cos(roll / 2)
         sp, cp = elementary.sin_cos(pitch / 2)
         sy, cy = elementary.sin_cos(yaw / 2)
@@ -54,10 +54,10 @@ class Pose:
 
     @classmethod
     def from_matrix(cls, position: Sequence[float], rotation: Array) -> "Pose":
-        """Create a pose from an orthonormal, right-handed ``rotation`` (3, 3)."""
+        """Create a pose from a rotation matrix (3, 3), orthonormal and right-handed."""
         m = rotation.tolist()
         trace = m[0][0] + m[1][1] + m[2][2]
-        # Only the largest of the four components can be computed without cancellation.
+        # Only the largest component can be computed without cancellation.
         squares = (*(1 - trace + 2 * m[i][i] for i in range(3)), 1 + trace)
         largest = max(range(4), key=squares.__getitem__)
         q = [0.0, 0.0, 0.0, 0.0]
@@ -96,7 +96,7 @@ class Pose:
         return Pose((-px, -py, -pz), conjugate.quaternion)
 
     def transform(self, point: Vector) -> Vector:
-        """Express a point [m] of this frame in the parent frame."""
+        """Transform a point [m] from this frame to the parent frame."""
         x, y, z = (product(self.rotation, np.array(point)) + self.position).tolist()
         return (x, y, z)
 
@@ -120,7 +120,7 @@ class Pose:
 
 
 def normalize(quaternion: Sequence[float]) -> Quaternion:
-    """Scale a quaternion, which must not be zero, to length 1."""
+    """Scale a nonzero quaternion to length 1."""
     length = math.sqrt(sum(q * q for q in quaternion))
     x, y, z, w = (q / length for q in quaternion)
     return (x, y, z, w)
@@ -135,9 +135,9 @@ class MeshFile:
 
     path: Path
     scale: Vector = (1.0, 1.0, 1.0)
-    submesh: str = ""  # name of the part to read; empty: the whole file
-    center: bool = False  # whether to move the middle of the bounding box to the origin
-    up_axis: bool = False  # whether to rotate a DAE file as its <up_axis> requires
+    submesh: str = ""  # name of the part to read; empty for the whole file
+    center: bool = False  # whether to move the centre of the bounding box to the origin
+    up_axis: bool = False  # whether to apply the <up_axis> of a DAE file
 
 
 @dataclass(frozen=True)
@@ -145,10 +145,10 @@ class MeshFile:
 class Shape:
     """A solid, a plane or a height field at the origin of its frame.
 
-    The meaning of ``size`` [m] depends on the kind: a box has full lengths along x, y and z; a
-    cylinder, a radius and a length along z; and a sphere, a radius. A plane is infinite, and its
-    ``size`` is the normal. A convex polyhedron has ``corners`` and no size. A height field has
-    lengths along x and y, and ``heights``.
+    ``size`` [m] holds the full lengths along x, y and z of a box; the radius and the length along z
+    of a cylinder; or the radius of a sphere. A plane is infinite, and its ``size`` is the normal. A
+    convex polyhedron has ``corners`` and no size. A height field has lengths along x and y, and
+    ``heights``.
     """
 
     kind: Annotated[str, checks.one_of(*_SIZES)]
@@ -156,9 +156,9 @@ class Shape:
     pose: Pose = Pose()  # body frame
     corners: tuple[Vector, ...] = ()  # [m]
     heights: tuple[tuple[float, ...], ...] = ()
-    """Heights [m] above the origin: row i from -y to +y, column j from -x to +x, at equal steps."""
+    """Heights [m] above the origin, evenly spaced: rows from -y to +y, columns from -x to +x."""
     mesh: MeshFile | None = field(default=None, compare=False, repr=False)
-    """The mesh of which the shape approximates a part; None if it is exact or has no mesh."""
+    """The mesh that this shape approximates in part; None if exact or without a mesh."""
 
     def __post_init__(self) -> None:
         sizes = _numbers(_SIZES[self.kind])
@@ -206,16 +206,16 @@ MASS = checks.Rule("greater than 0 kg, or null if fixed", checks.POSITIVE.holds)
 @dataclass(frozen=True)
 @checks.checked
 class Body:
-    """Shapes that move as one; the frame of a movable body is its principal frame of inertia."""
+    """Rigidly connected shapes; a movable body's frame is its principal frame of inertia."""
 
     name: Annotated[str, checks.TEXT]
-    pose: Pose  # world frame; a movable body's centre of mass and principal axes
+    pose: Pose  # pose in the world: centre of mass and principal axes if movable
     shapes: Annotated[tuple[Shape, ...], checks.sequence_of(Shape, "shapes")]
     mass: Annotated[float | None, MASS] = None  # [kg]; None: fixed to the ground
-    friction: Annotated[float, FRICTION] = 1.0  # coefficient mu of this body's surface
+    friction: Annotated[float, FRICTION] = 1.0  # coefficient mu of the surface
     inertia: Annotated[Vector | None, _numbers(3)] = None
     """Principal moments [kg m2] about the axes of ``pose``; None for homogeneous shapes."""
-    floor: bool = False  # whether robots drive on a fixed body, such as a box
+    floor: bool = False  # whether robots drive on this fixed body, such as a box
 
     def __post_init__(self) -> None:
         if not self.shapes:

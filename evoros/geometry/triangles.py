@@ -1,4 +1,4 @@
-"""Triangle surfaces: shared points, connected parts, samples."""
+"""Triangle surfaces: shared points, connected parts and sampling."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +17,7 @@ class Surface:
 
     points: Array  # (k, 3) [m]
     faces: Indices  # (n, 3): indices of points
-    is_hollow: bool = False  # True if some of the faces enclose a cavity
+    is_hollow: bool = False  # whether faces enclose a cavity
 
     @property
     def triangles(self) -> Array:
@@ -32,16 +32,16 @@ class Surface:
 
     @property
     def volume(self) -> float:
-        """The volume [m3] that a closed surface encloses, negative if its faces point inwards."""
+        """The volume [m3] enclosed by a closed surface, negative if the faces point inwards."""
         a, b, c = np.moveaxis(self.triangles - self.points[0], 1, 0)
         return float((a * np.cross(b, c)).sum() / 6)
 
 
 def weld(triangles: Array) -> Surface:
-    """Return the surface of triangles (n, 3, 3) [m]; corners within a micrometre are merged."""
+    """Return the surface of triangles (n, 3, 3) [m], merging corners within a micrometre."""
     corners = triangles.reshape(-1, 3)
-    # Rounding to whole micrometres would split coordinates that end in half a micrometre, as 1/16
-    # inch does.
+    # Rounding to whole micrometres would split coordinates that end in half a micrometre, such as
+    # 1/16 inch.
     first, indices = unique_rows(np.round(corners * 1.03e6))
     points, faces = corners[first], indices.reshape(-1, 3)
     faces = faces[_have_area(points, faces)]
@@ -56,9 +56,10 @@ def _have_area(points: Array, faces: Indices) -> NDArray[np.bool_]:
 
 
 def join_near(surface: Surface, cell: float) -> tuple[Surface, Indices, float]:
-    """Replace the points in each cube of ``cell`` [m] by their mean.
+    """Replace the points in each cube of ``cell`` [m] with their mean.
 
-    Return the faces that keep an area, their indices, and the maximum displacement [m] of a point.
+    Return the surface of the faces that still have an area, the indices of these faces, and the
+    maximum displacement [m] of a point.
     """
     _, indices = unique_rows(np.floor(surface.points / cell))
     sums = np.stack([np.bincount(indices, column) for column in surface.points.T], axis=1)
@@ -70,7 +71,7 @@ def join_near(surface: Surface, cell: float) -> tuple[Surface, Indices, float]:
 
 
 def find_normals(triangles: Array) -> Array:
-    """Return the normals (n, 3) of triangles (n, 3, 3), with twice the area [m2] as length."""
+    """Return the normals (n, 3) of triangles (n, 3, 3); their lengths are twice the areas [m2]."""
     return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
 
 
@@ -91,9 +92,9 @@ def is_closed(surface: Surface) -> bool:
 
 
 def sample(triangles: Array, step: float) -> tuple[Array, Indices]:
-    """Return points (m, 3) on triangles, at most about ``step`` [m] apart, and their triangles."""
+    """Return points (m, 3) on triangles, about ``step`` [m] apart, and the triangle of each."""
     sides = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2)
-    # Rotated so that the longest side runs from the first corner to the second
+    # Rotate corners so that the longest side joins the first and second
     turn = (sides.argmax(axis=1)[:, None] - 1 + np.arange(3)) % 3
     a, b, c = np.moveaxis(np.take_along_axis(triangles, turn[:, :, None], axis=1), 1, 0)
     longest = sides.max(axis=1)
@@ -110,12 +111,12 @@ def sample(triangles: Array, step: float) -> tuple[Array, Indices]:
 
 
 def list_edges(faces: Indices) -> Indices:
-    """Return the edges (3 n, 2) of all faces, the smaller index first."""
+    """Return the edges (3 n, 2) of n faces, each with the smaller index first."""
     return np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
 
 
 def orient(surface: Surface) -> Surface:
-    """Flip faces of a connected surface so that neighbours agree on which side is outside."""
+    """Flip faces of a connected surface so that neighbouring faces have the same outside."""
     faces, count = surface.faces, len(surface.faces)
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     numbers = _number_edges(ends, len(surface.points))
@@ -125,7 +126,7 @@ def orient(surface: Surface) -> Surface:
     differ = ends[first, 0] == ends[second, 0]
     if not differ.any():
         return surface
-    # Each face becomes two nodes, unchanged and flipped, and nodes that agree are connected.
+    # Each face has two nodes, unchanged and flipped; nodes that agree are connected.
     a, b = first % count, second % count
     one, other = (
         np.concatenate([a, a + count]),
@@ -140,9 +141,9 @@ def orient(surface: Surface) -> Surface:
 
 
 def separate(surface: Surface) -> Surface | None:
-    """Return a closed surface, facing outwards, with points duplicated where parts only touch.
+    """Return a closed surface facing outwards, with points duplicated where parts only touch.
 
-    The result is None if the surface is not closed, or if its faces disagree on the outside.
+    Return None if the surface is not closed or cannot be oriented.
     """
     found = _separate(surface)
     if found is None:
@@ -154,11 +155,11 @@ def separate(surface: Surface) -> Surface | None:
 
 
 def _halve(surface: Surface, edges: Indices) -> Surface:
-    """Return the surface with a point in the middle of each of the edges (n, 2)."""
+    """Return the surface with the midpoints of the edges (n, 2) inserted."""
     faces, count = surface.faces, len(surface.points)
     size = count + len(edges)
     wanted, first = np.unique(_number_edges(edges, size), return_index=True)
-    while True:  # each round halves one edge of a face
+    while True:  # each round halves one edge of each affected face
         codes = np.stack([_number_edges(np.roll(faces, -i, 1)[:, :2], size) for i in range(3)], 1)
         is_halved = np.isin(codes, wanted)
         chosen = is_halved.any(axis=1)
@@ -173,13 +174,13 @@ def _halve(surface: Surface, edges: Indices) -> Surface:
 
 
 def _number_edges(edges: Indices, size: int) -> Indices:
-    """Number the edges (n, 2) between ``size`` points; opposite directions share a number."""
+    """Return a number for each edge (n, 2) between ``size`` points, equal for both directions."""
     numbers: Indices = edges.min(axis=1) * size + edges.max(axis=1)
     return numbers
 
 
 def _separate(surface: Surface) -> tuple[Surface, Indices] | None:
-    """Return the surface with separated points, edges not halved, and each point's old index."""
+    """Separate points without halving edges; return the surface and each point's old index."""
     faces, count = surface.faces, len(surface.faces)
     starts, ends = faces.T.ravel(), np.roll(faces, -1, axis=1).T.ravel()
     low, high = np.minimum(starts, ends), np.maximum(starts, ends)
@@ -196,8 +197,8 @@ def _separate(surface: Surface) -> tuple[Surface, Indices] | None:
     order = np.lexsort((rises, turns, edges))
     first = order[np.cumsum(sizes) - sizes]
     turns[first[rises[first]]] = np.inf
-    # Around an edge, the solid lies between a face that runs along the edge down to the lower
-    # index and the next face, which runs up.
+    # The solid at an edge lies between a face that runs along the edge to the lower index and the
+    # next face, which runs back.
     down, up = np.lexsort((rises, turns, edges)).reshape(-1, 2).T
     if rises[down].any() or not rises[up].all():
         return None
@@ -213,7 +214,7 @@ def _separate(surface: Surface) -> tuple[Surface, Indices] | None:
 
 
 def _find_turns(low: Array, high: Array, apexes: Array, edges: Indices) -> Array:
-    """Return numbers from 0 to 4 that increase with the angle of faces about their edges (n, 3)."""
+    """Return numbers from 0 to 4 that increase with the faces' angles about their edges (n, 3)."""
     along = high - low
     along /= np.linalg.norm(along, axis=1)[:, None]
     across = apexes - low
@@ -227,7 +228,7 @@ def _find_turns(low: Array, high: Array, apexes: Array, edges: Indices) -> Array
 
 
 def split_by_edges(surface: Surface) -> list[Surface]:
-    """Return the parts of a surface in which faces are connected by edges."""
+    """Return the parts of a surface that are connected by edges."""
     numbers = _number_edges(list_edges(surface.faces), len(surface.points))
     _, owners = np.unique(numbers, return_inverse=True)
     count = len(surface.faces)
@@ -238,8 +239,8 @@ def split_by_edges(surface: Surface) -> list[Surface]:
 
 
 def group_connected(one: Indices, other: Indices, size: int, count: int) -> list[Indices]:
-    """Group the first ``count`` of ``size`` nodes by the links that connect them."""
-    from scipy.sparse import coo_array  # importing takes longer than reading most robot files
+    """Group the first ``count`` of ``size`` nodes by the links ``one`` - ``other``."""
+    from scipy.sparse import coo_array  # takes longer to import than most robot files take to read
     from scipy.sparse.csgraph import connected_components
 
     links = coo_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(size, size))
@@ -250,7 +251,7 @@ def group_connected(one: Indices, other: Indices, size: int, count: int) -> list
 
 
 def concatenate(surfaces: list[Surface]) -> Surface:
-    """Return several surfaces as one; all but the first are cavities in it."""
+    """Join surfaces into one; the second and later ones are cavities of the first."""
     starts = np.cumsum([0, *(len(surface.points) for surface in surfaces)])
     faces = [surface.faces + start for surface, start in zip(surfaces, starts, strict=False)]
     points = np.concatenate([surface.points for surface in surfaces])
@@ -258,6 +259,6 @@ def concatenate(surfaces: list[Surface]) -> Surface:
 
 
 def compact(points: Array, faces: Indices) -> Surface:
-    """Return the surface without the points that no face uses."""
+    """Return the surface without unused points."""
     used, indices = np.unique(faces, return_inverse=True)
     return Surface(points[used], indices.reshape(-1, 3))

@@ -1,1 +1,1 @@
-"""Run one mission: a design in a world, with random faults and noise."""
+"""Runs a mission of a design in a world, with random faults and noise."""

@@ -1,4 +1,4 @@
-"""Run the missions of several scenarios in one kernel launch on a device."""
+"""Runs the missions of several scenarios in one kernel launch on a device."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
@@ -19,15 +19,15 @@ from evoros.mission.rollout import OpenMission, Rollout, open_mission, take_fail
 from evoros.mission.scenario import Scenario
 from evoros.simulator.protocol import RuleSimulator
 
-Named = tuple[str, Any]  # the kind of a rule, and the rule
+Named = tuple[str, Any]  # (kind, rule)
 
 
 class NoKernel(EvorosError):
-    """The reason why a kernel cannot run missions, which then run one at a time."""
+    """A kernel cannot run the missions, which then run one by one."""
 
 
 class Batcher:
-    """Runs missions on a device, with a kernel that contains the rules of all missions so far."""
+    """Runs missions on a device with a kernel that contains all rules used so far."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -38,9 +38,9 @@ class Batcher:
     def run(
         self, asked: Sequence[tuple[Scenario, Sequence[Mission]]]
     ) -> list[list[Rollout] | NoKernel]:
-        """Run missions of several scenarios in one launch; ``run_mission`` gives equal results.
+        """Run missions of several scenarios in one launch, with the results of ``run_mission``.
 
-        For a scenario with a rule that kernels cannot run, return the reason instead. A DeviceError
+        If kernels cannot run a rule of a scenario, the reason replaces its rollouts. A DeviceError
         means that the device cannot be used.
         """
         with ExitStack() as stack:
@@ -105,7 +105,7 @@ class _Group:
     def __init__(self, scenario: Scenario, missions: Sequence[Mission], stack: ExitStack) -> None:
         self._scenario, self._missions = scenario, missions
         self._opened: dict[int, OpenMission] = {}
-        self._failed: dict[int, Rollout] = {}  # missions that could not be opened
+        self._failed: dict[int, Rollout] = {}  # results of missions that could not be opened
         for i, mission in enumerate(missions):
             try:
                 self._opened[i] = stack.enter_context(open_mission(scenario, mission))

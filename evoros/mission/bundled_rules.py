@@ -24,7 +24,7 @@ KINDS = {
     **dict.fromkeys((FILTER_ARGUMENTS, SENSOR_ARGUMENTS, ESTIMATOR_ARGUMENTS), FILTER),
     LAYER_ARGUMENTS: LAYER,
 }
-"""The signatures of the rules of parts, by the names of their arguments."""
+"""Maps the argument names of a part's rule to its signature."""
 RULES = (
     (planar_sensing.sense_signals, SENSE),
     (planar_sensing.sense, SENSE),
@@ -35,11 +35,11 @@ RULES = (
     (planar_rules.observe, OBSERVE),
     (NamedRule(pipeline.copy_signal, SENSOR_ARGUMENTS), FILTER),
 )
-"""All other rules with their signatures, the slowest to compile first."""
+"""All other rules with their signatures, ordered by decreasing compile time."""
 
 
 def compile_share(index: int, shares: int) -> None:
-    """Compile one of several shares of the rules into the cache folder."""
+    """Compile share ``index`` of ``shares`` into the cache folder."""
     rules = [*RULES, *((rule, KINDS[rule.arguments]) for rule in list_part_rules())]
     if index == 0:
         compile_loop()
@@ -61,7 +61,7 @@ def list_part_rules() -> Iterator[NamedRule]:
 
 
 def _recognize(function: FunctionType) -> Iterator[NamedRule]:
-    """Yield a function as a rule if a kind has its arguments and its result."""
+    """Yield the function with its signature if it is a rule of a part."""
     kinds = get_annotations(function)
     answer, names = kinds.pop("return", ""), kinds.keys()
     for arguments, signature in KINDS.items():

@@ -1,4 +1,4 @@
-"""Compile the mission loop, one for every combination of parts, and run it with compiled rules."""
+"""Compiles the mission loop once per combination of parts, and runs it with compiled rules."""
 
 from collections.abc import Callable, Iterable, Sequence
 from ctypes import PYFUNCTYPE, c_char_p, c_void_p, py_object, pythonapi
@@ -50,7 +50,8 @@ from evoros.mission.loop import run_loop
 from evoros.simulator.protocol import SimulationRules
 
 TABLE = types.Array(I8, 2, "C")  # a row of words per stage; rules and generators are addresses
-# Rules are numbers, and generators addresses of their states. Read-only only to differ from TABLE.
+# Kernels use numbers for rules, and addresses of states for generators. Read-only to differ from
+# TABLE.
 KERNEL_TABLE = types.Array(I8, 2, "C", readonly=True)
 
 
@@ -79,7 +80,8 @@ KERNEL_STAGES = _name_types(RULES["filter"], RULES["layer"])
 
 _BITS = types.NumPyRandomBitGeneratorType("bit_generator")
 
-# A separate prototype, because argument types set on pythonapi itself apply to the whole process.
+# A separate prototype, because setting argument types on pythonapi itself would affect the whole
+# process.
 _find_pointer = PYFUNCTYPE(c_void_p, py_object, c_char_p)(("PyCapsule_GetPointer", pythonapi))
 
 
@@ -102,7 +104,7 @@ def tabulate(
 
 
 def tabulate_stages(inputs: LoopInputs, tabulate: Callable[..., Any] = tabulate) -> LoopInputs:
-    """Return the inputs with tables in place of stages."""
+    """Return the inputs with a table in place of each tuple of stages."""
     tables = {name: tabulate(kind, getattr(inputs, name)) for name, kind in STAGES.items()}
     return inputs._replace(**tables)
 
@@ -141,13 +143,13 @@ SIGNATURES: dict[type, Any] = {FilterStage: FILTER, LayerStage: LAYER}
 
 
 def run_call(call: LoopCall) -> LoopResult:
-    """Run a call of the loop, compiled if possible."""
+    """Run the loop, compiled if possible."""
     loop, inputs = prepare(call.inputs)
     return loop(inputs, *call[1:])
 
 
 def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
-    """Choose the compiled loop if all filters can be compiled, otherwise the interpreted one."""
+    """Choose the compiled loop if all filters can be compiled, otherwise the interpreted loop."""
     motion = SimulationRules(*map(compile_if_possible, inputs[:3], SIMULATION_RULES))
     live = not all(isinstance(rule, CompiledRule) for rule in motion)
     stages: dict[str, Any] = {
@@ -175,7 +177,7 @@ def _run(loop: Loop, *arguments: Any) -> LoopResult:
 
 
 def explain_interpreted(inputs: LoopInputs) -> list[str]:
-    """Return one line for each rule of a compiled simulator's mission that is not compiled."""
+    """Return one line for each rule that is interpreted although the simulator is compiled."""
     rules: list[tuple[Any, Any]] = [*zip(inputs[:3], SIMULATION_RULES, strict=True)]
     stages = [stage for name in STAGES for stage in getattr(inputs, name)]
     rules += [(stage.rule, SIGNATURES[type(stage)]) for stage in stages]
@@ -189,18 +191,18 @@ def explain_interpreted(inputs: LoopInputs) -> list[str]:
 
 
 def _run_tabulated(inputs: LoopInputs, *arguments: Any) -> LoopResult:
-    tabulated = tabulate_stages(inputs)  # kept alive until the loop has ended
+    tabulated = tabulate_stages(inputs)  # must stay alive until the loop ends
     result: LoopResult = compile_loop()(tabulated, *arguments)
     return result
 
 
 @cache
 def compile_loop() -> Any:
-    """Compile the loop, once per process, and return its entry point."""
+    """Compile the loop once per process, and return its entry point."""
     records = name_records(map(types.FunctionType, SIMULATION_RULES), TABLE)
     signature = types.NamedTuple((I8, I8, types.boolean), LoopResult)(*records.values())
     with compiling() as cached:
         loop = compile_function(run_loop, signature, cached, **BORROWING)
     # The entry point skips numba's type checks of arguments, which take as long as all other Python
-    # code of a mission. ``collect_inputs`` has checked the arrays.
+    # code of a mission. ``collect_inputs`` checks the arrays instead.
     return loop.get_compile_result(signature).entry_point

@@ -1,4 +1,4 @@
-"""The inputs of the mission loop, and the calls from compiled code back into Python."""
+"""The inputs of the mission loop, and calls from compiled code to Python."""
 
 from collections.abc import Callable, Mapping, Sequence
 from ctypes import CFUNCTYPE, c_void_p
@@ -24,33 +24,34 @@ Integers: TypeAlias = NDArray[np.int64]
 Truths: TypeAlias = NDArray[np.bool_]
 
 RUNNING, COMPLETED, COLLISION, TIME_LIMIT = range(4)
-"""Endings of a robot's mission. RUNNING means that the whole mission ended first."""
+"""Endings of a robot's mission; RUNNING if the whole mission ended before the robot did."""
 
 VISITED, COLLISIONS, FIRST_COLLISION, TOUCHING, DECIDED, ENDED, END_TICK, END_ROW = range(8)
 """Rows of ``Arrays.counts``.
 
-The rows are the waypoints reached; the collisions, and the tick of the first (-1: none); 1 while in
-contact; the mode of the last decision; and the ending, with its tick and trajectory row.
+In this order: the number of waypoints reached; the number of collisions, and the tick of the first
+(-1: none); 1 while in contact; the mode of the last decision; the ending, with its tick and
+trajectory row.
 """
 COUNTS = 8
 
 
 class FilterStage(NamedTuple):
-    """A rule of a sensor, filter or localization, with the arrays that it reads and changes."""
+    """A rule of a sensor, filter or localization, with the arrays that it reads and writes."""
 
-    every: int  # ticks between two samples
+    every: int  # number of ticks between two samples
     rule: Callable[[Array, Array, Generator, Array, Array, float], None]
     parameters: Array
     memory: Array
     rng: Generator
-    source: Array  # view of the values read
-    values: Array  # view of the values changed
+    source: Array  # view of the input values
+    values: Array  # view of the output values
     agent: int = 0  # index of the robot
-    clock: int = 0  # index in ``Arrays.clocks`` of the time passed to the rule
+    clock: int = 0  # index of the rule's time in ``Arrays.clocks``
 
 
 class LayerStage(NamedTuple):
-    """A controller layer's rule, with its parameters and memory."""
+    """The rule of a controller layer, with its parameters and memory."""
 
     rule: Callable[[Array, Array, Array, Array, Array, float, Array], bool]
     parameters: Array
@@ -63,7 +64,7 @@ STAGES: Mapping[str, type[FilterStage | LayerStage]] = {
     "layers": LayerStage,
     "actuation": FilterStage,
 }
-"""The stage types, keyed by the fields of ``LoopInputs``."""
+"""The stage type of each field of ``LoopInputs`` that holds stages."""
 
 S = TypeVar("S", FilterStage, LayerStage)
 
@@ -74,7 +75,7 @@ def get_stage(kind: type[S], stages: Sequence[S], place: int) -> S:
 
 
 class LoopInputs(NamedTuple):
-    """The rules of a mission with their parameters and memory, ordered by robot."""
+    """The rules of a mission with their parameters and memory, in the order of the robots."""
 
     observe: ObserveRule
     sense: SenseRule
@@ -84,48 +85,49 @@ class LoopInputs(NamedTuple):
     filters: tuple[FilterStage, ...]
     localization: tuple[FilterStage, ...]
     layers: tuple[LayerStage, ...]
-    actuation: tuple[FilterStage, ...]  # stages between controllers and drives
+    actuation: tuple[FilterStage, ...]  # stages between the controllers and the drives
     robots: int
 
 
 class Agents(NamedTuple):
-    """The settings of each robot, and the indices of its values in the arrays."""
+    """The settings of each robot, and the indices of each robot's values in the arrays."""
 
-    acceptance: Array  # distance [m] from a waypoint at which it is reached
+    acceptance: Array  # (robots,) [m], distance at which a waypoint counts as reached
     end_on_collision: Truths
-    awaited: Truths  # true if the mission waits until the robot has ended
+    awaited: Truths  # (robots,) true if the mission continues until this robot has ended
     sense_every: Integers  # [ticks]
     decide_every: Integers  # [ticks]
-    # Where each robot's part starts, followed by the end of the last part:
+    # Index of each robot's first entry in an array, followed by the end of the last robot's
+    # entries:
     routes: Integers  # rows of ``Arrays.routes``
     layers: Integers  # indices in ``LoopInputs.layers``
     readings: Integers  # indices in ``Arrays.readings``
-    estimates: Integers  # columns of estimated poses in a trajectory
+    estimates: Integers  # trajectory columns of the estimated poses
 
 
 class Timing(NamedTuple):
-    """The periods of the loop in ticks, and the range of ticks to run."""
+    """The periods of the loop in ticks, and the ticks to run."""
 
-    tick: float  # [s], common divisor of all periods
+    tick: float  # [s], largest common divisor of all periods
     record_every: int
-    limit: int  # ticks until the time limit
+    limit: int  # number of ticks until the time limit
     first: int  # first tick to run
-    last: int  # last tick to run, at most the limit
-    row: int  # next row of the trajectory
+    last: int  # last tick to run, at most ``limit``
+    row: int  # index of the next trajectory row
 
 
 class Arrays(NamedTuple):
-    """The float64 arrays of the loop, each ordered by robot."""
+    """The float64 arrays of the loop, ordered by robot."""
 
-    routes: Array  # (legs, 2) waypoints in order [m], constant
+    routes: Array  # (legs, 2) [m], waypoints in driving order, constant
     states: Array  # (robots * STATE_SIZE,) true states, then walkers' reports
-    poses: Array  # (robots * STATE_SIZE,) localized states
-    legs: Array  # (robots * LEG_SIZE,)
-    commands: Array  # (robots * COMMAND_SIZE,) controller output
+    poses: Array  # (robots * STATE_SIZE,) states as localized
+    legs: Array  # (robots * COMMAND_SIZE,) drive input; ``commands`` itself without faults
+    commands: Array  # (robots * COMMAND_SIZE,) output of the controllers
     driven: Array  # (robots * COMMAND_SIZE,) drive input; ``commands`` itself without faults
-    signals: Array  # simulation output: true ranges [m], signals of other sensors
-    readings: Array  # (channels,) filtered readings of all sensors
-    decisions: Array  # (robots + layers,) number of decisions by no layer and by each
+    signals: Array  # output of the simulation: true ranges [m] and signals of other sensors
+    readings: Array  # (channels,) readings of all sensors after filtering
+    decisions: Array  # time [s] since the start, then since each trigger's event (-1: no event yet)
     counts: Array  # (COUNTS, robots)
     clocks: Array  # time [s] since the start, then since each trigger's event (-1: not yet)
     triggers: Array  # (triggers, TRIGGER_SIZE), see ``evoros.mission.triggers``
@@ -133,11 +135,11 @@ class Arrays(NamedTuple):
 
 
 class LoopResult(NamedTuple):
-    """The last tick that ran, and the number of trajectory rows written so far."""
+    """The last tick run, and the number of trajectory rows written."""
 
     ticks: int
     rows: int
-    finite: bool  # true if all states were finite
+    finite: bool  # true if all states are finite
 
 
 class LoopCall(NamedTuple):
@@ -151,15 +153,15 @@ class LoopCall(NamedTuple):
 
 Loop = Callable[[LoopInputs, Agents, Timing, Arrays], LoopResult]
 
-Run = Callable[[LoopCall], LoopResult]  # runs a call of the loop
+Run = Callable[[LoopCall], LoopResult]  # runs the loop with the given arguments
 
 
-OBSERVE, SENSE, ADVANCE = range(3)  # indices of an engine's call addresses in the parameters
+OBSERVE, SENSE, ADVANCE = range(3)  # indices in the parameters of an engine's call addresses
 TIME, ANSWER = range(2)  # indices in the memory of a layer that calls Python at its parameter
 
 CALLBACK = CFUNCTYPE(None)
 Expose: TypeAlias = Callable[[Callable[[], object]], float]
-"""Wraps a Python function as a C function, and returns its address."""
+"""Wraps a Python function as a C function, and returns the address."""
 
 
 def observe(parameters: Array, memory: Array, state: Array) -> None:
@@ -190,14 +192,14 @@ def decide(
     time: float,
     command: Array,
 ) -> bool:
-    """Call the Python function that decides for a layer and is bound to its arrays."""
+    """Call the Python function of a layer, which is bound to the layer's arrays."""
     memory[TIME] = time
     call_address(int(parameters[0]))
     return bool(memory[ANSWER] != 0.0)
 
 
 def compile_calls() -> tuple[SimulationRules, CompiledRule]:
-    """Compile the rules that call an engine, and the rule that calls a layer."""
+    """Compile the rules that call Python for an engine and for a layer."""
     rules = SimulationRules(*map(compile_rule, ENGINE_RULES, SIMULATION_RULES))
     return rules, compile_rule(decide, LAYER)
 
@@ -231,7 +233,7 @@ def _make_callback(
 ) -> Any:
     """Wrap a Python function as a C function."""
 
-    # Exceptions cannot pass through compiled code; the mission stops before the next step.
+    # Exceptions cannot pass through compiled code, so the mission is stopped before the next step.
     def call() -> None:
         if not errors:
             try:

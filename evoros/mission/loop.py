@@ -1,4 +1,4 @@
-"""The mission loop (observe, sense, filter, decide and advance), in a form that can be compiled."""
+"""The mission loop (observe, sense, filter, decide, advance) in compilable form."""
 
 import math
 
@@ -47,8 +47,8 @@ from evoros.mission.triggers import update_clocks
 
 
 def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays) -> LoopResult:
-    """Run a mission, or the part that ``timing`` specifies."""
-    # One long function, because compiled code copies rules that it passes to another function.
+    """Run a mission, or the ticks that ``timing`` specifies."""
+    # One long function, because compiled code would copy rules passed to another function.
     observe, sense, advance = inputs.observe, inputs.sense, inputs.advance
     parameters, memory, layers = inputs.parameters, inputs.memory, inputs.layers
     filters, localization, actuation = inputs.filters, inputs.localization, inputs.actuation
@@ -116,10 +116,10 @@ def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays)
 
 @compilable
 def update_agent(agents: Agents, arrays: Arrays, i: int, k: int, row: int, last: bool) -> bool:
-    """Count waypoints and contacts of robot ``i`` at tick ``k``; False if a state is not finite."""
+    """Count waypoints and contacts of robot ``i`` at tick ``k``; return False for a bad state."""
     states, legs, counts = arrays.states, arrays.legs, arrays.counts
     at, leg = i * STATE_SIZE, i * LEG_SIZE
-    # Arithmetic with plain numbers is several times as fast as with numpy's scalars.
+    # Arithmetic on Python floats is several times as fast as on numpy scalars.
     x, y = float(states[at + X]), float(states[at + Y])
     if not math.isfinite(x + y + float(states[at + YAW]) + float(states[at + SPEED])):
         return False

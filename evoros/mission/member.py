@@ -1,4 +1,4 @@
-"""A robot of a scenario: its parts, course, names and declared genes."""
+"""A robot of a scenario, with its parts, course, names and declared genes."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -21,7 +21,7 @@ from evoros.world.course import Course
 @dataclass(frozen=True, eq=False)
 @checked
 class Member:
-    """A robot of a scenario; fields have the names of configuration groups, as in evolved keys."""
+    """A robot of a scenario; fields are named after configuration groups, as in keys of genes."""
 
     robot: Annotated[Robot, instance_of(Robot, "a robot")]
     design: Annotated[SensorDesign, instance_of(SensorDesign, "a sensor design")]
@@ -30,25 +30,25 @@ class Member:
     column: str = ""  # prefix of the robot's table columns, for example "NAME."
     key: str = ""  # prefix of configuration keys and random streams, for example "agents.NAME."
     designed: str = ""  # name of the robot whose design this robot shares
-    home: tuple[float, float, float] | None = None  # x, y [m], yaw [rad]; None: the course's
-    route: Sequence[Sequence[float]] | None = None  # waypoints [m]; None: the course's
-    scored: bool = True  # true if the robot counts for the fitness and missions wait for it
-    meets_cases: bool = True  # true if stated failure cases apply to the robot
-    records_pose: bool = False  # true to always record the robot's estimated pose
+    home: tuple[float, float, float] | None = None  # x, y [m], yaw [rad]; None: home of the course
+    route: Sequence[Sequence[float]] | None = None  # waypoints [m]; None: route of the course
+    scored: bool = True  # whether the fitness counts the robot and missions wait for it
+    meets_cases: bool = True  # whether stated failure cases apply to the robot
+    records_pose: bool = False  # whether the estimated pose is always recorded
 
     def place(self, course: Course) -> Course:
-        """Return the course of a world with this robot's home and route."""
+        """Return ``course`` with this robot's home and route."""
         if self.home is not None:
             x, y, yaw = self.home
             course = replace(course, home_x_m=x, home_y_m=y, home_yaw_rad=yaw)
         return course if self.route is None else replace(course, waypoints=self.route)
 
     def tell(self, message: object) -> str:
-        """Return a message prefixed with the key of this robot."""
+        """Prefix a message with the key of this robot."""
         return f"{self.key[:-1]}: {message}" if self.key else f"{message}"
 
     def check_parts(self) -> None:
-        """Require that the sensors and the controller follow their protocols."""
+        """Check that the sensors and the controller follow their protocols."""
         for name, sensor in self.design.sensors.items():
             self._check(f"design.sensors.{name}", check_sensor, sensor)
         self._check("controller", protocol.check_controller, self.controller)
@@ -66,11 +66,11 @@ class Member:
 
     @cached_property
     def space(self) -> DesignSpace:
-        """The search space of the robot's design, including the genes of its controller."""
+        """The search space of the robot's design, including genes of the controller."""
         return self.design.bind(self.robot, find_declared_genes(self.controller))
 
     def find_design(self, design: Design) -> Design:
-        """Return this robot's part of a design."""
+        """Return the part of ``design`` for this robot."""
         parts = design.parts
         if not self.has_own_design and self.name in parts:
             raise InputError(
@@ -91,7 +91,7 @@ class Member:
         return replace(member, robot=robot)
 
     def name_columns(self, design: Design) -> list[str]:
-        """Return the robot's trajectory columns, also for a design that a part refuses."""
+        """Return the robot's trajectory columns, even for a design that a part refuses."""
         try:
             sensors = self.with_design(design).design.sensors
         except InputError:
@@ -102,14 +102,14 @@ class Member:
 
     @property
     def pose_columns(self) -> tuple[str, ...]:
-        """The trajectory columns of the estimated pose; empty if the pose is not recorded."""
+        """The trajectory columns of the estimated pose; empty if it is not recorded."""
         parts = self.controller.localization.values()
         estimates = any(not isinstance(part, Filter) for part in parts)
         return ESTIMATE if estimates or self.records_pose else ()
 
 
 def find_declared_genes(controller: object) -> dict[str, Gene]:
-    """Return the genes of a controller and of its parts, such as layers, by name."""
+    """Return the genes that a controller and its parts, such as layers, declare, by name."""
     genes: dict[str, Gene] = {}
     for at, name, value in _list_declared(controller, "controller"):
         if name in genes:
@@ -123,7 +123,6 @@ def find_declared_genes(controller: object) -> dict[str, Gene]:
 
 
 def _list_declared(part: object, at: str) -> Iterator[tuple[str, str, protocol.EvolvedValue]]:
-    """Yield (key of the declaring part, name of the gene, declaration) for each declared gene."""
     if isinstance(part, protocol.ControllerPart):
         for name, value in part.evolved.items():
             yield at, name, value

@@ -1,4 +1,4 @@
-"""Copy missions to a device's memory as one block of bytes, the image, on which a kernel runs."""
+"""Copies missions to a device as one block of memory, the image, on which a kernel runs."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from ctypes import memmove
@@ -41,7 +41,7 @@ WORD_SIZE = 8  # bytes
 
 
 class Ending(NamedTuple):
-    """Memory in which a kernel stores the ``LoopResult`` of a mission, as numbers."""
+    """Memory in which a kernel stores the numbers of a mission's ``LoopResult``."""
 
     result: Array  # (3,)
 
@@ -49,16 +49,16 @@ class Ending(NamedTuple):
 _MOTION = RULES["observe"], RULES["sense"], RULES["advance"]
 
 RECORDS = {**name_records(_MOTION, KERNEL_TABLE), Ending: types.NamedTuple((A1,), Ending)}
-"""The numba types of the records in a mission's row, in order."""
+"""The numba types of the records in the row of a mission, in order."""
 
 _SIZES = [WORD_SIZE * count_words(record) for record in RECORDS.values()]
 ROW_SIZE = sum(_SIZES)  # bytes
 _, AGENTS, TIMING, ARRAYS, ENDING, _ = accumulate(_SIZES, initial=0)
-"""Offsets [bytes] in a row of the records after the first."""
+"""Offsets [bytes] of the second and later records in a row."""
 
 
 def read_record(kind: Any, address: int) -> Any:
-    """Return the record at an address; available only in compiled code."""
+    """Return the record at an address; callable only from compiled code."""
     raise NotImplementedError
 
 
@@ -74,7 +74,7 @@ def _read_record(context: Any, builder: Any, signature: Any, arguments: Any) -> 
 
 
 def run_row(row: int) -> None:
-    """Run the mission whose row is at the address ``row``."""
+    """Run the mission whose records start at the address ``row``."""
     result: LoopResult = run_loop(
         read_record(LoopInputs, row),
         read_record(Agents, row + AGENTS),
@@ -102,7 +102,7 @@ def lower_loop() -> machine_code.Lowered:
 _ALIGNED = 16  # bytes
 _WORD_BITS = 64
 GIVEN, KEPT, FILLED = range(3)
-"""Groups of pieces: copied to the device, copied both ways, and only copied back (trajectories)."""
+"""Groups of pieces: copied to the device, copied both ways, and copied back (trajectories)."""
 
 Words = NDArray[np.int64]
 
@@ -132,19 +132,19 @@ class _Pieces:
         self.bounds = [0, *(int(sizes[groups <= group].sum()) for group in (GIVEN, KEPT, FILLED))]
 
     def find(self, addresses: Words) -> Words:
-        """Return the offset in the image of each address; arbitrary for empty arrays."""
+        """Return the image offset of each address; arbitrary for empty arrays."""
         piece = np.searchsorted(self.starts, addresses, side="right") - 1
         return addresses - self.starts[piece] + self.offsets[piece]
 
     def list(self, groups: Sequence[int]) -> Iterator[tuple[int, int, int]]:
-        """Yield (address, offset in the image, length) for each piece in these groups."""
+        """Yield (address, image offset, length) for each piece in these groups."""
         chosen = np.isin(self.groups, groups)
         columns = (self.starts[chosen], self.offsets[chosen], self.lengths[chosen])
         yield from zip(*(column.tolist() for column in columns), strict=True)
 
 
 class Image:
-    """The image of several missions, with its ``size`` [bytes] and the offset of their ``rows``."""
+    """The image of several missions: its ``size`` [bytes] and the missions' offsets ``rows``."""
 
     def __init__(self, calls: Sequence[LoopCall], numbers: Mapping[Any, int]) -> None:
         self._calls, self._numbers = calls, numbers
@@ -219,7 +219,7 @@ class Image:
 
 
 def copy_state(rng: Generator) -> Words:
-    """Return the state of a PCG64 generator as the six words of kernels."""
+    """Return the state of a PCG64 generator as the six words that kernels use."""
     state: Any = rng.bit_generator.state
     numbers = state["state"]["state"], state["state"]["inc"]
     words = [part for number in numbers for part in divmod(number, 1 << _WORD_BITS)[::-1]]
@@ -237,4 +237,4 @@ _ROW_ADDRESSES = [
     for record, start in zip(RECORDS.values(), accumulate(_SIZES, initial=0), strict=False)
     for place in find_addresses(record)
 ]
-"""The indices of the words in a row that are addresses of arrays."""
+"""Indices of the words in a row that are addresses of arrays."""

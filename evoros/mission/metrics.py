@@ -1,4 +1,4 @@
-"""Compute mission metrics from the trajectory, in the same way for all simulators."""
+"""Computes mission metrics from the trajectory, identically for all simulators."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -38,7 +38,7 @@ def measure(index: int, setup: Setup, result: LoopResult) -> Outcome:
     participant, faults = setup.robots[index].participant, setup.robots[index].faults
     counts, tick = setup.arrays.counts[:, index], setup.timing.tick
     ended, first = int(counts[inputs.ENDED]), int(counts[inputs.FIRST_COLLISION])
-    cut_off = ended == inputs.RUNNING  # the mission did not wait for this robot
+    cut_off = ended == inputs.RUNNING  # the mission ended before this robot did
     time = (result.ticks if cut_off else int(counts[inputs.END_TICK])) * tick
     rows = setup.arrays.trajectory[: result.rows if cut_off else int(counts[inputs.END_ROW]) + 1]
     start = 1 + setup.agents.readings[index] + setup.agents.estimates[index]
@@ -47,7 +47,7 @@ def measure(index: int, setup: Setup, result: LoopResult) -> Outcome:
     first_collision = first * tick if first >= 0 else math.nan
     visited, robot = int(counts[inputs.VISITED]), participant.robot
     course, end = participant.course, track[-1, [X, Y]]
-    # Obstacles are at their initial places until the first collision.
+    # Obstacles stay at their initial poses until the first collision.
     untouched = int((~(rows[:, TIME] > first_collision)).sum())
     triggers, clocks = setup.arrays.triggers, setup.clocks[index].items()
     begun = {AT_START: 0.0} | {one: float(triggers[clock - 1, BEGUN]) for one, clock in clocks}
@@ -81,7 +81,7 @@ def measure(index: int, setup: Setup, result: LoopResult) -> Outcome:
 def _measure_track(
     track: Array, time: float, untouched: int, participant: Participant, world: World
 ) -> dict[str, Any]:
-    """Measure a path in ``time`` [s]; ``untouched`` rows precede the first collision."""
+    """Measure a path that took ``time`` [s]; the first ``untouched`` rows precede any collision."""
     course, robot = participant.course, participant.robot
     areas = outlines(world, robot.height_m)
     points = np.array([*course.waypoints, course.home[:2]], dtype=np.float64)
@@ -117,8 +117,9 @@ def _share_avoiding(index: int, setup: Setup) -> float:
 def compute_progress(position: Array, visited: int, route: Array, acceptance: float) -> float:
     """Return the completed fraction of the mission, 0..1.
 
-    Each of the n waypoints counts 1/n once reached. The next one counts 1/n divided by the distance
-    [m] to its acceptance circle, at most 1/n. Until all are reached, the result is at most 0.99.
+    Each of the n waypoints adds 1/n once reached. The next waypoint adds 1/n divided by the
+    distance [m] to its acceptance circle, but at most 1/n. The result is at most 0.99 until all
+    waypoints are reached.
     """
     if visited == len(route):
         return 1.0
@@ -126,13 +127,13 @@ def compute_progress(position: Array, visited: int, route: Array, acceptance: fl
     return min(0.99, (visited + 1.0 / max(distance, 1.0)) / len(route))
 
 
-Begun = Mapping[Trigger, float]  # event time [s] of each trigger, infinity if it has not occurred
+Begun = Mapping[Trigger, float]  # event time [s] of each trigger, infinity before the event
 
 
 def list_failures(
     faults: Sequence[Fault], end: float, begun: Begun = MappingProxyType({AT_START: 0.0})
 ) -> list[tuple[int, float, str]]:
-    """List (sensor, onset [s], effect) for each sensor that fails by ``end`` [s]."""
+    """List (sensor, onset [s], effect) for each sensor that fails no later than ``end`` [s]."""
     return sorted(
         (index, float(begun[fault.trigger] + onset), fault.effect)
         for fault in faults
@@ -145,7 +146,7 @@ def list_failures(
 def list_part_failures(
     faults: Sequence[Fault], end: float, begun: Begun
 ) -> list[tuple[float, str, str]]:
-    """List (onset [s], part, effect) for each other part that fails by ``end`` [s]."""
+    """List (onset [s], part, effect) for each other part that fails no later than ``end`` [s]."""
     of_parts = [fault for fault in faults if fault.signal != READINGS]
     times = [(begun[fault.trigger] + float(fault.onset[0]), fault) for fault in of_parts]
     return sorted((onset, fault.part, fault.effect) for onset, fault in times if onset <= end)

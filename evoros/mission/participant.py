@@ -1,4 +1,4 @@
-"""Draw the route and the faults of a robot in a mission, and start its controller."""
+"""Draws the route and faults of a robot in a mission, and starts its controller."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -22,14 +22,14 @@ from evoros.mission.plan import count_round
 from evoros.robot.model import Robot
 from evoros.world.course import Course
 
-Draws = Callable[[str], Generator]  # returns the random generator of a named part
+Draws = Callable[[str], Generator]  # returns the random generator of the named part
 _LAYERS = sequence_of(protocol.StartedLayer, "StartedLayer")
 _A_PILOT = Rule("a pilot (an object with a method exchange)", lambda v: hasattr(v, "exchange"))
 
 
 @dataclass(frozen=True)
 class Participant:
-    """An equipped robot with its course, route and faults in a mission."""
+    """A robot in a mission, with its sensors, course, route and faults."""
 
     member: Member
     course: Course
@@ -44,7 +44,7 @@ class Participant:
 
 
 def enter(member: Member, failure: Failure, course: Course, mission: Mission) -> Participant:
-    """Draw the route and the faults of a robot in a world with this course."""
+    """Draw the route and the faults of a robot on a course."""
 
     def draws(part: str) -> Generator:
         return generator(mission.draws, member.key + part)
@@ -81,14 +81,14 @@ def open_layers(participant: Participant) -> Iterator[Sequence[LayerStage]]:
             check_answer("", controller.launch, _A_PILOT, pilot)
         except InputError as error:
             raise LaunchError(str(error)) from error
-        answer = np.zeros(1)  # shared by all layers
+        answer = np.zeros(1)  # shared by the rules of all layers
         modes = [np.array([float(mode)]) for mode in range(1, len(controller.modes) + 1)]
         rules: list[Any] = [Ask(pilot, len(modes)), *[take] * (len(modes) - 1)]
         yield [LayerStage(rule, mode, answer) for rule, mode in zip(rules, modes, strict=True)]
 
 
 def start_layers(layers: Sequence[protocol.StartedLayer]) -> list[LayerStage]:
-    """Pack the parameters and the memory of layers; layers that share a memory still share it."""
+    """Pack the parameters and memories of layers; layers keep sharing a memory."""
     memories: dict[int, Array] = {}
     stages = []
     for layer in layers:
@@ -101,7 +101,7 @@ def start_layers(layers: Sequence[protocol.StartedLayer]) -> list[LayerStage]:
 
 
 class Ask:
-    """The rule of the first mode's layer, which asks the pilot."""
+    """The rule of the first mode's layer, which calls the pilot."""
 
     def __init__(self, pilot: protocol.Pilot, modes: int) -> None:
         self._exchange = pilot.exchange
@@ -118,7 +118,7 @@ class Ask:
         time: float,
         command: Array,
     ) -> bool:
-        """Ask the pilot; return True if the answer is the first mode."""
+        """Call the pilot; return True if it chose the first mode."""
         mode = self._exchange(time, state, leg, readings, command)
         memory[0] = check_answer("", self._exchange, self._rule, mode)
         check_answer("", self._exchange, protocol.COMMAND, command)
@@ -134,5 +134,5 @@ def take(
     time: float,
     command: Array,
 ) -> bool:
-    """Return True if the pilot's last answer was the mode of this layer."""
+    """Return True if the pilot last chose the mode of this layer."""
     return bool(memory[0] == parameters[0])

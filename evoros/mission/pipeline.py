@@ -1,4 +1,4 @@
-"""Start the filters and faults between sensors, controller and drive."""
+"""Starts the filters and faults between sensors, controller and drive."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,11 +20,11 @@ from evoros.mission.participant import Draws, Participant
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import SENSOR_ARGUMENTS, is_signal_sensor
 
-Clocks = Mapping[Trigger, int]  # indices in ``Arrays.clocks`` of a robot's triggers
+Clocks = Mapping[Trigger, int]  # index in ``Arrays.clocks`` of each of a robot's triggers
 
 
 class Pipeline:
-    """The stages of one robot, by the signal that they change."""
+    """The stages of one robot, keyed by the signal that they change."""
 
     def __init__(
         self,
@@ -44,18 +44,18 @@ class Pipeline:
         self.stages[protocol.READINGS] = start_sensors(robot, sensors, signals, draws)
         self.stages[protocol.POSE] = start_localization(controller, robot, readings, place, draws)
         self.faults: list[Fault] = []
-        self.actuation: Actuation | None = None  # None: the drive gets the commands directly
+        self.actuation: Actuation | None = None  # None if the drive receives the commands directly
         self._targets = [*sensors, place]
 
     def connect(self, command: Array) -> None:
-        """Let faults act between the controller's ``command`` and the drive."""
+        """Insert fault stages between the controller's ``command`` and the drive."""
         if self.actuation is None:
             robot, controller = self.participant.robot, self.participant.member.controller
             self.actuation = Actuation(command)
             self._targets += self.actuation.list_targets(robot, controller.period_s)
 
     def add_faults(self, faults: Sequence[Fault], clocks: Clocks) -> None:
-        """Start faults after all other stages of their signals."""
+        """Start faults that act after all earlier stages of their signals."""
         for target in self._targets:
             stages = start_faults(faults, target, self.participant.draws, clocks)
             self.stages[target.channels.signal] += stages
@@ -63,16 +63,16 @@ class Pipeline:
 
 
 class Target(NamedTuple):
-    """Values that filters and faults change, such as the pose or the readings of a sensor type."""
+    """Values that filters and faults change: the pose, or the readings of a sensor type."""
 
     channels: protocol.Channels
     values: Array
-    every: int = 1  # ticks between two samples
-    name: str = ""  # name of the sensor type; empty: not a sensor
-    sensors: slice = slice(0)  # indices of the type's sensors, which are consecutive
+    every: int = 1  # number of ticks between two samples
+    name: str = ""  # name of the sensor type; empty for other signals
+    sensors: slice = slice(0)  # range of indices of the sensors of this type
 
     def spread(self, fault: Fault) -> Array:
-        """Return the onset (channels,) [s] of a fault; all channels of a sensor fail together."""
+        """Return the onset [s] of a fault per channel; all channels of a sensor fail together."""
         if self.name:
             onset = fault.onset[self.sensors]
             return np.repeat(onset, self.channels.size // len(onset))
@@ -84,7 +84,7 @@ class Target(NamedTuple):
 def start_faults(
     faults: Sequence[Fault], target: Target, draws: Draws, clocks: Clocks
 ) -> list[FilterStage]:
-    """Start the faults that act on a target, each with a separate random stream."""
+    """Start the faults of a target, each with a separate random stream."""
     stages = []
     for fault in faults:
         if fault.signal != target.channels.signal:
@@ -98,7 +98,7 @@ def start_faults(
 
 
 def list_sensor_targets(robot: Robot, readings: Array, tick: float) -> list[Target]:
-    """List the readings of each sensor type of a robot, as views of ``readings`` (channels,)."""
+    """Return a target for each sensor type of a robot, with views of ``readings`` (channels,)."""
     names = [mount.sensor for mount in robot.mounts]
     targets = []
     for name in dict.fromkeys(names):
@@ -126,7 +126,7 @@ def _describe_channels(robot: Robot, sensors: slice) -> protocol.Channels:
 def start_sensors(
     robot: Robot, targets: Sequence[Target], signals: Array, draws: Draws
 ) -> list[FilterStage]:
-    """Start the readings and the filters of each sensor type."""
+    """Start the measurement and the filters of each sensor type."""
     stages: list[FilterStage] = []
     for target in targets:
         part, sensor = f"sensor.{target.name}", robot.sensors[target.name]
@@ -136,7 +136,7 @@ def start_sensors(
             for signal, values in zip(parts, np.split(target.values, len(parts)), strict=True):
                 rule = start_rule(sensor.rule, SENSOR_ARGUMENTS, sensor.start)
                 stages.append(FilterStage(target.every, *rule, rng, signals[signal], values))
-        else:  # ranges are the readings
+        else:  # the simulated ranges are the readings
             source = signals[parts[0].start : parts[-1].stop]
             copy = _start_copy(copy_signal, source, target.values)
             stages.append(copy._replace(every=target.every))
@@ -151,7 +151,7 @@ def start_localization(
     pose: Target,
     draws: Draws,
 ) -> list[FilterStage]:
-    """Start the stages between the true ``pose`` and the controller's layers."""
+    """Start the stages between the true ``pose`` and the layers of the controller."""
     filters = {}
     stages: list[FilterStage] = []
     for index, (name, item) in enumerate(controller.localization.items()):
@@ -172,7 +172,7 @@ def start_localization(
 
 
 def describe_pose(pose: Array, period: float) -> Target:
-    """Describe the ``pose`` (POSE_SIZE,) that a controller gets every ``period`` [s]."""
+    """Describe the ``pose`` (POSE_SIZE,), which the controller receives every ``period`` [s]."""
     unlimited = np.full(POSE_SIZE, np.inf)
     places = np.zeros((POSE_SIZE, 3))
     return Target(
@@ -204,9 +204,10 @@ WHEEL_NAMES = "left wheel", "right wheel"
 
 
 class Actuation:
-    """The values between the controller's ``command`` and the drive.
+    """The values between the ``command`` of the controller and the drive.
 
-    Command faults act first. A silent (NaN) command repeats the previous one; a silent wheel stops.
+    Faults of the command act first. A silent (NaN) command repeats the previous command; a silent
+    wheel stops.
     """
 
     def __init__(self, command: Array) -> None:
@@ -230,7 +231,7 @@ class Actuation:
     def order(
         self, faults: Mapping[str, Sequence[FilterStage]], driven: Array, strength: Array
     ) -> list[FilterStage]:
-        """Return the fault stages in order, with the stages that copy values between them."""
+        """Return the fault stages in order, with stages that copy values between signals."""
         stages = [_start_copy(copy_signal, self._command, driven)]
         if faults[protocol.COMMAND] or faults[protocol.DRIVE]:
             stages = [
@@ -255,11 +256,11 @@ def _start_copy(rule: object, source: Array, values: Array) -> FilterStage:
     return FilterStage(1, *bind(rule, SENSOR_ARGUMENTS, None), _NO_DRAWS, source, values)  # type: ignore[arg-type]
 
 
-_NO_DRAWS: Generator = generator("", "copy")  # copies draw no numbers
+_NO_DRAWS: Generator = generator("", "copy")  # copying uses no random numbers
 
 
 def copy_signal(signal: Array, values: Array) -> None:
-    """Copy the values that another stage has computed."""
+    """Copy the values computed by another stage."""
     copy_values(signal, values)
 
 

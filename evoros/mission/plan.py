@@ -1,4 +1,4 @@
-"""Plan the missions that score a design, with the keys of their random draws."""
+"""Plans the missions that score a design, with the keys of their random draws."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,28 +14,28 @@ from evoros.mission.mission import Mission
 SELECTION, CONFIRMATION = "selection", "confirmation"
 VALIDATION, EVALUATION = "validation", "evaluation"
 FINAL = "final"
-SEARCHING = (SELECTION, CONFIRMATION)  # purposes of the missions on which a search depends
+SEARCHING = (SELECTION, CONFIRMATION)  # purposes of missions that affect the course of a search
 ACTIVITIES = {
     **dict.fromkeys((SELECTION, EVALUATION), ""),
     CONFIRMATION: "confirming",
     VALIDATION: "validating",
     FINAL: "choosing the champion",
 }
-"""The activity that the progress line shows, by purpose; empty: the default."""
+"""The activity shown in the progress line for each purpose; empty: the default."""
 POLICIES = ("generation", "individual", "run")
 STOP, WORST = "stop", "worst"
-MOST_REPEATS = 1_000_000  # exceeds the trials of any case or setting; even, to keep the parity
+MOST_REPEATS = 1_000_000  # larger than any number of trials, even to keep the parity of trials
 GENERATIONS, TRIALS, VALIDATION_TRIALS = "optimizer.generations", "trials", "validation.trials"
-"""The configuration keys whose values may increase when a run or an evaluation is resumed."""
+"""The configuration keys whose values may be raised when a run or an evaluation is resumed."""
 
 
 def find_growing(values: Mapping[str, Any]) -> str:
-    """Return the key whose value may increase when an evaluation is resumed."""
+    """Return the key whose value may be raised when an evaluation is resumed."""
     return VALIDATION_TRIALS if values.get("evaluation_draws") == VALIDATION else TRIALS
 
 
 def count_growing(values: Mapping[str, Any], key: str) -> int:
-    """Return the value of a growing key in a nested configuration."""
+    """Return the value of such a key in a nested configuration."""
     if key == TRIALS:
         return int(values[TRIALS])
     if key == GENERATIONS:
@@ -47,22 +47,22 @@ def count_growing(values: Mapping[str, Any], key: str) -> int:
 class Plan:
     """Plans the missions of a run or an evaluation.
 
-    The missions of one trial differ only in their world. Missions whose keys of draws are equal
-    have the same failures, noise and generated worlds. Cases of a ``systematic`` failure are dealt
-    to the trials of each group of draws without replacement; designs with the same number of
-    sensors meet the same cases.
+    The missions of one trial differ only in their world. Missions with the same key of draws have
+    the same failures, noise and generated worlds. Cases of a ``systematic`` failure are dealt to
+    the trials of each group of draws without replacement; designs with the same number of sensors
+    get the same cases.
     """
 
     seed: int
     worlds: tuple[str, ...]
     trials: int
     validation_trials: int
-    policy: str  # one of POLICIES: the scope in which selection uses the same draws
-    most_trials: int = 0  # maximum per design and generation in selection, if above ``trials``
-    most_validation_trials: int = 0  # maximum per champion, if above ``validation_trials``
-    evaluation_draws: str = EVALUATION  # VALIDATION: use the draws of a run's validation
+    policy: str  # scope in which selection reuses the same draws, one of POLICIES
+    most_trials: int = 0  # maximum per design and generation in selection; at least ``trials``
+    most_validation_trials: int = 0  # maximum per champion, if larger than ``validation_trials``
+    evaluation_draws: str = EVALUATION  # VALIDATION to use the draws of a run's validation
     revalidation_trials: int = 0  # number of trials if ``evaluation_draws`` is VALIDATION
-    systematic: SystematicFailure | None = None  # failure model, if it has cases
+    systematic: SystematicFailure | None = None  # the failure model if it has cases
 
     def selection(
         self,
@@ -75,9 +75,9 @@ class Plan:
     ) -> list[Mission]:
         """Return the missions that determine a design's fitness.
 
-        ``trials`` numbers the trials of this generation, by default a new design's trials.
-        ``earlier`` counts trials in earlier generations, whose draws are not repeated. With
-        ``cases``, trial 0 meets the first case, trial 1 the second, and so on.
+        ``trials`` numbers the trials of this generation (default: the trials of a new design).
+        ``earlier`` is the number of trials in earlier generations, whose draws are not reused.
+        ``cases`` are the cases of trials 0, 1, and so on.
         """
         individual = f"{generation}:{design_id}"
         groups = {"generation": f"{generation}", "individual": individual, "run": "all"}
@@ -92,7 +92,7 @@ class Plan:
     def validation(
         self, generation: int, design_id: int, design: Design, count: int | None = None
     ) -> list[Mission]:
-        """Return missions on fresh draws, which no selection uses and all designs share.
+        """Return missions on fresh draws, which selection never uses and all designs share.
 
         The trials are numbered after the trials for selection; trials beyond ``validation_trials``
         are numbered after the trials for confirmation.
@@ -106,7 +106,7 @@ class Plan:
     def final(
         self, generation: int, design_id: int, design: Design, trials: range
     ) -> list[Mission]:
-        """Return missions of the final choice on fresh draws, which all designs share."""
+        """Return missions of the final choice, on fresh draws that all designs share."""
         after = self._confirmed + max(0, self.most_validation_trials - self.validation_trials)
         numbers = range(after + trials.start, after + trials.stop)
         return self._missions(generation, design_id, design, FINAL, "all", numbers, trials.start)
@@ -128,7 +128,7 @@ class Plan:
         ]
 
     def evaluation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
-        """Return a design's missions in an evaluation, with fresh draws or VALIDATION's."""
+        """Return a design's missions in an evaluation, on fresh or on validation draws."""
         if self.evaluation_draws == VALIDATION:
             return self.validation(generation, design_id, design, self.revalidation_trials)
         return self._missions(
@@ -137,7 +137,7 @@ class Plan:
 
     @property
     def evaluation_trials(self) -> int:
-        """The number of missions per design and world in an evaluation."""
+        """The number of missions in an evaluation per design and world."""
         return self.revalidation_trials if self.evaluation_draws == VALIDATION else self.trials
 
     def stated(
@@ -149,10 +149,10 @@ class Plan:
         case: Case | None = None,
         setting: str = "",
     ) -> list[Mission]:
-        """Return an evaluation's missions with a case or a setting, on its first draws.
+        """Return missions of an evaluation under a case or a setting, on its first draws.
 
-        ``number`` numbers the cases and settings from 1. Trial ``MOST_REPEATS * number + repeat``
-        has the draws and the parity of the evaluation's trial ``repeat``.
+        ``number`` counts the cases and settings from 1. Trial ``MOST_REPEATS * number + repeat``
+        uses the draws and the parity of trial ``repeat``.
         """
         missions = self._missions(0, design_id, design, EVALUATION, "0", repeats)
         first = number * MOST_REPEATS
@@ -161,11 +161,11 @@ class Plan:
         ]
 
     @property
-    def _selected(self) -> int:  # the number that follows the trials for selection
+    def _selected(self) -> int:  # number of the first trial after selection
         return max(self.trials, self.most_trials)
 
     @property
-    def _confirmed(self) -> int:  # ... and for validation and confirmation
+    def _confirmed(self) -> int:  # number of the first trial after validation and confirmation
         return 2 * self._selected + self.validation_trials
 
     def _missions(
@@ -179,7 +179,7 @@ class Plan:
         place: int = 0,
         skipped: int = 0,
     ) -> list[Mission]:
-        """Return missions in all worlds; ``place`` trials of the ``group`` came earlier."""
+        """Return missions in all worlds, after ``place`` earlier trials of the ``group``."""
         key = f"{self.seed}/{purpose}/{group}"
         cases = islice(self._deal_cases(key, len(design.mounts)), place, None)
         missions = []
@@ -198,10 +198,10 @@ class Plan:
 
 
 def count_round(purpose: str, generation: int, trial: int) -> int:
-    """Return a mission's round number, whose parity sets the direction of some courses.
+    """Return a mission's round number, whose parity sets the driving direction on some courses.
 
-    Selection counts generations, as in the original runs; validation and the final choice count
-    trials, so each design drives in both directions; evaluations count both.
+    Selection counts generations, as the original runs did. Validation and the final choice count
+    trials, so that each design drives in both directions. Evaluations count both.
     """
     if purpose in SEARCHING:
         return generation
@@ -209,7 +209,7 @@ def count_round(purpose: str, generation: int, trial: int) -> int:
 
 
 def describe(mission: Mission) -> str:
-    """Return a mission's name for a message."""
+    """Describe a mission for a message."""
     return (
         f"the mission of design {mission.design_id} in {mission.world}, "
         f"generation {mission.generation}, trial {mission.trial}"

@@ -1,4 +1,4 @@
-"""Run one mission: open it, run the loop, and compute the outcome."""
+"""Runs a mission: opens it, runs the loop, and computes the outcome."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -32,7 +32,7 @@ class RefusedDesign(InputError):
 
 
 def delay_faults(faults: Sequence[Fault], time: float) -> tuple[Fault, ...]:
-    """Return faults whose onsets and events count from the mission time ``time`` [s]."""
+    """Return faults with onsets and events measured from the mission time ``time`` [s]."""
     return tuple(
         replace(fault, onset=fault.onset + time)
         if fault.trigger == AT_START
@@ -43,7 +43,7 @@ def delay_faults(faults: Sequence[Fault], time: float) -> tuple[Fault, ...]:
 
 @contextmanager
 def open_mission(scenario: Scenario, mission: Mission) -> Iterator["OpenMission"]:
-    """Make a mission's random draws, and start its engine and parts; stop them on exit.
+    """Draw the random values of a mission, and start its engine and parts; stop them on exit.
 
     Raises:
         InputError: a part refuses to start, or the design does not fit (RefusedDesign).
@@ -69,29 +69,29 @@ def open_mission(scenario: Scenario, mission: Mission) -> Iterator["OpenMission"
 
 
 class OpenMission:
-    """A mission that is ready to run, as a whole or in parts."""
+    """A started mission, which can be run as a whole or in sections."""
 
     def __init__(self, setup: Setup, simulation: Simulation) -> None:
         self._setup, self._simulation = setup, simulation
         self._inputs = setup.collect_inputs(simulation)
         self._result = LoopResult(-1, 0, True)
-        self.is_over = False  # true once every awaited robot has ended
+        self.is_over = False  # true once the mission waits for no more robots
         self._awaited = np.flatnonzero(setup.agents.awaited).tolist()
 
     @property
     def call(self) -> LoopCall:
-        """The arguments of the loop for the rest of the mission, with interpreted rules."""
+        """The loop call for the rest of the mission, with interpreted rules."""
         setup, done = self._setup, self._result
         timing = setup.timing._replace(first=done.ticks + 1, row=done.rows)
         return LoopCall(self._inputs, setup.agents, timing, setup.arrays)
 
     def finish(self, result: LoopResult) -> Rollout:
-        """Return the rollout, given the loop's result; raise SimulationError for a NaN state."""
+        """Return the rollout for the loop's result; raise SimulationError for a NaN state."""
         self._advance(result)
         return self.outcomes(), self.trajectory
 
     def run(self, ticks: int | None = None, run: Run = run_call) -> None:
-        """Run the next ``ticks`` ticks, the first at time 0, or up to the end of the mission."""
+        """Run the next ``ticks`` ticks, the first at time 0; None: to the end of the mission."""
         if not self.is_over:
             call = self.call
             last = call.timing.limit if ticks is None else call.timing.first - 1 + ticks
@@ -112,12 +112,12 @@ class OpenMission:
 
     @property
     def time_s(self) -> float:
-        """The time of the last tick that has run [s]."""
+        """The time [s] of the last tick run."""
         return self._result.ticks * self._setup.timing.tick
 
     @property
     def trajectory(self) -> Array:
-        """The rows so far, (rows, columns); ``Scenario.name_columns`` names the columns."""
+        """The rows recorded so far (rows, columns); ``Scenario.name_columns`` names the columns."""
         return self._setup.arrays.trajectory[: self._result.rows]
 
     def outcomes(self) -> Outcomes:
@@ -126,7 +126,7 @@ class OpenMission:
         return tuple(measure(index, self._setup, self._result) for index in robots)
 
     def add_failure(self, failure: Failure) -> tuple[Fault, ...]:
-        """Draw, start and return faults of the first robot, from the next tick on."""
+        """Draw faults of the first robot, start them at the next tick, and return them."""
         robot = self._setup.robots[0]
         draws, earlier = robot.participant.draws, robot.faults
         later = (self._result.ticks + 1) * self.tick_s
@@ -139,7 +139,7 @@ class OpenMission:
 
     @property
     def fails_parts(self) -> bool:
-        """True if parts of the first robot other than its sensors can fail."""
+        """True if parts other than sensors of the first robot can fail."""
         return any(fault.signal != READINGS for fault in self._setup.robots[0].faults)
 
     @property
@@ -149,7 +149,7 @@ class OpenMission:
 
     @property
     def readings(self) -> Array:
-        """The last readings of the first robot's sensors, (channels,), as in ``Robot.layout``."""
+        """The first robot's latest readings (channels,), in the order of ``Robot.layout``."""
         return self._setup.arrays.readings[: self._setup.agents.readings[1]]
 
     @property
@@ -159,12 +159,12 @@ class OpenMission:
 
     @property
     def visited(self) -> int:
-        """The number of waypoints that the first robot has reached."""
+        """The number of waypoints reached by the first robot."""
         return int(self._setup.arrays.counts[VISITED, 0])
 
     @property
     def ended(self) -> str:
-        """The ending of the first robot's mission; empty while it is running."""
+        """The ending of the first robot's mission; empty while it runs."""
         ended = int(self._setup.arrays.counts[ENDED, 0])
         return "" if ended == RUNNING else ENDINGS[ended]
 
@@ -187,8 +187,8 @@ class OpenMission:
 def run_mission(scenario: Scenario, mission: Mission, run: Run = run_call) -> Rollout:
     """Run a mission.
 
-    A failed simulation gives an outcome, because a retry would also fail, and so does a design that
-    a part refuses.
+    A failed simulation has an outcome, because a retry would fail again; so has a design that a
+    part refuses.
 
     Raises:
         InputError: a part refuses to start for a reason other than an evolved value.
@@ -204,7 +204,7 @@ def run_mission(scenario: Scenario, mission: Mission, run: Run = run_call) -> Ro
 def take_failure(
     scenario: Scenario, mission: Mission, error: InputError | SimulationError
 ) -> Rollout:
-    """Return the rollout of a mission that an error ended, if the error is due to the design."""
+    """Return the rollout of a mission that an error ended, if the design caused the error."""
     ended = missions.SIMULATION_FAILURE
     if isinstance(error, InputError):
         ended = missions.REFUSED
@@ -216,7 +216,7 @@ def take_failure(
 
 
 def failed_mission(scenario: Scenario, mission: Mission, ended: str, reason: str) -> Outcomes:
-    """Create the outcomes of a mission that could not be run."""
+    """Create the outcomes of a mission that could not run."""
     limit = scenario.world[mission.world].course.time_limit_s
     known: dict[str, Any] = {"touched_walkers": ()} if scenario.any_walkers else {}
     known |= {"shortest_m": math.nan} if scenario.states_shortest else {}
@@ -227,5 +227,5 @@ def failed_mission(scenario: Scenario, mission: Mission, ended: str, reason: str
 
 
 def empty_trajectory(scenario: Scenario, mission: Mission) -> Array:
-    """Create the trajectory (0, columns) of a mission that could not be run."""
+    """Create the empty trajectory (0, columns) of a mission that could not run."""
     return np.empty((0, len(scenario.name_columns(mission.design, mission.world))))

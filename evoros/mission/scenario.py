@@ -1,4 +1,4 @@
-"""The parts that all missions of an experiment share, checked to fit together."""
+"""The parts that all missions of an experiment share, checked for compatibility."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -24,7 +24,7 @@ from evoros.world.model import World
 
 
 def require_world(name: str, world: object) -> None:
-    """Require that an entry of the configuration's worlds is a world."""
+    """Check that an entry of ``world`` in the configuration is a world."""
     if not isinstance(world, World):
         raise InputError(
             f"world.{name}: some keys of the world are missing; choose a world with "
@@ -32,10 +32,10 @@ def require_world(name: str, world: object) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)  # hashable by identity, as a cache key
+@dataclass(frozen=True, eq=False)  # hashable by identity, for use as a cache key
 @checked
 class Scenario:
-    """Everything that a mission needs except its design, the name of its world and its draws."""
+    """Everything that a mission requires except the design, the world's name and the draws."""
 
     members: tuple[Member, ...]
     world: Annotated[Mapping[str, World], instance_of(Mapping, "a mapping from names to worlds")]
@@ -99,7 +99,7 @@ class Scenario:
                 )
 
     def draw_world(self, name: str, draws: str, robots: Sequence[PlacedRobot]) -> World:
-        """Return the world of a mission with this key of draws, and with walkers."""
+        """Return the world of the missions with a key of draws, including walkers."""
         world = self.world[name].at(draws)
         if not self.any_walkers:
             return world
@@ -114,7 +114,7 @@ class Scenario:
 
     @cached_property
     def any_walkers(self) -> bool:
-        """True if any world can have walkers."""
+        """True if any world has walkers."""
         return any(self.list_walkers(name) for name in self.world)
 
     @property
@@ -123,7 +123,7 @@ class Scenario:
         return any(world.shortest_m is not None for world in self.world.values())
 
     def place_worlds(self, member: Member) -> dict[str, World]:
-        """Return the worlds by name, each with the course of this robot."""
+        """Return the worlds by name, with courses adapted to this robot."""
         courses = {name: member.place(world.course) for name, world in self.world.items()}
         return {
             name: world if world.course is courses[name] else replace(world, course=courses[name])
@@ -131,7 +131,7 @@ class Scenario:
         }
 
     def check_parts(self, member: Member) -> None:
-        """Require that the parts of a robot fit the simulator and the worlds."""
+        """Check that the parts of a robot fit the simulator and the worlds."""
         self.count_steps("controller.period_s", member.controller.period_s)
         for name, sensor in member.design.sensors.items():
             self.count_steps(f"design.sensors.{name}.period_s", sensor.period_s)
@@ -149,7 +149,7 @@ class Scenario:
             )
 
     def count_steps(self, key: str, period: float) -> int:
-        """Return the number of time steps in a period [s]; ``key`` names it in messages."""
+        """Return the number of time steps in a period [s]; error messages name it ``key``."""
         step = self.simulator.time_step
         count = round(period / step)
         if count < 1 or not math.isclose(count * step, period, rel_tol=1e-9):
@@ -162,11 +162,11 @@ class Scenario:
 
     @property
     def is_live(self) -> bool:
-        """True if an external program controls any of the robots."""
+        """True if an external program controls at least one robot."""
         return any(isinstance(member.controller, LiveController) for member in self.members)
 
     def equip(self, design: Design) -> tuple[Member, ...]:
-        """Return the robots with the sensors and the evolved values of the design."""
+        """Return the robots with the sensors and evolved values of a design."""
         known = [member.name for member in self.members]
         unknown = [name for name in design.parts if name not in known]
         if unknown:
@@ -185,7 +185,7 @@ class Scenario:
         return tuple(equipped)
 
     def count_sensors(self, design: Design) -> list[tuple[int, float]]:
-        """Return the number and the configured price of the sensors of each robot."""
+        """Return the number of sensors of each robot and their total configured price."""
         counts = []
         for member in self.members:
             mounts = member.find_design(design).mounts

@@ -1,4 +1,4 @@
-"""Set up a mission: its timing, arrays, stages and loop inputs."""
+"""Sets up a mission: its timing, arrays, stages and loop inputs."""
 
 import math
 from collections.abc import Callable, Sequence, Set
@@ -23,11 +23,11 @@ from evoros.simulator.protocol import RuleSimulation, Simulation
 from evoros.walkers.layout import REPORT_SIZE
 from evoros.world.model import World
 
-MIN_RECORD_S = 0.05  # minimum time between trajectory rows; otherwise each decision has a row
+MIN_RECORD_S = 0.05  # minimum time [s] between trajectory rows if decisions are more frequent
 
 
 class Setup:
-    """Everything that a mission needs except its engine; ``layers`` has one list per robot."""
+    """Everything that a mission requires except its engine; ``layers`` holds one list per robot."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class Setup:
         ]
 
     def add_faults(self, index: int, faults: Sequence[Fault], place: Sequence[float]) -> None:
-        """Start further faults of a robot at a place (x, y, ...) [m]."""
+        """Add faults of a robot at a position (x, y, ...) [m]."""
         self._extend_arrays(index, self.robots[index].participant, faults, place)
         self._start_faults(index, faults)
 
@@ -93,7 +93,7 @@ class Setup:
         self.arrays = arrays._replace(driven=self._choose_driven({f.signal for f in faults}))
 
     def _choose_driven(self, failing: Set[str]) -> Array:
-        # the commands themselves unless faults act between the two
+        # ``driven`` is ``commands`` unless faults act between them
         driven, commands = self.arrays.driven, self.arrays.commands
         if STRENGTH in failing:
             if not self._weakens_wheels:
@@ -109,7 +109,7 @@ class Setup:
         return driven
 
     def collect_inputs(self, simulation: Simulation) -> inputs.LoopInputs:
-        """Collect the rules of the mission; the methods of an engine replace motion rules."""
+        """Collect the rules of the mission; for an engine, its methods replace the motion rules."""
         stages: tuple[Any, ...] = (
             _number([robot.stages[READINGS] for robot in self.robots]),
             _number([robot.stages[POSE] for robot in self.robots]),
@@ -150,7 +150,7 @@ def _number(robots: Sequence[Sequence[inputs.FilterStage]]) -> tuple[inputs.Filt
 
 
 def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array) -> None:
-    """Check the arrays of a rule here, because compiled code does not."""
+    """Check the arrays of a rule here, because compiled code does not check them."""
     for name, array in (("parameters", parameters), ("memory", memory)):
         fits = isinstance(array, np.ndarray) and array.dtype == np.dtype(float) and array.ndim == 1
         if not (fits and array.flags.c_contiguous and array.flags.writeable):
@@ -209,7 +209,7 @@ def _create_arrays(
 ) -> inputs.Arrays:
     robots = len(participants)
     commands = np.zeros(robots * COMMAND_SIZE)
-    # One row per recorded time, and one for the end of each robot's mission.
+    # One row per recorded time, and one at the end of each robot's mission.
     rows = timing.limit // timing.record_every + 1 + robots
     columns = 1 + robots * len(ROBOT_COLUMNS) + agents.readings[-1] + agents.estimates[-1]
     columns += reports

@@ -1,4 +1,4 @@
-"""Update the clocks of a mission, which count from its start and from fault triggers."""
+"""Updates the mission clocks, which count from the start and from fault triggers."""
 
 import math
 from collections.abc import Sequence
@@ -17,35 +17,35 @@ BEGUN = WAY + WAY_SIZE
 TRIGGER_SIZE = BEGUN + 1
 """Number of columns of ``Arrays.triggers``.
 
-The columns are the index of the robot, the kind of event and its three numbers, the use so far, the
-memory of the driven path, and the time of the event [s], infinity before it occurs.
+The columns are the robot's index, the kind of event, three numbers of the event, the amount used,
+the memory of the driven path, and the time [s] of the event, infinity before it.
 """
 
 NEAR, ALONG, SPENT = range(3)
-"""Kinds of events.
+"""Kinds of events: near a place, along the route, supply used up.
 
-The numbers of an event are x, y and distance of a place; complete legs and the distance on the next
-leg of the route; or the amount of a supply and its use per second and per metre.
+The numbers of an event are the x, y and radius of a place; the completed legs, the distance on the
+next leg, and 0; or the amount of a supply and its use per second and per metre.
 """
 
 
 def make_row(
     robot: int, trigger: Trigger, home: Sequence[float], route: Array, place: Sequence[float]
 ) -> list[float]:
-    """Return the row of a robot's trigger; an event beyond the route (legs, 2) never occurs."""
+    """Return the row of a robot's trigger; an event beyond the end of the route never occurs."""
     kind, numbers = _describe(trigger, measure_legs(home, route))
     return [robot, kind, *numbers, 0.0, *place[:2], 0.0, 0.0, math.inf]
 
 
 def measure_legs(home: Sequence[float], route: Array) -> list[float]:
-    """Return the leg lengths [m] of a route from home."""
+    """Return the length [m] of each leg of a route that starts at home."""
     steps: Array = np.diff(np.array([home[:2], *route]), axis=0)
     lengths: list[float] = np.sqrt((steps * steps).sum(axis=1)).tolist()
     return lengths
 
 
 def _describe(trigger: Trigger, lengths: Sequence[float]) -> tuple[int, Sequence[float]]:
-    """Return the kind of a trigger and its three numbers, for leg lengths [m]."""
+    """Return the kind of a trigger and its three numbers; ``lengths`` are leg lengths [m]."""
     if trigger.kind == kinds.PLACE:
         return NEAR, trigger.values
     if trigger.kind == kinds.USE:
@@ -66,7 +66,7 @@ def _describe(trigger: Trigger, lengths: Sequence[float]) -> tuple[int, Sequence
 def update_clocks(
     clocks: Array, triggers: Array, visited: Array, states: Array, legs: Array, time: float
 ) -> None:
-    """Update all clocks at mission time ``time`` [s], and start those whose event has occurred."""
+    """Update all clocks to ``time`` [s], and start the clocks of events that have occurred."""
     clocks[0] = time
     for n in range(len(triggers)):
         if triggers[n, BEGUN] == math.inf and _has_come(triggers[n], visited, states, legs, time):
@@ -77,7 +77,7 @@ def update_clocks(
 
 @compilable
 def _has_come(row: Array, visited: Array, states: Array, legs: Array, time: float) -> bool:
-    """Return True if a trigger's event has occurred; add up the robot's use until ``time`` [s]."""
+    """Return True if a trigger's event has occurred; update the use of a supply."""
     i, kind = int(row[ROBOT]), row[KIND]
     at, leg = i * STATE_SIZE, i * LEG_SIZE
     x, y = float(states[at + X]), float(states[at + Y])

@@ -1,1 +1,1 @@
-"""Optional plug-ins, each in a folder with all its parts; the core imports none of them."""
+"""Optional plug-ins, one folder each; the core imports none of them."""

@@ -1,3 +1,3 @@
-"""Loads the test fixtures that all plug-ins share."""
+"""Loads the test fixtures shared by all plug-ins."""
 
 pytest_plugins = ["needs", "shared_fixtures"]

@@ -1,1 +1,1 @@
-"""Robots: their outline, their drive and their sensors."""
+"""Robots: outline, drive and sensors."""

@@ -1,4 +1,4 @@
-"""Adapts a robot's body: its ground frame, the joints outside the drive, and collision shapes."""
+"""Adapts a robot's body: the ground frame, joints outside the drive, and collision shapes."""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
@@ -20,13 +20,13 @@ from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.shapes import Pose, Shape
 
 GROUND_LINK = "evoros_ground"
-"""Root link added to a robot whose root is not on the ground between its wheels."""
+"""Root link added to a robot whose root link is not on the ground between the wheels."""
 _MIN_CLEARANCE_M = 0.02  # minimum ground clearance of a hull that replaces collision shapes
-_MIN_SHARE = 0.4  # minimum fraction of the area between the wheels that the body covers
+_MIN_SHARE = 0.4  # minimum fraction of the area between the wheels covered by the body
 
 
 def hold_joints(elements: Element, urdf: Urdf, driven: Collection[str]) -> list[str]:
-    """Fix every joint outside the drive at zero, and return notes for the log."""
+    """Fix every joint outside the drive at position zero; return notes for the log."""
     held = [n for n, j in urdf.joints.items() if j.type != "fixed" and n not in driven]
     excluded = []
     for joint in elements.findall("joint"):
@@ -49,7 +49,7 @@ def _excludes_zero(element: Element, joint: Joint) -> list[str]:
 
 
 def place_on_ground(elements: Element, urdf: Urdf, wheels: Sequence[Wheel]) -> list[str]:
-    """Put the root on the ground between the wheels, adding a root link if necessary."""
+    """Move the root frame to the ground between the wheels, if necessary with a new root link."""
     ground = min(wheel.bottom for wheel in wheels)
     middle = (max(w.centre[1] for w in wheels) + min(w.centre[1] for w in wheels)) / 2
     down = ground if abs(ground) > TOLERANCE_M else 0.0
@@ -74,7 +74,7 @@ def complete_body(
     reader: SolidsReader,
     wheels: Sequence[Wheel],
 ) -> list[str]:
-    """Replace missing or undersized collision shapes of the body with the hull of its visuals."""
+    """Replace missing or too small collision shapes of the body with the hull of its visuals."""
     body = _list_body(urdf, rolling)
     solid = collision_points(urdf, body)
     if len(solid) and not _is_small(solid, wheels):
@@ -107,7 +107,7 @@ def replace_lost_body(
     reader: SolidsReader,
     wheels: Sequence[Wheel],
 ) -> list[str]:
-    """Add a box around the wheels if missing meshes leave too little of the body's shape."""
+    """Add a box around the wheels if missing meshes leave too little of the body."""
     solid = collision_points(urdf, _list_body(urdf, rolling))
     if not reader.lacks_meshes or (len(solid) and not _is_small(solid, wheels)):
         return []
@@ -164,7 +164,7 @@ def _points(shapes: Sequence[tuple[Shape, Pose]]) -> Array:
 
 
 def show_as_collisions(elements: Element, urdf: Urdf, reader: SolidsReader) -> list[str]:
-    """Use the visuals of wheels and casters as collision shapes that are missing or square."""
+    """Use visual shapes of wheels and casters where collision shapes are missing or not round."""
     changed, squared = [], []
     for link in elements.findall("link"):
         name = str(link.get("name"))
@@ -201,7 +201,7 @@ def _is_wheel(urdf: Urdf, name: str) -> bool:
 
 
 def _lacks_roundness(urdf: Urdf, name: str, shapes: Sequence[Shape]) -> bool:
-    """Return True if a link's shapes are not round about the robot's lateral axis."""
+    """Return True if no shape of a link is round about the robot's lateral axis."""
     left = urdf.poses[name].rotation.T[:, LEFT]
     placed = [(shape, shape.pose) for shape in shapes]
     return bool(placed) and measure_wheel(placed, left).roundness >= MAX_LACK

@@ -23,9 +23,9 @@ from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.footprint import Footprint, bottom_height, contains, convex_hull
 from evoros.geometry.shapes import Pose, Shape
 
-CASTER_MASS_KG = 0.01  # mass of a caster that is split off or assumed
-CLEARANCE_M = 0.02  # height above the ground at which shapes are cut to split off a sliding part
-_MAX_DEPTH_M = 0.02  # maximum depth below the ground at which a shape is raised rather than cut
+CASTER_MASS_KG = 0.01  # mass [kg] of a caster that is split off or added
+CLEARANCE_M = 0.02  # height [m] above ground at which a shape is cut to split off a sliding part
+_MAX_DEPTH_M = 0.02  # maximum depth [m] below the ground at which a shape is raised instead of cut
 _ASSUMED_RADIUS_M = 0.01
 
 
@@ -33,14 +33,14 @@ class Casters(NamedTuple):
     """Links that slide on the ground."""
 
     links: tuple[str, ...]
-    exposed: Mapping[str, str]  # original link of each split-off body part, by new link
+    exposed: Mapping[str, str]  # original link of each split-off part, keyed by the new link
     notes: tuple[str, ...]
 
 
 def find_casters(
     elements: Element, urdf: Urdf, rolling: Collection[str], given: Sequence[str]
 ) -> Casters:
-    """Find the parts other than wheels that reach the ground, and make them separate links."""
+    """Find all parts except wheels that touch the ground, and make them separate links."""
     links = {str(link.get("name")): link for link in elements.findall("link")}
     casters, raised, split = list(given), [], {}
     gaps: dict[str, float] = {}
@@ -76,7 +76,7 @@ def find_casters(
 
 
 def _gap(collision: Element, link: Pose) -> float:
-    """Return the height [m] of a collision shape above the ground, given its link's pose."""
+    """Return the height [m] of a collision shape above the ground; ``link`` is the link's pose."""
     shape = read_shape(collision)
     return bottom_height(shape, link @ shape.pose)
 
@@ -128,9 +128,9 @@ def add_supports(
 ) -> Casters:
     """Add balls on which a two-wheeled robot slides if it would otherwise tip over.
 
-    ``corners`` (n, 3) [m] are points of the body. A robot with casters gets a ball in front of or
-    behind the axle only if no caster is there and the weight leans there, or balls opposite the
-    casters if these are all on the left or all on the right and the weight is not between them.
+    ``corners`` (n, 3) [m] are points of the body. A robot that has casters gets a ball in front of
+    or behind the axle only if the weight leans there and no caster is there, or balls opposite the
+    casters if these are all on one side and do not balance the robot.
     """
     mass, centre = centre_of_mass(elements, urdf)
     axle: Array = np.mean([wheel.centre for wheel in wheels], axis=0)

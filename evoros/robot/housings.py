@@ -12,7 +12,7 @@ from evoros.base.arrays import Array
 from evoros.robot.model import Robot
 
 _PARALLEL = 1e-9
-_TOUCH_M = 1e-6  # maximum overlap that counts as touching
+_TOUCH_M = 1e-6  # maximum overlap [m] of housings that only touch
 
 
 @dataclass(frozen=True)
@@ -22,13 +22,13 @@ class Housing:
     name: str  # name of the sensor's link
     position_m: Sequence[float]  # (3,), its centre
     axes: Array  # (3, 3), one axis per row
-    size_m: Sequence[float]  # (3,), along the axes
+    size_m: Sequence[float]  # (3,) [m], along the axes
 
 
 class Overlap(NamedTuple):
     """Two housings that overlap."""
 
-    depth_m: float  # distance by which one housing must move to clear the other
+    depth_m: float  # distance [m] by which one housing must move to clear the other
     first: str
     second: str
 
@@ -50,7 +50,7 @@ def find_overlaps(housings: Sequence[Housing]) -> Iterator[Overlap]:
 
 
 def _measure_overlap(first: Housing, second: Housing) -> float:
-    """Return the distance [m] by which one box must move to clear the other; at most 0 if clear."""
+    """Return the distance [m] by which one box must move to clear the other; 0 or less if clear."""
     gap = np.subtract(second.position_m, first.position_m)
     reach = 0.5 * (arrays.length(np.array(first.size_m)) + arrays.length(np.array(second.size_m)))
     if arrays.length(gap) > reach:
@@ -66,6 +66,6 @@ def _measure_overlap(first: Housing, second: Housing) -> float:
 
 
 def _reach(housing: Housing, direction: Array) -> float:
-    """Return a box's half extent along a direction, times the direction's length."""
+    """Return half the extent of a box along a direction, times the length of the direction."""
     along = np.abs((housing.axes * direction).sum(axis=1))
     return 0.5 * float((along * np.array(housing.size_m)).sum())

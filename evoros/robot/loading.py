@@ -1,4 +1,4 @@
-"""Reads a robot from URDF or xacro, and rewrites it for engines and drives, with notes."""
+"""Reads a robot from URDF or xacro, and adapts its description to engines and drives."""
 
 import logging
 import math
@@ -43,22 +43,22 @@ _LOG = logging.getLogger(__name__)
 
 GRAVITY_MPS2 = 9.81
 DENSEST_KG_M3 = 22_600.0  # density of osmium, the densest metal
-STEERING_STOP_RAD = 0.8  # limit of steering joints for which none is stated
+STEERING_STOP_RAD = 0.8  # limit [rad] of steering joints without a stated limit
 
 
 @dataclass(frozen=True, eq=False)
 class AdaptedRobot:
-    """A robot description that engines accept, and its drive."""
+    """A robot description that engines accept, with its drive."""
 
     elements: Element
     urdf: Urdf
     drive: DriveDescription
     exposed_casters: Mapping[str, str]
-    """The link from which each sliding body part was split off, by the part's new link."""
+    """The original link of each split-off sliding part, keyed by the part's new link."""
 
 
 def adapt(description: Element, source: str, drive: DriveDescription, missing: str) -> AdaptedRobot:
-    """Return a copy of a ``<robot>`` element, rewritten for a drive."""
+    """Return a copy of a ``<robot>`` element, adapted to a drive."""
     degrees = Notes(_LOG)
     note_degrees(description, degrees)
     degrees.report()
@@ -100,7 +100,7 @@ def adapt(description: Element, source: str, drive: DriveDescription, missing: s
 def _adapt_drive(
     elements: Element, urdf: Urdf, drive: DriveDescription
 ) -> tuple[DriveDescription, list[Wheel], list[str]]:
-    """Choose the drive and adapt its joints and wheels; return the wheels in the root's frame."""
+    """Choose the drive, and adapt joints and wheels; return the wheels in the root frame."""
     automatic, notes = isinstance(drive, AutomaticDescription), Assumptions(list)
     chosen = drive.choose(urdf) if isinstance(drive, AutomaticDescription) else drive
     named = isinstance(drive, AutomaticDescription) and bool(drive.left_wheel_joints)
@@ -114,7 +114,7 @@ def _adapt_drive(
 
 
 def _extent(urdf: Urdf, wheels: Sequence[Wheel]) -> float:
-    """Return the diagonal [m] of the robot's bounding box, the maximum distance between masses."""
+    """Return the diagonal [m] of the robot's bounding box, the maximum distance of masses."""
     points = [wheel.centre[None] for wheel in wheels]
     points += [np.array([pose.position]) for pose in urdf.poses.values()]
     points.append(body_adaptation.collision_points(urdf, urdf.shapes))
@@ -131,7 +131,7 @@ def _complete_masses(
         if any(links[part].find("inertial") is not None for part in urdf.rigid_group(child)):
             continue
         shapes = [(shape, shape.pose) for shape in urdf.shapes[child]]
-        if name in drive.steering_joints:  # small part: a cube whose edge is the wheel radius
+        if name in drive.steering_joints:  # small part: a cube with the wheel radius as its edge
             shapes = [(Shape("box", (wheels[0].radius,) * 3), Pose())]
         give_mass(links[child], shapes)
         given.append(child)
@@ -147,7 +147,7 @@ def _complete_masses(
 
 
 def _balance_wheels(elements: Element, urdf: Urdf, drive: DriveDescription) -> list[str]:
-    """Move a wheel's centre of mass into the wheel if it is farther from the axle than the rim."""
+    """Move the centre of mass of a wheel into the wheel if it lies outside the rim."""
     moved = []
     for joint in (urdf.joints[name] for name in drive.wheel_joints):
         link = next(link for link in elements.findall("link") if link.get("name") == joint.child)
@@ -201,7 +201,7 @@ def _adapt_casters(
 def _complete_motors(
     elements: Element, urdf: Urdf, drive: DriveDescription, wheels: Sequence[Wheel]
 ) -> list[str]:
-    """Limit the effort of drive joints without a stated limit to weight times wheel radius."""
+    """Limit the effort of drive joints that have no limit to weight times wheel radius."""
     mass, _ = centre_of_mass(elements, urdf)
     radii = {name: wheel.radius for name, wheel in zip(drive.wheel_joints, wheels, strict=True)}
     radii |= dict.fromkeys(drive.steering_joints, wheels[0].radius)
@@ -236,7 +236,7 @@ def load_robot(
 
     ``description`` is a path, which may be relative to the bundled robots. If ``mount`` is None, a
     default is derived from the robot. If ``wheels_touch``, obstacles can touch wheels and casters
-    that stick out of the body. ``self_occlusion`` selects the shapes that block the robot's own
+    that stick out of the body. ``self_occlusion`` selects the shapes that block the view of the
     sensors, ``collisions`` or ``visuals``. The other arguments are the fields of ``ReadOptions``.
     """
     mount = MountDefaults() if mount is None else mount
@@ -261,7 +261,7 @@ def _build_robot(
     wheels_touch: bool,
     visuals: Mapping[str, Sequence[Shape]] | None,
 ) -> Robot:
-    """Build a robot whose sensors are blocked by ``visuals``, or by collision shapes if None."""
+    """Build a robot; ``visuals`` block the view of its sensors, or collision shapes if None."""
     urdf, drive = adapted.urdf, adapted.drive.fit(adapted.urdf)
     wheels = {urdf.joints[name].child for name in drive.wheel_joints}
     rolling = wheels | set(drive.caster_links)

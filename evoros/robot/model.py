@@ -1,4 +1,4 @@
-"""The robot model: outline, drive and sensors, and the conversion to URDF."""
+"""The robot model: outline, drive, sensors, and conversion to URDF."""
 
 import math
 import re
@@ -28,13 +28,13 @@ from evoros.sensor.protocol import SIGNAL_SIZES, Mount, RangeSensor, Sensor, cho
 
 
 def sensor_elements(name: str, mount: Mount, sensor: Sensor) -> tuple[Element, Element]:
-    """Create a sensor's link, called ``name``, and the joint that mounts it on the robot."""
+    """Create the link of a sensor, called ``name``, and the joint that mounts it on the robot."""
     link = etree.Element("link", name=name)
     _add_body(link, sensor)
     joint = etree.Element("joint", name=f"{name}_joint", type="fixed")
     SubElement(joint, "parent", link=mount.link)
     SubElement(joint, "child", link=name)
-    # A positive rotation about y lowers the nose.
+    # A positive rotation about y lowers the nose in URDF.
     xyz = f"{float(mount.x_m)!r} {float(mount.y_m)!r} {float(mount.z_m)!r}"
     rpy = f"0 {-math.radians(mount.pitch_deg)!r} {math.radians(mount.yaw_deg)!r}"
     SubElement(joint, "origin", xyz=xyz, rpy=rpy)
@@ -63,34 +63,34 @@ class Robot:
     """A robot, with or without sensors; its frame is the root link, x forward and y left."""
 
     name: str
-    base_urdf: UrdfDocument  # content of the robot's file, without sensors
+    base_urdf: UrdfDocument  # content of the robot file, without sensors
     drive: Drive
     outline: Array  # (k, 2) [m], convex hull of the collision shapes in top view, counter-clockwise
     height_m: float  # top of the collision shapes above the ground
     mount_link: str
     mount_z_m: float
-    mount_pitch_deg: float | None  # None: the pitch at which the sensors' lowest ray is level
+    mount_pitch_deg: float | None  # None: pitch at which the lowest ray of the sensors is level
     sensor_links: Mapping[str, tuple[float, float, float, float]]
     """Poses of the links that can carry sensors, in the robot's frame: x, y, z [m], yaw [rad]."""
     visuals: tuple[SolidShape, ...] = ()  # visual shapes of the links, without sensors
     solids: tuple[SolidShape, ...] = ()  # collision shapes of links that do not roll
     chosen_mount: tuple[str, ...] = ()  # keys of the default mount whose values evoros chose
-    reserved_names: frozenset[str] = frozenset()  # names of links and joints
+    reserved_names: frozenset[str] = frozenset()  # names of all links and joints
     exposed_links: frozenset[str] = frozenset()
-    """Wheels and casters that stick out of the body; obstacles can touch them."""
+    """Wheels and casters outside the outline of the body, which obstacles can touch."""
     engine_urdf: UrdfDocument | None = None
     """The description for engines, if it differs from ``base_urdf``.
 
-    Joints outside the drive are fixed, wheels are cylinders, meshes are convex parts, moving links
-    have masses, and the root is on the ground.
+    Joints outside the drive are fixed, wheels are cylinders, meshes are divided into convex parts,
+    moving links have masses, and the root is on the ground.
     """
-    occluders: Occluders = field(default_factory=Occluders)  # parts that block its sensors
-    mounts: tuple[Mount, ...] = ()  # mounts of the same sensor type are contiguous
+    occluders: Occluders = field(default_factory=Occluders)  # shapes that block its sensors' view
+    mounts: tuple[Mount, ...] = ()  # sorted by sensor type
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
 
     @property
     def urdf(self) -> str:
-        """The complete description as XML, with a link, joint and Gazebo sensor for each mount."""
+        """The complete URDF as XML, with a link, a joint and a Gazebo sensor for each mount."""
         head, _, _ = self.base_urdf.text.rpartition("</robot>")
         parts = [head]
         for name, mount in self.named_mounts():
@@ -102,7 +102,7 @@ class Robot:
 
     @property
     def engine_text(self) -> str:
-        """The XML that engines load, which contains no sensors."""
+        """The XML for engines, without sensors."""
         return (self.engine_urdf or self.base_urdf).text
 
     @property
@@ -111,20 +111,20 @@ class Robot:
         return etree.tostring(self.urdf_elements(), encoding="unicode") + "\n"
 
     def urdf_elements(self) -> Element:
-        """Create the elements that engines load, plus a link and a joint for each mount."""
+        """Create the elements for engines, with a link and a joint for each mount."""
         root = (self.engine_urdf or self.base_urdf).copy_elements()
         for name, mount in self.named_mounts():
             root.extend(sensor_elements(name, mount, self.sensors[mount.sensor]))
         return root
 
     def named_mounts(self) -> Iterator[tuple[str, Mount]]:
-        """Yield (name of the sensor's link, mount) for each mount."""
+        """Yield (name of the sensor link, mount) for each mount."""
         prefix = choose_prefix(self.reserved_names, self.sensors)
         for index, mount in enumerate(self.mounts):
             yield f"{prefix}{mount.sensor}_{index}", mount
 
     def with_sensors(self, mounts: Sequence[Mount], sensors: Mapping[str, Sensor]) -> "Robot":
-        """Return a copy with only these sensors, sorted by type in the order of ``sensors``."""
+        """Return a copy with these sensors only, sorted by type in the order of ``sensors``."""
         order = {name: position for position, name in enumerate(sensors)}
         for mount in mounts:
             self._check_mount(mount, order)
@@ -133,7 +133,7 @@ class Robot:
 
     @cached_property
     def layout(self) -> tuple[slice, ...]:
-        """The slice of the flat readings that belongs to each mount, one value per channel."""
+        """The slice of the readings (one value per channel) that belongs to each mount."""
         return _place([len(sensor.channels) for sensor in self.mounted_sensors()])
 
     @cached_property
@@ -183,7 +183,7 @@ class Robot:
         )
 
     def default_pitch(self, sensors: Iterable[Sensor]) -> float:
-        """Return the default mount's pitch [deg] for these sensors."""
+        """Return the pitch [deg] of the default mount for these sensors."""
         return level_pitch(sensors) if self.mount_pitch_deg is None else self.mount_pitch_deg
 
     @cached_property
@@ -196,7 +196,7 @@ class Robot:
         return poses
 
     def channel_yaws(self) -> list[float]:
-        """Return each reading's yaw [rad], the mean of its rays; NaN for sensors without rays."""
+        """Return the yaw [rad] of each channel, the mean of its rays; NaN without rays."""
         yaws: list[float] = []
         parts = zip(self.mounted_sensors(), self.sensor_poses, self.sensor_frames, strict=True)
         for sensor, pose, frame in parts:
@@ -213,19 +213,19 @@ class Robot:
 
     @cached_property
     def sensor_frames(self) -> Array:
-        """The sensor frames (n, 4, 4) [m] in the robot's frame, x along the beam."""
+        """The sensor frames (n, 4, 4) [m] in the robot's frame; x points along the beam."""
         frames = make_frames(self.sensor_poses)
         frames.flags.writeable = False
         return frames
 
     @cached_property
     def sorted_rays(self) -> dict[str, "SortedRays"]:
-        """The rays of each type of range sensor, by name."""
+        """The rays of each range sensor type, by name."""
         return {name: sort_rays(sensor) for name, sensor in self.sensors.items() if sees(sensor)}
 
     @cached_property
     def ray_table(self) -> "RayTable":
-        """The rays of all mounted sensors in the robot's frame, in the order of the true ranges."""
+        """The rays of all mounted sensors in the robot's frame, in the order of the ranges."""
         tables, counts = [np.zeros((0, RAY_SIZE))], [0]
         for name, sensor in self.sensors.items():  # mounts of one type are contiguous
             chosen = [index for index, mount in enumerate(self.mounts) if mount.sensor == name]
@@ -268,7 +268,7 @@ def _place(sizes: Sequence[int]) -> tuple[slice, ...]:
 
 
 DIRECTION, ORIGIN, HOUSING, LIMIT = 0, 3, 6, 7
-"""Columns of a ray: unit vector, origin [m], exit from the housing [m] and maximum range [m]."""
+"""Columns of a ray: unit vector, origin [m], length inside the housing [m], maximum range [m]."""
 RAY_SIZE = 8
 
 
@@ -280,10 +280,10 @@ class SortedRays(NamedTuple):
 
 
 class RayTable(NamedTuple):
-    """The rays of all range sensors of a robot, by beam."""
+    """The rays of all range sensors of a robot, grouped by beam."""
 
     rows: Array  # (r, RAY_SIZE)
-    starts: NDArray[np.int64]  # (n + 1,) each beam's first ray, then the number of rays
+    starts: NDArray[np.int64]  # (n + 1,) index of each beam's first ray, then the number of rays
 
 
 def sort_rays(sensor: RangeSensor) -> SortedRays:
@@ -300,14 +300,14 @@ def sort_rays(sensor: RangeSensor) -> SortedRays:
 
 
 def lay_out_rays(sensor: RangeSensor, rays: Array, frames: Array) -> Array:
-    """Return rows (n * k, RAY_SIZE) of a sensor's ``rays`` (k, 3) in ``frames`` (n, 4, 4)."""
+    """Return the rows (n * k, RAY_SIZE) of ``rays`` (k, 3) of a sensor at ``frames`` (n, 4, 4)."""
     rows = np.empty((len(frames), len(rays), RAY_SIZE))
     axes = frames[:, None, :3, :3]
     turned = rays[:, :1] * axes[..., 0]
     turned = turned + rays[:, 1:2] * axes[..., 1] + rays[:, 2:] * axes[..., 2]
     rows[..., DIRECTION : DIRECTION + 3] = turned
     rows[..., ORIGIN : ORIGIN + 3] = frames[:, None, :3, 3]
-    # Avoids division by 0; a ray parallel to one face leaves through another.
+    # Avoids division by 0; a ray parallel to a face leaves the box through another face.
     steep = np.maximum(np.abs(rays), 1e-12)
     rows[..., HOUSING] = (0.5 * np.array(sensor.size_m) / steep).min(axis=1)
     rows[..., LIMIT] = sensor.range_max_m

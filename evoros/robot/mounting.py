@@ -20,10 +20,10 @@ Places = Mapping[str, tuple[float, float, float, float]]
 @dataclass(frozen=True)
 @checked
 class MountDefaults:
-    """Default values for the mount parameters that a design region does not set.
+    """Default values of mount parameters that a design region does not set.
 
-    None stands for the link with the largest area in top view, the middle height of that link's
-    collision shapes, and the pitch that levels the sensors' lowest ray.
+    None selects the link with the largest area in top view, the middle height of that link's
+    collision shapes, and the pitch at which the lowest ray of the sensors is level.
     """
 
     link: Annotated[str | None, TEXT] = None
@@ -32,7 +32,7 @@ class MountDefaults:
 
 
 class FittedMount(NamedTuple):
-    """The default mount, fitted to a robot."""
+    """The default mount of a robot, without None except for the pitch."""
 
     link: str
     z_m: float
@@ -41,7 +41,7 @@ class FittedMount(NamedTuple):
 
 
 def fit_mount(mount: MountDefaults, places: Places, solids: Sequence[SolidShape]) -> FittedMount:
-    """Replace the None values of ``mount`` with values derived from links and collision shapes."""
+    """Replace None in ``mount`` with values derived from the links and collision shapes."""
     link = _find_carrier(places, solids) if mount.link is None else mount.link
     z = mount.z_m
     if z is None:
@@ -94,7 +94,7 @@ def place_on_links(links: Array, poses: Array) -> Array:
 
 
 def make_frames(poses: Array) -> Array:
-    """Return the frames (n, 4, 4) [m] of poses (n, 5) [m, rad], x along the beam."""
+    """Return the frames (n, 4, 4) [m] of poses (n, 5) [m, rad]; x points along the beam."""
     x, y, z, yaw, pitch = poses.T
     sy, cy, sp, cp = sin_all(yaw), cos_all(yaw), sin_all(pitch), cos_all(pitch)
     none, one = np.zeros(len(poses)), np.ones(len(poses))

@@ -1,4 +1,4 @@
-"""Shapes of a robot's links, and their outlines: convex polygons in top view."""
+"""The shapes of a robot's links, and their outlines as convex polygons in top view."""
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -18,22 +18,22 @@ from evoros.geometry.ray import AT_X, AT_Y, BOUND, place_obstacle
 from evoros.geometry.shapes import Pose, Shape
 from evoros.world.standing import sight_rows
 
-_CIRCLE_CORNERS = 64  # corners of the polygon that circumscribes a circle
-_OVERHANG_M = 1e-3  # maximum overhang of a wheel that still counts as covered by the body
+_CIRCLE_CORNERS = 64  # number of corners of the polygon around a circle
+_OVERHANG_M = 1e-3  # maximum overhang [m] of a wheel that is still covered by the body
 
 
 @dataclass(frozen=True)
 class SolidShape:
-    """A link's shape; ``pose`` is in the robot's frame with the wheels straight ahead."""
+    """A shape of a link; ``pose`` is in the robot's frame with the wheels straight ahead."""
 
     link: str
     shape: Shape
     pose: Pose
-    rolls: bool = False  # True for wheels and casters
+    rolls: bool = False  # whether the shape belongs to a wheel or caster
 
     @property
     def height_range(self) -> tuple[float, float]:
-        """The heights [m] of the lowest and highest points."""
+        """The heights [m] of the lowest and the highest point."""
         return find_heights(self.shape, self.pose)
 
 
@@ -64,7 +64,7 @@ def compute_outline_at(solids: Sequence[SolidShape], height: float) -> Array | N
 def rolling_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
     """Return the shapes of a wheel or caster, in the robot's frame.
 
-    Spheres are replaced with the link's visual cylinders, if any, as on passive wheels.
+    If the link has visual cylinders, they replace its spheres, as on passive wheels.
     """
     shapes, shown = urdf.shapes[link], urdf.visuals[link]
     balls = [shape for shape in shapes if shape.kind == "sphere"]
@@ -75,19 +75,19 @@ def rolling_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
 
 
 def find_exposed(urdf: Urdf, rolling: Collection[str], outline: Array) -> frozenset[str]:
-    """Return the wheels and casters that stick out of an outline (k, 2) [m]."""
+    """Return the wheels and casters that extend beyond an outline (k, 2) [m]."""
     corners = {link: compute_outline(rolling_shapes(urdf, link)) for link in rolling}
     reach = {link: distances(Footprint(outline), places) for link, places in corners.items()}
     return frozenset(link for link, gaps in reach.items() if gaps.max() > _OVERHANG_M)
 
 
-SWEEP = 17  # number of steering angles, from lock to lock, at which checks place steered wheels
+SWEEP = 17  # number of steering angles, from lock to lock, at which checks test steered wheels
 BURIED_M = 0.1
-"""Maximum length [m] of a ray inside the shape in which it starts; longer rays count as hidden."""
+"""Maximum length [m] of a ray inside the shape in which it starts; a longer ray is hidden."""
 
 
 class Steering(NamedTuple):
-    """The steering joint that turns a shape."""
+    """The steering joint that rotates a shape."""
 
     joint: int  # index in drive.steering_joints
     pivot: tuple[float, float]  # x, y [m] of the joint's vertical axis in the robot's frame
@@ -95,31 +95,31 @@ class Steering(NamedTuple):
 
 @dataclass(frozen=True)
 class Occluder(SolidShape):
-    """A shape of a robot that can block the robot's sensors."""
+    """A shape of a robot that can block the view of the robot's sensors."""
 
     steering: Steering | None = None
 
 
 class OccluderRows(NamedTuple):
-    """Shapes as table rows for ray casting, in the robot's frame."""
+    """Shapes as rows for ray casting, in the robot's frame."""
 
     rows: Array  # (s, OBSTACLE_SIZE), as in evoros.geometry.ray
     faces: Array  # (f, FACE_SIZE), of all polyhedra
-    inside: Array  # (s,) [m], maximum length inside the shape of a ray that starts there
+    inside: Array  # (s,) [m], maximum length inside a shape of a ray that starts there
     rolls: Array  # (s,) 1 for wheels and casters, else 0
     numbers: Array  # (s,) index in Occluders.shapes
-    heights: Array  # (s, 2) [m], of the lowest and highest points
+    heights: Array  # (s, 2) [m], heights of the lowest and the highest point
 
 
 @dataclass(frozen=True, eq=False)
 class Occluders:
-    """All shapes of a robot that can block its sensors."""
+    """All shapes of a robot that can block the view of its sensors."""
 
     shapes: tuple[Occluder, ...] = ()
 
     @cached_property
     def fixed(self) -> OccluderRows:
-        """The unsteered shapes; in missions, a ray does not see a body shape in which it starts."""
+        """The unsteered shapes; a ray passes through a body shape in which it starts."""
         return self._select(False, np.inf)
 
     @cached_property
@@ -129,7 +129,7 @@ class Occluders:
 
     @cached_property
     def sweep_volumes(self) -> list[OccluderRows]:
-        """An upright cylinder around each steered shape that contains the shape at all angles."""
+        """An upright cylinder for each steered shape that contains it at all steering angles."""
         volumes = []
         for row, index in zip(self.steered.rows, self.steered.numbers, strict=True):
             pivot = self.steering_of(int(index)).pivot
@@ -142,7 +142,7 @@ class Occluders:
         return volumes
 
     def sweep(self, drive: Drive) -> OccluderRows:
-        """Return all shapes for checks, steered ones at ``SWEEP`` angles from lock to lock."""
+        """Return all shapes for checks, steered shapes at ``SWEEP`` angles from lock to lock."""
         parts, faces = [self._select(False, BURIED_M)], self._arrays[1]
         steered = self._select(True, BURIED_M)
         if len(steered.rows):
@@ -183,7 +183,7 @@ class Occluders:
 
 
 def relative_row(row: Array, pivot: tuple[float, float]) -> Array:
-    """Return a shape's row relative to the vertical axis through ``pivot`` [m]."""
+    """Return the row of a shape relative to the vertical axis at ``pivot`` (x, y) [m]."""
     moved = row.copy()
     moved[[AT_X, AT_Y]] -= pivot
     return moved
@@ -195,7 +195,7 @@ def find_occluders(
     rolling: Collection[str],
     visuals: Mapping[str, Sequence[Shape]] | None,
 ) -> Occluders:
-    """Find the shapes that can block the view of a robot's own sensors.
+    """Find the shapes that can block the view of the robot's sensors.
 
     These are the collision shapes or, if given, the ``visuals`` by link, but always the collision
     shapes of ``rolling`` links (wheels and casters).

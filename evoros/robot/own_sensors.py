@@ -21,26 +21,26 @@ _ROLL_RAD = 1e-6
 
 @dataclass(frozen=True)
 class OwnSensor:
-    """A sensor in the description, with its pose rounded to micrometres and 1e-4 degrees."""
+    """A sensor in the description; its pose is rounded to micrometres and 1e-4 degrees."""
 
     described: DescribedSensor
-    link: str  # link that can carry sensors
+    link: str  # a link that can carry sensors
     position_m: tuple[float, float, float]  # relative to ``link``
     yaw_deg: float  # left positive
     pitch_deg: float  # nose up positive
-    masked: Sequence[tuple[int, int]] = ()  # (first, last) beams that see the robot itself
+    masked: Sequence[tuple[int, int]] = ()  # (first, last) beams that hit the robot itself
 
 
 @dataclass(frozen=True)
 class OwnSensors:
-    """The sensors found in a description, and notes on how they differ from it."""
+    """The sensors found in a description, with notes on differences from the description."""
 
     sensors: Sequence[OwnSensor]
     notes: Sequence[str]
 
 
 def find_own_sensors(robot: Robot) -> OwnSensors:
-    """Find the sensors in a robot's description, except those that evoros has mounted."""
+    """Find the sensors in a robot's description, except those mounted by evoros."""
     read = read_sensors(robot.base_urdf.copy_elements())
     urdf = read_tree((robot.engine_urdf or robot.base_urdf).copy_elements(), robot.name)
     sensors, notes = [], list(read.left_out)
@@ -50,7 +50,7 @@ def find_own_sensors(robot: Robot) -> OwnSensors:
             continue
         sensor, roll = _mount(described, urdf, robot)
         if described.kind == LIDAR:
-            with suppress(InputError):  # ``config/own_designs.py`` leaves out an invalid lidar
+            with suppress(InputError):  # ``config/own_designs.py`` leaves out invalid lidars
                 sensor = replace(sensor, masked=_find_masked(sensor, robot))
         sensors.append(sensor)
         notes += [f"sensor {described.name}: {note}" for note in _describe(sensor, roll)]
@@ -58,7 +58,7 @@ def find_own_sensors(robot: Robot) -> OwnSensors:
 
 
 def _mount(described: DescribedSensor, urdf: Urdf, robot: Robot) -> tuple[OwnSensor, float]:
-    """Return the sensor on the nearest link that can carry it, and its roll [rad] on that link."""
+    """Return the sensor on the nearest link that can carry it, and its roll [rad] there."""
     chain = (described.link, *(joint.parent for joint in urdf.joints_above(described.link)))
     link = next((name for name in chain if name in robot.sensor_links), robot.mount_link)
     pose = urdf.poses[link].inverse() @ urdf.poses[described.link] @ described.pose
@@ -69,7 +69,7 @@ def _mount(described: DescribedSensor, urdf: Urdf, robot: Robot) -> tuple[OwnSen
 
 
 def _find_masked(sensor: OwnSensor, robot: Robot) -> list[tuple[int, int]]:
-    """Return the runs (first, last) of lidar beams that see the robot at some steering angle."""
+    """Return the (first, last) ranges of lidar beams that hit the robot at some steering angle."""
     known = {field.name for field in fields(Lidar)}
     settings: dict[str, Any] = {k: v for k, v in sensor.described.settings.items() if k in known}
     mount = Mount(LIDAR, sensor.link, *sensor.position_m, sensor.yaw_deg, sensor.pitch_deg)

@@ -1,9 +1,8 @@
-"""Compares a robot description with yourdfpy, which shares no code with this package.
+"""Compares a robot description as read by evoros with yourdfpy's independent reading.
 
-yourdfpy does not replace this package's reader: it takes up to two seconds to import, so its result
-is kept in the user's cache; its sine and cosine are the platform's, so missions would differ
-between processors; and it drops line numbers, ``<gazebo>``, ``<transmission>`` and
-``<ros2_control>``.
+yourdfpy is not the main reader: importing it takes up to two seconds, so its results are cached in
+the user's cache; its sine and cosine depend on the platform, so missions would differ between
+processors; and it drops line numbers, ``<gazebo>``, ``<transmission>`` and ``<ros2_control>``.
 """
 
 import hashlib
@@ -30,7 +29,7 @@ TOLERANCE_M = 1e-6
 
 
 class SecondReading(NamedTuple):
-    """The positions [m] of all links in the frame of the root link, and the mass [kg]."""
+    """The positions [m] of all links in the root frame, and the robot's mass [kg]."""
 
     root: str
     positions: Mapping[str, tuple[float, float, float]]
@@ -38,17 +37,17 @@ class SecondReading(NamedTuple):
 
 
 def report_second_reading(robots: Iterable[Robot]) -> None:
-    """Compare each robot with yourdfpy; warn of differences, and log the other results."""
+    """Compare each robot with yourdfpy; warn about differences, and log other results."""
     for robot in {robot.base_urdf.text: robot for robot in robots}.values():
         agrees, result = read_again(robot)
         _LOG.log(logging.DEBUG if agrees else logging.WARNING, "%s: %s", robot.name, result)
 
 
 def read_again(robot: Robot) -> tuple[bool, str]:
-    """Return True if yourdfpy agrees on all link positions or cannot read them, and a sentence."""
+    """Return True unless yourdfpy reads other link positions, and a sentence about the result."""
     try:
         read = _load(robot)
-    except Exception as error:  # any error of another package's reader
+    except Exception as error:  # another package's reader may raise any error
         return True, f"yourdfpy cannot read the file ({type(error).__name__}: {single_line(error)})"
     poses = read_tree(robot.urdf_elements(), robot.name).poses
     base = poses[read.root].inverse()
@@ -65,7 +64,7 @@ def read_again(robot: Robot) -> tuple[bool, str]:
 
 
 def _load(robot: Robot) -> SecondReading:
-    """Return yourdfpy's reading, from the cache if this version has read the same text before."""
+    """Return yourdfpy's reading, cached by its version and the text."""
     elements = robot.base_urdf.copy_elements()
     etree.strip_elements(elements, "visual", "collision", "mimic")
     text, folder = etree.tostring(elements), private_folder("second_readings")
@@ -81,7 +80,7 @@ def _load(robot: Robot) -> SecondReading:
 
 
 def _read(text: bytes) -> SecondReading:
-    import yourdfpy  # the import takes up to two seconds
+    import yourdfpy  # takes up to two seconds
 
     logging.getLogger("yourdfpy").setLevel(logging.ERROR)
     urdf = yourdfpy.URDF.load(io.BytesIO(text), load_meshes=False)

@@ -14,17 +14,17 @@ from evoros.sensor.protocol import RAY_DEG, RangeSensor, find_field, sees
 
 COUNT = 360
 BEARINGS_DEG: Array = np.arange(COUNT, dtype=np.float64) - (COUNT - 1) / 2
-"""Centres of 360 one-degree sectors from -180 to 180; left positive, 0 ahead."""
+"""The centres of 360 one-degree sectors from -180 to 180 deg, left positive."""
 _EDGE = 1e-9  # [rad], tolerance at the edges of a beam
 Mask = NDArray[np.bool_]
 
 
 def find_seen(robot: Robot, distance_m: float) -> Mask:
-    """Return a mask (sensors, 360): True at the ``BEARINGS_DEG`` that each range sensor sees.
+    """Return a mask (sensors, 360), True at each of ``BEARINGS_DEG`` that a range sensor sees.
 
-    A bearing is a point at ``distance_m`` [m] from the middle of the outline. In top view, a sensor
-    sees points in its ranges and field of view, which the robot never hides. A beam narrower than
-    ``RAY_DEG`` also sees the point whose one-degree sector contains its centre line.
+    The point at a bearing is ``distance_m`` [m] from the middle of the outline. In top view, a
+    sensor sees the points within its ranges and field of view; the robot hides nothing. A beam
+    narrower than ``RAY_DEG`` also sees the point with its centre line in the one-degree sector.
     """
     middle = (robot.outline.min(axis=0) + robot.outline.max(axis=0)) / 2
     points, borders = (distance_m * _list_directions(shift) + middle for shift in (0.0, -0.5))
@@ -38,7 +38,7 @@ def find_seen(robot: Robot, distance_m: float) -> Mask:
 
 
 def choose_sector(bearing_deg: float, width_deg: float, both_sides: bool) -> Mask:
-    """Return a mask (360,) of a sector about a bearing, plus its mirror image if ``both_sides``."""
+    """Return the mask (360,) of a sector about a bearing; if ``both_sides``, mirror it as well."""
     chosen: Mask = np.zeros(COUNT, dtype=bool)
     for middle in (bearing_deg, -bearing_deg) if both_sides else (bearing_deg,):
         off = np.abs((BEARINGS_DEG - middle + 180.0) % 360.0 - 180.0)
@@ -47,7 +47,7 @@ def choose_sector(bearing_deg: float, width_deg: float, both_sides: bool) -> Mas
 
 
 def _find_inside(sensor: RangeSensor, points: Array, borders: Array, yaw: float) -> Mask:
-    """Return True for each point in a beam; both arrays (n, 2) [m] are relative to the sensor."""
+    """Return a mask of the points inside a beam, which are relative to the sensor (n, 2) [m]."""
     low, high = find_field(sensor)
     ahead, left = _turn(points, yaw)
     angles = atan2_all(left, ahead)

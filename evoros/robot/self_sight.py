@@ -1,4 +1,4 @@
-"""Intersections of a robot's sensor rays with the robot, except inside a sensor's housing."""
+"""Intersections of a robot's sensor rays with the robot, outside the sensor's housing."""
 
 import math
 from collections.abc import Iterator
@@ -16,24 +16,24 @@ from evoros.robot.outline import OccluderRows
 from evoros.sensor.protocol import Mount, RangeSensor, sees
 
 SURFACE_M = 1e-3
-"""Depth [m] below a shape's surface up to which a sensor counts as on, not inside, the shape."""
+"""Maximum depth [m] of a sensor below a shape's surface that counts as on the surface."""
 MAX_DIRECTIONS = 36
-"""Maximum number of directions sampled per scanning sensor when many poses are checked."""
-_OUTSIDE_M = 100.0  # distance [m] at which any ray has left the robot
+"""Maximum number of directions sampled per scanning sensor when checking many poses."""
+_OUTSIDE_M = 100.0  # distance [m] at which every ray has left the robot
 
 
 class SelfSight(NamedTuple):
-    """The nearest part of the robot that one of its sensors sees over the whole steering range."""
+    """The nearest part of the robot that a sensor sees at any steering angle."""
 
-    name: str  # name of the sensor's link
+    name: str  # name of the sensor link
     mount: Mount
-    distance_m: float  # distance to the nearest part in any direction of the sensor
-    link: str  # link of that part
+    distance_m: float  # distance [m] to the nearest part in any direction of the sensor
+    link: str  # link of the nearest part
     hidden_share: float  # fraction of the sensor's rays that hit the robot
 
 
 def measure_clear_ranges(robot: Robot) -> Array:
-    """Return the range (n,) [m] that each beam reads without obstacles; the robot may limit it."""
+    """Return the range (n,) [m] of each beam without obstacles, which the robot may shorten."""
     rays, starts = robot.ray_table
     farthest: Array = rays[starts[:-1], LIMIT]
     occluders = robot.occluders.fixed
@@ -44,7 +44,7 @@ def measure_clear_ranges(robot: Robot) -> Array:
 
 
 def find_seeing_beams(robot: Robot) -> list[NDArray[np.bool_]]:
-    """Return a mask for each mount of the beams that see the robot at any steering angle."""
+    """Return, for each mount, a mask of the beams that hit the robot at any steering angle."""
     swept = robot.occluders.sweep(robot.drive)
     swept = swept._replace(inside=np.where(swept.rolls > 0.0, 0.0, math.inf))
     rays, starts = robot.ray_table
@@ -62,7 +62,7 @@ def list_spans(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def find_self_sights(robot: Robot) -> Iterator[SelfSight]:
-    """Yield the nearest visible part of the robot for each range sensor that sees the robot."""
+    """Yield the nearest visible part of the robot for each range sensor that sees any."""
     swept = robot.occluders.sweep(robot.drive)
     for (name, mount), frame in zip(robot.named_mounts(), robot.sensor_frames, strict=True):
         sensor = robot.sensors[mount.sensor]
@@ -78,7 +78,7 @@ def find_self_sights(robot: Robot) -> Iterator[SelfSight]:
 
 
 class BlindShares:
-    """Computes the fraction of a sensor's channels that see ``robot`` at any pose of the sensor."""
+    """Computes the fraction of a sensor's channels that hit ``robot``, for any sensor pose."""
 
     def __init__(self, robot: Robot, sensor: RangeSensor) -> None:
         rays, channels = sensor.rays(), np.asarray(sensor.channel_of())
@@ -89,7 +89,7 @@ class BlindShares:
         self._channels = [channels == channel for channel in np.unique(channels)]
 
     def find(self, frames: Array) -> Array:
-        """Return the fraction (n,) for each frame (n, 4, 4) [m], in the robot's frame."""
+        """Return the fraction (n,) for each sensor frame (n, 4, 4) [m] in the robot's frame."""
         table = lay_out_rays(self._sensor, self._rays, frames)
         distances, _ = cast_at_robot(self._occluders, table)
         hidden = (distances < self._sensor.range_max_m).reshape(-1, len(self._rays))
@@ -101,7 +101,7 @@ MEET_SHAPES = NOTHING(A2, A2, A1, A1, A1, A2, A2, A2, A1, A1)
 
 
 def cast_at_robot(occluders: OccluderRows, rays: Array) -> tuple[Array, Array]:
-    """Return the distance (k,) [m] to the nearest shape on each ray (or infinity) and its index."""
+    """Return the distance (k,) [m] to the nearest shape on each ray, or infinity, and its index."""
     distances, numbers = np.full(len(rays), math.inf), np.full(len(rays), -1.0)
     rule = compile_rule(meet_shapes, MEET_SHAPES)
     backward = np.ascontiguousarray(-rays[:, DIRECTION : DIRECTION + 3])
@@ -121,7 +121,7 @@ def meet_shapes(
     distances: Array,
     numbers: Array,
 ) -> None:
-    """Shorten each ray's distance [m] where a shape is nearer, and store that shape's index."""
+    """Shorten each ray's distance [m] to the nearest shape, and store the index of that shape."""
     for s in range(len(rows)):
         row = rows[s]
         frame = turn_frame(row, 1.0, 0.0)
@@ -142,7 +142,7 @@ def meet_shapes(
 
 @compilable
 def _passes(row: Array, heights: Array, ray: Array, x: float, y: float) -> bool:
-    """Return True if a ray from x, y [m] (relative to a shape) certainly misses the shape."""
+    """Return True only if a ray from x, y [m] (relative to a shape) misses the shape."""
     dx, dy = ray[DIRECTION], ray[DIRECTION + 1]
     level = dx * dx + dy * dy
     bound = row[BOUND] + SURFACE_M
@@ -171,8 +171,8 @@ def meet_shape(
 ) -> float:
     """Return the distance [m] at which ray ``i`` hits a shape of the robot, or infinity.
 
-    Its ``origin`` [m] is relative to the centre of the shape. The body that carries the sensor may
-    reach into the sensor's housing; wheels and casters (``rolls``) do not.
+    ``origin`` [m] is relative to the centre of the shape. The body that carries the sensor may
+    extend into the sensor's housing; wheels and casters (``rolls``) may not.
     """
     housing = 0.0 if rolls else rays[i, HOUSING]
     behind = 0.0 if rolls else SURFACE_M

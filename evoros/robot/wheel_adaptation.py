@@ -1,4 +1,4 @@
-"""Adapts a robot's wheels and steering joints to the form that drives expect."""
+"""Adapts a robot's wheels and steering joints to the form that drives require."""
 
 import math
 from collections import defaultdict
@@ -18,19 +18,19 @@ from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.shapes import Pose, Shape
 
-_SAME = 1.0 - 1e-6  # minimum cosine of the angle between axes that count as equal
-MOTOR_VELOCITY = 100.0  # [rad/s], upper bound on a joint's velocity limit
+_SAME = 1.0 - 1e-6  # minimum cosine of the angle between axes treated as equal
+MOTOR_VELOCITY = 100.0  # [rad/s], maximum velocity limit of a joint
 
 
 Assumptions = defaultdict[str, list[str]]
-"""Names of the joints and links to which each assumption applies, by assumption."""
+"""Names of the joints and links for each assumption made about them."""
 _REVERSED = "joint axes that point right or down are reversed"
 
 
 def adapt_wheel(
     elements: Element, urdf: Urdf, name: str, fixed: bool, named: bool, notes: Assumptions
 ) -> Wheel:
-    """Point a joint's axis left and make its wheel a single cylinder; return the wheel.
+    """Point a joint's axis left, and make its wheel a single cylinder; return the wheel.
 
     If ``fixed``, a fixed joint is accepted and made continuous; if ``named``, an axis in any
     direction is accepted. The returned wheel is in the root's frame.
@@ -63,7 +63,7 @@ def adapt_wheel(
 
 
 def _point_left(urdf: Urdf, joint: Joint, named: bool, notes: Assumptions) -> Array:
-    """Return the axis (3,) in the link's frame that points to the robot's left."""
+    """Return the axis (3,), in the link's frame, that points to the robot's left."""
     rotation = urdf.poses[joint.child].rotation
     left: Array = rotation.T[:, LEFT]
     if joint.type == "fixed":
@@ -111,7 +111,7 @@ def _reshape(elements: Element, urdf: Urdf, joint: Joint, wheel: Wheel, axis: Ar
 def adapt_steering(
     elements: Element, urdf: Urdf, name: str, fixed: bool, stop: float, notes: Assumptions
 ) -> None:
-    """Make positive angles of a joint steer left, by at most ``stop`` [rad] if it has no limits."""
+    """Make positive angles of a joint steer left, limited to ``stop`` [rad] if it has no limits."""
     joint = urdf.find_joint(name, *TURNING, *(("fixed",) if fixed else ()))
     rotation = urdf.poses[joint.child].rotation
     up: Array = rotation.T[:, UP]
@@ -157,5 +157,5 @@ def _rewrite(elements: Element, joint: Joint, kind: str, axis: Array) -> Element
 
 
 def find_joint(elements: Element, name: str) -> Element:
-    """Return the element of a joint, which must exist."""
+    """Return the element of an existing joint."""
     return next(joint for joint in elements.findall("joint") if joint.get("name") == name)

@@ -1,4 +1,4 @@
-"""Runs a search and then its controls, in the folder ``controls``: other designs on equal draws."""
+"""Runs the controls of a search: a random search, and an evaluation of designs on equal draws."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -26,7 +26,7 @@ from evoros.storage.champion_files import CHAMPION
 from evoros.storage.layout import CONTROLS, EVALUATION, read_sealed
 from evoros.terminal.log import LOGGER, collect_messages
 
-# configuration values of all controls
+# configuration values that all controls use
 PLAIN: Mapping[str, Any] = {
     **{"controls": None, "observers": {}, "figures": [], "record": "none"},
     "stop_after": {"_target_": f"{StopAfter.__module__}.{StopAfter.__qualname__}"},
@@ -48,7 +48,7 @@ def run(
 
 
 def open_controls(run: Path, controls: Controls) -> Iterator[Session]:
-    """Open a finished run's unfinished controls one after another; the caller runs each."""
+    """Yield a session for each unfinished control of a finished run; the caller runs them."""
     run = run.absolute()
     parts: dict[str, Callable[[Path, Controls, Path], Session]] = {}
     if RANDOM in controls.designs:
@@ -64,7 +64,7 @@ def open_controls(run: Path, controls: Controls) -> Iterator[Session]:
 
 
 def _require_current(run: Path) -> None:
-    """Require that the controls were made for the current champion and size of a run."""
+    """Raise an error if the controls were made for another champion or another size of the run."""
     evaluation, random = (run / CONTROLS / name for name in (EVALUATION, RANDOM))
     files = {"design.csv": layout.DESIGN_FILE, "genes.csv": layout.GENE_FILE}
     same = [
@@ -86,7 +86,7 @@ def _read_champion(file: Path) -> list[dict[str, str]]:
 
 
 def has_controls(run: Path) -> bool:
-    """Return True if the controls of a run are finished."""
+    """Return True if the controls of a run have finished."""
     return survey(run / CONTROLS / EVALUATION).state == layout.FINISHED
 
 

@@ -1,4 +1,4 @@
-"""Plans a course for the user's world, which a run then uses unchanged."""
+"""Plans a course for the user's world, which runs then use unchanged."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -29,25 +29,25 @@ from evoros.world.loading import free_bodies, read_world
 from evoros.world.model import LOW_M, World
 from evoros.world.standing import stand
 
-HEADROOM_M = 0.1  # minimum clearance between the robot and a body above its course
+HEADROOM_M = 0.1  # minimum vertical clearance between the robot and a body above its course
 
 FLOOR_SHARE = 0.05
-"""Share of a world's bounding box that level tops at one height must cover to be a floor."""
+"""Minimum fraction of a world's bounding box that level tops at one height cover in a floor."""
 MANY = 20_000
-"""Number of shapes above which the first course is taken, to save time; a city has more."""
+"""Number of shapes, as in a city, above which the first valid course is chosen to save time."""
 
 
 @dataclass(frozen=True)
 class Planned:
-    """A course, and whether its world has level ground."""
+    """A planned course, and whether the ground of its world is level."""
 
     course: Mapping[str, Any]  # values of the key ``course``
     is_level: bool
-    reason: str = ""  # why this course is suggested; empty if the user has chosen it
+    reason: str = ""  # reason for suggesting this course; empty if the user chose it
 
 
 Floor: TypeAlias = tuple[tuple[str, bool, Vector], ...]
-"""Each body's name, whether it is ground, and its position [m]."""
+"""The name of each body, whether it is ground, and its position [m]."""
 
 
 @dataclass(frozen=True)
@@ -55,12 +55,12 @@ class _Place:
     source: str
     bodies: tuple[Body, ...]
     robot: Robot
-    home: tuple[float, float] | None  # [m]; None unless chosen by the user
+    home: tuple[float, float] | None  # x, y [m]; None unless chosen by the user
     freed: dict[Floor, tuple[Body, ...]] = field(default_factory=dict)
-    """Bodies of courses tried so far, by floor; most courses share one."""
+    """bodies of the courses tried so far, by floor; most courses share a floor"""
 
     def settle(self, course: Course) -> tuple[Floor, tuple[Body, ...]]:
-        """Return the floor of a course, and the bodies as they are on that floor."""
+        """Return the floor of a course, and the bodies as placed on that floor."""
         settled = settle(self.bodies, course, self.source)
         floor = tuple((body.name, body.is_ground, body.pose.position) for body in settled)
         if floor not in self.freed:
@@ -76,7 +76,7 @@ class _Place:
 def plan_course(values: Mapping[str, Any], robot: Robot) -> Planned:
     """Complete the course of the world that ``load_world`` reads from ``values``, for a robot."""
     source, given = str(values["sdf"]), _check_course(values.get("course"))
-    with withhold_messages():  # the messages are logged again when the world is built
+    with withhold_messages():  # building the world logs these messages again
         bodies = _read_bodies(source, values)
         with announce(f"looking for a course in {source}"):
             return _plan(source, given, bodies, robot)
@@ -124,7 +124,7 @@ def _to_values(course: Course) -> dict[str, Any]:
 
 
 def _find_world(place: _Place) -> tuple[World, str]:
-    """Return a world with a suggested course that causes no warning, and where the course is."""
+    """Return a world with the first suggested course that causes no warning, and its location."""
     grounds = (False,) if project_ground(place.bodies) is None else (True, False)
     for on_floors in grounds:
         suggested = _list_worlds(place, on_floors)
@@ -152,7 +152,7 @@ def _find_world(place: _Place) -> tuple[World, str]:
 def _list_worlds(place: _Place, on_floors: bool) -> Iterator[tuple[World, Suggestion]]:
     tried = set[Floor]()
     for start in _list_starts(place):
-        for _ in range(2):  # the course suggested first may be on a different floor
+        for _ in range(2):  # the first suggested course may be on a different floor
             floor, bodies = place.settle(start)
             suggestion = None if floor in tried else _suggest(place, bodies, on_floors)
             tried.add(floor)
@@ -166,7 +166,7 @@ def _list_worlds(place: _Place, on_floors: bool) -> Iterator[tuple[World, Sugges
 
 
 def _list_starts(place: _Place) -> Iterator[Course]:
-    """Yield provisional courses to select floors: wide, small, and in the middle of the bodies."""
+    """Yield provisional courses for finding floors: wide, small, and in the middle of bodies."""
     home = place.home or (0.0, 0.0)
     yield _start(home, OPEN_SIDE_M * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) + home)
     yield _start(home)
@@ -198,13 +198,13 @@ def _suggest(place: _Place, bodies: Sequence[Body], on_floors: bool) -> Suggesti
 
 
 def _is_small(floors: Sequence[Footprint], everything: Sequence[Footprint]) -> bool:
-    """Return True if floors cover so little of a world that they belong to furniture."""
+    """Return True if the floors cover so little of the world that they are furniture."""
     inner, outer = (np.diff(find_bounds(*areas), axis=0) for areas in (floors, everything))
     return bool(inner.prod() < FLOOR_SHARE * outer.prod())
 
 
 def _accept(place: _Place, course: Course) -> World | None:
-    """Return the world with this course; None if a run would reject or criticize the course."""
+    """Return the world with this course, or None if a run would reject it or warn about it."""
     try:
         world = World("plan", place.settle(course)[1], course, place.source, "")
         faults = chain(check_place(world, place.robot), check_route(world, place.robot))

@@ -27,7 +27,7 @@ DESIGN_FILE_COLUMNS = ("source", *DESIGN_COLUMNS)
 GENE_FILE_COLUMNS = ("source", "design", "key", "value")
 NEEDED = ("design", "sensor", "x_m", "y_m", "yaw_deg")
 
-DesignName = tuple[str, str]  # source, and name of the design within the source
+DesignName = tuple[str, str]  # source, and design name within the source
 
 
 @dataclass(frozen=True)
@@ -43,19 +43,19 @@ class NamedDesign:
 class DesignDraft:
     """A partially read design for one robot."""
 
-    at: str  # file and line of the design's first row
+    at: str  # file and line of the first row of the design
     rows: int = 0  # number of rows in the table of sensors
     mounts: dict[int, Mount] = field(default_factory=dict)  # keyed by sensor index
-    values: dict[str, float] = field(default_factory=dict)  # all other evolved values, by key
+    values: dict[str, float] = field(default_factory=dict)  # other evolved values, by key
 
     @property
     def design(self) -> Design:
-        """The design read so far."""
+        """The design that the rows read so far describe."""
         return Design(tuple(mount for _, mount in sorted(self.mounts.items())), self.values)
 
 
 Drafts = dict[DesignName, dict[str, DesignDraft]]
-"""A mapping from design name to robot name to draft; robots are named as in ``Design.parts``."""
+"""Maps design names to robot names to drafts; robots are named as in ``Design.parts``."""
 
 
 def read_recorded_designs(folder: Path, experiment: Experiment) -> list[NamedDesign]:
@@ -66,7 +66,7 @@ def read_recorded_designs(folder: Path, experiment: Experiment) -> list[NamedDes
 
 
 def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
-    """Return the files that ``read_recorded_designs`` reads, with full precision, by file name."""
+    """Return the files that ``read_recorded_designs`` reads, with exact values, by file name."""
     sensors: list[Sequence[object]] = []
     genes: list[Sequence[object]] = []
     for named in designs:
@@ -104,7 +104,7 @@ def _fit(
 
 
 def read_drafts(path: Path, source: str | None, members: Sequence[Member]) -> Drafts:
-    """Read a table of sensors; if ``source`` is None, the sources come from the table's column."""
+    """Read a table of sensors; if ``source`` is None, its column ``source`` names the sources."""
     needed = NEEDED if source is not None else ("source", *NEEDED)
     optional = (*(name for name in DESIGN_COLUMNS if name not in needed), AGENT)
     drafts: Drafts = {}
@@ -156,7 +156,7 @@ def _add_row(
 
 
 def _read_mount(at: str, cells: Mapping[str, str], member: Member) -> tuple[int, Mount]:
-    """Read the index and mount of a sensor; for empty cells, the robot's defaults apply."""
+    """Read the index and mount of a sensor; the robot's defaults replace empty cells."""
     if not re.fullmatch(r"[0-9]{1,9}", cells["sensor"]):
         raise InputError(
             f"{at}: sensor must be a non-negative integer, not {quote(cells['sensor'])}; "
@@ -193,7 +193,7 @@ def _read_place(at: str, kind: str, cells: Mapping[str, str], member: Member) ->
 
 
 def add_genes(drafts: Drafts, path: Path, source: str | None) -> None:
-    """Add to the drafts the evolved values that do not belong to mounts."""
+    """Read evolved values that do not belong to mounts from a table into the drafts."""
     needed = ("design", "key", "value") if source is not None else GENE_FILE_COLUMNS
     for line, cells in read_rows(path, needed, ("gene", AGENT)):
         at = f"{path}: line {line}"
@@ -219,7 +219,7 @@ def _parse(at: str, name: str, content: str) -> float:
 def read_rows(
     path: Path, required: Sequence[str], optional: Sequence[str]
 ) -> Iterator[tuple[int, dict[str, str]]]:
-    """Yield the number and the cells, by column name, of each nonempty line."""
+    """Yield the line number and the cells, keyed by column, of each nonempty row."""
     try:
         rows = csv.reader(StringIO(read_file(path).decode("utf-8-sig"), newline=""), strict=True)
         names = [name.strip() for name in next(rows, [])]

@@ -1,4 +1,4 @@
-"""The trials of a design in an evaluation, which end once all requirements are decided."""
+"""The trials of a design in an evaluation, which continue until all requirements are decided."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,18 +14,18 @@ from evoros.requirement.claim import OWN, Condition
 from evoros.requirement.requirements import ROUND, Assessment, Judged
 from evoros.requirement.verdict import Trial
 
-GENERATION = 0  # determines, with the seed, the draws for all evaluated designs
+GENERATION = 0  # generation number for the random draws of all evaluated designs
 
 
 @dataclass
 class DesignTrials:
-    """The missions of a design, in rounds until all requirements are decided, and outcomes."""
+    """The missions and outcomes of a design, in rounds until all requirements are decided."""
 
     experiment: Experiment
     index: int
     design: Design
     outcomes: dict[MissionKey, Outcomes] = field(default_factory=dict)
-    wanted: int = 0  # number of missions wanted so far
+    wanted: int = 0  # number of missions planned so far
     finished: bool = False
 
     def __post_init__(self) -> None:
@@ -48,12 +48,12 @@ class DesignTrials:
 
     @property
     def known(self) -> int:
-        """Number of missions with known outcomes."""
+        """The number of missions with known outcomes."""
         return self.wanted if self.finished else len(self.outcomes)
 
     @property
     def most(self) -> int:
-        """Maximum number of missions, including the known ones, that the design can still need."""
+        """The maximum number of missions that the design can need, including those already run."""
         counts = [len(self.assessment.list_worlds(one)) for one in self.conditions]
         trials = self.experiment.plan.evaluation_trials
         return self.wanted if self.finished else trials * sum(counts)
@@ -63,7 +63,7 @@ class DesignTrials:
         return self.experiment.plan.evaluation(GENERATION, self.index, self.design)
 
     def list_wanted(self, condition: Condition) -> list[Mission]:
-        """Return the missions wanted so far under one condition."""
+        """Return the missions planned so far under one condition."""
         listed = self._listed.setdefault(condition, [])
         worlds = self.assessment.list_worlds(condition)
         known, wanted = len(listed) // len(worlds), self.assessment.wanted.get(condition, 0)
@@ -72,7 +72,7 @@ class DesignTrials:
         return list(listed)
 
     def list_all(self) -> list[Mission]:
-        """Return the missions wanted so far under all conditions."""
+        """Return the missions planned so far under all conditions."""
         return [mission for one in self.conditions for mission in self.list_wanted(one)]
 
     def _list(self, condition: Condition, repeats: range) -> list[Mission]:
@@ -86,7 +86,7 @@ class DesignTrials:
         return [mission for mission in missions if mission.world in worlds]
 
     def take(self, key: MissionKey, outcomes: Outcomes) -> None:
-        """Store a mission's outcomes; judge the design once all wanted outcomes are known."""
+        """Store a mission's outcomes; judge the design once all planned missions have outcomes."""
         self.outcomes[key] = outcomes
         while not self.finished and len(self.outcomes) >= self.wanted:
             if not all(mission.key in self.outcomes for mission in self.list_all()):
@@ -121,7 +121,7 @@ class DesignTrials:
         return float(ask("requirements", part.compute, A_NUMBER, evaluated))
 
     def forget(self) -> None:
-        """Free the memory that a finished design's outcomes and missions use."""
+        """Free the memory used by a finished design's outcomes and missions."""
         self.outcomes.clear()
         self._listed.clear()
         self.__dict__.pop("_own", None)

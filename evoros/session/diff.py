@@ -17,15 +17,15 @@ from evoros.storage.verification import verify_folder
 from evoros.terminal.log import warn_left_out
 
 KEYS = (("generation", "design", "world", "trial"), ("source", "design", "world", "trial"))
-"""Columns that identify a mission of a run, and of an evaluation."""
+"""Columns that identify a mission, in a run and in an evaluation."""
 FIGURES = "figures/"  # may differ between equal runs, because figures can be drawn later
-SHOWN = 60  # maximum number of characters of a value that are shown
+SHOWN = 60  # maximum number of characters shown of a value
 NOTHING = "nothing"
-Key = tuple[tuple[str, str], ...]  # (name, cell) of the columns that identify a mission
+Key = tuple[tuple[str, str], ...]  # (column, cell) pairs that identify a mission
 
 
 def compare_missions(one: Path, other: Path) -> tuple[str, int]:
-    """Return the first difference between two mission tables in any order, and their length."""
+    """Return the first difference between mission tables, ignoring row order, and their length."""
     first, second = (_read_missions(folder / layout.MISSIONS) for folder in (one, other))
 
     def order(key: Key) -> list[tuple[int, str]]:
@@ -46,7 +46,7 @@ def compare_missions(one: Path, other: Path) -> tuple[str, int]:
 
 
 def _read_missions(path: Path) -> dict[Key, tuple[int, dict[str, str]]]:
-    """Return the line number and cells of each complete row, by the row's key."""
+    """Return the line number and the cells of each complete row, keyed by mission."""
     try:
         complete = layout.read_bytes(path).decode().rpartition("\n")[0]
         rows = csv.DictReader(complete.splitlines())
@@ -92,7 +92,7 @@ def _describe_values(place: str, one: Path, first: object, other: Path, second: 
     return f"{place} is {_shorten(first)} in {one} and {_shorten(second)} in {other}"
 
 
-Difference = tuple[str, object, object]  # place and both values
+Difference = tuple[str, object, object]  # location, value in the first folder, value in the second
 
 
 def _find_line(first: str, second: str) -> Difference:
@@ -104,7 +104,7 @@ def _find_line(first: str, second: str) -> Difference:
 
 def _find_cell(first: str, second: str) -> Difference:
     line, content, other = _find_line(first, second)
-    with suppress(csv.Error):  # raised, for example, by cells of 200,000 characters
+    with suppress(csv.Error):  # raised, for example, by a cell of 200,000 characters
         headers = [next(csv.reader(text.splitlines()), []) for text in (first, second)]
         if headers[0] == headers[1] and NOTHING not in (content, other):
             cells = [next(csv.reader([str(text)]), []) for text in (content, other)]
@@ -146,7 +146,7 @@ COMPARED = (
     *("designs.csv", "worst_cases.csv", "requirements.csv", "requirements.md", "junit.xml"),
     *("champion/**/*", "trajectories/**/*", "figures/*"),
 )
-"""The derived files to be compared, other than missions, in the order of their creation."""
+"""The derived files to compare, except missions, in the order in which a run writes them."""
 FREE = (*protocol.FREE, "figures")
 MADE_BY = (
     *("commit", "dirty", "packages", "programs", "python", "platform"),
@@ -157,7 +157,7 @@ MADE_BY = (
 
 @dataclass
 class Diff:
-    """The result of a comparison; ``difference`` is the first difference, or empty."""
+    """The result of a comparison; ``difference`` describes the first difference, or is empty."""
 
     folders: int = 0
     files: int = 0
@@ -167,7 +167,7 @@ class Diff:
 
 
 def diff_runs(one: Path, other: Path) -> Diff:
-    """Compare two runs or evaluations, or all at the same relative paths below two folders."""
+    """Compare two runs or evaluations, or two folders of them, matched by relative path."""
     diff = Diff()
     names, others = _list_runs(one), _list_runs(other)
     if (names == ["."]) != (others == ["."]):
@@ -213,7 +213,7 @@ def _list_differences(one: Path, other: Path, diff: Diff) -> Iterator[str]:
     yield difference
     for name in _list_files(one, other):
         if name.startswith(FIGURES) and name.endswith(".html"):
-            continue  # pages contain the run's folder, date and versions
+            continue  # pages contain the run folder, the date and versions
         absent = [folder for folder in (one, other) if not (folder / name).is_file()]
         if not absent:
             yield find_difference(one, other, name)
@@ -234,7 +234,7 @@ def _diff_configurations(one: Path, other: Path, diff: Diff) -> str:
         if key.partition(".")[0] not in FREE:
             values = [values.get(key, NOTHING) for values in (first, second)]
             return f"{layout.CONFIG}: {_describe_values(key, one, values[0], other, values[1])}"
-        if key.partition(".")[0] != "observers":  # observers write no file into the folder
+        if key.partition(".")[0] != "observers":  # observers write no file to the run folder
             diff.circumstances[key.partition(".")[0]] = None
     return ""
 

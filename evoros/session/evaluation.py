@@ -1,4 +1,4 @@
-"""The evaluation of given designs, which yields their outcomes, scores and verdicts."""
+"""The evaluation of given designs: their outcomes, scores and verdicts."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from statistics import fmean
@@ -49,7 +49,7 @@ def build_evaluation(config: Configuration) -> tuple[Experiment, list[NamedDesig
 
 
 def read_sources(sources: Any, experiment: Experiment) -> list[NamedDesign]:
-    """Read the designs of the key ``designs``."""
+    """Read the designs that the key ``designs`` names."""
     return read_given(_check_sources(sources), experiment)
 
 
@@ -82,7 +82,7 @@ def _check_draws(experiment: Experiment) -> None:
 
 
 def _check_levels(designs: Sequence[NamedDesign], experiment: Experiment) -> None:
-    """Require enough sensors for the failures in the requirements; warn about too few trials."""
+    """Check that designs have enough sensors for all requirements; warn about too few trials."""
     for index, named in enumerate(designs):
         try:
             DesignTrials(experiment, index, named.design)
@@ -100,7 +100,7 @@ def _check_levels(designs: Sequence[NamedDesign], experiment: Experiment) -> Non
 
 
 def list_faults(designs: Sequence[NamedDesign], scenario: Scenario) -> Iterator[str]:
-    """Yield warnings about sensors of the designs that overlap or see the robot."""
+    """Yield warnings about sensors that overlap or that have the robot in view."""
     robots = {
         f"{member.name}: design {named.name} of {named.source}".removeprefix(": "): member.robot
         for named in designs
@@ -124,7 +124,7 @@ class Evaluation:
 
     @property
     def amount(self) -> str:
-        """Size of the evaluation, for the log."""
+        """The size of the evaluation, for the log."""
         trials = write_count(self.experiment.plan.evaluation_trials, "trial")
         return f"{write_count(len(self.designs), 'design')}, {trials}"
 
@@ -137,7 +137,7 @@ class Evaluation:
         return sum(trials.known for trials in self._trials)
 
     def describe(self) -> dict[str, Any]:
-        """Return the fields of ``status.json`` that only an evaluation has."""
+        """Return the fields of ``status.json`` that are specific to evaluations."""
         fitness = [row.get(FITNESS, row[FITNESS_MEAN]) for row in self._scores.values()]
         return {
             "designs": len(self.designs),
@@ -154,7 +154,7 @@ class Evaluation:
         yield scenario, next(missions)
 
     def run(self, pool: Pool, status: Status) -> None:
-        """Run the missing missions; write the scores and the verdicts."""
+        """Run all missions without outcomes; write the scores and the verdicts."""
         experiment, folder = self.experiment, self.folder
         for trials in self._trials:
             self._read(trials)
@@ -200,12 +200,12 @@ class Evaluation:
                     yield from trials.list_wanted(condition)
 
     def has(self, mission: Mission) -> bool:
-        """Return True if the outcome of a wanted mission is known."""
+        """Return True if the outcome of a planned mission is known."""
         trials = self._trials[mission.design_id]
         return trials.finished or mission.key in trials.outcomes
 
     def record(self, results: Sequence[MissionResult]) -> None:
-        """Record finished missions, and score the designs completed by them."""
+        """Record finished missions, and score each design that they complete."""
         self.folder.record(results)
         for result in results:
             self._take(*result)

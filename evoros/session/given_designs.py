@@ -1,4 +1,4 @@
-"""The inputs of an evaluation: the designs, and the run whose configuration is adopted."""
+"""The inputs of an evaluation: the designs, and the run from which it takes its configuration."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -31,9 +31,9 @@ from evoros.storage.verification import read_text, verify_folder
 from evoros.terminal.log import LOGGER, warn_left_out
 
 UNUSED = (*FREE, "figures", "treatment", "objectives", "descriptors", "draws", "final_choice")
-"""Keys that evaluations do not use."""
+"""Keys that evaluations ignore."""
 OF_VALIDATION = ("optimizer", "allocation", "confirmation", "validation")
-"""Keys that only evaluations on validation draws use."""
+"""Further keys that evaluations ignore unless they use the draws of a validation."""
 
 
 def read_like(source: str, typed: frozenset[str]) -> RecordedRun:
@@ -73,7 +73,7 @@ def _list_runs(source: str) -> list[Path]:
     folders = list(layout.folders_below(path, warn_left_out))
     if folders in ([], [path]):
         runs = [path]
-    else:  # reading the champions later warns about unfinished runs
+    else:  # unfinished runs cause a warning later, when their champions are read
         runs = [folder for folder in folders if not layout.evaluates(folder)]
         finished = [
             run
@@ -110,18 +110,18 @@ def _require_agreement(
 
 
 def _find_choice(key: str, *runs: Path) -> str:
-    # a group in which the runs chose differently may set the key
+    # return the group if the runs chose different options of a group that sets the key
     first, other = (layout.read_json(run / layout.MANIFEST).get("choices", {}) for run in runs)
     groups = [group for group in first if first[group] != other.get(group)]
     return next((group for group in groups if is_below(key, [find_place(group)])), key)
 
 
 GENES_BESIDE = {"design.csv": "genes.csv", layout.DESIGN_FILE: layout.GENE_FILE}
-"""Map each file of designs to the file in its folder with all other genes of these designs."""
+"""Maps a file of designs to the file in the same folder that holds their other evolved values."""
 
 
 def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesign]:
-    """Read the designs in CSV files and the champions of runs, and check them all."""
+    """Read and check designs from CSV files, and the champions of runs."""
     designs: list[NamedDesign] = []
     known: set[Path] = set()
     names: set[DesignName] = set()
@@ -216,7 +216,7 @@ def _compare_robots(path: Path, robot: Robot) -> None:
 
 
 def check_controls(experiment: Experiment) -> None:
-    """Check before a search that its controls can be used, and are not the search itself."""
+    """Check before a search that its controls can be run and would differ from the search."""
     for name in () if experiment.controls is None else experiment.controls.designs:
         if name == NO_SENSORS and not any(
             member.design.max_number or member.design.fixed for member in experiment.members
@@ -234,7 +234,7 @@ def check_controls(experiment: Experiment) -> None:
 
 
 def require_finished(path: Path, key: str) -> None:
-    """Require that the folder that ``key`` gives has a finished run with a champion."""
+    """Check that the folder given for ``key`` has a finished run with a champion."""
     if layout.evaluates(path) or not (path / layout.STATUS).is_file():
         file = "a CSV file or " if key == "designs" else ""
         owner = "an evaluation" if (path / layout.DESIGN_FILE).is_file() else "no run"

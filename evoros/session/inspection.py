@@ -1,4 +1,4 @@
-"""Describes the user's robots and worlds, including omissions and assumptions of the readers."""
+"""Describes the user's robots and worlds, including what the readers assumed or left out."""
 
 import logging
 from collections import Counter
@@ -28,10 +28,10 @@ from evoros.world.mesh_areas import measure_meshes
 from evoros.world.model import World
 from evoros.world.standing import list_areas
 
-SAMPLES = 60  # number of random designs in the picture of a robot
-LEVEL, UNEVEN = "simulator=planar", "simulator=physics"  # level or uneven ground
-INDOOR = "controller=indoor"  # suits worlds too narrow for the default controller
-NEAR_RATIO = 1.0  # above it, most positions have an obstacle within the avoidance range
+SAMPLES = 60  # number of random designs drawn in the picture of a robot
+LEVEL, UNEVEN = "simulator=planar", "simulator=physics"  # options for level and for uneven ground
+INDOOR = "controller=indoor"  # controller for worlds that are too narrow for the default controller
+NEAR_RATIO = 1.0  # ratio above which most positions have an obstacle within avoidance range
 ANOTHER = (
     "for another, add world.NAME.course.home_x_m=X world.NAME.course.home_y_m=Y to this command"
 )
@@ -48,14 +48,14 @@ class Inspection:
     rows: Sequence[Row]
     messages: Sequence[str]  # assumptions, changes and omissions of the file readers
     picture: bytes  # PNG
-    choices: Sequence[str] = ()  # further overrides that the robot or world needs
-    design: OwnFile | None = None  # design with the sensors that a robot already has
+    choices: Sequence[str] = ()  # further overrides required by the robot or world
+    design: OwnFile | None = None  # a design with the sensors that the robot already has
 
 
 def inspect_robot(
     name: str, folder: Path, simulator: str, draw: Callable[[Robot, Places], bytes]
 ) -> Inspection:
-    """Describe the robot ``name`` in a user's ``folder``, and plan a design with its sensors."""
+    """Describe the robot ``name`` in ``folder``, and plan a design with the robot's sensors."""
     experiment, messages = _build([f"robot={name}", "design=around", simulator], folder)
     robot, places = experiment.robot, _sample_places(experiment)
     own_sensors = find_own_sensors(robot)
@@ -139,12 +139,12 @@ def _find_ranges(experiment: Experiment, max_ratio: float) -> dict[str, float]:
 
 
 def find_robot(overrides: Sequence[str], folder: Path) -> Robot:
-    """Build the robot chosen by ``overrides``."""
+    """Build the robot that ``overrides`` select."""
     return _build([*overrides, LEVEL], folder if overrides else None)[0].robot
 
 
 def require_design(name: str, folder: Path, overrides: Sequence[str]) -> None:
-    """Require that the design ``name`` fits the robot chosen by ``overrides``."""
+    """Check that the design ``name`` fits the robot that ``overrides`` select."""
     _build([*overrides, f"design={name}", LEVEL], folder)
 
 

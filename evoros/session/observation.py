@@ -1,4 +1,4 @@
-"""Sends a run's records to observers, during the run or later."""
+"""Sends a run's records to observers, during the run or afterwards."""
 
 import csv
 import io
@@ -36,14 +36,14 @@ from evoros.storage.verification import list_tables, verify_folder
 from evoros.terminal.activity import announce
 from evoros.terminal.log import LOGGER
 
-CERTIFIED = (  # fields of the champion's certificate that observers receive
+CERTIFIED = (  # certificate fields that observers receive
     *("recorded_fitness", "validated_fitness", "fitness_low", "fitness_high"),
     "rival_advantage",
 )
 
 
 class FolderReader:
-    """Reads a run folder; each table is read only once, because written tables never change."""
+    """Reads a run folder; caches tables, because they never change once written."""
 
     def __init__(self, folder: Path, origin: Path) -> None:
         self.folder, self.origin = folder, origin
@@ -52,12 +52,12 @@ class FolderReader:
         self._parameters = MappingProxyType(dict(_list_parameters(folder)))
 
     def read(self, generations: int | None, state: str | None = None) -> protocol.ObservedRun:
-        """Read the first ``generations`` of a run, or all; also its end if ``state`` is given."""
+        """Read the first ``generations`` of a run (default: all); with ``state``, also its end."""
         tables = list_tables(self.folder)[:generations]
         for number in range(len(self._generations), len(tables)):
             self._generations.append(_read_generation(tables[number], number))
         manifest = self._manifest
-        # The date distinguishes runs with the same configuration.
+        # The creation date distinguishes runs with the same configuration.
         identity = f"{read_status_key(manifest)} {manifest.get('created')}"
         return protocol.ObservedRun(
             id=blake2b(identity.encode(), digest_size=16).hexdigest(),
@@ -114,7 +114,7 @@ def _read_files(folder: Path) -> Iterator[tuple[str, bytes]]:
 
 
 def _finite(metrics: Mapping[str, float]) -> Mapping[str, float]:
-    """Return the finite numbers, the only ones that trackers can plot."""
+    """Return the finite metrics; trackers cannot plot NaN or infinity."""
     finite = {name: value for name, value in metrics.items() if math.isfinite(value)}
     return MappingProxyType(finite)
 
@@ -124,7 +124,7 @@ def _to_seconds(date: object) -> float:
 
 
 Tell: TypeAlias = Callable[[int], None]
-"""Tells a run's observers the number of recorded generations."""
+"""Notifies a run's observers of the number of recorded generations."""
 
 
 def ignore(generations: int) -> None:
@@ -133,7 +133,7 @@ def ignore(generations: int) -> None:
 
 @contextmanager
 def observe(folder: Path, observers: Mapping[str, protocol.Observer]) -> Iterator[Tell]:
-    """Send a run to its observers as it proceeds; drop, with a warning, an observer that raises."""
+    """Send a run to its observers while it runs; drop an observer that raises, with a warning."""
     if not observers:
         yield ignore
         return
@@ -191,7 +191,7 @@ class _Link:
     def _guard(self) -> Iterator[None]:
         try:
             yield
-        except Exception as error:  # a library or a user's part may raise anything
+        except Exception as error:  # a library or a user's part may raise any exception
             if not self.failed:
                 LOGGER.warning(
                     "observers.%s: %s; the run continues without this observer; to send the "
@@ -222,7 +222,7 @@ def describe(error: Exception) -> str:
 
 
 def _export_command(folder: Path, name: str) -> str:
-    """Return the command that exports a run to one observer, with unresolved references."""
+    """Return the command that exports a run to one observer; references stay unresolved."""
     prefix = f"observers.{name}."
     recorded = flatten_recorded(folder / layout.CONFIG).items()
     keys = [
@@ -234,7 +234,7 @@ def _export_command(folder: Path, name: str) -> str:
 
 
 def export(folder: Path, observer: protocol.Observer, origin: Path) -> protocol.ObservedRun:
-    """Send the missing records of a run to a tracker, with paths relative to ``origin``."""
+    """Send the records that a tracker lacks; relative paths start from ``origin``."""
     if layout.evaluates(folder) or not (folder / layout.MANIFEST).is_file():
         raise InputError(f"{folder}: must be the folder of a run; correct the path")
     verify_folder(folder)

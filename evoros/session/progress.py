@@ -37,35 +37,36 @@ class _Shown:
 
 
 class Progress(_Shown, Display):
-    """The progress display of one run or evaluation, a context manager.
+    """The progress display of one run or evaluation; a context manager.
 
-    If ``shown``, it is on the terminal, below a notebook cell, or, in a pipe, a line every 10 s.
+    If ``shown``, the progress appears on the terminal, below a notebook cell or, in a pipe, as a
+    new line every 10 s.
     """
 
     def __init__(self, shown: bool = True) -> None:
         super().__init__(open_screen(self.line) if shown else None)
-        self.since: float | None = None  # [s], time.monotonic() at the first mission
+        self.since: float | None = None  # missions, and seconds simulated, in this session
         self.missions, self.simulated = 0, 0.0  # totals of this session
         self.best: float | None = None
         self._mean: float | None = None
         self._generations = self._generation = 0
         self._wanted = self._known = self._done = 0
-        self._totals: list[int] = []  # cumulative missions after each generation that ran any
+        self._totals: list[int] = []  # cumulative missions after each generation that ran missions
 
     def start(self, generations: int) -> None:
         """Set the number of generations."""
         self._generations = generations
 
     def begin(self, generation: int, missions: int, known: int) -> None:
-        """Begin a generation that needs ``missions``, of which ``known`` are recorded."""
+        """Start a generation of ``missions`` missions, of which ``known`` are already recorded."""
         if self.since is None:
             self.since = time.monotonic()
-        # A validation has the number of its design's generation, which may be an earlier one.
+        # A validation counts as the generation of its design, which may be an earlier generation.
         self._generation = max(self._generation, generation)
         self._wanted, self._known, self._done = missions, known, 0
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
-        """Count a mission that has been run."""
+        """Count a finished mission."""
         self._done += 1
         self.missions += 1
         self.simulated += judge(outcomes).time_s
@@ -77,7 +78,7 @@ class Progress(_Shown, Display):
             self._totals.append(self.missions)
 
     def line(self, width: int) -> str:
-        """Describe the progress, or finally the result, in at most ``width`` characters."""
+        """Describe the progress or the final result in at most ``width`` characters."""
         elapsed = _elapsed(self.since)
         if self.ended:
             return fit([*self._describe_end(elapsed)], width)
@@ -106,7 +107,7 @@ class Progress(_Shown, Display):
 
     @property
     def share(self) -> float:
-        """Estimated fraction of this session's missions that have been run."""
+        """The estimated fraction of this session's missions that have finished."""
         if self.ended:
             return 1.0
         return self.missions / (self.missions + self._left()) if self.missions else 0.0
@@ -118,7 +119,7 @@ class Progress(_Shown, Display):
 
 
 class SweepProgress(_Shown):
-    """The progress display of a sweep of ``jobs`` jobs in one line."""
+    """A one-line progress display for a sweep of ``jobs`` jobs."""
 
     def __init__(self, jobs: int, shown: bool = True) -> None:
         super().__init__(open_screen(self.line) if shown else None)
@@ -130,12 +131,12 @@ class SweepProgress(_Shown):
         return self._begun[-1]
 
     def skip(self) -> None:
-        """Count a job that is already complete or cannot start."""
+        """Count a job that is already complete or that cannot start."""
         self._skipped += 1
 
     @contextmanager
     def pause(self) -> Iterator[None]:
-        """Remove the line while results are printed."""
+        """Hide the line while results are printed."""
         if self._screen:
             self._screen.stop()
         try:
@@ -165,10 +166,10 @@ class SweepProgress(_Shown):
 
 
 class RecordedProgress(_Shown):
-    """The progress of jobs in other processes or on other machines, read from their folders."""
+    """The progress of jobs in other processes or on other machines, read from their run folders."""
 
     def __init__(self, sweep: Path, jobs: int | None) -> None:
-        # The jobs may write to this terminal at any time, so every update is a new line.
+        # Jobs may write to this terminal at any time, so print each update on a new line.
         super().__init__(Screen(self.line, Pipe()))
         self._sweep, self._jobs = sweep, jobs
 

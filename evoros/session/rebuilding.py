@@ -1,4 +1,4 @@
-"""Rebuilds the experiment of a run from its records, and plans recorded missions again."""
+"""Rebuilds the experiment of a recorded run, and plans its recorded missions."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import chdir, contextmanager
@@ -37,8 +37,8 @@ class Rebuilt(NamedTuple):
     """The experiment of a recorded run."""
 
     experiment: Experiment
-    number: int | None  # generations or trials in the overrides; None if not given
-    config: Configuration  # recorded, with overrides applied
+    number: int | None  # number of generations or trials set by the overrides; None if not set
+    config: Configuration  # the recorded configuration, with overrides applied
 
 
 def rebuild(
@@ -50,11 +50,11 @@ def rebuild(
     places: Relocation = NOWHERE,
     mends: bool = False,
 ) -> Rebuilt:
-    """Rebuild the experiment of a run, with the overrides that are allowed on resuming.
+    """Rebuild the experiment of a run, with overrides that resuming allows.
 
     This executes the code that the configuration names. ``warns`` enables warnings about changed
-    package versions. ``places`` maps recorded folders to folders of an unpacked archive. ``mends``
-    accepts changed parts that have affected no recorded result.
+    package versions. ``places`` maps recorded folders to those in an unpacked archive. ``mends``
+    accepts parts that have changed but affected no recorded result.
     """
     if config_dir is not None:
         add_config_dir(config_dir)
@@ -87,7 +87,7 @@ def rebuild(
 
 @contextmanager
 def change_to_origin(manifest: Mapping[str, Any]) -> Iterator[None]:
-    """Change to the folder in which the run was started, to which relative paths refer."""
+    """Change to the folder in which the run was started, the base of its relative paths."""
     origin = Path(str(manifest.get("working_directory", ".")))
     with chdir(origin if origin.is_dir() else Path.cwd()):
         yield

@@ -1,4 +1,4 @@
-"""Recomputes the designs of a run, and reruns individual recorded missions."""
+"""Recomputes the designs of a run, and reruns single recorded missions."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -30,7 +30,7 @@ KEY = ("generation", "design", "world", "trial")
 
 
 class Replayed(NamedTuple):
-    """A rerun of a recorded mission."""
+    """A recorded mission that has been run again."""
 
     recorded: Outcomes
     outcomes: Outcomes
@@ -41,12 +41,12 @@ class Replayed(NamedTuple):
 def replay(
     folder: str | Path, key: MissionKey, *, config_dir: str | Path | None = None
 ) -> tuple[Outcomes, pd.DataFrame]:
-    """Rerun one recorded mission of a run in this process, with the same result.
+    """Rerun one recorded mission of a run in this process, with identical results.
 
     ``key`` holds the generation, design, world and trial from the mission's row in
-    ``missions.csv``. The result has the outcome of each robot, and the trajectory with the columns
-    of ``champion/trajectory_WORLD.csv``. This executes the code that the run's configuration names;
-    ``config_dir`` is the folder with your own parts, as when the run was started.
+    ``missions.csv``. Returns the outcome of each robot, and the trajectory with the columns of
+    ``champion/trajectory_WORLD.csv``. This executes the code that the run's configuration names;
+    ``config_dir`` is the folder that holds your own parts, as at the start of the run.
 
     Raises:
         InputError: the run or mission was not found, or the run's version differs.
@@ -59,7 +59,7 @@ def replay(
 def replay_row(
     folder: str | Path, columns: Mapping[str, str], config_dir: str | Path | None = None
 ) -> Replayed:
-    """Rerun the mission of the only row that has the values ``columns``."""
+    """Rerun the only recorded mission that has the values ``columns``."""
     run = load_run(expand_home(folder))
     row = _find_row(run.path, columns)
     experiment = rebuild(run.path, (), config_dir).experiment
@@ -83,7 +83,7 @@ def _find_given(run: Run, experiment: Experiment, row: Row) -> tuple[dict[int, D
 def replay_in_plane(
     run: Run, keys: Sequence[MissionKey]
 ) -> Iterator[tuple[MissionKey, World, pd.DataFrame]]:
-    """Rerun recorded missions in the planar simulator; yield their worlds and trajectories."""
+    """Rerun recorded missions in the planar simulator; yield each with its world and trajectory."""
     experiment = rebuild(run.path, ()).experiment
     for scenario in (experiment.scenario, experiment.confirming):
         if not isinstance(scenario.simulator, Planar) or scenario.is_live:
@@ -106,7 +106,7 @@ def _run(mission: Mission, scenario: Scenario) -> tuple[Outcomes, pd.DataFrame]:
 
 
 def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
-    """Write a trajectory in the format of the run folder."""
+    """Write a trajectory as CSV in the format of the run folder."""
     try:
         write_atomically(file, trajectory_table(trajectory.to_numpy(), list(trajectory.columns)))
     except OSError as error:
@@ -134,7 +134,7 @@ def _find_row(path: Path, columns: Mapping[str, str]) -> Row:
 
 
 def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:
-    """Feed the recorded scores to the optimizer; return all designs proposed so far by id."""
+    """Replay the recorded scores to the optimizer; return all proposed designs by id."""
     space = experiment.space
     search = experiment.start_search()
     designs = {individual.id: space.decode(individual.genome) for individual in search.ask()}

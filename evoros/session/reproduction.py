@@ -1,4 +1,4 @@
-"""Reruns recorded runs in new folders, to compare the results byte by byte."""
+"""Reruns recorded runs in new folders to compare the results byte by byte."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -55,7 +55,7 @@ def list_reproductions(source: Path, output: Path) -> list[Reproduction]:
 
 
 def list_finished(source: Path, purpose: str) -> list[Path]:
-    """List the run folders in a folder, all of which must be undamaged and finished."""
+    """List the run folders in ``source``, all of which must be undamaged and finished."""
     if not source.is_dir():
         raise InputError(f"{source}: folder not found; correct the path")
     folders = list(folders_below(source, warn_left_out))
@@ -76,7 +76,7 @@ def build_reproduction(
     config_dir: str | None,
     places: Relocation = NOWHERE,
 ) -> Session:
-    """Start a rerun, or resume an unfinished one."""
+    """Start the rerun of a run, or resume an unfinished rerun."""
     for text in overrides:
         if not text.startswith(("executor=", "executor.")):
             raise InputError(
@@ -86,7 +86,7 @@ def build_reproduction(
     values = reproduction.config.values
     key = find_growing(values) if evaluates(source) else GENERATIONS
     status = read_json(source / STATUS)
-    size = status[SIZES[key]]  # larger than configured if the run was extended
+    size = status[SIZES[key]]  # the configured size, or a larger one if the run was extended
     limits = {} if evaluates(source) else {"generations": status["generations_done"]}
     if (folder / MISSIONS).exists():
         _require_same(reproduction)
@@ -98,7 +98,7 @@ def build_reproduction(
         experiment = replace(experiment, stop_after=StopAfter(**limits))
         preflight(experiment)
         designs = read_recorded_designs(source, experiment) if evaluates(source) else None
-        with change_to_origin(read_json(source / MANIFEST)):  # the base of relative paths
+        with change_to_origin(read_json(source / MANIFEST)):  # the base folder of relative paths
             session = record_run(experiment, config, folder, messages, size, designs)
             return replace(session, observed=False)
 
@@ -113,7 +113,7 @@ def _require_same(reproduction: Reproduction) -> None:
 
 
 def describe_circumstances(reproductions: Sequence[Reproduction]) -> str:
-    """Describe differing versions, commits, processors and systems in one line."""
+    """Describe differences in versions, commits, processors and systems in one line."""
     changes: dict[str, None] = {}
     for pair in reproductions:
         old, new = (_flatten(read_json(path / MANIFEST)) for path in (pair.source, pair.folder))

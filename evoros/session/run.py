@@ -36,17 +36,17 @@ from evoros.storage.run_folder import RunFolder
 from evoros.storage.verification import find_strays, is_complete, verify_folder
 from evoros.terminal.log import LOGGER, collect_messages
 
-SEARCH = (  # keys that affect only the search, and no check of robots or worlds
+SEARCH = (  # keys that affect only the search, and not the checks of robots or worlds
     *("seed", "trials", "draws", "optimizer", "allocation", "validation", "final_choice"),
     *("lost_missions", "record", "figures", "treatment"),
 )
 SIZES = {plan.GENERATIONS: "generations", plan.TRIALS: "trials", plan.VALIDATION_TRIALS: "trials"}
-"""Keys that may be raised on resuming, with their fields in ``status.json``."""
+"""Keys whose values may be raised on resuming, and their fields in ``status.json``."""
 
 
 @dataclass(frozen=True)
 class Session:
-    """A built and recorded run, which keeps its folder open until ``run`` ends."""
+    """A run that is built and recorded; its folder stays open until ``run`` ends."""
 
     task: Search | Evaluation
     messages: Sequence[LogRecord]  # messages logged while the run was built
@@ -54,16 +54,16 @@ class Session:
 
     @property
     def executor(self) -> Executor:
-        """The executor of the run's missions."""
+        """The executor for the run's missions."""
         return self.task.experiment.executor
 
     def run(
         self, display: Display, draw: work.DrawFigures, opener: work.PoolOpener = work.open_pool
     ) -> None:
-        """Run to the end; ``draw`` draws the figures.
+        """Complete the run; ``draw`` draws the figures.
 
         Raises:
-            InputError: the missions on disk do not belong to this run.
+            InputError: the recorded missions belong to a different run.
             RunStopped: a mission was lost; the run can be resumed.
         """
         task, folder, experiment = self.task, self.task.folder, self.task.experiment
@@ -94,7 +94,7 @@ class Session:
                         report_repeatability(scenario, mission, pool)
                 task.run(pool, status)
                 reason = task.reason if isinstance(task, Search) else ""
-                status.write(layout.FINISHED, reason)  # figures need a finished run
+                status.write(layout.FINISHED, reason)  # drawing a figure requires a finished run
                 figures = work.list_figures(folder.path, experiment.figures)
                 work.draw_figures(folder.path, figures, pool, draw)
 
@@ -109,7 +109,7 @@ class Session:
 
 def create_run(config: Configuration, folder: Path) -> Session:
     """Build and record a run in a new folder; after an InputError, the folder is unchanged."""
-    require_unused(folder)  # fails early, because building can take seconds
+    require_unused(folder)  # fails early: building can take seconds
     with collect_messages() as messages:
         if not config.evaluates:
             return record_run(build_search(config), config, folder, messages)
@@ -121,11 +121,11 @@ def create_run(config: Configuration, folder: Path) -> Session:
 
 
 def check_run(config: Configuration, similar: Experiment | None) -> Experiment:
-    """Build and check a run without recording it; reuse ``similar`` except for ``SEARCH``."""
+    """Build and check a run without recording; reuse ``similar`` if only ``SEARCH`` keys differ."""
     if config.evaluates:
         return build_evaluation(config)[0]
     if similar is not None:
-        with suppress(InputError):  # the complete build below reports the error
+        with suppress(InputError):  # building the whole run below reports the error
             experiment = config.rebuild(similar, SEARCH)
             rng = generator(f"{experiment.seed}", "optimizer")
             experiment.optimizer.start(similar.space, experiment.goals, rng)  # spaces are equal
@@ -141,7 +141,7 @@ def record_run(
     size: int | None = None,
     designs: Sequence[NamedDesign] | None = None,
 ) -> Session:
-    """Record a search or, with ``designs``, an evaluation of ``size`` generations or trials."""
+    """Record a search, or an evaluation of ``designs``, with ``size`` generations or trials."""
     files, command = (
         ({}, layout.RUN) if designs is None else (write_designs(designs), layout.EVALUATE)
     )
@@ -161,10 +161,10 @@ def record_run(
 def open_run(
     folder: Path, overrides: Sequence[str] = (), config_dir: str | Path | None = None
 ) -> Session:
-    """Open the run in a folder to resume it; running a finished run verifies it.
+    """Open a run folder to resume the run; resuming a finished run verifies it.
 
     ``overrides`` may change the executor and the observers of a search, and raise the number of
-    generations or trials. ``config_dir`` has the user's own parts.
+    generations or trials. ``config_dir`` holds the user's own parts.
     """
     with collect_messages() as messages:
         experiment, wanted, _ = rebuild(folder, overrides, config_dir, mends=True)
@@ -191,7 +191,7 @@ def _resume(record: RunFolder, experiment: Experiment, wanted: int | None) -> Se
         extended |= size != configured["optimizer"]["generations"]
         return Search(experiment, record, size, extended)
     key, written = plan.find_growing(configured), experiment.plan.evaluation_trials
-    if key == plan.TRIALS and SIZES[key] not in record.read_status():  # the number is in the status
+    if key == plan.TRIALS and SIZES[key] not in record.read_status():  # the status holds the number
         written = max(written, record.rows.trials)
     designs = read_recorded_designs(record.path, experiment)
     return _start_evaluation(record, experiment, designs, _find_size(record, key, written, wanted))
@@ -210,10 +210,10 @@ def _start_evaluation(
 
 
 def _find_size(record: RunFolder, key: str, written: int, wanted: int | None) -> int:
-    """Return the size in the status or, if unknown, ``written``; ``wanted`` must not be smaller."""
+    """Return the recorded size, by default ``written``; ``wanted`` must not be smaller."""
     recorded = record.read_status().get(SIZES[key])
     known = max(recorded, written) if isinstance(recorded, int) else written
-    if recorded is None and len(record.rows):  # a run without rows may not have a status yet
+    if recorded is None and len(record.rows):  # a run without rows may have no status yet
         LOGGER.warning(
             "%s: missing or damaged; the run continues to %d %s, the number in %s or the tables; "
             "if you had extended the run further, give %s=... again",
@@ -230,7 +230,7 @@ def _find_size(record: RunFolder, key: str, written: int, wanted: int | None) ->
 def reopen_run(
     config: Configuration, folder: Path, overrides: Sequence[str], config_dir: str | None
 ) -> Session | None:
-    """Open the run in a job's folder to resume it; None if the run and its figures are complete."""
+    """Open the run in a job's folder to resume it; return None if run and figures are complete."""
     require_same(folder, config)
     if config.evaluates:
         _require_same_designs(folder, config)
@@ -243,7 +243,7 @@ def reopen_run(
 
 
 def _has_other_limits(folder: Path, config: Configuration) -> bool:
-    """Return True if a limit ended the search, and the job has other limits."""
+    """Return True if a limit ended the search, and the job's limits differ."""
     recorded = read_recorded(folder / layout.CONFIG).values
     differ = recorded.get("stop_after") != config.values.get("stop_after")
     return differ and bool(layout.read_json(folder / layout.STATUS).get("reason"))
@@ -253,7 +253,7 @@ def _is_damaged(folder: Path) -> bool:
     try:
         verify_folder(folder)
         return not is_complete(folder)
-    except InputError:  # resuming reports the damage, then repairs or rejects it
+    except InputError:  # resuming reports the damage, and repairs or rejects it
         return True
 
 
@@ -267,13 +267,13 @@ def _require_same_designs(folder: Path, config: Configuration) -> None:
 
 
 def require_same(folder: Path, config: Configuration) -> None:
-    """Require that the run in a folder has a job's configuration, apart from the executor."""
+    """Check that the run in a folder has the configuration of a job, apart from the executor."""
     require_no_links(folder)
     text = read_original(folder, layout.CONFIG, read_sealed(folder, layout.MANIFEST)).decode()
     if layout.evaluates(folder) != config.evaluates:
         other = "an evaluation" if config.evaluates else "a search"
         raise InputError(f"{folder}: must contain {other}; choose another hydra.sweep.dir")
-    if text == config.text:  # equal texts need not be parsed
+    if text == config.text:  # identical texts need no parsing
         return
     difference = find_difference(read_recorded(folder / layout.CONFIG), config)
     if difference:

@@ -1,4 +1,4 @@
-"""A progress line that changes in place on a terminal or in a notebook, or repeats in a pipe."""
+"""A progress line, updated in place on a terminal or in a notebook, or repeated in a pipe."""
 
 import logging
 import shutil
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 Line: TypeAlias = Callable[[int], str]
-"""Returns the current line, given the maximum number of characters."""
+"""Returns the current line in at most the given number of characters."""
 
 SEPARATOR = " | "
 NOTEBOOK_WIDTH = 100
 
 
 def fit(parts: Sequence[tuple[int, str]], width: int) -> str:
-    """Join the nonempty (rank, string) parts of a line; omit the highest ranks beyond ``width``."""
+    """Join nonempty (rank, string) parts; drop the highest ranks until the line fits ``width``."""
     kept = [part for part in parts if part[1]]
     while len(line := SEPARATOR.join(text for _, text in kept)) > width and len(kept) > 1:
         kept.remove(max(kept, key=itemgetter(0)))
@@ -32,9 +32,9 @@ def fit(parts: Sequence[tuple[int, str]], width: int) -> str:
 
 
 class Surface:
-    """An output on which a changing line is shown."""
+    """An output that shows a changing line."""
 
-    first_s = 0.5  # delay before the line first appears; work that ends earlier shows no line
+    first_s = 0.5  # delay [s] before the line first appears; shorter work shows no line
     period_s = 0.5  # interval between updates
 
     def open(self) -> None:
@@ -50,11 +50,11 @@ class Surface:
 
 @dataclass
 class Screen:
-    """A line on a surface, shown from ``start`` to ``stop``; it can be started again."""
+    """Shows a line on a surface from ``start`` to ``stop``; restartable."""
 
     line: Line
     surface: Surface
-    _due: float = field(init=False)  # [s], time.monotonic() of the next update
+    _due: float = field(init=False)  # time.monotonic() [s] of the next update
     _stopped: Event = field(init=False, default_factory=Event)
     _thread: Thread | None = None
 
@@ -62,7 +62,7 @@ class Screen:
         self._due = time.monotonic() + self.surface.first_s
 
     def start(self) -> None:
-        """Start showing the line; does nothing if it is already shown."""
+        """Start showing the line, unless it is already shown."""
         if self._thread is None:
             self._stopped.clear()
             self._thread = Thread(target=self._repeat, name="progress", daemon=True)
@@ -72,7 +72,7 @@ class Screen:
         """Stop showing the line."""
         if self._thread is not None:
             self._stopped.set()
-            if self._thread.is_alive():  # Ctrl-C may interrupt ``start`` before the thread runs
+            if self._thread.is_alive():  # Ctrl-C may interrupt ``start`` before the thread starts
                 self._thread.join()
             self._thread = None
 
@@ -88,7 +88,7 @@ class Screen:
             self.surface.close(self.line)
 
     def _is_due(self) -> bool:
-        # also waits until the line is due for an update
+        # also waits until the next update is due
         while (left := self._due - time.monotonic()) > 0:
             if self._stopped.wait(left):
                 return False
@@ -100,7 +100,7 @@ class Screen:
 
 
 def open_screen(line: Line) -> Screen:
-    """Return a screen for the notebook, terminal or pipe that this program writes to."""
+    """Return a screen for the notebook, terminal or pipe to which this program writes."""
     if _kernel_display() is not None:
         return Screen(line, Notebook())
     from rich.console import Console
@@ -112,8 +112,8 @@ def open_screen(line: Line) -> Screen:
 
 
 def _kernel_display() -> Callable[..., Any] | None:
-    """Return the function that displays output below a notebook cell; None outside notebooks."""
-    ipython = sys.modules.get("IPython")  # a notebook has imported IPython
+    """Return the function that displays output below a notebook cell; None outside a notebook."""
+    ipython = sys.modules.get("IPython")  # IPython is already imported in a notebook
     shell = None if ipython is None else ipython.get_ipython()
     if ipython is None or getattr(shell, "kernel", None) is None:
         return None
@@ -132,14 +132,14 @@ class Terminal(Surface):
         self._stack = ExitStack()
 
     def open(self) -> None:
-        """Start the line, and print messages for standard error above it."""
+        """Start the line, and print standard error above it."""
         from rich.live import Live
 
         self._live = Live(
             console=self._console,
             auto_refresh=False,
             transient=True,
-            redirect_stdout=sys.stdout.isatty(),  # redirected output does not go to this terminal
+            redirect_stdout=sys.stdout.isatty(),  # redirected output does not reach this terminal
         )
         for handler in LOGGER.handlers:
             if isinstance(handler, logging.StreamHandler) and handler.stream is sys.stderr:
@@ -148,7 +148,7 @@ class Terminal(Surface):
         self._live.start()
 
     def show(self, line: Line) -> None:
-        """Replace the line; the last column stays free so that terminals do not wrap the line."""
+        """Replace the line; leave the last column free so that terminals do not wrap it."""
         from rich.text import Text
 
         text = line(self._console.width - 1)
@@ -172,7 +172,7 @@ class _ConsoleHandler(logging.Handler):
 
 
 class Notebook(Surface):
-    """A line below the running cell, which remains when the work is done."""
+    """A line below the running cell; the line stays after the work."""
 
     def open(self) -> None:
         """Add the line to the cell's output."""
@@ -190,7 +190,7 @@ class Notebook(Surface):
 
 
 class Pipe(Surface):
-    """A new line on standard error for each update, for files and other programs."""
+    """A new line on standard error for each update."""
 
     first_s = 10.0
     period_s = 10.0

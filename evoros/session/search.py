@@ -25,7 +25,7 @@ from evoros.storage.run_folder import RunFolder
 from evoros.terminal.activity import tell_slow
 from evoros.terminal.log import LOGGER, log_progress
 
-UNUSED: dict[str, object] = {  # keys that only evaluations use, and their values in a search
+UNUSED: dict[str, object] = {  # keys that only evaluations use, with their values in a search
     "requirements": {},
     "worst_cases": None,
     "evaluation_draws": EVALUATION,
@@ -51,18 +51,18 @@ def build_search(config: Configuration) -> Experiment:
 
 @dataclass
 class Search(Watcher):
-    """A search, which also receives the progress of its evolution."""
+    """A search, which watches its own evolution to record the progress."""
 
     experiment: Experiment
     folder: RunFolder
     generations: int
-    extended: bool = False  # True if it may have ended at a different generation
+    extended: bool = False  # whether the search may already have ended at a different generation
     last: Generation | None = None
-    certificate: Certificate | None = None  # None until the end
-    reason: str = ""  # the limits that ended the search, if any
-    # processor time [s] of selection and confirmation up to the end of each generation
+    certificate: Certificate | None = None  # None until the search ends
+    reason: str = ""  # the limits that ended the search; empty if none did
+    # cumulative processor time [s] of selection and confirmation, one entry per generation
     processor_s: list[float] = field(init=False)
-    tell: Tell = ignore  # tells observers the number of recorded generations
+    tell: Tell = ignore  # notifies observers of the number of recorded generations
 
     def __post_init__(self) -> None:
         self.processor_s = list(self.folder.read_status().get("processor_s", ()))
@@ -70,11 +70,11 @@ class Search(Watcher):
 
     @property
     def amount(self) -> str:
-        """Size of the search, for the log."""
+        """The size of the search, for the log."""
         return write_count(self.generations, "generation")
 
     def describe(self) -> dict[str, Any]:
-        """Return the fields of ``status.json`` that only a search has."""
+        """Return the fields of ``status.json`` that are specific to searches."""
         last, certificate = self.last, self.certificate
         fields = {
             "generations": self.generations,
@@ -91,7 +91,7 @@ class Search(Watcher):
         return fields if certificate is None else {**fields, **certificate.summary}
 
     def list_first(self) -> Iterator[tuple[Scenario, Mission]]:
-        """Yield the first mission for each controller of the search."""
+        """Yield the first mission, and the first for a different confirming controller."""
         experiment = self.experiment
         individual = experiment.start_search().ask()[0]
         design = experiment.space.decode(individual.genome)
@@ -101,7 +101,7 @@ class Search(Watcher):
             yield experiment.confirming, plan.confirmation(0, individual.id, design)[0]
 
     def run(self, pool: Pool, status: Status) -> None:
-        """Run to the end, as ``Session.run`` does."""
+        """Complete the search, as in ``Session.run``."""
         self._status, experiment = status, self.experiment
         missions, bounds = experiment.scored_missions, experiment.fitness_bounds
         if foreseen := foresee_trials(experiment.validation, missions, bounds):
@@ -112,7 +112,7 @@ class Search(Watcher):
         self.folder.complete(ending.last.number + 1, self.extended)
 
     def _stops(self, spent: Spent) -> bool:
-        """Note a generation's cost; return True at a limit, unless recorded generations follow."""
+        """Record a generation's cost; return True at a limit if no recorded generations follow."""
         spent.wall_s = self._status.wall_s
         if len(self.processor_s) == spent.generations - 1 >= self._recorded:
             self.processor_s.append(round(self._before + spent.processor_s, 3))
@@ -121,7 +121,7 @@ class Search(Watcher):
         return bool(self.reason)
 
     def begin(self, generation: int, missions: int, known: int) -> None:
-        """Show the number of missions needed."""
+        """Show the number of missions in a generation."""
         self._status.display.begin(generation, missions, known)
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:

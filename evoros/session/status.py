@@ -19,14 +19,14 @@ from evoros.storage.digests import Repair
 from evoros.storage.run_folder import RunFolder
 from evoros.terminal.log import LOGGER, log_to_file
 
-UPDATE_S = 5.0  # minimum interval between updates of ``status.json`` during missions
+UPDATE_S = 5.0  # minimum interval [s] between updates of ``status.json`` during missions
 
 
 class Display(Watcher):
-    """A watcher that also shows the start of a run; its methods do nothing by default."""
+    """A watcher that is also notified when a run starts; its methods do nothing by default."""
 
     def start(self, generations: int) -> None:
-        """Show the start of a run of which ``generations`` are to be run."""
+        """Show the start of a run with ``generations`` generations to run."""
 
 
 class NoDisplay(Display):
@@ -35,7 +35,7 @@ class NoDisplay(Display):
 
 @dataclass
 class Status:
-    """Writes ``status.json``, and counts the missions of this session only."""
+    """Writes ``status.json``; counts only the missions of this session."""
 
     folder: RunFolder
     display: Display
@@ -43,16 +43,16 @@ class Status:
     missions: int = 0
     simulated_s: float = 0.0
     started: float = field(default_factory=time.monotonic)
-    written: float = 0.0  # [s], time.monotonic() at the last update
-    finished: bool = False  # True after the final state, which errors in figures do not change
+    written: float = 0.0  # time.monotonic() [s] at the last update
+    finished: bool = False  # whether the final state is written
 
     @property
     def wall_s(self) -> float:
-        """The wall-clock time [s] of this session."""
+        """The wall-clock time [s] since the start of this session."""
         return time.monotonic() - self.started
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
-        """Count a recorded mission, and show the progress; log the reason if the mission failed."""
+        """Count a recorded mission, show the progress, and log why a mission failed."""
         self.missions += 1
         outcome = judge(outcomes)
         self.simulated_s += outcome.time_s
@@ -80,13 +80,13 @@ class Status:
 
     @contextmanager
     def track(self, earlier: Sequence[LogRecord]) -> Iterator[None]:
-        """Log to the folder, and write the status when the run starts and ends."""
+        """Log to the run folder, and write the status when the session starts and ends."""
         with log_to_file(self.folder.path / layout.LOG, earlier):
             self.write(layout.RUNNING)
             try:
                 yield
             except BaseException as error:
-                LOGGER.debug("stopped", exc_info=True)  # the traceback goes only to the file
+                LOGGER.debug("stopped", exc_info=True)  # the traceback is logged only to the file
                 self.write(layout.STOPPED, _explain_stop(error))
                 if isinstance(error, SystemExit):  # a part called exit()
                     raise RunStopped(f"SystemExit: {error}") from error
@@ -104,7 +104,7 @@ CONSEQUENCES = {
     layout.MISSIONS: "missions without rows are repeated",
     layout.DIGESTS: "rewritten for the known files",
 }
-"""The consequences of a problem in each file that has no backup copy."""
+"""Consequences of a lost or damaged file, for files without a backup copy."""
 
 
 def log_repair(repair: Repair) -> None:
@@ -129,8 +129,8 @@ def log_repair(repair: Repair) -> None:
 
 
 KILLED, BEGUN = "killed", "begun"
-"""States of a run that was killed, and of a run that has no status yet."""
-SILENT_S = 3 * UPDATE_S  # age of a status beyond which its process may have ended
+"""States of a run that was killed, and of a run without a status."""
+SILENT_S = 3 * UPDATE_S  # age [s] of a status after which the process is assumed to have ended
 
 
 @dataclass(frozen=True)
@@ -139,24 +139,24 @@ class Overview:
 
     path: Path
     state: str  # running, finished, stopped, killed or begun
-    units: str  # generations of a search, or designs of an evaluation
-    done: int  # number of finished units
+    units: str  # "generations" for a search, "designs" for an evaluation
+    done: int  # number of completed units
     wanted: int
     best: float | None  # fitness
     validated: float | None  # fitness of the best design on fresh draws
     missions: int
     speed: float | None  # simulated seconds per wall-clock second in the last session
-    left_s: float | None  # [s], wall clock; None unless running
+    left_s: float | None  # remaining wall-clock time [s]; None unless running
     reason: str  # reason why the run stopped
 
 
 COLUMNS = ("state", "done", "best", "validated", "missions", "sim s/s", "left")
-"""The columns after the names in a table of folders."""
+"""The columns that follow the folder names in a table of runs."""
 UNKNOWN = "-"
 
 
 def list_cells(overview: Overview) -> tuple[str, ...]:
-    """List the cells for ``COLUMNS``."""
+    """Return the table cells for ``COLUMNS``."""
     return (
         overview.state,
         f"{overview.done}/{overview.wanted}" if overview.wanted else UNKNOWN,
@@ -169,7 +169,7 @@ def list_cells(overview: Overview) -> tuple[str, ...]:
 
 
 def write_clock(seconds: float) -> str:
-    """Write a duration [s] as hours, minutes and seconds."""
+    """Format a duration [s] as hours, minutes and seconds."""
     return str(timedelta(seconds=round(seconds)))
 
 
@@ -178,7 +178,7 @@ def _format(value: float | None, digits: int) -> str:
 
 
 def survey(folder: Path) -> Overview:
-    """Read the state of a folder, whose files may be missing or changing."""
+    """Read the state of a run folder; files may be missing or may change during the reading."""
     status = layout.read_json(folder / layout.STATUS)
     units = "generations" if "generations" in status else "designs"
     wall, simulated = status.get("session_wall_s"), status.get("session_simulated_s")
@@ -208,7 +208,7 @@ def _find_state(folder: Path, status: Mapping[str, Any]) -> str:
 
 def is_locked(folder: Path) -> bool:
     """Return True if a process has the folder open for writing."""
-    if not (folder / layout.MISSIONS).is_file():  # a named pipe would block when opened
+    if not (folder / layout.MISSIONS).is_file():  # opening a named pipe would block
         return False
     try:
         with (folder / layout.MISSIONS).open("rb") as missions:
@@ -219,7 +219,7 @@ def is_locked(folder: Path) -> bool:
 
 
 def _estimate_left(status: Mapping[str, Any]) -> float | None:
-    """Estimate the remaining time [s], if later generations need as many missions as past ones."""
+    """Estimate the remaining time [s] if later generations run as many missions as earlier ones."""
     names = ("missions", "session_missions", "session_wall_s")
     missions, of_session, wall = (status.get(name) for name in names)
     wanted: float | None = status.get("missions_wanted")

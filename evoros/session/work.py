@@ -1,4 +1,4 @@
-"""The figures of a run, and the pool that executes its missions."""
+"""Draws the figures of a run, and opens the pool for its missions."""
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
@@ -14,17 +14,17 @@ from evoros.storage.layout import REQUIREMENTS, WORST_CASES, evaluates
 from evoros.terminal.activity import announce
 from evoros.terminal.log import LOGGER, silence_unwritable
 
-FIGURES = "figures"  # folder in the run folder
+FIGURES = "figures"  # subfolder of the run folder
 WORST, PAGE = "worst", "requirements"  # figures of an evaluation
 DrawFigures: TypeAlias = Callable[[Path, str, Path], Sequence[str]]
-"""Picklable function that draws a figure into a folder, the picture last; returns warnings.
+"""Picklable function that draws a figure and returns warnings; it writes the picture last.
 
 Its arguments are the run folder, the figure's name and the folder to draw into.
 """
 
 
 def list_figures(run: Path, configured: Sequence[str]) -> Sequence[str]:
-    """List the configured figures of a search, or the figures for an evaluation's results."""
+    """List the configured figures of a search, or the figures that show an evaluation's results."""
     if not evaluates(run):
         return configured
     results = {WORST: WORST_CASES, PAGE: REQUIREMENTS}
@@ -32,7 +32,7 @@ def list_figures(run: Path, configured: Sequence[str]) -> Sequence[str]:
 
 
 def draw_figures(run: Path, names: Sequence[str], pool: Pool, draw: DrawFigures) -> None:
-    """Draw the missing figures of a finished run, and log their folder; errors become warnings."""
+    """Draw the missing figures of a finished run, and log their folder; log errors as warnings."""
     missing = [name for name in names if not has_figure(run, name)]
     if missing:
         workers = min(len(missing), available_cores())
@@ -49,7 +49,7 @@ def _draw_missing(run: Path, names: Sequence[str], pool: Pool, draw: DrawFigures
     for name, call in calls.items():
         try:
             warnings = call.result()
-        except CancelledError:  # the run is interrupted
+        except CancelledError:  # the run was interrupted
             raise
         except Exception as error:
             warnings = [f"cannot be drawn ({type(error).__name__}: {single_line(error)})"]
@@ -58,7 +58,7 @@ def _draw_missing(run: Path, names: Sequence[str], pool: Pool, draw: DrawFigures
 
 
 def discard_figures(run: Path, names: Sequence[str]) -> None:
-    """Delete figures that become outdated when the run goes on."""
+    """Delete the figures that continuing the run makes outdated."""
     files = [file for name in names for file in _list_files(run, name)]
     for file in files:
         file.unlink()
@@ -71,14 +71,14 @@ def _list_files(run: Path, name: str) -> list[Path]:
 
 
 def has_figure(run: Path, name: str) -> bool:
-    """Return True if a figure's picture, which is written last, exists and no file is empty."""
+    """Return True if a figure's picture, written last, exists and none of its files is empty."""
     files = _list_files(run, name)
     pictures = [file for file in files if file.stem == name and file.suffix != ".csv"]
     return bool(pictures) and all(file.stat().st_size for file in files)
 
 
 PoolOpener: TypeAlias = Callable[[Executor], AbstractContextManager[Pool]]
-"""Opens the pool for an executor's missions; the jobs of a sweep share a single pool."""
+"""Opens the pool for an executor's missions; all jobs of a sweep share one pool."""
 
 
 @contextmanager
@@ -86,6 +86,6 @@ def open_pool(executor: Executor) -> Iterator[Pool]:
     """Open a pool for a single run."""
     silence_unwritable()
     with ExitStack() as stack:
-        with announce("starting workers"):  # may take minutes on a cluster
+        with announce("starting workers"):  # can take minutes on a cluster
             pool = stack.enter_context(executor.open())
         yield pool

@@ -1,4 +1,4 @@
-"""The search for worst cases of given designs, and the worst missions for unmet requirements."""
+"""The search for worst cases of given designs, and the worst mission for each unmet requirement."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -33,20 +33,20 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class WorstCaseRun:
-    """The search for worst cases in an evaluation whose folder is open."""
+    """The search for worst cases in an evaluation that has an open folder."""
 
     experiment: Experiment
     settings: WorstCases
     designs: Sequence[NamedDesign]
-    rates: Sequence[Mapping[str, float]]  # fraction of completed trials by world, per design
-    # number of conditions per design; worst cases are numbered from this number on
+    rates: Sequence[Mapping[str, float]]  # fraction of completed trials per design, by world
+    # number of conditions per design; worst cases are numbered from here
     conditions: Sequence[int]
     folder: RunFolder
     dispatcher: Dispatcher
     status: Status
 
     def run(self) -> None:
-        """Find and write the worst cases, from recorded outcomes, so that resuming is exact."""
+        """Search for the worst cases, and write them; recorded outcomes make resuming exact."""
         scenario = self.experiment.scenario_under(STATED)
         rows: list[Sequence[object]] = [COLUMNS]
         for index, design in enumerate(self.designs):
@@ -112,7 +112,7 @@ class WorstCaseRun:
 
 
 Missing = dict[MissionKey, tuple[Mission, Outcomes]]
-"""Missions without a stored trajectory, and their recorded outcomes."""
+"""Missions without a stored trajectory, with their recorded outcomes."""
 
 
 def keep_worst(
@@ -127,7 +127,7 @@ def keep_worst(
     by_id = {index: named.design for index, named in enumerate(designs)}
     keyed = [(folder.read_mission(row)[0], row) for row in _list_worst(folder)]
     worst = [plan_row(experiment, by_id, key, row) for key, row in keyed]
-    if not folder.keeps_all:  # extending an evaluation may change which missions are the worst
+    if not folder.keeps_all:  # extending an evaluation may change which missions are worst
         folder.drop_trajectories([mission for mission, _ in worst])
     missing: dict[Scenario, Missing] = {}
     for mission, scenario in worst:

@@ -1,4 +1,4 @@
-"""The subcommand ``archive``, which packs a study and its inputs into one reproducible file."""
+"""The subcommand ``archive``, which packs a study and its inputs into a reproducible archive."""
 
 from collections.abc import Sequence
 from pathlib import Path

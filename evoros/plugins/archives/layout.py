@@ -1,4 +1,4 @@
-"""Paths of runs and their input files in an archive."""
+"""The paths of runs and their input files in an archive."""
 
 import csv
 import os
@@ -20,22 +20,22 @@ from evoros.storage.layout import DESIGN_FILE, OVERRIDES, SWEEP
 _SYSTEM = ("/bin", "/dev", "/etc", "/lib", "/lib64", "/proc", "/run", "/sys", "/usr")
 _COMPILED = ("__pycache__", ".git")
 _ADDRESS = re.compile(r"filename=\"file://([^\"]+)\"")
-_DESCRIBING = ("package.xml", "CMakeLists.txt")  # ROS tools read these from every known package
+_DESCRIBING = ("package.xml", "CMakeLists.txt")  # ROS tools read these files of every package
 _BETWEEN = re.compile(r"[=\[\],'\"]")
 
 
 @dataclass(frozen=True)
 class Layout:
-    """A mapping from full folder paths to archive paths."""
+    """Maps full folder paths to archive paths."""
 
     places: Mapping[Path, str]
 
     @classmethod
     def around(cls, folders: Iterable[Path], home: Path | None) -> "Layout":
-        """Place folders so that relative paths between them remain valid.
+        """Assign archive paths so that relative paths between the folders remain valid.
 
-        Folders whose only common parent is above the user's ``home`` are placed side by side,
-        because paths from that parent contain the user's name.
+        Folders whose only common parent is above the user's ``home`` become neighbours, because
+        paths from that parent contain the user's name.
         """
         given = dict.fromkeys(folders)
         tops = [one for one in given if not any(other in one.parents for other in given)]
@@ -57,7 +57,7 @@ class Layout:
         return cls(places)
 
     def place(self, path: Path) -> str:
-        """Return the archive path of a file or folder in one of these folders."""
+        """Return the archive path of a file or folder inside a mapped folder."""
         above = next(folder for folder in (path, *path.parents) if folder in self.places)
         place = _join(self.places[above], path.relative_to(above))
         if escape(place) != place:
@@ -67,11 +67,11 @@ class Layout:
         return place
 
     def holds(self, path: Path) -> bool:
-        """Return True if a file is in one of the folders."""
+        """Return True if a file is inside a mapped folder."""
         return any(folder in self.places for folder in path.parents)
 
     def relocation(self, working: str, others: Mapping[str, str]) -> Relocation:
-        """Return ``others`` plus the folders' paths relative to a working folder in the archive."""
+        """Return ``others`` plus the mapped folders' paths relative to the archive's folder."""
         named = {str(path): place for path, place in self.places.items() if len(path.parts) > 1}
         inside = {path: os.path.relpath(place, working) for path, place in named.items()}
         return Relocation({**others, **inside})
@@ -82,7 +82,7 @@ def _join(place: str, rest: Path) -> str:
 
 
 def list_places(folders: Sequence[Path]) -> dict[Path, str]:
-    """Return the archive paths of all runs' folders."""
+    """Return the archive path of each run folder."""
     places: dict[Path, str] = {}
     for top in folders:
         for folder in list_finished(top, "archived"):
@@ -103,9 +103,10 @@ def place_inside(top: Path, path: Path) -> str:
 
 
 def place_named(folder: Path, manifest: Mapping[str, Any], tops: Sequence[Path]) -> dict[str, str]:
-    """Map each folder that the files of a run or evaluation may name to its archive path.
+    """Map each folder that may appear in the files of a run or evaluation to its archive path.
 
-    These are ``tops``, the sweep, and sources of designs; outside ``tops``, only the name is kept.
+    These are ``tops``, the sweep, and sources of designs; of a folder outside ``tops``, only the
+    name is kept.
     """
     both = ((top, path) for top in tops for path in (top.absolute(), top.resolve()))
     places = {str(path): place_inside(top, top) for top, path in both}
@@ -136,7 +137,7 @@ def list_parts(folder: Path) -> Iterator[Path]:
 
 
 def list_read(reads: Iterable[Path], experiment: Experiment, folder: Path) -> set[Path]:
-    """Return the user's files that building the run in a folder has read."""
+    """Return the user's files that were read while the run in ``folder`` was built."""
     robots = [experiment.robot, *(agent.robot for agent in experiment.agents.values())]
     meshes = (_ADDRESS.findall(robot.urdf) for robot in robots if robot is not None)
     paths = {*reads, *(Path(name) for names in meshes for name in names)}
@@ -155,7 +156,7 @@ def list_read(reads: Iterable[Path], experiment: Experiment, folder: Path) -> se
 
 
 def find_top(file: Path) -> Path:
-    """Return the folder that is archived with a file: the file's ROS package or parent folder."""
+    """Return the folder to archive with a file: its ROS package, or the folder that contains it."""
     return next((p for p in file.parents if (p / _DESCRIBING[0]).is_file()), file.parent)
 
 

@@ -62,12 +62,12 @@ class RunFacts:
 
 @dataclass(frozen=True)
 class StudyFacts:
-    """The content of an archive, as described in its metadata."""
+    """The content of an archive, for its metadata."""
 
     name: str
     version: str  # version of evoros
     runs: Sequence[RunFacts]
-    files: Mapping[str, int]  # sizes [bytes] of all files except the metadata
+    files: Mapping[str, int]  # size [bytes] of each file except the metadata
     licence: str | None  # SPDX identifier
     authors: Sequence[str]
 
@@ -155,7 +155,7 @@ def _describe_run(run: RunFacts, facts: StudyFacts) -> list[Entity]:
 
 
 def _refer(names: Sequence[str]) -> Any:
-    """Return references to files: a list, or a single reference, as is customary in RO-Crates."""
+    """Return references to files: a list or, as is customary in RO-Crates, a single reference."""
     parts = [{"@id": quote(name, safe="#/")} for name in names]
     return parts[0] if len(parts) == 1 else parts
 
@@ -185,7 +185,7 @@ def _describe_file(name: str, facts: StudyFacts) -> Entity:
 
 
 def check_licence(identifier: str | None) -> None:
-    """Require that the licence, if given, is an SPDX identifier."""
+    """Check that the licence, if given, is an SPDX identifier."""
     if identifier is not None and not _IDENTIFIER.fullmatch(identifier):
         raise InputError(
             f"--license: must be an SPDX identifier such as CC-BY-4.0, not {identifier!r}; choose "
@@ -212,7 +212,7 @@ def _describe_licence(identifier: str | None) -> dict[str, Any]:
 def write_readme(
     facts: StudyFacts, code: RecordedCode, archive: str, own_parts: str | None
 ) -> bytes:
-    """Return the content of ``README.md`` for an archive with this file name."""
+    """Return the content of ``README.md`` for an archive with the file name ``archive``."""
     template = Template(
         _README.read_text(encoding="utf-8"),
         trim_blocks=True,

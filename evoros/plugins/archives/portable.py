@@ -1,6 +1,6 @@
-"""The files of a finished run or evaluation for an archive, free of machine-specific paths.
+"""Makes the files of a finished run or evaluation portable: without machine-specific paths.
 
-Hashes in changed files are recomputed, so that equal runs have equal files on all machines.
+Digests of changed files are recomputed, so that equal runs have equal files on all machines.
 """
 
 from collections.abc import Iterator, Mapping
@@ -16,13 +16,13 @@ from evoros.storage.layout import read_bytes, read_sealed, seal_json, seal_rows
 from evoros.storage.manifest import hash_sources
 from evoros.storage.run_key import STATUS_KEY, read_key
 
-LEFT_OUT = (layout.LOG, layout.LOST, layout.DAMAGED)  # not needed to use the run
+LEFT_OUT = (layout.LOG, layout.LOST, layout.DAMAGED)  # files that are not needed to use a run
 TEXTS = (".csv", ".json", ".yaml", ".urdf", ".sdf", ".xml", ".md", ".html")
 
 
 @dataclass(frozen=True)
 class PortableRun:
-    """A finished folder and its experiment, with archive paths, free of machine-specific paths."""
+    """A finished run and its experiment, with archive paths instead of machine-specific paths."""
 
     folder: Path
     experiment: Experiment
@@ -83,7 +83,7 @@ class PortableRun:
 
 
 def list_files(folder: Path) -> list[str]:
-    """List the files of a folder that are archived, except for the manifest and the digests."""
+    """List the files of a folder to archive, except the manifest and the digests."""
     files = (path for path in folder.rglob("*") if path.is_file())
     names = sorted(path.relative_to(folder).as_posix() for path in files)
     hidden = [name for name in names if any(part.startswith(".") for part in name.split("/"))]

@@ -1,4 +1,4 @@
-"""The subcommand ``reproduce``, which reruns a folder from its records and compares all bytes."""
+"""The subcommand ``reproduce``, which reruns recorded runs and compares all bytes."""
 
 from argparse import ArgumentParser
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Reproduction of archives, which executes the code that they contain."""
+"""Reproduces archives by executing the code in them."""
 
 from collections.abc import Iterator
 from contextlib import chdir, contextmanager
@@ -19,22 +19,22 @@ from evoros.terminal.log import warn_left_out
 
 @dataclass(frozen=True)
 class Prepared:
-    """Recorded runs, and a folder in which they can be rerun."""
+    """Recorded runs, and a folder for rerunning them."""
 
     source: Path
     output: Path
     config_dir: Path | None
-    base: Path | None = None  # folder with the unpacked inputs of an archive
+    base: Path | None = None  # folder with the unpacked inputs of an archive, if any
 
     def relocation(self, folder: Path) -> archives.Relocation:
-        """Return the new paths of inputs that have moved since the run was recorded."""
+        """Return the new paths of inputs that have moved since the recording."""
         if self.base is None:
             return archives.NOWHERE
         working = read_json(folder / MANIFEST)["working_directory"]
         return Layout({self.base / archives.INPUTS: archives.INPUTS}).relocation(working, {})
 
     def compare(self) -> Diff:
-        """Compare the recorded runs with the new ones, in archived form if they are archived."""
+        """Compare the recorded runs with the new runs, in archived form if they were archived."""
         if self.base is None:
             return diff_runs(self.source, self.output)
         with TemporaryDirectory(prefix="evoros-") as scratch:
@@ -56,7 +56,7 @@ class Prepared:
 
 @contextmanager
 def prepare(source: Path, output: Path, config_dir: Path | None) -> Iterator[Prepared]:
-    """Prepare a folder or an archive (unpacked into ``output``, made current) to rerun its runs."""
+    """Prepare the runs in a folder or archive (unpacked into ``output``) for a rerun."""
     archive = archives.find_archive(source)
     if archive is None:
         yield Prepared(source, output, config_dir)

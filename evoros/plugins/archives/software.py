@@ -1,4 +1,4 @@
-"""The software in an archive: packages, and evoros's code, licence and citation."""
+"""The software in an archive: packages, and the code, licence and citation of evoros."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,21 +13,21 @@ from evoros.files.resources import PACKAGE
 from evoros.storage.circumstances import OWN, normalize
 from evoros.storage.tables import to_csv
 
-_OF_INSTALLER = ("INSTALLER", "REQUESTED", "RECORD", "direct_url.json")  # not of the package
+_OF_INSTALLER = ("INSTALLER", "REQUESTED", "RECORD", "direct_url.json")  # written by installers
 FOLDER = "software"
 
 
 @dataclass(frozen=True)
 class RecordedCode:
-    """The commits of evoros with which some runs were made, and any uncommitted changes."""
+    """The commits of evoros that made some runs, and uncommitted changes."""
 
     commits: Sequence[str]  # unique
-    changed: bool  # True if any run had uncommitted changes
-    patch: bytes | None  # the uncommitted changes; None if there are none or they are unknown
+    changed: bool  # whether any run had uncommitted changes
+    patch: bytes | None  # the uncommitted changes; None if there are none or if they are unknown
 
 
 def read_code(manifests: Sequence[Mapping[str, Any]]) -> RecordedCode:
-    """Return the code of runs; the patch is known only in a checkout of the runs' single commit."""
+    """Return the code of runs; the patch is known only if all used the commit checked out here."""
     known = (manifest.get("commit") for manifest in manifests)
     commits = list(dict.fromkeys(commit for commit in known if commit))
     changed = any(manifest.get("dirty") for manifest in manifests)
@@ -54,7 +54,7 @@ def list_software(
 
 
 def _read_own(name: str) -> bytes | None:
-    """Read a file from the root of evoros's checkout, or from the metadata of its wheel."""
+    """Read a file from the root of evoros's checkout, or from its wheel."""
     places = [PACKAGE.parent / name, PACKAGE / name]
     if not (PACKAGE.parent / "pyproject.toml").is_file():
         places = [PACKAGE / name]
@@ -85,7 +85,7 @@ def _list_versions(manifests: Iterable[Mapping[str, Any]]) -> dict[str, str]:
 
 
 def _hash(name: str, version: str) -> str:
-    """Return a digest of a package's files; empty unless this version is installed."""
+    """Return a digest of a package's files, or "" unless this version is installed."""
     found = _find(name)
     if found is None or found.version != version:
         return ""

@@ -1,4 +1,4 @@
-"""Writes archives: runs, input files, software, metadata and a README."""
+"""Writes archives, which contain runs, input files, software, metadata and a README."""
 
 import os
 import re
@@ -58,7 +58,7 @@ def is_telling(host: str) -> bool:
 
 
 class Secrets:
-    """Strings that must not occur in an archive; ``harmless`` ones, such as a commit, may."""
+    """Strings that an archive must not contain, except within ``harmless`` strings like commits."""
 
     def __init__(
         self, paths: Iterable[Path], harmless: Collection[str], environment: Mapping[str, str]
@@ -87,7 +87,7 @@ class Secrets:
         return re.compile(b"|".join(map(_match, texts)))
 
     def require_none(self, name: str, content: bytes) -> None:
-        """Require that neither the name nor the content of a file contains a secret."""
+        """Check that neither the name nor the content of a file contains a secret."""
         if not any(os.fsencode(text) in content or text in name for text in self._texts):
             return
         match = self._pattern.search(content) or self._pattern.search(os.fsencode(name))
@@ -102,7 +102,7 @@ class Secrets:
 
 
 def _match(text: str) -> bytes:
-    """Return the pattern for a string; a path does not match the start of a longer name."""
+    """Return the pattern for a string; a path does not match the start of a longer file name."""
     pattern = re.escape(os.fsencode(text))
     return rb"(?<![\w.-])" + pattern + rb"(?![\w-])" if os.path.isabs(text) else pattern
 
@@ -125,21 +125,21 @@ class _Source:
     manifest: Mapping[str, Any]
     experiment: Experiment
     reads: frozenset[Path]
-    named: Mapping[str, str]  # archive paths of folders that the files may name, by full path
+    named: Mapping[str, str]  # archive path of each folder that the files may name, by full path
 
     @property
     def working(self) -> Path:
-        """The folder in which the run was started, or the current folder if that one is missing."""
+        """The folder in which the run was started or, if missing, the current folder."""
         return self.origin if self.origin.is_dir() else Path.cwd()
 
     @property
     def origin(self) -> Path:
-        """The folder in which the run was started, perhaps on another machine."""
+        """The folder in which the run was started, possibly on another machine."""
         return Path(self.manifest["working_directory"])
 
 
 def write_archive(request: Request) -> int:
-    """Build all experiments, write the archive and return the number of files in it."""
+    """Build all experiments, write the archive, and return the number of archived files."""
     metadata.check_licence(request.licence)
     if request.output.exists():
         raise InputError(
@@ -213,7 +213,7 @@ def _list_content(
 ) -> Iterator[tuple[str, bytes]]:
     for path in inputs:
         place, content = layout.place(path), read_input(path)
-        if path.suffix == ".yaml":  # paths are as typed; the runs contain copies
+        if path.suffix == ".yaml":  # paths as typed; the runs contain copies of these files
             content = _relocation(sources[0], layout).relocate_bytes(content)
         yield place, content
     for source in sources:
@@ -237,7 +237,7 @@ def _relocation(source: _Source, layout: Layout) -> archives.Relocation:
     others = {} if home is None else {str(home): "~"}
     others |= {str(source.origin): ".", **source.named}
     others[str(source.folder.resolve())] = source.place
-    if is_telling(socket.gethostname()):  # a cluster scheduler's address may contain the name
+    if is_telling(socket.gethostname()):  # a cluster scheduler's address may contain it
         others[socket.gethostname()] = LOCAL
     others.pop("/", None)
     return layout.relocation(layout.place(source.working), others)
@@ -260,7 +260,7 @@ def _secrets(sources: Sequence[_Source], request: Request) -> Secrets:
 def _write(
     output: Path, files: Iterator[tuple[str, bytes]], folders: Sequence[str], secrets: Secrets
 ) -> int:
-    """Write the files and then their checksums; if this fails, leave no file behind."""
+    """Write the files and then their checksums; leave no file behind on failure."""
     digests: dict[str, str] = {}
     total = 0
     output.parent.mkdir(parents=True, exist_ok=True)

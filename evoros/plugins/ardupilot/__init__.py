@@ -1,4 +1,4 @@
-"""The ArduPilot Rover firmware as the controller, in lock-step with the mission."""
+"""The ArduPilot Rover firmware as a controller, in lock-step with the mission."""
 
 from evoros.files.plugins import Plugin
 

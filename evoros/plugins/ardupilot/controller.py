@@ -1,6 +1,7 @@
-"""The ArduPilot Rover firmware as the controller (SITL), in lock-step with the mission.
+"""The ArduPilot Rover firmware (SITL) as a controller, in lock-step with the mission.
 
-It drives in mode AUTO or, while an avoidance layer sees an obstacle, obeys the layer in MANUAL.
+The autopilot drives in mode AUTO; while an avoidance layer sees an obstacle, the autopilot follows
+the layer's commands in mode MANUAL.
 """
 
 import math
@@ -25,8 +26,8 @@ from evoros.controller.protocol import LAYER_ARGUMENTS, Briefing, Pilot
 from evoros.plugins.ardupilot.mavlink import RELEASED, GroundStation, accept, dialect
 from evoros.plugins.ardupilot.sitl import NO_PULSE, SitlFrames, share_core
 
-HOME = (42.0, -83.0)  # latitude and longitude [deg] of the world's origin; the x axis points north
-METRES_PER_DEGREE = 111318.84502145034  # ArduPilot's value along a meridian
+HOME = (42.0, -83.0)  # latitude and longitude [deg] of the world's origin; x points north
+METRES_PER_DEGREE = 111318.84502145034  # length of a degree along a meridian, as in ArduPilot
 MANUAL, AUTO = 0, 10
 CENTRE_US, SPAN_US = 1500, 500
 STEERING_SERVO, THROTTLE_SERVO = 0, 2
@@ -34,11 +35,11 @@ AVOIDING, NAVIGATING = 1, 2
 BEYOND_M = 1.0
 """Distance [m] beyond its range that a silent sonar reports; otherwise, the last value remains."""
 ASKED_AT_ONCE, ANSWER_S = 5, 2.0
-"""Number of parameters requested at once, and time limit [simulated s] for the answers."""
+"""Number of parameters per request, and simulated time limit [s] for the answers."""
 
 
 class ArduPilotPilot:
-    """The autopilot and the avoidance layer that can override it."""
+    """The autopilot, and the avoidance layer that can override it."""
 
     def __init__(
         self,
@@ -53,7 +54,7 @@ class ArduPilotPilot:
         self._full_speed, self._full_lock = drive.max_speed_mps, drive.steering_limit
         finders = ardupilot_parameters.list_range_finders(robot)
         self._nothing_seen = [float(sensor.range_max_m) for _, sensor in finders]
-        # The index of each range finder's reading, and the range to report without a reading.
+        # Index of the reading of each range finder, and the value to report without a reading.
         self._finders = [
             (robot.layout[mount].start, limit + BEYOND_M)
             for (mount, _), limit in zip(finders, self._nothing_seen, strict=True)
@@ -75,7 +76,7 @@ class ArduPilotPilot:
         self._avoiding = False
 
     def warm_up(self) -> None:
-        """Bring the autopilot into AUTO mode, at rest at home and with nothing in sight."""
+        """Bring the autopilot into mode AUTO, at rest at home with no obstacle in sight."""
         station, settings = self._station, self._settings
         self._frames.connect(settings.start_limit_s)
         self._frames.receive(settings.start_limit_s, None)
@@ -93,11 +94,11 @@ class ArduPilotPilot:
     def exchange(
         self, time: float, state: Array, leg: Array, readings: Array, command: Array
     ) -> int:
-        """Send messages while the autopilot waits, then the state; read the servo outputs."""
+        """Exchange messages while the autopilot waits; send the state, and read servo outputs."""
         if self._tick % self._second == 0:
             self._station.send_heartbeat()
         if self._tick % self._avoid_every == 0:
-            self._station.read(time)  # only the avoidance layer depends on these messages
+            self._station.read(time)  # only the avoidance layer reads these messages
             self._avoid(time, state, leg, readings)
         self._tick += 1
         x, y, yaw, speed, rate, _ = state.tolist()
@@ -140,14 +141,14 @@ class ArduPilotPilot:
         return self._frames.receive(self._settings.answer_limit_s, time)
 
     def rest(self) -> None:
-        """Simulate one frame at rest at home."""
+        """Simulate one frame with the robot at rest at home."""
         self._advance(self._at_home, (0.0, 0.0), self._nothing_seen, None)
         self._station.read(None)
 
     def _wait(
         self, what: str, is_done: Callable[[], bool], ask: Callable[[], None] | None = None
     ) -> None:
-        """Rest until ``is_done``, with a heartbeat and a call of ``ask`` every simulated second."""
+        """Simulate rest until ``is_done``; send a heartbeat and ``ask`` every simulated second."""
         for frame in range(math.ceil(self._settings.warm_up_s / self.period_s)):
             if frame % self._second == 0:
                 self._station.send_heartbeat()
@@ -166,7 +167,7 @@ class ArduPilotPilot:
         )
 
     def _check_parameters(self) -> None:
-        """Require that the autopilot knows the given parameters; it ignores unknown ones."""
+        """Check that the autopilot knows all given parameters; it ignores unknown parameters."""
         station, names = self._station, list(self._settings.parameters)
         for first in range(0, len(names), ASKED_AT_ONCE):
             asked = names[first : first + ASKED_AT_ONCE]
@@ -198,20 +199,21 @@ def _to_width(demand: float) -> int:
 
 PARAMETERS_FILE = "evoros.parm"
 SOCKETS = {"servos": "udp", "mavlink": "tcp", "radio": "port"}
-START_TIME = 1_500_000_000  # arbitrary initial time of the autopilot's clock [s]
-NO_LIMIT = 1000  # maximum speed relative to real time, never reached
+START_TIME = 1_500_000_000  # initial time [s] of the autopilot's clock, arbitrary
+NO_LIMIT = 1000  # maximum ratio of simulated to real time, never reached
 
 
 @dataclass(frozen=True, kw_only=True)
 class ArduPilot(ardupilot_parameters.ArduPilotSettings):
-    """A controller that starts ``binary``, an ardurover built for simulation, in each mission.
+    """A controller that runs ``binary``, an ardurover built for simulation, in each mission.
 
-    It starts armed, in mode AUTO, with its route; README.md describes inputs and outputs.
+    Each mission starts armed in mode AUTO, with the route loaded; README.md describes inputs and
+    outputs.
     """
 
     @property
     def modes(self) -> tuple[str, str]:
-        """The mode of the avoidance layer, and ``navigating`` for AUTO."""
+        """The modes: the avoidance layer's, and ``navigating`` for AUTO."""
         return self.avoidance.mode, "navigating"
 
     @property
@@ -221,12 +223,12 @@ class ArduPilot(ardupilot_parameters.ArduPilotSettings):
 
     @property
     def told_sensors(self) -> int:
-        """The maximum number of range finders."""
+        """The maximum number of sensors that the autopilot can use."""
         return ardupilot_parameters.MAX_RANGE_FINDERS
 
     @property
     def version(self) -> str:
-        """The version string in the binary, for example ``ArduRover V4.5.7 (1a2b3c4d)``."""
+        """The version string in the binary, such as ``ArduRover V4.5.7 (1a2b3c4d)``."""
         try:
             content = Path(self.binary).read_bytes()
         except OSError:
@@ -236,7 +238,7 @@ class ArduPilot(ardupilot_parameters.ArduPilotSettings):
 
     @contextmanager
     def launch(self, briefing: Briefing) -> Iterator[Pilot]:
-        """Start the autopilot for one mission, and bring it into AUTO mode."""
+        """Start the autopilot for one mission, and bring it into mode AUTO."""
         dialect()
         derived = ardupilot_parameters.derive_parameters(briefing, self.parameters)
         written = ardupilot_parameters.write_parameters({**derived, **self.parameters})

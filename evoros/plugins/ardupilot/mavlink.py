@@ -1,4 +1,4 @@
-"""A MAVLink connection to an autopilot, for modes, arming, route and radio."""
+"""A MAVLink connection to an autopilot, for modes, arming, routes and radio overrides."""
 
 import select
 import socket
@@ -14,7 +14,7 @@ from evoros.bridge.process import OutsideProcess
 
 AUTOPILOT = (1, 1)
 GROUND_STATION = (255, 190)
-"""System and component ids; ArduPilot accepts radio overrides only from system 255."""
+"""System and component id of the ground station; only system 255 may override the radio."""
 ARMED = 128
 RELEASED, UNCHANGED = 0, 65535
 STEERING_CHANNEL, THROTTLE_CHANNEL = 1, 3
@@ -32,7 +32,7 @@ def dialect() -> Any:
 
 
 def accept(process: OutsideProcess, listening: socket.socket, limit_s: float) -> socket.socket:
-    """Accept the connection from the autopilot's process."""
+    """Accept the connection of the autopilot's process."""
     waiting: list[socket.socket | OutsideProcess] = [listening, process]
     ready, _, _ = select.select(waiting, [], [], limit_s)
     if listening not in ready:
@@ -44,29 +44,29 @@ def accept(process: OutsideProcess, listening: socket.socket, limit_s: float) ->
 
 
 class GroundStation:
-    """The autopilot's ground station, which exchanges messages while the autopilot waits."""
+    """A ground station for the autopilot, which exchanges messages while the autopilot waits."""
 
     def __init__(self, process: OutsideProcess, connection: socket.socket) -> None:
         self._process, self._connection = process, connection
         self._dialect = dialect()
         self._mavlink = self._dialect.MAVLink(self, *GROUND_STATION)
-        self._mavlink.robust_parsing = True  # skip bytes between messages
+        self._mavlink.robust_parsing = True  # skips bytes between messages
         self._route: Sequence[tuple[float, float]] = ()
         self.mode: int | None = None  # custom mode in the last heartbeat
         self.armed = False
         self.texts: deque[str] = deque(maxlen=LAST_TEXTS)
-        self.ready = False  # True once the autopilot has reported readiness
-        self.results: dict[int, int] = {}  # last result by command; 0 means accepted
+        self.ready = False  # true once the autopilot has reported that it is ready
+        self.results: dict[int, int] = {}  # last result of each command; 0 means accepted
         self.parameters: dict[str, float] = {}  # reported values by name
-        self.route_result: int | None = None  # 0 means that the route was accepted
+        self.route_result: int | None = None  # 0 if the autopilot has accepted the route
 
     def write(self, data: bytes) -> None:
-        """Send bytes, for pymavlink."""
+        """Send bytes; called by pymavlink."""
         with suppress(OSError):  # the next read reports the error
             self._connection.sendall(data)
 
     def read(self, time: float | None) -> None:
-        """Read the autopilot's messages; ``time`` is the mission time [s], if it has started."""
+        """Read the autopilot's messages; ``time`` is the mission time [s] or, before it, None."""
         while True:
             try:
                 data = self._connection.recv(1 << 16, socket.MSG_DONTWAIT)
@@ -96,7 +96,7 @@ class GroundStation:
             self.parameters[message.param_id] = message.param_value
 
     def send_heartbeat(self) -> None:
-        """Report the presence of a ground station."""
+        """Announce the ground station to the autopilot."""
         kind, autopilot = self._dialect.MAV_TYPE_GCS, self._dialect.MAV_AUTOPILOT_INVALID
         self._mavlink.heartbeat_send(kind, autopilot, 0, 0, 0)
 
@@ -106,11 +106,11 @@ class GroundStation:
         self._mavlink.request_data_stream_send(*AUTOPILOT, everything, 0, 0)
 
     def ask_parameter(self, name: str) -> None:
-        """Request a parameter; the answer will be in ``parameters``."""
+        """Request a parameter; its value will be stored in ``parameters``."""
         self._mavlink.param_request_read_send(*AUTOPILOT, name.encode(), -1)
 
     def send_route(self, route: Sequence[tuple[float, float]]) -> None:
-        """Send a route of latitudes and longitudes [deg], starting with home."""
+        """Send a route (latitude, longitude) [deg] that starts at home."""
         self._route, self.route_result = route, None
         self._mavlink.mission_count_send(*AUTOPILOT, len(route), 0)
 
@@ -142,7 +142,7 @@ class GroundStation:
         return self.results.get(self._dialect.MAV_CMD_DO_SET_MODE) == 0
 
     def override_radio(self, steering_us: int, throttle_us: int) -> None:
-        """Override the radio's steering and throttle [us]; 0 releases a channel."""
+        """Override the radio channels for steering and throttle [us]; 0 releases a channel."""
         channels = [UNCHANGED] * 8
         channels[STEERING_CHANNEL - 1], channels[THROTTLE_CHANNEL - 1] = steering_us, throttle_us
         self._mavlink.rc_channels_override_send(*AUTOPILOT, *channels)

@@ -1,8 +1,8 @@
-"""The JSON interface of ArduPilot's simulation (SITL): servo outputs for states.
+"""The JSON interface of ArduPilot's simulation (SITL), which exchanges servo outputs and states.
 
-A frame is one exchange over UDP. SITL sends its servo pulse widths, again after a long wait, and
-waits for the next state, which also sets its clock. Both sides share a core, because waking an idle
-core at each hand-over would take longer than computing a frame.
+A frame is one exchange over UDP. SITL sends its servo pulse widths (again after a long wait) and
+waits for the next state, which also sets its clock. Both processes share a core, because waking an
+idle core at each exchange would take longer than computing a frame.
 """
 
 import math
@@ -22,24 +22,24 @@ from evoros.bridge.process import OutsideProcess
 GRAVITY = 9.80665
 NO_PULSE = 0
 MIN_WIDTH_US, MAX_WIDTH_US = 800, 2200
-"""Limits of a servo's pulse width, which no ArduPilot parameter can exceed."""
+"""Limits of the pulse width [us] of a servo, which no ArduPilot parameter can exceed."""
 LAYOUTS = {
     size.size: (size, magic)
     for size, magic in ((struct.Struct("<HHI16H"), 18458), (struct.Struct("<HHI32H"), 29569))
 }
-"""Layout (magic, rate [Hz], frame, widths [us]) and magic number of a packet, by its length."""
+"""Layout (magic, rate [Hz], frame, widths [us]) and magic number of a packet, keyed by length."""
 WIDTHS = 3  # index of the first pulse width in a packet
 LONGEST = 4096
-LOOK_US = 50_000  # interval [us] at which waiting for a packet checks that the process still runs
+LOOK_US = 50_000  # interval [us] of checks that the process runs while waiting for a packet
 
 
 class SitlFrames:
-    """The frames of one SITL process, for use by one thread only."""
+    """The frames of one SITL process; not thread-safe."""
 
     def __init__(
         self, process: OutsideProcess, udp: socket.socket, ahead_m: float, range_finders: int
     ) -> None:
-        """Use a bound socket; states describe the point ``ahead_m`` in front of the rear axle."""
+        """Use a bound socket; send states of the point ``ahead_m`` [m] ahead of the rear axle."""
         self._process, self._udp, self._ahead = process, udp, ahead_m
         self._ranges = [f"rng_{i}" for i in range(1, range_finders + 1)]
         udp.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", 0, LOOK_US))
@@ -71,7 +71,7 @@ class SitlFrames:
                 return values[WIDTHS:]
 
     def connect(self, limit_s: float) -> None:
-        """Wait for the first frame, and connect the socket to the frame's sender."""
+        """Wait for the first frame, and connect the socket to its sender."""
         until = monotonic() + limit_s
         while True:
             try:
@@ -92,7 +92,7 @@ class SitlFrames:
         motion: Sequence[float],
         ranges: Sequence[float],
     ) -> None:
-        """Send the state at ``clock`` [s], ``step`` [s] after the previous one.
+        """Send the state at ``clock`` [s], ``step`` [s] after the previous state.
 
         ``pose`` is x (north), y (west) [m] and yaw (left positive) [rad]. ``motion`` is the forward
         speed [m/s] and the yaw rate [rad/s] on level ground. ``ranges`` holds one reading [m] per
@@ -116,13 +116,13 @@ class SitlFrames:
             "velocity": (north, -west, 0.0),
             **dict(zip(self._ranges, ranges, strict=True)),
         }
-        try:  # ArduPilot's parser needs a newline at both ends, and no spaces
+        try:  # ArduPilot's parser requires a newline at both ends and no spaces
             self._udp.send(b"\n%b\n" % orjson.dumps(state))
         except ConnectionRefusedError:
-            return  # ``receive`` reports the missing process
+            return  # ``receive`` will report that the process has ended
 
     def check_widths(self, widths: Sequence[int], time: float) -> None:
-        """Require that a servo can follow each width [us], or that there is no pulse."""
+        """Check that each pulse width [us] is within a servo's limits; no pulse is allowed."""
         for width in widths:
             if width != NO_PULSE and not MIN_WIDTH_US <= width <= MAX_WIDTH_US:
                 raise self._unusable(f"a servo pulse of {width} us", time)
@@ -136,13 +136,13 @@ class SitlFrames:
 
 
 CLAIM = "\0evoros core {}"
-"""An abstract Linux address, which needs no file and is released with the socket."""
-PROCESSOR = 36  # index of the core in /proc/.../stat, counted after the name in parentheses
+"""An abstract Linux socket address, which needs no file and is released with the socket."""
+PROCESSOR = 36  # field of /proc/.../stat with the core, counted after the name in parentheses
 
 
 @contextmanager
 def share_core(*, wanted: bool = True) -> Iterator[None]:
-    """Pin this thread and processes that it starts to a core that no other mission uses, if any."""
+    """Pin this thread and its child processes to a core that no other mission uses, if possible."""
     allowed = os.sched_getaffinity(0) if wanted and hasattr(os, "sched_getaffinity") else set()
     claim = _claim_core(allowed)
     if claim is None:
@@ -160,7 +160,7 @@ def share_core(*, wanted: bool = True) -> Iterator[None]:
 
 
 def _claim_core(allowed: set[int]) -> tuple[int, socket.socket] | None:
-    """Claim a core, preferably the current one: the system spreads busy processes."""
+    """Claim a core, preferably the current core, because the system spreads busy processes."""
     present = _find_core() if len(allowed) > 1 else None
     if present is None:
         return None

@@ -1,4 +1,4 @@
-"""Worlds like BARN's, fields of cylinders from a cellular automaton with a path through them.
+"""Worlds like BARN's: fields of cylinders from a cellular automaton, with a path across.
 
 The procedure, constants and positions follow Perille, Truong, Xiao and Stone, "Benchmarking Metric
 Ground Navigation", 2020 (arXiv 2008.13315), and github.com/dperille/jackal-map-creation. The row
@@ -36,16 +36,16 @@ from evoros.world.model import KEPT_WORLDS, World
 Point = tuple[float, float]
 Cell = tuple[int, int]  # row and column
 
-SIDE = 30  # number of rows and number of columns
+SIDE = 30  # number of rows and of columns
 CELL_M = 0.15
-FIRST_X_M, FIRST_Y_M = -4.425, 5.175  # position of the centre of the first cell [m]
-REACH = 2  # number of free cells that a robot needs on each side of the cell of its centre
-_BIRTH, _SURVIVAL = 5, 2  # numbers of filled neighbours that fill a cell, and that keep it filled
+FIRST_X_M, FIRST_Y_M = -4.425, 5.175  # x, y of the centre of the first cell
+REACH = 2  # number of cells around a robot's centre cell that must be free on each side
+_BIRTH, _SURVIVAL = 5, 2  # numbers of filled neighbours that fill a free cell and keep a filled one
 _STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
 
 
 def draw_grids(count: int, fill: float, smoothings: int, rng: Generator) -> Cells:
-    """Draw grids (count, rows, columns) by smoothing random cells between filled outer rows."""
+    """Generate grids (count, rows, columns) by smoothing random cells between filled outer rows."""
     cells: Cells = rng.random((count, SIDE, SIDE)) < fill
     cells[:, [0, -1]] = True
     for _ in range(smoothings):
@@ -55,7 +55,7 @@ def draw_grids(count: int, fill: float, smoothings: int, rng: Generator) -> Cell
 
 
 def _count_neighbours(cells: Cells) -> NDArray[np.int8]:
-    """Count the filled cells among eight neighbours; cells beyond the outer rows are filled."""
+    """Count the filled cells among the eight neighbours; cells beyond the outer rows are filled."""
     framed = np.pad(cells.astype(np.int8), ((0, 0), (0, 0), (1, 1)))
     framed = np.pad(framed, ((0, 0), (1, 1), (0, 0)), constant_values=1)
     lines = framed[:, :-2] + framed[:, 1:-1] + framed[:, 2:]
@@ -63,12 +63,12 @@ def _count_neighbours(cells: Cells) -> NDArray[np.int8]:
 
 
 def find_free(cells: Cells) -> Cells:
-    """Return the cells where a robot's centre can be, with no filled cell within ``REACH``."""
+    """Return the cells possible for a robot's centre: no filled cell within ``REACH``."""
     return ~widen(cells, REACH)
 
 
 def has_corridor(free: Cells) -> bool:
-    """Return True if one region is the largest at both the first and the last column."""
+    """Return True if the largest region at the first column is also the largest at the last."""
     if not free.any(axis=0).all():
         return False
     regions = label_regions(free)
@@ -88,10 +88,10 @@ def locate(row: float, column: float) -> Point:
 
 
 def find_shortest(free: Cells, start: Point, goal: Point) -> list[Point]:
-    """Find the shortest path across the grid, as points [m], from ``start`` to ``goal``.
+    """Return the shortest path from ``start`` across the grid to ``goal``, as points [m].
 
-    It leads straight to the first column, from cell to free neighbour (not diagonally between two
-    blocked cells), and straight to ``goal``. It is empty if there is no path.
+    The path goes straight to the first column, then between free neighbouring cells (not diagonally
+    between two blocked cells), then straight to ``goal``. It is empty if there is no such path.
     """
     lengths: dict[Cell, float] = {}
     before: dict[Cell, Cell | None] = {}
@@ -139,19 +139,19 @@ def measure_way(way: Sequence[Sequence[float]]) -> float:
 
 PATHS = "path_files"
 _PATH_ORIGIN_M = (-4.575, 5.075)
-"""Position of cell (0, 0) in a path file, as in the challenge's run.py."""
+"""Position of cell (0, 0) in a path file, as in the run.py of the challenge."""
 WORLD_NAME = "barn"
 RADIUS_M, HEIGHT_M = 0.075, 1.0  # size of each cylinder
 WALL_COLUMNS = 34
-"""Length, in cells, of the walls on both sides of the start, before the first column."""
+"""Length, in cells, of both walls at the start, which end at the first column."""
 BATCH, MAX_BATCHES = 32, 2000
-"""Number of grids drawn at once, and maximum number of such batches without a corridor."""
+"""Number of grids generated per batch, and maximum number of batches without a corridor."""
 
 
 @dataclass(frozen=True)
 @checked
 class BarnField:
-    """A distribution of BARN worlds, determined by ``seed`` and the key of the mission's draws."""
+    """A distribution of BARN worlds; a world depends on ``seed`` and a mission's key of draws."""
 
     course: Annotated[Course, A_COURSE]
     fill: Annotated[Sequence[float], sequence_of(float, "shares")]  # initial shares of filled cells
@@ -165,14 +165,14 @@ class BarnField:
             values = tuple(getattr(self, name))
             if not values or not all(map(rule.holds, values)):
                 raise invalid(self, name, list(values), f"must be a list, each item {rule.text}")
-            object.__setattr__(self, name, values)  # hashable, because it is a cache key
+            object.__setattr__(self, name, values)  # hashable types, for use as a cache key
 
     def draw_world(self, draws: str) -> World:
-        """Draw the world for a key of random draws; recent worlds are cached."""
+        """Generate the world for a key of random draws; recent worlds are cached."""
         return _draw_world(self, draws)
 
     def draw_grid(self, draws: str) -> Cells:
-        """Draw the cells that contain a cylinder."""
+        """Generate the cells that contain cylinders."""
         rng = generator(draws, f"barn {self.seed}")
         pairs = list(product(self.fill, self.smoothings))
         fill, smoothings = pairs[int(rng.integers(len(pairs)))]
@@ -200,13 +200,13 @@ def generate_barn(
     seed: int = 0,
     renew: bool = True,
 ) -> World:
-    """Generate a random world like BARN's; if ``renew``, each mission gets a different one."""
+    """Generate a random world like BARN's; if ``renew``, generate one for each mission."""
     return draw_example(BarnField(course, fill, smoothings, seed), renew, "generate_barn")
 
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def _draw_world(field: BarnField, draws: str) -> World:
-    # Reading the world back from SDF would give the same world, but would take three times as long.
+    # Reading this world back from SDF would give an equal world, but take three times as long.
     cells = field.draw_grid(draws)
     note = note_draws(field, draws)
     return World(
@@ -221,7 +221,7 @@ def _draw_world(field: BarnField, draws: str) -> World:
 
 
 def build_cylinders(cells: Cells) -> Iterator[Body]:
-    """Yield the cylinders of the walls around the start, and of exposed filled cells."""
+    """Yield the cylinders of the walls around the start, and of filled cells that rays can hit."""
     near = np.lib.stride_tricks.sliding_window_view(np.pad(cells, 1), (3, 3)).all(axis=(2, 3))
     walls = [(row, -WALL_COLUMNS) for row in range(SIDE)]
     walls += [(row, column) for column in range(1 - WALL_COLUMNS, 0) for row in (0, SIDE - 1)]
@@ -234,7 +234,7 @@ def build_cylinders(cells: Cells) -> Iterator[Body]:
 
 
 def read_grid(bodies: Sequence[Body]) -> Cells:
-    """Return the cells that contain bodies, ignoring bodies outside the grid."""
+    """Return the cells that contain bodies; ignore bodies outside the grid."""
     cells = np.zeros((SIDE, SIDE), dtype=np.bool_)
     x, y = locate(0, 0)
     for body in bodies:
@@ -247,22 +247,23 @@ def read_grid(bodies: Sequence[Body]) -> Cells:
 
 @dataclass(frozen=True)
 class BarnFiles:
-    """A folder's world files, sorted by number; trial N uses world N."""
+    """The world files of a folder, sorted by number; trial N uses world N."""
 
     files: Annotated[tuple[str, ...], sequence_of(str, "paths")]
     course: Annotated[Course, A_COURSE]
 
     def draw_world(self, draws: str) -> World:
-        """Load the world of the trial whose number ends ``draws``; without a number, file 0."""
+        """Load the world for the trial number at the end of ``draws``; without a number, file 0."""
         trial = draws.rpartition("/")[2]
         number = int(trial) if trial.isdecimal() else 0
         return _load_file(self.files[number % len(self.files)], self.course)
 
 
 def load_barn(folder: str, course: Course) -> World:
-    """Load the worlds ``world_N.world`` in a folder; trial N uses world N.
+    """Load the files ``world_N.world`` in a folder; trial N uses world N.
 
-    The shortest path is read from ``path_files/path_N.npy`` or, if missing, computed.
+    The length of the shortest path is read from ``path_files/path_N.npy``, or computed if this is
+    missing.
     """
     place = expand_home(folder)
     found = {

@@ -18,11 +18,11 @@ SHORTEST, LONGEST = 2.0, 8.0
 @dataclass(frozen=True)
 @checked
 class Barn(AdditiveFitness):
-    """The mean over worlds of ``optimal time / time``, clipped; 0 for incomplete missions.
+    """The mean of ``optimal time / time``, clipped, over all worlds; 0 for incomplete missions.
 
-    The optimal time is the shortest path's length divided by ``speed_mps``; times are clipped to 2
-    to 8 times it, so a completed mission scores from 0.125 to 0.5. ``way_weight`` times the share
-    of the path covered is added, to guide a search while few designs succeed.
+    The optimal time is the length of the shortest path divided by ``speed_mps``. Times are clipped
+    to 2 to 8 times the optimal time, so a completed mission scores 0.125 to 0.5. ``way_weight``
+    times the covered fraction of the path is added to guide a search while few designs succeed.
     """
 
     speed_mps: Annotated[float, POSITIVE] = 2.0
@@ -30,11 +30,11 @@ class Barn(AdditiveFitness):
 
     @property
     def title(self) -> str:
-        """The name in figures, which says if progress along the path counts."""
+        """The name in figures, which says whether progress along the path counts."""
         return "BARN score and path" if self.way_weight > 0 else "BARN score"
 
     def bounds(self, worlds: int) -> tuple[float, float]:
-        """Return the minimum and maximum score, for any number of worlds."""
+        """Return the minimum and maximum score for any number of worlds."""
         return 0.0, 1.0 / SHORTEST + self.way_weight
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
@@ -42,18 +42,18 @@ class Barn(AdditiveFitness):
         return math.fsum(self.score_missions(outcomes)) / len(outcomes)
 
     def score_missions(self, outcomes: Sequence[Outcome]) -> list[float]:
-        """Return each mission's score in the challenge, plus the weighted share of the path."""
+        """Return the challenge score of each mission, plus the weighted progress along the path."""
         return [
             score_mission(outcome, self.speed_mps) + self.way_weight * share_way(outcome)
             for outcome in outcomes
         ]
 
     def worst(self, outcomes: Sequence[Outcome]) -> float:
-        """Return 0, the score of a robot that gets nowhere."""
+        """Return 0, the score of a robot that does not move."""
         return 0.0
 
     def check_worlds(self, worlds: Mapping[str, World]) -> None:
-        """Require that all worlds state the length of the shortest path."""
+        """Check that the length of the shortest path is known in all worlds."""
         for name, world in worlds.items():
             if world.shortest_m is None:
                 raise InputError(
@@ -63,7 +63,7 @@ class Barn(AdditiveFitness):
 
 
 def score_mission(outcome: Outcome, speed_mps: float = 2.0) -> float:
-    """Return a mission's score in the challenge: 0, or from 0.125 to 0.5."""
+    """Return the challenge score of a mission: 0, or 0.125 to 0.5."""
     if not outcome.completed or outcome.shortest_m is None:
         return 0.0
     optimal = outcome.shortest_m / speed_mps
@@ -71,7 +71,7 @@ def score_mission(outcome: Outcome, speed_mps: float = 2.0) -> float:
 
 
 def share_way(outcome: Outcome) -> float:
-    """Return the share (0 to 1) of the shortest path by which a robot has approached its goal."""
+    """Return the fraction (0 to 1) of the shortest path by which the goal has come closer."""
     if outcome.completed:
         return 1.0
     if outcome.shortest_m is None or not outcome.least_waypoint_distances_m:

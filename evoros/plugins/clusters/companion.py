@@ -1,7 +1,7 @@
-"""A cluster worker's companion process, whose child processes run the worker's calls.
+"""A companion process of a cluster worker; child processes of the companion run the calls.
 
-It has one child per thread, so a call that crashes or hangs costs only that child. Without it,
-Dask's nanny (distributed 2026.8.0) would restart the whole worker.
+There is one child per thread, so a call that crashes or hangs costs only that child. Without the
+companion, Dask's nanny (distributed 2026.8.0) would restart the whole worker.
 """
 
 import importlib.machinery
@@ -27,23 +27,23 @@ from evoros.executor.protocol import MISSING, RAISED, Answer, Call, Kept, Missin
 from evoros.executor.worker_handle import Limits, Worker
 from evoros.executor.worker_main import end_with
 
-MAX_BYTES = 64 * 2**20  # maximum total size of the modules; a larger folder contains more than code
+MAX_BYTES = 64 * 2**20  # maximum total size of the modules; a larger folder holds more than code
 _OURS = ("evoros", "__main__")
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 class UserModules:
-    """The user's modules that this process has imported, and their neighbours, each read once."""
+    """The user's modules imported in this process, with the files next to them, each read once."""
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._known = 0  # number of imported modules when the archive was made
+        self._known = 0  # number of imported modules at the time of the last archive
         self._files: dict[str, bytes] = {}  # keyed by name in the archive
         self._folders: list[Path] = []
         self._archive: Shared | None = None
 
     def pack(self) -> Shared | None:
-        """Return an archive of all modules imported so far, or None if there are none."""
+        """Return an archive of all modules imported so far, or None without any."""
         with self._lock:
             if len(sys.modules) != self._known:
                 self._known = len(sys.modules)
@@ -82,14 +82,14 @@ class UserModules:
 
 
 def unpack_modules(archive: bytes, folder: Path) -> list[str]:
-    """Unpack an archive into an empty folder and return the folders to import from."""
+    """Unpack an archive into an empty folder, and return the folders to add to sys.path."""
     with zipfile.ZipFile(io.BytesIO(archive)) as packed:
         packed.extractall(folder)
     return [str(path) for path in sorted(folder.iterdir(), key=lambda path: int(path.name))]
 
 
 def _list_files() -> Iterator[tuple[Path, Path]]:
-    """Yield the files to send, each with the folder on ``sys.path`` that it is imported from."""
+    """Yield each file to send, with the folder on ``sys.path`` from which it is imported."""
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
         top = name.partition(".")[0]
@@ -101,7 +101,7 @@ def _list_files() -> Iterator[tuple[Path, Path]]:
             place = folder / name.replace(".", "/")
             if source not in (place.with_suffix(".py"), place / "__init__.py"):
                 continue
-            if source == place.with_suffix(".py"):  # its neighbours may be imported later
+            if source == place.with_suffix(".py"):  # modules next to it may be imported later
                 near = (path for path in folder.glob("*.py") if path.is_file())
                 yield from ((folder, p) for p in near if p.stem not in sys.stdlib_module_names)
             if (folder / top).is_dir():
@@ -127,12 +127,12 @@ def _is_installed(file: Path) -> bool:
     return any(file.is_relative_to(sysconfig.get_path(name)) for name in ("stdlib", "platstdlib"))
 
 
-CLOSED_POOLS = 16  # number of closed pools that are remembered
+CLOSED_POOLS = 16  # number of closed pools to remember
 
 
 @dataclass(frozen=True)
 class Request:
-    """A call as sent to a cluster worker, with any shared arguments that the worker lacks."""
+    """A call sent to a cluster worker, with shared arguments that the worker lacks."""
 
     pool: str
     limits: Limits
@@ -145,7 +145,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Stop:
-    """A request to end all of a pool's calls and their processes."""
+    """A request to end all calls of a pool and their processes."""
 
     pool: str
 
@@ -158,14 +158,14 @@ class _Slot:
     busy: threading.Lock = field(default_factory=threading.Lock)
 
     def end(self) -> None:
-        with suppress(Exception):  # another thread may have set the result
+        with suppress(Exception):  # another thread may have set the result already
             self.closing.set_result(None)
         with self.busy:
             self.worker.stop()
 
 
 class Companion:
-    """A server that runs the calls of a worker's threads, and unpacks modules into ``folder``."""
+    """Runs the calls of a worker's threads, and unpacks modules into ``folder``."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -173,7 +173,7 @@ class Companion:
         self._lock = threading.Lock()
         self._slots: dict[int, _Slot] = {}  # keyed by thread
         self._closed: list[str] = []
-        self._unpacked: dict[bytes, list[str]] = {}  # folders, by the archive's digest
+        self._unpacked: dict[bytes, list[str]] = {}  # unpacked folders, by digest of the archive
 
     def serve(self, connection: Connection) -> None:
         """Answer the messages of one worker thread until the thread ends."""
@@ -201,7 +201,7 @@ class Companion:
                 return request.limits.attempt(call, slot.worker)
         except MissingError:
             return Answer(MISSING)
-        except (CancelledError, OSError) as error:  # OSError: cannot unpack modules
+        except (CancelledError, OSError) as error:  # OSError: modules cannot be unpacked
             return Answer(RAISED, pickle.dumps(error))
 
     def _stop(self, pool: str) -> None:

@@ -22,7 +22,7 @@ _ADDRESS = Rule(
 @dataclass(frozen=True)
 @checked
 class Dask(Limits, Executor):
-    """An executor that runs calls in workers of the Dask cluster at ``address``, or a local one.
+    """An executor that runs calls in workers of the Dask cluster at ``address``, or of a local one.
 
     Each thread of a Dask worker has one process for calls, so that a crash costs only that process,
     as with ``Processes``. The calls of a lost worker run on another. A call that loses more workers
@@ -43,7 +43,7 @@ class Dask(Limits, Executor):
 
     @contextmanager
     def open(self) -> Iterator[Pool]:
-        """Connect to the scheduler or start a local cluster; leaving the context ends all calls."""
+        """Connect to the scheduler or start a local cluster; end all calls on exit."""
         with require_extra("dask", "executor=dask"):
             from evoros.plugins.clusters import dask_transport
         with ExitStack() as stack:

@@ -1,4 +1,4 @@
-"""A transport that sends calls through dask.distributed, and the clusters that it connects to."""
+"""A transport that sends calls through dask.distributed, and its connection to clusters."""
 
 import asyncio
 import json
@@ -32,7 +32,7 @@ def answer(wanted: dict[str, str], request: bytes) -> RawAnswer:
 
 @dataclass(eq=False)
 class Sending:
-    """A call sent to certain workers, or to any worker if ``nodes`` is None."""
+    """A call sent to the given workers, or to any worker if ``nodes`` is None."""
 
     name: str
     wanted: dict[str, str]
@@ -55,10 +55,10 @@ class Sending:
             self.waiting.cancel()
 
 
-CONNECT_S = 10.0  # time limit [s] for a scheduler's first answer
+CONNECT_S = 10.0  # time limit [s] for the first answer of a scheduler
 ANSWER_S = 60.0  # time limit [s] for later answers, longer because the scheduler may be busy
-LOOK_S = 0.5  # interval [s] at which the list of workers is requested
-ALONE_S = 10.0  # time [s] after which calls that wait without any worker are reported
+LOOK_S = 0.5  # interval [s] between requests for the list of workers
+ALONE_S = 10.0  # time [s] after which calls that wait for a first worker are reported
 
 
 class DaskTransport:
@@ -67,18 +67,18 @@ class DaskTransport:
     def __init__(self, client: Any, address: str) -> None:
         self._client, self._address = client, address
         self._loop: asyncio.AbstractEventLoop = client.loop.asyncio_loop
-        # Nobody awaits Dask's coroutines after calls have been cancelled.
+        # Nothing awaits Dask's coroutines after their calls are cancelled.
         self._loop.set_exception_handler(lambda _, error: LOGGER.debug("dask: %s", error))
-        self._threads: dict[str, int] = {}  # number of threads by worker address
+        self._threads: dict[str, int] = {}  # number of threads of each worker, by address
         self._excluded: set[str] = set()
-        self._out: set[Sending] = set()  # used only by the loop's thread
-        self._suspect = asyncio.Lock()  # held by the suspected call
+        self._out: set[Sending] = set()  # accessed only by the thread of the event loop
+        self._suspect = asyncio.Lock()  # held while a suspected call runs
         self._lock, self._closing = Lock(), Event()
         self._lost: RunStopped | None = None
         self._watcher = Thread(target=self._watch, daemon=True)
 
     def start(self) -> None:
-        """List the workers, and start tracking changes."""
+        """List the workers, and start tracking them."""
         self._look()
         if self._lost is not None:
             raise self._lost
@@ -114,12 +114,12 @@ class DaskTransport:
             )
 
     def stop(self, pool: str) -> None:
-        """Make the workers end a pool's calls; see ``Transport``."""
+        """Make the workers end the calls of a pool; see ``Transport``."""
         if self._lost is None:
             self.run_everywhere(node.stop, pool)
 
     def run_everywhere(self, function: Any, *args: Any) -> None:
-        """Call a function in all workers, even busy ones, ignoring workers that do not answer."""
+        """Call a function in all workers, even busy ones; ignore workers that do not answer."""
         call = self._client.run(function, *args, on_error="ignore", asynchronous=True)
         with suppress(Exception):
             self._await(call, CONNECT_S)
@@ -143,7 +143,7 @@ class DaskTransport:
             raise asyncio.CancelledError from error
         except (RunStopped, WorkerLost):
             raise
-        except Exception as error:  # ``answer`` raises nothing, so its import failed
+        except Exception as error:  # ``answer`` raises nothing, so importing it failed
             raise RunStopped(
                 f"executor: the Dask scheduler at {self._address} or one of its workers cannot run "
                 f"evoros ({single_line(error)}); install the packages of this environment there, "
@@ -153,8 +153,8 @@ class DaskTransport:
             self._out.discard(sending)
 
     async def _try_twice(self, sending: Sending) -> RawAnswer:
-        """Try a call until it has lost too many workers, then again as the only suspect."""
-        # Dask blames the loss of a worker on all calls that ran or waited there.
+        """Try a call until it has lost too many workers, then once more as the only suspect."""
+        # Dask attributes the loss of a worker to all calls that ran or waited on that worker.
         with suppress(KilledWorker):
             return await self._persist(sending)
         async with self._suspect:
@@ -170,7 +170,7 @@ class DaskTransport:
                 ) from error
 
     async def _persist(self, sending: Sending) -> RawAnswer:
-        """Submit a call, and resubmit it if all workers to which it was sent have left."""
+        """Submit a call; resubmit it if all its workers have left."""
         while True:
             if self._lost is not None:
                 raise self._lost
@@ -182,7 +182,7 @@ class DaskTransport:
                 sending.stranded, sending.nodes = False, None
 
     def _watch(self) -> None:
-        """Track the workers, and report calls that wait because there are none."""
+        """Track the workers, and report when calls wait because there are none."""
         alone_s = 0.0
         while self._lost is None and not self._closing.wait(LOOK_S):
             self._look()
@@ -205,7 +205,7 @@ class DaskTransport:
         self._in_loop(self._free_stranded)
 
     def _free_stranded(self) -> None:
-        """Resubmit calls whose workers have all left; the scheduler might wait for them forever."""
+        """Resubmit calls whose workers have left; the scheduler might wait for them forever."""
         for sending in self._out:
             if sending.nodes and self._threads.keys().isdisjoint(sending.nodes):
                 sending.stranded = True
@@ -236,12 +236,12 @@ class DaskTransport:
         self._in_loop(cancel)
 
     def _in_loop(self, function: Callable[[], None]) -> None:
-        with suppress(RuntimeError):  # the loop is closed, so nothing waits
+        with suppress(RuntimeError):  # the loop is closed, so no call is waiting
             self._loop.call_soon_threadsafe(function)
 
 
 LOCAL_SETTINGS = {
-    "distributed.scheduler.worker-ttl": "60s",  # so that a stopped worker is replaced
+    "distributed.scheduler.worker-ttl": "60s",  # replaces a stopped worker
     "distributed.worker.memory.terminate": False,  # calls run in separate processes
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.spill": False,
@@ -267,7 +267,7 @@ def silence() -> Iterator[None]:
 
 @contextmanager
 def start_cluster(workers: int) -> Iterator[str]:
-    """Start a cluster of worker processes on this machine; yield the scheduler's address."""
+    """Start a cluster of worker processes on this machine; yield the address of its scheduler."""
     with (
         tempfile.TemporaryDirectory(prefix="evoros-dask-") as folder,
         dask.config.set(LOCAL_SETTINGS),
@@ -306,7 +306,7 @@ def _read_address(address: str) -> str:
 
 @contextmanager
 def connect(address: str) -> Iterator[DaskTransport]:
-    """Connect to a scheduler; raise a RunStopped if none answers."""
+    """Connect to a scheduler; raise RunStopped if it does not answer."""
     address = _read_address(address)
     try:
         client: Any = Client(  # type: ignore[no-untyped-call]
@@ -323,5 +323,5 @@ def connect(address: str) -> Iterator[DaskTransport]:
         yield transport
     finally:
         transport.close()
-        with suppress(Exception):  # the scheduler may be gone
+        with suppress(Exception):  # the scheduler may have ended
             client.close(timeout=5)

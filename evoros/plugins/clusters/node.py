@@ -1,6 +1,7 @@
-"""Code that runs inside a cluster worker, and the environment that all workers must share.
+"""Code that runs in a cluster worker, and the environment that all workers must share.
 
-Calls run in children of ``companion``, because a daemonic Dask worker cannot have children.
+Calls run in child processes of ``companion``, because Dask workers are daemonic and cannot have
+children.
 """
 
 import hashlib
@@ -29,21 +30,21 @@ from evoros.files.resources import PACKAGE
 from evoros.plugins.clusters.companion import Stop
 
 ENGINES = ("mujoco-core", "pybullet")
-"""Packages that only some runs need; versions must agree if both sides have them installed."""
+"""Packages that some runs use; if installed on both sides, the versions must match."""
 ARITHMETIC, LIBRARY = "arithmetic", "C library"
-SAMPLES = 256  # number of points at which evoros's elementary functions are compared
+SAMPLES = 256  # number of points at which elementary functions are compared
 UNARY = (
     *(elementary.sin, elementary.cos, elementary.tan, elementary.atan, elementary.tanh),
     *(elementary.exp, elementary.expm1, elementary.sinh, elementary.cosh),
     *(elementary.log, elementary.log1p, elementary.log2, elementary.log10),
 )
-_INVERSE = (elementary.asin, elementary.acos)  # compared on [0, 1]
+_INVERSE = (elementary.asin, elementary.acos)  # functions compared on [0, 1]
 BINARY = (elementary.atan2, elementary.hypot, elementary.power)
-_DEVIATES = 10_000  # enough for the tails: one normal deviate in 4000, one exponential in 2200
-_LIBRARY_SAMPLES = 20_000  # many, because few values of the C library differ between processors
-REFUSED = -1  # kind of an answer that states why this worker is unsuitable
-ATTEMPTS = 2  # maximum number of attempts at a call if the companion is killed
-END_S = 1.0  # time [s] that a companion's process has to exit after its connections close
+_DEVIATES = 10_000  # enough to reach the tails: 1 in 4000 normal and 1 in 2200 exponential deviates
+_LIBRARY_SAMPLES = 20_000  # many, because few values differ between the C libraries of processors
+REFUSED = -1  # kind of answer that states why this worker is unsuitable
+ATTEMPTS = 2  # maximum number of attempts at a call when the companion is killed
+END_S = 1.0  # time limit [s] for a companion to exit after its connections close
 SCRIPT = (
     "import sys; sys.path[:] = {path!r}; from evoros.plugins.clusters.companion import main; "
     "main({control}, {folder!r})"
@@ -51,9 +52,10 @@ SCRIPT = (
 
 
 def answer(wanted: Mapping[str, str], request: bytes) -> tuple[int, bytes, bool]:
-    """Run a pickled ``Request``; return the answer's kind and content, and if C libraries match.
+    """Run a pickled ``Request``; return the answer's kind and bytes, and True if C libraries match.
 
-    Arguments and results have built-in types, so this works with any version of evoros.
+    Arguments and results have built-in types only, so different versions of evoros can exchange
+    them.
     """
     differences = list_differences(wanted)
     if differences:
@@ -62,7 +64,7 @@ def answer(wanted: Mapping[str, str], request: bytes) -> tuple[int, bytes, bool]
 
 
 def stop(pool: str) -> None:
-    """End all of a pool's calls and their processes."""
+    """End all calls of a pool and their processes."""
     _NODE.stop(pool)
 
 
@@ -77,7 +79,7 @@ class _Companion:
                 env={**os.environ, **dict.fromkeys(ONE_THREAD, "1")},
                 stdin=subprocess.PIPE,  # closed when this process ends
                 pass_fds=(control.fileno(),),
-                process_group=0,  # Ctrl-C in a terminal then reaches only the worker
+                process_group=0,  # Ctrl-C in a terminal then interrupts only the worker
             )
 
     def runs(self) -> bool:
@@ -94,7 +96,7 @@ class _Node:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._companion: _Companion | None = None
-        self._thread = threading.local()  # each thread's companion, and the connection to it
+        self._thread = threading.local()  # holds the companion and connection of each thread
 
     def ask(self, request: bytes) -> Answer:
         for _ in range(ATTEMPTS):
@@ -139,9 +141,10 @@ _NODE = _Node()
 
 @cache
 def describe_environment() -> Mapping[str, str]:
-    """Return the versions and digests of all software and arithmetic that results depend on.
+    """Return the versions and digests of all software and arithmetic that affect results.
 
-    ``ARITHMETIC`` and ``LIBRARY`` digest values of evoros's and the C library's functions.
+    ``ARITHMETIC`` and ``LIBRARY`` are digests of values of the functions of evoros and of the C
+    library.
     """
     software = {
         "python": ".".join(map(str, sys.version_info[:2])),
@@ -155,7 +158,7 @@ def describe_environment() -> Mapping[str, str]:
 
 
 def list_differences(wanted: Mapping[str, str]) -> list[str]:
-    """Describe how this process differs from the main process, apart from the C library."""
+    """Describe how this process differs from the main process, ignoring the C library."""
     here = describe_environment()
     return [
         f"{name} {here.get(name) or '(not installed)'}, not {value}"
@@ -167,7 +170,7 @@ def list_differences(wanted: Mapping[str, str]) -> list[str]:
 
 
 def has_library(wanted: Mapping[str, str]) -> bool:
-    """Return True if the C library computes the same values here and in the main process."""
+    """Return True if the C library here computes the same values as in the main process."""
     return describe_environment()[LIBRARY] == wanted.get(LIBRARY)
 
 
@@ -179,7 +182,7 @@ def _version(package: str) -> str:
 
 
 def _digest_of_sources() -> str:
-    """Return a digest of the package's code, without folders that exist only in a checkout."""
+    """Return a digest of the package's source files, without folders that only a checkout has."""
     digest = hashlib.sha256()
     for file in sorted(PACKAGE.rglob("*.py")):
         name = file.relative_to(PACKAGE)
@@ -206,7 +209,7 @@ def draw_deviates() -> tuple[Array, Array]:
 
 
 def _digest_of_library() -> str:
-    """Return a digest of values of the C library's functions, which physics engines use."""
+    """Return a digest of values of C library functions, which physics engines call."""
     points = _points(_LIBRARY_SAMPLES).tolist()
     functions = (math.sin, math.cos, math.tan, math.atan, math.exp, math.log)
     return _digest([np.array([function(x) for x in points]) for function in functions])

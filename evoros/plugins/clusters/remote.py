@@ -1,4 +1,4 @@
-"""The main process's side of a pool on other machines; ``node`` is the workers' side."""
+"""The main process's side of a pool on other machines; ``node`` is the worker side."""
 
 import pickle
 import uuid
@@ -15,20 +15,20 @@ from evoros.plugins.clusters.companion import Request, UserModules
 from evoros.plugins.clusters.node import REFUSED, describe_environment
 from evoros.terminal.log import LOGGER
 
-RawAnswer = tuple[int, bytes, bool, str]  # result of ``node.answer``, and the worker's name
+RawAnswer = tuple[int, bytes, bool, str]  # result of ``node.answer``, and the name of the worker
 
 
 class Transport(Protocol):
-    """A means of sending requests to workers."""
+    """Sends requests to workers."""
 
     @property
     def workers(self) -> int:
-        """The number of calls that the workers can currently run at the same time."""
+        """The number of calls that the workers can run simultaneously."""
 
     def send(
         self, name: str, wanted: dict[str, str], request: bytes, node: str | None
     ) -> "Future[RawAnswer]":
-        """Run ``clusters.node.answer(wanted, request)`` in a worker, preferably in ``node``.
+        """Run ``clusters.node.answer(wanted, request)``, preferably in the worker named ``node``.
 
         The future raises WorkerLost if the call ``name`` loses its worker repeatedly, and
         RunStopped if the workers can no longer be reached.
@@ -49,7 +49,7 @@ class _Sent:
 
 
 class RemotePool:
-    """A pool that sends calls through a transport, and resends calls that did not start."""
+    """A pool that sends calls through a transport, and resends calls that have not started."""
 
     def __init__(self, transport: Transport, limits: Limits, shares_files: bool) -> None:
         self.shares_files = shares_files
@@ -59,12 +59,12 @@ class RemotePool:
         self._modules = UserModules()
         self._lock = Lock()
         self._out: set[_Sent] = set()
-        self._warned: set[str] = set()  # workers with a different C library
+        self._warned: set[str] = set()  # workers with a different C library that have been reported
         self._closed = False
 
     @property
     def workers(self) -> int:
-        """The number of calls that can currently run at the same time."""
+        """The number of calls that can run simultaneously."""
         return self._transport.workers
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":

@@ -1,4 +1,4 @@
-"""A champion prepared for the real robot: a ROS 2 package, ArduPilot parameters and a drawing."""
+"""Prepares a champion for the real robot: a ROS 2 package, ArduPilot parameters, a drawing."""
 
 from evoros.files.plugins import Plugin
 

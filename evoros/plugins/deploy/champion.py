@@ -1,4 +1,4 @@
-"""A run's champion as mounted on the robot: its description, sensors and overlaps."""
+"""The champion of a run as mounted on the robot: its description, sensors and overlaps."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -30,26 +30,26 @@ Triple = tuple[float, float, float]
 class MountedSensor:
     """A sensor of the champion in the robot's frame: x forward, y left, z up from the ground."""
 
-    link: str  # link in the description, whose x axis is along the beam
+    link: str  # link in the description; its x axis points along the beam
     type: str
     position_m: Triple
     yaw_deg: float  # left positive
     pitch_deg: float  # nose up positive
     kind: Beam | Signal
-    size_m: Triple  # dimensions of the sensor's body along the link's axes
+    size_m: Triple  # dimensions of the sensor body along the axes of the link
 
 
 @dataclass(frozen=True, eq=False)
 class Champion:
-    """A run's best design, as recorded in its folder."""
+    """The best design of a run, as recorded in its folder."""
 
     record: Record
-    robot: Element  # description, including the sensors
-    shown: Urdf  # the description that engines loaded, with its root on the ground
+    robot: Element  # robot description with the sensors
+    shown: Urdf  # the description that engines loaded, with the root on the ground
     sensors: tuple[MountedSensor, ...]
     centre_m: Triple | None  # centre of mass in the robot's frame; None without masses
-    self_sights: pd.DataFrame  # rows of self_sight.csv (sensors that see the robot)
-    values: Mapping[str, Any]  # configuration by dotted key, with evolved values
+    self_sights: pd.DataFrame  # rows of self_sight.csv: sensors that see the robot
+    values: Mapping[str, Any]  # configuration by dotted key, with the evolved values
 
     @property
     def name(self) -> str:
@@ -58,7 +58,7 @@ class Champion:
 
     @property
     def title(self) -> str:
-        """The design number, run and robot, for titles."""
+        """The design number, the run and the robot, for titles."""
         run = self.record.run
         known = [*run.champion.design.dropna(), *run.genes.design.dropna()]
         design = f"design {int(known[0])}" if known else "the best design, without sensors,"
@@ -67,7 +67,7 @@ class Champion:
 
     @property
     def genes(self) -> list[tuple[str, str, Any]]:
-        """The name, key and value of each evolved value other than the mounts."""
+        """Name, key and value of each evolved value that does not belong to a mount."""
         rows = select_robot(self.record.run.genes).to_dict("records")
         return [(str(row["gene"]), row["key"], self.values[row["key"]]) for row in rows]
 
@@ -79,7 +79,7 @@ def read_champion(record: Record) -> Champion:
     loaded = folder / ROBOT_AS_LOADED
     shown = loaded if loaded.exists() else folder / ROBOT
     urdf = read_tree(_parse_file(shown), str(shown))
-    described = read_frames(robot, str(folder / ROBOT))  # the robot may have meshes
+    described = read_frames(robot, str(folder / ROBOT))  # reads no meshes, which may be missing
     ground = Pose(record.context.places[described.root][:3])
     return Champion(
         record=record,
@@ -97,7 +97,7 @@ def _parse_file(path: Any) -> Element:
 
 
 def _effective_values(record: Record) -> Iterator[tuple[str, Any]]:
-    """Yield the configuration values, with the champion's values in place of evolved ones."""
+    """Yield the configuration values, with the champion's evolved values."""
     genes = select_robot(record.run.genes)
     evolved = dict(zip(genes.key.astype(str), genes.value.tolist(), strict=True))
     for key, value in {**record.values, **evolved}.items():
@@ -165,7 +165,7 @@ def list_clashes(sensors: Sequence[MountedSensor]) -> Iterator[str]:
 
 
 def list_hidden(champion: Champion) -> Iterator[str]:
-    """Yield a message for each sensor that sees the robot itself."""
+    """Yield a message for each sensor whose view the robot blocks in part."""
     for row in champion.self_sights.to_dict("records"):
         yield (
             f"the robot blocks {100 * row['hidden_share']:.0f} % of the cone of {row['sensor']}, "

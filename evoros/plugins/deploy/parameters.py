@@ -1,4 +1,4 @@
-"""A champion's controller, sensor and drive parameters, for ROS 2 and ArduPilot."""
+"""Parameters of a champion's controller, sensors and drive, for ROS 2 and ArduPilot."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -11,26 +11,26 @@ from evoros.controller import ardupilot_parameters
 from evoros.plugins.deploy.champion import Champion, MountedSensor, Triple
 from evoros.storage.figure_context import Beam, Signal
 
-INSTANCES = "123456789A"  # characters that number range finders in ArduPilot's parameters
+INSTANCES = "123456789A"  # characters that number the range finders in ArduPilot's parameters
 _EIGHTH_DEG = 360.0 / ardupilot_parameters.OCTANTS
 _DIRECTIONS = (
     *("forward", "forward right", "right", "back right"),
     *("back", "back left", "left", "forward left"),
 )
-"""The directions for values of ``RNGFNDn_ORIENT`` from 0, clockwise in top view."""
+"""The directions for ``RNGFNDn_ORIENT`` 0, 1, and so on, clockwise in top view."""
 _ARDUPILOT = "evoros.plugins.ardupilot.controller.ArduPilot"
 CONTROLLER = "controller."
-PARAMETERS = "controller.parameters"  # key of the parameters that an external program receives
+PARAMETERS = "controller.parameters"  # key of the parameters passed to an external program
 MAX_SPEED, STEERING_LIMIT = "robot.drive.max_speed_mps", "robot.drive.steering_limit_rad"
-"""Drive keys that may evolve."""
-RANGE_TOPIC = "controller.topics.range"  # key of the topic of a sensor named in {sensor}
+"""Keys of the drive that may evolve."""
+RANGE_TOPIC = "controller.topics.range"  # key of a sensor's topic, which contains {sensor}
 _LAYERS = ("controller.avoidance.", "controller.avoidance_period_s")
-"""Key prefixes of the avoidance layer; other keys are for starting ArduPilot, or are secret."""
+"""Prefixes of the avoidance layer's keys; other keys start ArduPilot, or are secret."""
 _SCALARS = (bool, int, float, str)
 
 
 def controller_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
-    """Return the controller's parameters, and the keys that no ROS parameter can hold."""
+    """Return the controller's parameters, and the keys of values that ROS cannot represent."""
     values = champion.values
     prefix = f"{PARAMETERS}." if has_own_parameters(champion) else ""
     start = prefix or CONTROLLER
@@ -39,7 +39,7 @@ def controller_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]
         for key, value in values.items()
         if key.startswith(start) and not key.endswith("_target_")
     }
-    if _is_ardupilot(champion):  # ArduPilot's parameters go into separate files
+    if _is_ardupilot(champion):  # written to separate files for ArduPilot
         named = {key: v for key, v in named.items() if key.startswith(_LAYERS)}
     return _nest(named)
 
@@ -52,7 +52,7 @@ def has_own_parameters(champion: Champion) -> bool:
 
 
 def robot_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
-    """Return the parameters that describe sensors and drive to nodes, as in missions.
+    """Return the parameters that describe the sensors and the drive to nodes, as in missions.
 
     Poses are x, y, z [m], yaw (left positive) and pitch (nose up) [rad] in the robot's frame.
     """
@@ -71,7 +71,7 @@ def robot_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
     evolved = {key: value for _, key, value in champion.genes}
     drive = dict[str, float | None](champion.record.context.drive)
     drive |= {"max_speed_mps": evolved.get(MAX_SPEED, drive.get("max_speed_mps"))}
-    if STEERING_LIMIT in evolved:  # the limit of a wheel, which only the drive can compute
+    if STEERING_LIMIT in evolved:  # a wheel's limit, which only the drive can compute
         drive["steering_limit_rad"] = None
     named |= {f"evoros.drive.{name}": value for name, value in drive.items()}
     return _nest(named)
@@ -94,7 +94,7 @@ def _describe_kind(kind: Beam | Signal) -> Iterator[tuple[str, Any]]:
 def write_ros_file(
     parameters: Mapping[str, Any], left_out: Iterable[str], head: Iterable[str]
 ) -> str:
-    """Return the content of a parameter file for all nodes that are started with it."""
+    """Return the content of a parameter file for all nodes started with the file."""
     lines = [f"# {line}" for line in head]
     lines += [f"# Left out, because ROS has no such parameter type: {key}" for key in left_out]
     tree = {"/**": {"ros__parameters": dict(parameters)}}
@@ -102,7 +102,7 @@ def write_ros_file(
 
 
 def _nest(named: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Convert dotted keys to nested mappings; also return the keys whose values ROS cannot hold."""
+    """Convert dotted keys to nested mappings; also return the keys that ROS cannot represent."""
     tree: dict[str, Any] = {}
     left_out = []
     for key, value in named.items():
@@ -119,7 +119,7 @@ def _nest(named: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
 
 
 def _fit(value: Any) -> Any:
-    """Return a value as a ROS 2 parameter (scalar or homogeneous list); None if impossible."""
+    """Return a value as a ROS 2 parameter (scalar or homogeneous list), or None if impossible."""
     if isinstance(value, _SCALARS):
         return value
     if not isinstance(value, list) or not value:
@@ -137,7 +137,7 @@ class RangeFinder:
     instance: str  # a character of INSTANCES
     link: str
     position_m: Triple  # relative to the centre of mass or the IMU
-    orientation: int  # index of the nearest of _DIRECTIONS
+    orientation: int  # index in _DIRECTIONS of the nearest direction
     yaw_error_deg: float  # deviation from that direction, left positive
     pitch_deg: float  # nose up positive; ArduPilot assumes 0
     minimum_m: float
@@ -149,7 +149,7 @@ def _is_ardupilot(champion: Champion) -> bool:
 
 
 def list_flown(champion: Champion) -> Iterator[str]:
-    """Yield lines with the ArduPilot parameters of missions, with fixed ones commented out."""
+    """Yield lines with the ArduPilot parameters of the missions; fixed ones are commented out."""
     if not _is_ardupilot(champion):
         return
     evolved = {key for _, key, _ in champion.genes}
@@ -160,7 +160,7 @@ def list_flown(champion: Champion) -> Iterator[str]:
 
 
 def list_range_finders(sensors: Sequence[MountedSensor], origin_m: Triple) -> list[RangeFinder]:
-    """Convert the first ten single-range sensors to range finders relative to ``origin_m``."""
+    """Convert the first ten single-range sensors to range finders, relative to ``origin_m``."""
     single = zip(INSTANCES, list_single(sensors), strict=False)
     return [_convert(instance, *mounted, origin_m) for instance, mounted in single]
 
@@ -196,8 +196,8 @@ def write_ardupilot_file(
 ) -> str:
     """Return the content of a parameter file.
 
-    If ``metres``, ranges are ``_MIN`` and ``_MAX`` in metres, for ArduPilot 4.7 and later,
-    otherwise ``_MIN_CM`` and ``_MAX_CM`` in whole centimetres. ``head`` holds comment lines, and
+    If ``metres``, write ranges as ``_MIN`` and ``_MAX`` in metres for ArduPilot 4.7 and later,
+    otherwise as ``_MIN_CM`` and ``_MAX_CM`` in whole centimetres. ``head`` holds comment lines,
     ``flown`` lines to append.
     """
     lines = [f"# {line}" if line else "#" for line in head]
@@ -211,7 +211,7 @@ def write_ardupilot_file(
 
 
 def describe_orientation(finder: RangeFinder) -> str:
-    """Describe a sensor's direction in ArduPilot, and the deviation from this direction."""
+    """Describe the ArduPilot direction of a sensor, and its deviation from that direction."""
     off = f"{abs(finder.yaw_error_deg):.1f} deg"
     side = "to the left" if finder.yaw_error_deg > 0.0 else "to the right"
     level = f"pitched {'up' if finder.pitch_deg > 0.0 else 'down'} {abs(finder.pitch_deg):.1f} deg"
@@ -232,7 +232,7 @@ def _rows(finder: RangeFinder, metres: bool) -> Iterator[tuple[str, str]]:
 
 
 def _centimetres(limit: str, metres: float) -> int:
-    """Return a limit in whole centimetres inside the sensor's range, in at most 16 bits."""
+    """Return a limit in whole centimetres within the sensor's range, as a 16-bit number."""
     hundredths = round(100.0 * metres, 6)
     whole = math.ceil(hundredths) if limit == "MIN" else math.floor(hundredths)
     return min(whole, 2**15 - 1)

@@ -1,4 +1,4 @@
-"""A champion as a ROS 2 package that needs no compilation."""
+"""Writes a champion as a ROS 2 package that needs no compilation."""
 
 import re
 import unicodedata
@@ -17,7 +17,7 @@ from evoros.plugins.deploy import parameters
 from evoros.plugins.deploy.champion import Champion, Triple, list_clashes, list_hidden
 
 KINDS = (".stl", ".dae", ".obj", ".ply", ".glb", ".gltf", ".png", ".jpg", ".jpeg", ".tga", ".bmp")
-"""Suffixes of the files that are copied, because a description could name any file."""
+"""Suffixes of files that are copied; a description could name any other file as well."""
 _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]")
 _NAMED = re.compile(rb"<init_from>\s*([^<\s]+)\s*</init_from>|^mtllib\s+(\S+)", re.M)
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
@@ -39,7 +39,7 @@ class PackageOptions:
     name: str
     maintainer: str  # NAME <ADDRESS>
     license: str
-    imu_m: Triple | None  # ArduPilot's origin; None means the centre of mass
+    imu_m: Triple | None  # origin of ArduPilot's body frame; None: centre of mass
 
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name) or len(self.name) < 2:
@@ -54,7 +54,7 @@ class PackageOptions:
 
 
 def simplify(name: str) -> str:
-    """Reduce a name to a letter followed by lower-case letters, digits and single underscores."""
+    """Reduce a name to lower-case letters, digits and single underscores, with a letter first."""
     plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().lower()
     simple = re.sub(r"[^a-z0-9]+", "_", plain).strip("_")
     return simple if simple[:1].isalpha() else f"robot_{simple}".rstrip("_")
@@ -63,7 +63,7 @@ def simplify(name: str) -> str:
 def write_package(
     champion: Champion, options: PackageOptions, drawings: Mapping[str, bytes]
 ) -> tuple[dict[str, bytes], list[str]]:
-    """Return a package's files by path, and notes on the work that remains for the user."""
+    """Return the files of a package by path, and notes on the remaining work for the user."""
     name = simplify(champion.name)
     meshes = MeshFiles(options.name)
     meshes.move(champion.robot)
@@ -113,7 +113,7 @@ def _write_parameters(champion: Champion, options: PackageOptions) -> dict[str, 
 
 def _describe(champion: Champion, options: PackageOptions) -> dict[str, Any]:
     maintainer = _MAINTAINER.fullmatch(options.maintainer)
-    assert maintainer is not None  # PackageOptions has checked it
+    assert maintainer is not None  # checked by PackageOptions
     values, status = champion.values, champion.record.run.status
     fitness = f"{status.get('best_fitness'):.3f} on the draws used for selection"
     if (validated := status.get("best_validated_fitness")) is not None:
@@ -171,16 +171,16 @@ def _list_left_out(champion: Champion) -> Sequence[str]:
 
 @dataclass
 class MeshFiles:
-    """The files in a package's ``meshes/``, and notes on files that were not copied."""
+    """The files in a package's ``meshes/``, with notes on files that were not copied."""
 
     package: str
     files: dict[str, bytes] = field(default_factory=dict)  # keyed by path in the package
-    packages: set[str] = field(default_factory=set)  # other packages that the description names
+    packages: set[str] = field(default_factory=set)  # other packages named in the description
     notes: list[str] = field(default_factory=list)
     _addresses: dict[str, str] = field(default_factory=dict)
 
     def move(self, robot: Element) -> None:
-        """Copy the files that a description names, and update the names."""
+        """Copy the files named in a description, and update their names there."""
         for element in list_named_files(robot):
             name = element.get("filename", "")
             if name not in self._addresses:
@@ -200,7 +200,7 @@ class MeshFiles:
             raise InputError(
                 f"{path}: cannot be read ({error.strerror}); change the file's permissions"
             ) from error
-        # The textures of Collada meshes and the materials of OBJ meshes.
+        # textures of Collada meshes and materials of OBJ meshes
         named = (texture or material for texture, material in _NAMED.findall(self.files[copied]))
         inner = sorted({name.decode(errors="replace") for name in named})
         if inner:

@@ -20,7 +20,7 @@ from evoros.storage.figure_context import Beam, Signal
 from evoros.terminal.log import LOGGER
 
 _MM = 1000.0
-_SAME_MM = 0.5  # wheels whose centres differ by less share an axle
+_SAME_MM = 0.5  # maximum distance [mm] between the centres of wheels on one axle
 ONE_ROBOT = True
 HELP = "the champion as a ROS 2 package, with a drawing of the mounting poses"
 NEEDS = "a finished run"
@@ -30,7 +30,7 @@ OUTPUT = "deploy"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options for the run and the package's metadata."""
+    """Add the options for the run and for the metadata of the package."""
     add_run(parser)
     about = "name of the package; default: ROBOT_champion, or ROBOT_NAME_champion with --agent NAME"
     parser.add_argument("--name", metavar="PACKAGE", help=about)
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Make the package for the champion of the named run, by default the best run."""
+    """Make the package for the champion of the named run (default: the best run)."""
     _, champion = study.choose(options.run, read_champion)
     robot = simplify(f"{champion.name} {options.agent or ''}")
     name = f"{robot}_champion" if options.name is None else options.name
@@ -68,7 +68,7 @@ def _read_imu(options: argparse.Namespace) -> tuple[float, float, float] | None:
 
 
 def plan_mounting(champion: Champion) -> MountingPlan:
-    """Collect the content of the champion's mounting drawing."""
+    """Collect the content of the mounting drawing of a champion."""
     sensors = tuple(map(_place, champion.sensors))
     links = {sensor.link for sensor in champion.sensors}
     wheels = {part.link for part in champion.record.context.parts if part.wheel}

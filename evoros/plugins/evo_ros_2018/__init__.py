@@ -1,4 +1,4 @@
-"""The claims of the 2018 paper on Evo-ROS, and the figures that only the paper needs."""
+"""The claims of the 2018 paper on Evo-ROS, and figures that only this paper has."""
 
 from evoros.files.plugins import Plugin
 

@@ -1,4 +1,4 @@
-"""Judges the paper's claims, or claims from a file, by the rules in ``docs/claims.md``."""
+"""Tests the paper's claims, or claims from a file, by the rules in ``docs/claims.md``."""
 
 import argparse
 from collections.abc import Callable, Iterator
@@ -27,11 +27,11 @@ _PROMINENCE_DEG = 3.0  # less prominent extrema of the heading are corrections
 _SETTLING = 1  # turning points ignored after a waypoint or an avoidance, while the robot realigns
 FIRST_ROBOT, HELP = own_claims.FIRST_ROBOT, own_claims.HELP
 NEEDS, FILES = own_claims.NEEDS, own_claims.FILES
-WEAVING = ".Serpentine"  # end of the class name of a navigation layer that weaves by design
+WEAVING = ".Serpentine"  # end of the class name of navigation layers that weave by design
 _NO_DESIGNS = pd.DataFrame(
     columns=[*DESIGN, "random", "strategy", "redundant", "closest_m", "kind", *HEADINGS_DEG]
 ).astype({"random": bool, "redundant": bool})
-EARLY = 15  # number of generations in which the paper found most of the gains
+EARLY = 15  # number of generations after which the paper found most of the gain
 SWING_DEG = 60.0
 EARLY_TEXT = f"Most increases in fitness take place during the first {EARLY} generations"
 GAIN = {
@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Judge the claims from all finished runs of the study and evaluations of their champions."""
+    """Test the claims on all finished runs of the study and on evaluations of their champions."""
     if options.claims is not None:
         return own_claims.make_product(study, options)
     check_thresholds(options)
@@ -67,7 +67,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def judge_claims(study: Study, options: argparse.Namespace) -> Iterator[finding.Finding]:
-    """Judge all claims from the finished runs of a study."""
+    """Test all claims on the finished runs of a study."""
     mirrored = study.keep(record for record in study.records if record.context.mirrored)
     free = study.keep(record for record in study.records if not record.context.mirrored)
     designs, free_designs = _describe(mirrored, options), _describe(free, options)
@@ -89,7 +89,7 @@ def judge_claims(study: Study, options: argparse.Namespace) -> Iterator[finding.
 
 
 def _judge_swings(mirrored: Study) -> Iterator[finding.Finding]:
-    """Judge the heading swing, separately for runs whose controller weaves by design."""
+    """Test the claim on heading swings, separately for controllers that weave by design."""
     weaving = mirrored.keep(record for record in mirrored.records if _weaves(record))
     others = mirrored.keep(record for record in mirrored.records if not _weaves(record))
     if others.records or not weaving.records:
@@ -126,9 +126,9 @@ def _report_pooled(study: Study) -> Iterator[str]:
 
 
 def measure_swings(trajectory: pd.DataFrame, mode: int) -> list[float]:
-    """Measure how far the heading swings about the course [deg] at each turning point.
+    """Return the swing of the heading [deg] about the course at each turning point.
 
-    Only stretches in ``mode`` between two waypoints are used. A swing is an extremum's distance
+    Only sections in ``mode`` between two waypoints are used. A swing is the distance of an extremum
     from the mean of its two neighbours, so steady turns do not count. The swing of ``A sin(w t) + c
     t`` is ``2 A (1 + d^2 / 2)`` to second order in ``d = c / (A w)``.
     """
@@ -151,7 +151,7 @@ def _turning_points(yaw: Array) -> Array:
 
 
 def _read_champion_swings(record: Record) -> pd.DataFrame:
-    """Read the world and swing [deg] of each turning point while the last layer navigates."""
+    """Return the world and swing [deg] of each turning point while the last layer navigates."""
     rows = [
         (world, swing)
         for world in record.context.courses
@@ -161,9 +161,10 @@ def _read_champion_swings(record: Record) -> pd.DataFrame:
 
 
 def read_gains(record: Record) -> pd.DataFrame:
-    """Read a run's ``recorded``, ``validated`` and ``gap`` (best minus mean) into one row.
+    """Return a run's ``recorded``, ``validated`` and ``gap`` (best minus mean) in one row.
 
-    Columns end in ``_first``, ``_early`` or ``_last``; ``last`` is the last generation's number.
+    The columns end in ``_first``, ``_early`` or ``_last``; ``last`` is the number of the last
+    generation.
     """
     traced = trace_fitness(record.run.generations)
     first, last = traced.index[0], traced.index[-1]
@@ -176,10 +177,10 @@ def read_gains(record: Record) -> pd.DataFrame:
 
 
 def judge_gain(table: pd.DataFrame, line: str) -> finding.Finding:
-    """Judge the share of the gain that was reached early; ``table`` is from ``read_gains``."""
+    """Test the fraction of the gain reached early; ``table`` is from ``read_gains``."""
     claim = GAIN[line]
     names = [f"{line}_{name}" for name in ("first", "early", "last")]
-    # An empty table has no columns.
+    # an empty table has no columns
     known = table[table["last"] > EARLY].dropna(subset=names) if len(table) else table
     if len(known) < 2:
         return claim.lack(_advise(table, line))
@@ -212,7 +213,7 @@ def _advise(table: pd.DataFrame, line: str) -> str:
 
 
 def judge_approach(table: pd.DataFrame) -> finding.Finding:
-    """Judge how close the pool's mean comes to the best; ``table`` is from ``read_gains``."""
+    """Test how close the population mean comes to the best; ``table`` is from ``read_gains``."""
     if len(table) < 2:
         return APPROACH.lack("two mirrored runs")
     ratio = small_samples.ratio_interval(
@@ -225,7 +226,7 @@ def judge_approach(table: pd.DataFrame) -> finding.Finding:
 
 
 def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> finding.Finding:
-    """Judge the median over runs of the median swing; ``table`` has ``run`` and ``swing_deg``."""
+    """Test the median over runs of the median swing; ``table`` has ``run`` and ``swing_deg``."""
     if table.empty:
         return SWING.lack("mirrored runs in which the heading swings for two periods in a row")
     medians = table.groupby("run").swing_deg.median()
@@ -242,9 +243,9 @@ def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> finding.
 def judge_completion(
     table: pd.DataFrame, drawn: pd.DataFrame | None = None
 ) -> Iterator[finding.Finding]:
-    """Judge the champions' completion rate with a failed sensor, by kind and source.
+    """Test the completion rate of champions with a failed sensor, by kind of failure and source.
 
-    Tables are from ``list_missions`` and ``list_random_missions``; champions are resampled.
+    The tables are from ``list_missions`` and ``list_random_missions``; champions are resampled.
     """
     for kind in (RANDOM, SPATIAL):
         missions = table[table.kind == kind] if len(table) else table

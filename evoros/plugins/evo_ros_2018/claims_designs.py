@@ -1,4 +1,4 @@
-"""Judges the paper's claims on designs: configurations, redundancy, clusters, convergence."""
+"""Tests the paper's claims on designs: configurations, redundancy, clusters, convergence."""
 
 from dataclasses import dataclass
 
@@ -14,10 +14,10 @@ from evoros.analysis.tables.designs import place_candidates, read_generations
 from evoros.analysis.tables.records import Record
 from evoros.base.arrays import Array
 
-REDUNDANT = 0.6  # share of champions with a redundant pair in the paper, six of ten
+REDUNDANT = 0.6  # fraction of champions with a redundant pair in the paper, six of ten
 MEDIUM = 0.64  # A12 of a medium effect (Vargha and Delaney, 2000)
 NONE, RANDOM, SPATIAL = "none", "random", "spatial"
-"""Kinds of failure, as choices of the group ``failure``."""
+"""Kinds of failure, named after options of the group ``failure``."""
 
 CONFIGURATIONS = finding.Claim(
     "Two main configurations emerge: sensors across the front, and at the sides",
@@ -43,7 +43,7 @@ WITHIN = finding.Claim(
 
 
 def judge_configurations(table: pd.DataFrame) -> finding.Finding:
-    """Judge whether mirrored champions fall into two clusters, one of which looks ahead."""
+    """Test whether mirrored champions form two clusters, one of which looks ahead."""
     champions = table[~table.random]
     if len(champions) < MIN_POINTS:
         known = len(champions)
@@ -70,7 +70,7 @@ def judge_configurations(table: pd.DataFrame) -> finding.Finding:
 
 
 def judge_redundancy(table: pd.DataFrame) -> finding.Finding:
-    """Judge the share of champions under random failure that have a redundant pair."""
+    """Test the fraction of champions under random failure that have a redundant pair."""
     shares = _compare_shares(table, RANDOM, table.redundant)
     if shares is None:
         return REDUNDANCY.lack("mirrored runs with failure=random")
@@ -79,7 +79,7 @@ def judge_redundancy(table: pd.DataFrame) -> finding.Finding:
 
 
 def judge_damage_clusters(table: pd.DataFrame, radius_m: float) -> finding.Finding:
-    """Judge the share of champions under spatial failure that have two sensors within a radius."""
+    """Test the fraction of champions under spatial failure with two sensors within a radius."""
     radius = f"{1000 * radius_m:.0f} mm"
     claim = finding.Claim(DAMAGE, f"champions with two sensors within {radius} of each other")
     shares = _compare_shares(table, SPATIAL, table.closest_m <= radius_m)
@@ -90,17 +90,17 @@ def judge_damage_clusters(table: pd.DataFrame, radius_m: float) -> finding.Findi
 
 @dataclass(frozen=True)
 class Shares:
-    """The shares of champions and of random designs that have a feature."""
+    """The fractions of champions and of random designs that have a feature."""
 
     champions: small_samples.Interval
     n: int  # number of champions
-    random: float  # the random designs' share; NaN if there are none
+    random: float  # fraction of the random designs; NaN without random designs
     difference: small_samples.Interval
     p: float  # p-value of Fisher's exact test
     why: str
 
     def conclude(self, claim: finding.Claim, verdict: str, bound: float) -> finding.Finding:
-        """Return the finding on a claim; ``verdict`` applies if there are no random designs."""
+        """Return the finding on a claim; without random designs, its verdict is ``verdict``."""
         if self.p < small_samples.LEVEL and self.difference.value < 0:
             verdict = finding.NOT_SUPPORTED
         rare = self.p < small_samples.LEVEL
@@ -126,7 +126,7 @@ def _compare_shares(table: pd.DataFrame, kind: str, having: "pd.Series[bool]") -
 
 
 def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.Finding:
-    """Judge whether champions without symmetry differ more, relative to random designs."""
+    """Test whether champions without symmetry differ more, relative to random designs."""
     ratios = []
     for table in (free, mirrored):
         champions, drawn = (
@@ -145,7 +145,7 @@ def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.
 
 
 def judge_spread_within(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.Finding:
-    """Judge whether populations without symmetry stay more diverse; see ``read_diversity``."""
+    """Test whether populations without symmetry stay more diverse; see ``read_diversity``."""
     ratios = [(table["last"] / table["first"]).to_numpy(float) for table in (free, mirrored)]
     if min(map(len, ratios)) < 2:
         return WITHIN.lack(_missing_runs(mirrored, free))
@@ -166,19 +166,19 @@ def _missing_runs(mirrored: pd.DataFrame, free: pd.DataFrame) -> str:
 
 
 def pairwise_distances(profiles: pd.DataFrame) -> Array:
-    """Return the total variation distances (n, n) between designs' sensor directions, 0 to 1."""
+    """Return total variation distances (n, n), 0 to 1, between the sensor directions of designs."""
     return np.asarray(squareform(pdist(features.normalize_profiles(profiles), "cityblock")) / 2)
 
 
 def mean_distance(distances: Array) -> float:
-    """Return the mean distance between two different designs; NaN for fewer than two designs."""
+    """Return the mean distance between two different designs; NaN for fewer than two."""
     n = len(distances)
     return float(distances.sum() / (n * (n - 1))) if n > 1 else np.nan
 
 
 def resample_mean_distance(distances: Array, stream: int = 0) -> Array:
-    """Return ``mean_distance`` of ``RESAMPLES`` bootstrap samples of the designs, by ``stream``."""
-    # A design forms no pair with itself, unlike in SciPy's bootstrap, to avoid a bias.
+    """Return ``mean_distance`` of ``RESAMPLES`` bootstrap samples of the designs."""
+    # Unlike in SciPy's bootstrap, a design forms no pair with itself, which would cause a bias.
     n, rng = len(distances), np.random.default_rng([small_samples.SEED, stream])
     counts = rng.multinomial(n, np.full(n, 1 / n), size=small_samples.RESAMPLES)
     pairs = n * n - (counts * counts).sum(axis=1)
@@ -189,7 +189,7 @@ def resample_mean_distance(distances: Array, stream: int = 0) -> Array:
 def relative_difference(
     one: Array, one_random: float, other: Array, other_random: float
 ) -> small_samples.Interval:
-    """Return the difference between two mean distances, each relative to random designs."""
+    """Return the difference of two mean distances, each relative to random designs."""
     value = mean_distance(one) / one_random - mean_distance(other) / other_random
     if min(len(one), len(other)) < 2:
         return small_samples.NOTHING
@@ -200,11 +200,11 @@ def relative_difference(
 
 
 def read_diversity(record: Record) -> pd.DataFrame:
-    """Compute the mean distance between designs in the first and last population, with copies."""
+    """Return the mean distances between designs in the first and last population, with copies."""
     table = read_generations(record)
     first = table[table.generation == 0].drop_duplicates("id")
     pool = table[table.generation == table.generation.max()]
-    survived = pool.groupby("id").survived.sum()  # an individual may be in several rows
+    survived = pool.groupby("id").survived.sum()  # an individual may occupy several rows
     last = pool.drop_duplicates("id").assign(survived=lambda rows: rows.id.map(survived))
     copies = {"first": first.assign(survived=1), "last": last}
     return pd.DataFrame({name: [_diversity(rows, record)] for name, rows in copies.items()})
@@ -215,6 +215,6 @@ def _diversity(candidates: pd.DataFrame, record: Record) -> float:
     named = placed.assign(run=record.name, treatment="", seed=record.seed)
     profiles = features.compute_profiles(named)
     profiles.index = profiles.index.get_level_values("design")
-    complete = profiles.reindex(candidates.id, fill_value=0.0)  # includes designs without sensors
+    complete = profiles.reindex(candidates.id, fill_value=0.0)  # adds designs without sensors
     ids = np.repeat(candidates.id.to_numpy(), candidates.survived.to_numpy(int))
     return mean_distance(pairwise_distances(complete.loc[ids]))

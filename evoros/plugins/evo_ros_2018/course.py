@@ -1,4 +1,4 @@
-"""The course of each world: waypoints, home, and the route of the first phase (Fig. 6)."""
+"""The course in each world: waypoints, home, and the route of the first phase (Fig. 6)."""
 
 import argparse
 import math
@@ -30,7 +30,7 @@ FIRST_ROBOT = True
 HELP = "the course of each world: waypoints, home, path of the first phase (Fig. 6)"
 NEEDS = "a run, finished or with record=all"
 FILES = ("course.csv",)
-_PANEL_IN = 1.7  # minimum width of a panel
+_PANEL_IN = 1.7  # minimum width [in] of a panel
 _ARROW = {"arrowstyle": "-|>", "mutation_scale": 8, "lw": 1.0, "color": BLUE, "shrinkB": 0.0}
 
 
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the worlds of the best run, with a table that has a row for each waypoint."""
+    """Draw the worlds of the best run, with a table of waypoints."""
     study.check_worlds(options.world or [])
     _, worlds = study.choose(None, partial(_read, wanted=options.world), True)
     width = figure_width(options.columns, 1 if len(worlds) == 1 else 2)
@@ -55,7 +55,7 @@ def _read(record: Record, wanted: list[str] | None) -> dict[str, World]:
 
 
 def list_waypoints(worlds: Mapping[str, World]) -> pd.DataFrame:
-    """List each world's waypoints (home is number 0), with their acceptance radius."""
+    """List the waypoints of each world (home is number 0) with their acceptance radius."""
     rows = [
         (name, index, float(x), float(y), world.course.acceptance_m)
         for name, world in worlds.items()
@@ -65,7 +65,7 @@ def list_waypoints(worlds: Mapping[str, World]) -> pd.DataFrame:
 
 
 def draw_courses(worlds: Mapping[str, World], width: float = PAGE_IN) -> Figure:
-    """Draw a panel for each world; ``width`` is in inches."""
+    """Draw a panel per world; ``width`` is in inches."""
     columns = min(len(worlds), max(1, int(width / _PANEL_IN)))
     rows = math.ceil(len(worlds) / columns)
     with use_style():
@@ -94,11 +94,11 @@ def _draw_first_phase(axes: Axes, course: Course) -> None:
     legs = [*pairwise(course.first_phase)]
     ways = {(*begin, *end) for begin, end in legs}
     for begin, end in legs:
-        if (*end, *begin) in ways:  # driven both ways: each way has a line, to its right
+        if (*end, *begin) in ways:  # driven both ways: draw one line per direction, to its right
             x, y = (end - begin) / np.hypot(*(end - begin))
             aside = 0.25 * course.acceptance_m * np.array([y, -x])
             begin, end = begin + aside, end + aside
-        middle = begin + 0.6 * (end - begin)  # keeps the arrowhead away from all markers
+        middle = begin + 0.6 * (end - begin)  # keeps the arrowhead clear of all markers
         axes.plot(*np.array([begin, end]).T, color=BLUE, lw=1.0, zorder=2)
         axes.annotate("", middle, begin, arrowprops={**_ARROW, "shrinkA": 0.0}, zorder=2)
 

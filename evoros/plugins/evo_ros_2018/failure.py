@@ -1,4 +1,4 @@
-"""Sensors lost to damage: rings of spatial failure around each of a design's sensors (Fig. 10)."""
+"""Sensors lost to damage: rings of spatial failure around each sensor of a design (Fig. 10)."""
 
 import argparse
 import math
@@ -29,9 +29,9 @@ ONE_ROBOT = True
 HELP = "sensors destroyed by spatial damage centred at each sensor of a champion (Fig. 10)"
 NEEDS = "a run with spatial failure"
 FILES = ("failure.csv",)
-PANEL_IN = 1.4  # minimum width of a panel
-MIN_RATIO = 0.65  # minimum ratio of a panel's height to its width
-LABEL_IN, LINE_IN, TICK_IN = 0.42, 0.11, 0.06  # width, height and distance of a sensor's label
+PANEL_IN = 1.4  # minimum width [in] of a panel
+MIN_RATIO = 0.65  # minimum ratio of height to width of a panel
+LABEL_IN, LINE_IN, TICK_IN = 0.42, 0.11, 0.06  # width, height and distance [in] of a sensor's label
 _SENSOR: dict[str, Any] = {"marker": "o", "mec": "black", "mew": 0.5, "ms": 4, "ls": "none"}
 
 
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the champion of the named run, by default the best run with spatial failure."""
+    """Draw the champion of the named run (default: the best run with spatial failure)."""
     spatial = study.keep(record for record in study.records if record.context.rings)
     if not spatial.records:
         raise InputError("failure: no run has spatial failure; add a run with failure=spatial")
@@ -63,7 +63,7 @@ def _read_sensors(record: Record, study: Study) -> pd.DataFrame:
 
 
 def list_damage(sensors: pd.DataFrame, rings: Sequence[Ring]) -> pd.DataFrame:
-    """List, for each pair of sensors, the probability that one fails if the other is hit."""
+    """List the probability that a sensor fails if another is hit, for each pair of sensors."""
     both = sensors.merge(
         sensors[["x_m", "y_m", "z_m", "sensor", "pair"]].rename(columns={"sensor": "centre"}),
         how="cross",
@@ -85,10 +85,10 @@ def list_damage(sensors: pd.DataFrame, rings: Sequence[Ring]) -> pd.DataFrame:
 def draw_failure(
     table: pd.DataFrame, context: FigureContext, width: float = 2 * COLUMN_IN
 ) -> Figure:
-    """Draw a panel for each sensor hit, one per mirrored pair; ``width`` is in inches."""
+    """Draw a panel per sensor hit, one for each mirrored pair; ``width`` is in inches."""
     rings = sorted(context.rings, key=lambda ring: ring.radius_m)
     centres = table[table.centre == table.sensor].sort_values(["pair", "y_m"])
-    hits = centres.drop_duplicates("pair", keep="last").centre.tolist()  # the left one of a pair
+    hits = centres.drop_duplicates("pair", keep="last").centre.tolist()  # left sensor of each pair
     columns = max(1, min(len(hits), int((width - 0.5) / PANEL_IN)))
     columns = math.ceil(len(hits) / math.ceil(len(hits) / columns))
     rows = math.ceil(len(hits) / columns)

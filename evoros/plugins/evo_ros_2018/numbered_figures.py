@@ -1,4 +1,4 @@
-"""Figures 5 to 11 of the 2018 paper on Evo-ROS, with the paper's numbers, from a case study."""
+"""Figures 5 to 11 of the 2018 paper on Evo-ROS, numbered as in the paper, for a case study."""
 
 import argparse
 from collections.abc import Callable, Sequence
@@ -17,7 +17,7 @@ HELP = "Figs. 5 to 11 of the 2018 paper, with the paper's numbering"
 NEEDS = "the runs of a case study (`experiment=case_study`)"
 FILES = ("paper.csv", "figure_NN_NAME.FORMAT", "figure_NN_NAME.csv")
 OUTPUT = "paper"
-BASELINE, SPATIAL = "none", "spatial"  # failures in the first and third of the paper's treatments
+BASELINE, SPATIAL = "none", "spatial"  # failures of the first and third treatment in the paper
 Select = Callable[[Study], Study]
 
 
@@ -61,7 +61,7 @@ FIGURES = (
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw each figure for which there are runs, and report every other figure in one line."""
+    """Draw each figure for which the study has runs; report each other figure in one line."""
     files: dict[str, bytes] = {}
     rows, messages = [], []
     for figure in FIGURES:
@@ -72,7 +72,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
             messages.append(f"{name}: left out: {single_line(error)}")
             continue
         name = f"figure_{figure.number:02d}_{figure.subcommand}"
-        assert product.figure is not None  # _draw requires a figure
+        assert product.figure is not None  # ensured by _draw
         content = render(product.figure, options.format, letters=options.panel_letters)
         files[f"{name}.{options.format}"] = content
         if product.table is not None:

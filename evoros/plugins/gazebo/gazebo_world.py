@@ -33,7 +33,8 @@ from evoros.world.standing import GAP_M
 GROUND, OBSTACLE, SOLID, ROLLING, WALKER = "ground", "obstacle", "solid", "rolling", "walker"
 """Collision groups of the server.
 
-Solid shapes collide with obstacles, walkers and the ground; rolling shapes only with the ground.
+Solid shapes collide with obstacles, walkers and the ground; rolling shapes collide only with the
+ground.
 """
 
 _GEOMETRY = {
@@ -57,7 +58,7 @@ class Solid(NamedTuple):
 
     group: str
     shape: Shape
-    pose: Pose  # relative to the link
+    pose: Pose  # relative to the link's frame
     friction: float
 
 
@@ -72,7 +73,7 @@ class Inertial(NamedTuple):
 def format_link(
     model: str, link: str, pose: Pose, inertial: Inertial | None, solids: Sequence[Solid]
 ) -> tuple[str, list[str]]:
-    """Return a link as SDF, and its meshes, which the server attaches, as lines for the server."""
+    """Return a link as SDF, and server requests for its meshes, which the server attaches."""
     parts, meshes = [], []
     if inertial is not None:
         mass, *moments = format_numbers([inertial.mass, *inertial.moments]).split()
@@ -123,7 +124,7 @@ def _triangulate(field: Shape) -> tuple[Array, NDArray[np.intp]]:
 
 
 LIGHT = Inertial(1e-6, Pose(), (1e-9, 1e-9, 1e-9, 0.0, 0.0, 0.0))
-"""Inertia of a massless link, because DART requires positive masses."""
+"""Inertia given to massless links, because DART requires positive masses."""
 
 _TYPES = {"continuous": "revolute"} | {name: name for name in ("fixed", "revolute", "prismatic")}
 
@@ -131,7 +132,7 @@ _TYPES = {"continuous": "revolute"} | {name: name for name in ("fixed", "revolut
 def format_robot(
     robot: Robot, index: int, frame: Pose, wheel_friction: float
 ) -> tuple[str, list[str]]:
-    """Return a robot's model with the root link at ``frame``, and the lines of its meshes."""
+    """Return a robot's model with the root link at ``frame``, and the requests for its meshes."""
     drive, model = robot.drive, f"robot{index}"
     root = etree.fromstring(merge_fixed_links(robot.urdf_elements(), drive.caster_links).encode())
     urdf = read_tree(root, robot.name)
@@ -156,14 +157,14 @@ def format_robot(
 def _find_solids(
     robot: Robot, link: str, shapes: Collection[Shape], is_wheel: bool, wheel_friction: float
 ) -> list[Solid]:
-    """Return a link's collision shapes; exposed wheels have separate ones for the ground."""
+    """Return the collision shapes of a link; exposed wheels have separate shapes for the ground."""
     casters = robot.drive.caster_links
     if not is_wheel and link not in casters:
         return [Solid(SOLID, shape, shape.pose, CHASSIS_FRICTION) for shape in shapes]
     friction = wheel_friction if is_wheel else 0.0
     rolling = list(shapes)
     if is_wheel and not skids(robot.drive):
-        # A cylinder's edge makes turning radii wrong by up to 11 %.
+        # Edge contacts of cylinders would change turning radii by up to 11 %.
         rolling = [
             Shape("sphere", shape.size[:1], shape.pose) if shape.kind == "cylinder" else shape
             for shape in shapes
@@ -207,8 +208,8 @@ WALKER_KG = 80.0
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def hold_standing(world: World, robots: int) -> World:
-    """Return the world with all bodies fixed that nothing can move before a mission ends."""
-    # DART computes each movable body in every step, even at rest.
+    """Return the world with all bodies fixed that cannot be moved before the mission ends."""
+    # DART processes each movable body in every step, even at rest.
     if not (world.course.end_on_collision and world.is_level and robots == 1):
         return world
     return replace(world, bodies=tuple(map(_hold, world.bodies)))
@@ -220,7 +221,7 @@ def _hold(body: Body) -> Body:
 
 
 def describe_scene(robots: Sequence[PlacedRobot], world: World, settings: Settings) -> bytes:
-    """Return the body of the request to open robots in a world."""
+    """Return the body of the request that opens robots in a world."""
     sizes = () if world.crowd is None else world.crowd.sizes
     parts = [_format_walker(i, *size) for i, size in enumerate(sizes)]
     parts.append(_format_fixed([body for body in world.bodies if body.mass is None]))
@@ -237,8 +238,8 @@ def describe_scene(robots: Sequence[PlacedRobot], world: World, settings: Settin
 
 
 def _set_down(robot: Robot, home: tuple[float, float, float, float], world: World) -> Pose:
-    """Return the root link's pose with the wheels on the ground."""
-    # A dropped robot would sink into the ground, and DART would take seconds to lift it.
+    """Return the pose of the root link with the wheels on the ground."""
+    # A dropped robot would sink into the ground, and DART would need seconds to lift it.
     x, y, _, yaw = home
     (px, py, pz), (qx, qy, qz, qw) = home_frame(robot, (x, y, 0.0, yaw), world)
     pose = Pose((px, py, pz), (qx, qy, qz, qw))
@@ -251,7 +252,7 @@ def _set_down(robot: Robot, home: tuple[float, float, float, float], world: Worl
 
 
 def _format_fixed(bodies: Sequence[Body]) -> tuple[str, list[str]]:
-    """Merge all fixed bodies into one model, because DART visits each model in every step."""
+    """Merge all fixed bodies into one model, because DART processes each model in every step."""
     solids = []
     for body in bodies:
         group, friction = GROUND if body.is_ground else OBSTACLE, min(body.friction, MAX_FRICTION)

@@ -1,4 +1,4 @@
-"""A server that runs Gazebo's physics, and the simulations that it caches."""
+"""A server process that runs Gazebo's physics, and its cached simulations."""
 
 import fcntl
 import hashlib
@@ -35,11 +35,11 @@ INSTALL = (
     "libignition-physics-core-dev libignition-physics-sdf-dev libignition-physics-mesh-dev "
     "libignition-physics5-dartsim-plugin5 libsdformat-dev` on Debian 12"
 )
-WORDS = 300  # maximum number of characters that errors quote from a compiler's message
+WORDS = 300  # maximum number of characters of a compiler message that errors quote
 
 
 class Release(NamedTuple):
-    """A release of Gazebo, with the pkg-config names of its libraries."""
+    """A Gazebo release, with the pkg-config names of its libraries."""
 
     name: str
     physics: str
@@ -50,7 +50,7 @@ class Release(NamedTuple):
 
     @property
     def libraries(self) -> tuple[str, ...]:
-        """The pkg-config names of all libraries that the server needs."""
+        """The pkg-config names of all libraries that the server uses."""
         parts = (f"{self.physics}-sdf", f"{self.physics}-mesh", f"{self.common}-graphics")
         return (self.physics, *parts, f"{self.plugin}-loader", self.common, self.sdformat)
 
@@ -62,7 +62,7 @@ RELEASES = (
     Release("Harmonic", "gz-physics7", "gz-common5", "gz-plugin2", "sdformat14"),
     Release("Fortress", *_OF_FORTRESS, ("-DEVOROS_IGNITION",)),
 )
-"""Supported releases, newest first; only Fortress is tested."""
+"""Supported releases, newest first; only Fortress has been tested."""
 
 
 class Library(NamedTuple):
@@ -75,7 +75,7 @@ class Library(NamedTuple):
 
 @cache
 def find_library() -> Library:
-    """Find the newest release whose libraries are all installed."""
+    """Return the newest release of which all libraries are installed."""
     for program in ("pkg-config", "g++"):
         if shutil.which(program) is None:
             raise InputError(f"simulator=gazebo: program {program} not found; {INSTALL}")
@@ -100,7 +100,7 @@ def _call(*command: str) -> "subprocess.CompletedProcess[str]":
 
 
 def compile_server() -> Path:
-    """Return the path of the compiled server; other processes wait for the one that compiles."""
+    """Return the path of the compiled server; if another process is compiling it, wait."""
     library = find_library()
     recipe = (SOURCE.read_text(encoding="utf-8"), *library.versions.values(), *library.arguments)
     key = hashlib.sha256("\0".join(recipe).encode()).hexdigest()[:16]
@@ -136,7 +136,7 @@ def _compile(server: Path, library: Library) -> None:
 
 
 _REQUEST = struct.Struct("=iiiiq")  # operation, number, steps, feeling, size
-_ANSWER = struct.Struct("=qq")  # 1 for an error, size
+_ANSWER = struct.Struct("=qq")  # 1 for an error, size of the answer
 _READ_BYTES = 1 << 16
 
 
@@ -147,13 +147,13 @@ class Operation(IntEnum):
 
 
 class GazeboServer:
-    """Starts the server, sends requests and awaits answers; for use by one thread.
+    """Starts the server, sends requests and awaits answers; not thread-safe.
 
-    The process has a private home folder, may print, and exits whenever this process exits.
+    The process has a private home folder, may print, and exits when this process exits.
     """
 
     def __init__(self, program: Path, limit_s: float) -> None:
-        """Start the program; each answer may take up to ``limit_s`` of wall-clock time."""
+        """Start the program; an answer may take up to ``limit_s`` [s] of wall-clock time."""
         self.limit_s = limit_s
         with ExitStack() as stack:
             starting = start_pipes([str(program)], isolate=False, environment={})
@@ -177,7 +177,7 @@ class GazeboServer:
         feeling: bool = False,
         time: float | None = None,
     ) -> Array:
-        """Send a request about simulation ``number`` and return the values of the answer."""
+        """Send a request for simulation ``number``, and return the values in the answer."""
         self._pipes.begin(self.limit_s, time)
         self._pipes.send(_REQUEST.pack(operation, number, steps, feeling, len(body)) + body)
         data = self._pipes.receive(_READ_BYTES)
@@ -195,11 +195,11 @@ class GazeboServer:
         return np.frombuffer(answer, offset=_ANSWER.size)
 
 
-KEPT = 4  # number of cached simulations; the trials of a design return to the same worlds
+KEPT = 4  # number of cached simulations; trials of a design use the same worlds again
 
 
 class Scene(NamedTuple):
-    """A simulation in a server, and its values at the start of a mission."""
+    """A simulation in a server, and its initial values in a mission."""
 
     server: GazeboServer
     number: int
@@ -207,7 +207,7 @@ class Scene(NamedTuple):
 
 
 class Engine:
-    """A server for one mission at a time, and its cached simulations."""
+    """A server for one mission at a time, with cached simulations."""
 
     def __init__(self, program: Path, limit_s: float) -> None:
         self._server = GazeboServer(program, limit_s)
@@ -215,20 +215,20 @@ class Engine:
         self._numbers = count()
 
     def close(self) -> None:
-        """End the server; the engine is then unusable."""
+        """End the server, after which the engine is unusable."""
         self._server.close()
 
     def limit(self, seconds: float) -> None:
-        """Limit the wall-clock time [s] for each answer."""
+        """Set the wall-clock limit [s] for each answer."""
         self._server.limit_s = seconds
 
     def forget(self) -> None:
-        """Discard all cached simulations, so that the next missions open new ones."""
+        """Discard all cached simulations."""
         while self._kept:
             self._drop_oldest()
 
     def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Scene:
-        """Return a simulation at the start of a mission: a cached one after reset, or a new one."""
+        """Return a simulation at the start of a mission: cached and reset, or new."""
         described = tuple((*describe_for_engine(robot), home) for robot, home in robots)
         sizes = () if world.crowd is None else world.crowd.sizes
         source = (described, world.bodies, world.gravity_mps2, settings, sizes)

@@ -1,6 +1,7 @@
 """Rigid-body physics with Gazebo's library and DART, in a separate process.
 
-Rays are cast in a MuJoCo model of the world, because Gazebo's casts none or returns NaN.
+Rays are cast in a MuJoCo model of the world, because Gazebo's ray casting is missing or returns
+NaN.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -34,7 +35,7 @@ from evoros.world.model import World
 
 
 class GazeboSight:
-    """The range sensors of all robots in ``model``."""
+    """The range sensors of all robots, in the MuJoCo ``model``."""
 
     def __init__(
         self,
@@ -43,10 +44,10 @@ class GazeboSight:
         parts: Sequence[tuple[int, slice]],
         bodies: slice,
     ) -> None:
-        """Prepare to copy the poses in the server's answers into the state of the MuJoCo model.
+        """Prepare to copy poses from the server's answers to the MuJoCo model.
 
-        ``parts`` holds the index in an answer at which each robot's pose starts, and the slice of
-        the robot's wheel and steering angles. ``bodies`` is the slice of the movable bodies' poses.
+        ``parts`` holds, for each robot, the index of its pose in an answer, and the slice of its
+        wheel and steering angles. ``bodies`` is the slice of the poses of movable bodies.
         """
         self._model = model
         self._sights = [MujocoSight(model, robot, i) for i, robot in enumerate(robots)]
@@ -62,7 +63,7 @@ class GazeboSight:
         self._to, self._source = np.concatenate(to), np.concatenate(source)
 
     def place(self, values: Array, walkers: EngineWalkers | None) -> None:
-        """Move robots, movable bodies and walkers to their poses in an answer."""
+        """Move robots, movable bodies and walkers to the poses in an answer."""
         model = self._model
         if walkers is not None:
             model.place_walkers(walkers.places)
@@ -70,24 +71,24 @@ class GazeboSight:
         model.library.mj_kinematics(model.model, model.data)
 
     def cast(self, index: int, ranges: Array) -> None:
-        """Fill a robot's ranges (n,) [m]."""
+        """Fill the ranges (n,) [m] of a robot."""
         self._sights[index].cast(ranges)
 
 
 POSE, VELOCITY, TURNING, TOUCHED, ANGLES = slice(7), slice(7, 10), slice(10, 13), 13, 14
-"""A robot's part of an answer.
+"""The values of a robot in an answer.
 
-Pose x, y, z, w, i, j, k of the root link, velocities [m/s] and [rad/s], 1 after a contact since the
-last answer, and wheel and steering angles [rad].
+In this order: pose of the root link (x, y, z, w, i, j, k), velocity [m/s], angular velocity
+[rad/s], 1 after a contact since the last answer, and wheel and steering angles [rad].
 """
-BODY_SIZE = 7  # size of a movable body's pose in an answer
+BODY_SIZE = 7  # number of values of a movable body's pose
 ROBOT, STEP, SHAPE, OTHER, AT = 0, 1, 2, 3, slice(4, 6)
-"""A contact felt by a robot: robot, step, both shapes, and x, y [m] in the robot's frame."""
+"""Columns of a contact: robot, step, both shapes, and x, y [m] in the robot's frame."""
 FELT_SIZE = 6
 
 
 class GazeboSimulation:
-    """The robots of ``scene`` in a world, which advance together."""
+    """The simulated robots of ``scene`` in a world."""
 
     def __init__(
         self,
@@ -132,7 +133,7 @@ class GazeboSimulation:
             self._walkers.observe(state)
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals``; robots see one another, but not themselves."""
+        """Fill ``signals``; range sensors see other robots, but not their own."""
         if self._sight is not None:
             self._sight.place(self.values, self._walkers)
         for index, (vehicle, share) in enumerate(self._turns):
@@ -142,7 +143,7 @@ class GazeboSimulation:
             vehicle.read(self.values, own)
 
     def advance(self, command: Array, duration: float) -> None:
-        """Drive with ``command`` for ``duration`` [s], recording even one-step contacts."""
+        """Apply ``command`` for ``duration`` [s]; record even contacts of a single step."""
         at = 0
         for vehicle, share in self._turns:
             part = self._commands[at : at + vehicle.joints]
@@ -178,7 +179,7 @@ class GazeboSimulation:
 
 
 class Vehicle:
-    """A robot whose values in an answer start at ``start``."""
+    """A robot with values in each answer from index ``start``."""
 
     def __init__(self, robot: Robot, start: int, gravity: float) -> None:
         self._drive, self.start, self.ranges = robot.drive, start, robot.beam_count
@@ -189,7 +190,7 @@ class Vehicle:
         self._motion = slice(start, start + TOUCHED)
         self._command: tuple[float, ...] | None = None
         self._targets = np.zeros(self.joints)
-        self._touched = False  # True after a contact since the last observation
+        self._touched = False  # whether a contact has occurred since the last observation
         self.signals = RigidSignals(robot, gravity)
 
     def observe(self, values: Array, state: Array) -> None:
@@ -201,7 +202,7 @@ class Vehicle:
         self._touched = False
 
     def read(self, values: Array, signals: Array) -> None:
-        """Write the signals of all sensors except range sensors."""
+        """Write the signals of all sensors but range sensors."""
         if self.signals.exist:
             own = values[self.start : self.end]
             x, y, z, qw, qx, qy, qz = own[POSE].tolist()
@@ -218,18 +219,18 @@ class Vehicle:
         targets[:] = self._targets
 
     def note_touch(self, values: Array) -> None:
-        """Remember a contact for the next observation."""
+        """Store a contact for the next observation."""
         self._touched = self._touched or values[self.start + TOUCHED] > 0.0
 
 
 MAX_STEP_S = 0.025
-"""Maximum step [s] at which a rover moves within 1 % of its kinematics (``docs/fidelity.md``)."""
+"""Maximum step [s] for rover motion within 1 % of its kinematics (``docs/fidelity.md``)."""
 
 MOST_MOVABLE = 500
-"""Maximum number of movable bodies; DART takes 25 us for each in every step, even at rest."""
+"""Maximum number of movable bodies; each takes DART 25 us per step, even at rest."""
 
 _RAYS = Settings(time_step=0.01, wheel_friction=1.0, steering_lag_s=0.0)
-"""Settings of the ray-casting model, in which nothing moves by itself."""
+"""Settings of the ray-casting model, in which nothing moves on its own."""
 
 IDLE: IdleEngines[Engine] = IdleEngines()
 
@@ -240,14 +241,14 @@ class Gazebo(Simulator):
     """The simulator that uses Gazebo's physics."""
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.005  # [s]
-    wheel_friction: Annotated[float, POSITIVE] = 1.0  # the ground's friction applies if smaller
+    wheel_friction: Annotated[float, POSITIVE] = 1.0  # limited by the friction of the ground
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     answer_limit_s: Annotated[float, POSITIVE] = 60.0
-    """Wall-clock limit [s] for a control period, and for opening a world."""
+    """Wall-clock limit [s] for a control period and for opening a world."""
     versions: Mapping[str, str] = field(
         init=False, compare=False, default_factory=lambda: find_library().versions
     )
-    """Versions of the system libraries on this machine; workers may be on other machines."""
+    """Versions of the system libraries on this machine, which workers elsewhere must match."""
     packages = ("mujoco-core",)
     measures = (RANGE, *SIGNAL_SIZES)
     max_robots = teams.MAX_ROBOTS
@@ -282,7 +283,7 @@ class Gazebo(Simulator):
 
     @contextmanager
     def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[GazeboSimulation]:
-        """Place each robot at its home pose."""
+        """Open a simulation with each robot at its home pose."""
         teams.check_number(robots)
         self._require_versions()
         settings = Settings(self.time_step, self.wheel_friction, self.steering_lag_s)

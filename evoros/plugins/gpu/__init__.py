@@ -1,4 +1,4 @@
-"""Planar missions that run in batches, as threads of an NVIDIA GPU."""
+"""Runs planar missions in batches, one per thread of an NVIDIA GPU."""
 
 from evoros.files.plugins import Plugin
 

@@ -1,4 +1,4 @@
-"""An NVIDIA GPU as a device, accessed through the driver and the package cuda-bindings."""
+"""An NVIDIA GPU as a device, through the driver and the package cuda-bindings."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -12,18 +12,18 @@ from evoros.compilation.device import Bytes, DeviceError, DeviceFull, Memory
 from evoros.compilation.kernel import ENTRY, target_gpu
 
 THREADS = 32
-"""Threads per block, one per mission; small blocks spread even a few missions over the GPU."""
+"""Missions per block, one per thread; small blocks spread even a few missions over the GPU."""
 _FULL = "CUDA_ERROR_OUT_OF_MEMORY"
 FIXES = {
     _FULL: "free some of the GPU's memory, or reduce executor.workers",
     "CUDA_ERROR_UNSUPPORTED_PTX_VERSION": "the driver is too old; install a newer driver",
     "CUDA_ERROR_SYSTEM_DRIVER_MISMATCH": "restart the machine after a driver update",
 }
-"""Remedies for some errors of the driver."""
+"""Advice on some errors of the driver."""
 
 
 def import_driver() -> Any:
-    """Return the module that calls the driver."""
+    """Import the module that calls the driver."""
     with require_extra("gpu", "executor=gpu"):
         from cuda.bindings import driver
     return driver
@@ -37,10 +37,10 @@ def require_gpu(driver: Any) -> None:
 
 
 def call_driver(driver: Any, name: str, *arguments: Any) -> Any:
-    """Call a driver function and return its result; every error is a DeviceError."""
+    """Call a driver function and return its result; raise every error as a DeviceError."""
     try:
         status, *results = getattr(driver, name)(*arguments)
-    except Exception as error:  # a missing or old driver raises various exceptions
+    except Exception as error:  # a missing or old driver raises different exceptions
         raise DeviceError(f"{name}: {single_line(error).rstrip('.')}") from error
     if int(status) != 0:
         code = getattr(status, "name", str(status))
@@ -61,7 +61,7 @@ class CudaMemory:
         self._cuda.call("cuMemcpyHtoD", self.address, content.ctypes.data, content.nbytes)
 
     def read(self, start: int, end: int) -> Bytes:
-        """Return the bytes from ``start`` to ``end``, exclusive."""
+        """Return the bytes from ``start`` up to, but not including, ``end``."""
         content = np.empty(end - start, dtype=np.uint8)
         self._cuda.call("cuMemcpyDtoH", content.ctypes.data, self.address + start, content.nbytes)
         return content
@@ -87,16 +87,16 @@ class Cuda:
 
     @contextmanager
     def allocate(self, size: int) -> Iterator[Memory]:
-        """Allocate ``size`` bytes inside the context."""
+        """Allocate ``size`` bytes; free them on exit."""
         address = self.call("cuMemAlloc", size)
         try:
             yield CudaMemory(self, int(address))
         finally:
-            with suppress(DeviceError):  # a failing GPU has already been reported
+            with suppress(DeviceError):  # an error of the GPU has been reported already
                 self.call("cuMemFree", address)
 
     def launch(self, kernel: Any, rows: int, width: int, count: int) -> None:
-        """Run ``count`` missions to the end; each row at ``rows`` has ``width`` bytes."""
+        """Run ``count`` missions to the end; ``rows`` points to rows of ``width`` bytes."""
         values = (rows, width, 0, count), (c_int64,) * 4
         blocks = -(-count // THREADS)
         self.call("cuLaunchKernel", kernel, blocks, 1, 1, THREADS, 1, 1, 0, 0, values, 0)

@@ -1,4 +1,4 @@
-"""An executor that runs missions in batches, as threads of a GPU."""
+"""An executor that runs missions in batches, one per thread of a GPU."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """The missions that one run contributes to a call."""
+    """The missions that one run adds to a call."""
 
     function: Callable[..., Any]
     run: object
@@ -32,7 +32,7 @@ class Part:
 
 
 class Joining:
-    """A queue of parts, which are joined into one call as soon as a worker is free."""
+    """A queue of parts, joined into one call as soon as a worker is free."""
 
     def __init__(self, pool: Pool, batches: Batches) -> None:
         self._pool, self._batches = pool, batches
@@ -42,7 +42,7 @@ class Joining:
         self._lock = Lock()
 
     def add(self, part: Part) -> "Future[Any]":
-        """Queue a part, and return the future for its answer."""
+        """Queue a part; return the future of its answer."""
         with self._lock:
             if self._closed:
                 raise RuntimeError("this pool is closed")
@@ -51,7 +51,7 @@ class Joining:
         return part.future
 
     def close(self) -> None:
-        """Cancel the waiting parts before the pool cancels its calls."""
+        """Cancel the waiting parts, before the pool cancels its calls."""
         with self._lock:
             self._closed = True
             waiting, self._waiting = self._waiting, deque()
@@ -90,7 +90,7 @@ class Joining:
         call.add_done_callback(partial(self._settle, parts))
 
     def _settle(self, parts: Sequence[Part], call: "Future[Any]") -> None:
-        """Pass each part its answer; after a failed call, repeat the parts one by one."""
+        """Give each part its answer; after a failed call, repeat the parts one by one."""
         error = CancelledError() if call.cancelled() else call.exception()
         repeated = error is not None and len(parts) > 1 and not self._closed
         with self._lock:
@@ -105,14 +105,14 @@ class Joining:
         self._fill()
 
 
-GPU, CPU = "gpu", "cpu"  # devices: an NVIDIA GPU, or the CPU, which runs the same kernel in tests
+GPU, CPU = "gpu", "cpu"  # devices: an NVIDIA GPU, or the CPU running the same kernel in tests
 ON_CPU, STOP = "cpu", "stop"
-"""Fallbacks if the GPU cannot be used: run missions on the CPU, or stop the run."""
+"""Fallbacks without a usable GPU: run missions on the CPU, or stop the run."""
 
 
 @dataclass(frozen=True)
 class GpuBatches:
-    """Settings for running missions in batches on a device."""
+    """Settings for batches of missions on a device."""
 
     device: str
     missions: int  # maximum number of missions per launch
@@ -120,14 +120,14 @@ class GpuBatches:
     option: str = "executor=gpu"
 
     def open_device(self) -> "Device":
-        """Open the device in a worker."""
-        from evoros.compilation.device import Host  # LLVM takes long to import
+        """Open the device in a worker process."""
+        from evoros.compilation.device import Host  # slow: imports LLVM
         from evoros.plugins.gpu.cuda import Cuda, import_driver
 
         return Cuda(import_driver()) if self.device == GPU else Host()
 
     def give_up(self, reason: str) -> str:
-        """Return the message that missions run on the CPU, or raise it if ``fallback`` is STOP."""
+        """Return the message that missions run on the CPU; raise it if ``fallback`` is STOP."""
         lack = f"executor.device=gpu: {reason}"
         if self.fallback == STOP:
             fix = "resume when a GPU is usable, or with executor.fallback=cpu or executor=processes"
@@ -138,9 +138,9 @@ class GpuBatches:
 @dataclass(frozen=True, kw_only=True)
 @checked
 class Gpu(Processes):
-    """An executor that runs missions in one kernel launch if all parts can be compiled.
+    """An executor that runs missions in one kernel launch if all their parts can be compiled.
 
-    A free worker launches the waiting missions of all runs; other calls run as in ``Processes``.
+    A free worker launches the waiting missions of all runs; other calls run as with ``Processes``.
     """
 
     device: Annotated[str, one_of(GPU, CPU)] = GPU
@@ -162,7 +162,7 @@ class Gpu(Processes):
 
 def _find_lack() -> str:
     from evoros.compilation.device import DeviceError
-    from evoros.plugins.gpu.cuda import import_driver, require_gpu  # LLVM takes long to import
+    from evoros.plugins.gpu.cuda import import_driver, require_gpu  # slow: imports LLVM
 
     try:
         require_gpu(import_driver())

@@ -1,4 +1,4 @@
-"""Rows of the benchmark's leaderboard, made from finished runs and checked by rerunning them."""
+"""Rows of the benchmark's leaderboard, made from finished runs and verified by rerunning."""
 
 from evoros.files.plugins import Plugin, Subcommand
 

@@ -1,6 +1,6 @@
-"""Rows of the leaderboard: a run's result, and the overrides that repeat the run.
+"""Rows of the leaderboard, with a run's result and the overrides that repeat the run.
 
-A task is an experiment in ``conf/`` and a budget of missions; only the handling of noise may vary.
+A task is an experiment in ``conf/`` with a budget of missions; only the handling of noise may vary.
 """
 
 import csv
@@ -22,44 +22,44 @@ from evoros.storage.reading import Run
 from evoros.storage.tables import to_csv
 
 PREFIX = "benchmark_"
-TASKS: Mapping[str, int] = {  # maximum number of missions per run, without validation
+TASKS: Mapping[str, int] = {  # maximum number of missions per run, excluding validation
     "benchmark_boxes": 300,
     "benchmark_network": 800,
     "benchmark_priced": 800,
 }
 GROUPS = ("optimizer", "allocation", "final_choice")
 SEARCH = (*GROUPS, "trials", "draws", "seed", "objectives", "descriptors", "treatment")
-"""Keys, or key prefixes, that a search may choose."""
+"""Keys, or prefixes of keys, that a search may set."""
 TRIALS = "optimizer.validation_trials"
-"""The only key of a search that the task fixes, because the score depends on it."""
+"""The only optimizer key that the task fixes, because the score depends on it."""
 FREE = (*protocol.FREE, "figures", "record")  # keys that do not affect missions
 HASHED = (
     *(MISSIONS, "generations/*.csv"),
     *("champion/design.csv", "champion/genes.csv", "champion/certificate.json"),
 )
-"""The run's files that are included in a row's digest."""
+"""Files of a run included in the digest of its row."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the leaderboard, with all cells as strings."""
+    """A row of the leaderboard; all cells are strings."""
 
-    task: str  # name of the experiment, without PREFIX
-    search: str  # choice of the group ``optimizer``
+    task: str  # name of the experiment without PREFIX
+    search: str  # option of the group ``optimizer``
     seed: str
-    missions: str  # number of missions, without validation
-    fitness: str  # champion's fitness on the task's fresh trials
+    missions: str  # number of missions, excluding validation
+    fitness: str  # fitness of the champion on the task's fresh trials
     low: str  # lower bound of the fitness
     high: str  # upper bound of the fitness
-    completed: str  # share of these trials that were completed
-    overrides: str  # arguments of ``evoros``, as typed in a shell
-    config_dir: str  # folder in the repository with the search's parts, or empty
+    completed: str  # fraction of these trials that were completed
+    overrides: str  # arguments of ``evoros`` as typed in a shell
+    config_dir: str  # folder in the repository with the search's parts; empty without any
     version: str  # version of evoros
     digest: str  # SHA-256 of the run's files that the overrides determine
 
     @property
     def name(self) -> str:
-        """The row's name: task, search and seed."""
+        """The task, search and seed of the row."""
         return f"{self.task}, {self.search}, seed {self.seed}"
 
 
@@ -118,7 +118,7 @@ def _describe_certificate(certificate: Mapping[str, Any]) -> tuple[str, str, str
 
 
 def hash_run(folder: Path) -> str:
-    """Return a digest of the files that a run's configuration determines, without seals."""
+    """Return a digest of the files that a run's configuration determines, without their seals."""
     files = sorted(path for pattern in HASHED for path in folder.glob(pattern))
     whole = hashlib.sha256()
     for path in files:
@@ -172,7 +172,7 @@ def write_rows(rows: Iterable[Row]) -> str:
 
 
 def read_rows(path: Path) -> list[Row]:
-    """Read the rows in a file that ``write_rows`` produced."""
+    """Read the rows of a file written by ``write_rows``."""
     try:
         table = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
     except (OSError, ValueError, csv.Error) as error:

@@ -1,4 +1,4 @@
-"""The subcommand ``leaderboard``, which makes rows from runs and checks rows by rerunning them."""
+"""The subcommand ``leaderboard``, which makes rows from runs and verifies rows by rerunning."""
 
 import shlex
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Missions as the simulation for OpenSCENARIO DSL files, run by the tool scenario_execution."""
+"""Missions as simulations of OpenSCENARIO DSL files, which scenario_execution runs."""
 
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ PLUGIN = Plugin(__name__, "OpenSCENARIO DSL scenario files", extras=("scenario",
 
 
 def __getattr__(name: str) -> type["Simulation"]:
-    """Import the simulation on first use; scenario_execution imports this package without it."""
+    """Import the simulation lazily, because scenario_execution imports this package without it."""
     if name != "Simulation":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from evoros.plugins.openscenario.simulation import Simulation
@@ -22,5 +22,5 @@ def __getattr__(name: str) -> type["Simulation"]:
 
 
 def get_library() -> tuple[str, str]:
-    """Return the package, and the name of the file in its folder ``lib_osc``."""
+    """Return the package and the file name of its library in ``lib_osc``."""
     return "evoros.plugins.openscenario", "evoros.osc"

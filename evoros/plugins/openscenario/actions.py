@@ -1,4 +1,4 @@
-"""The actions in ``osc.evoros`` for scenario_execution, as ``lib_osc/evoros.osc`` declares them."""
+"""The actions of ``osc.evoros`` for scenario_execution, declared in ``lib_osc/evoros.osc``."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 class Action(BaseAction):  # type: ignore[misc]
-    """An action that operates on a scenario's mission."""
+    """An action on the mission of a scenario."""
 
     def setup(self, **kwargs: Any) -> None:
         """Store the simulation and prepare the action."""
@@ -32,10 +32,10 @@ class Action(BaseAction):  # type: ignore[misc]
         self._attempt(self.prepare)
 
     def prepare(self) -> None:
-        """Prepare the action before the scenario starts."""
+        """Prepare the action, before the scenario starts."""
 
     def update(self) -> Status:
-        """Perform the action at a tick of the scenario."""
+        """Perform the action in one tick of the scenario."""
         status = self._attempt(self.act)
         if status is None:
             self.feedback_message = self.simulation.problem
@@ -43,7 +43,7 @@ class Action(BaseAction):  # type: ignore[misc]
         return status
 
     def act(self) -> Status:
-        """Act, and return the action's status after this tick."""
+        """Act, and return the status of the action after this tick."""
         raise NotImplementedError
 
     def _attempt(self, function: Callable[[], T]) -> T | None:
@@ -68,14 +68,14 @@ class Action(BaseAction):  # type: ignore[misc]
 
 
 class Wait(Action):
-    """An action that succeeds once a condition holds, and fails if the mission ends first."""
+    """An action that succeeds when a condition holds, and fails if the mission ends before."""
 
     def holds(self) -> bool:
         """Return True if the condition holds."""
         raise NotImplementedError
 
     def act(self) -> Status:
-        """Succeed, wait or fail."""
+        """Succeed if the condition holds, fail if the mission has ended, otherwise keep running."""
         if self.holds():
             return Status.SUCCESS
         if self.mission.is_over:
@@ -96,20 +96,20 @@ class _Reading(Wait):
 
 
 class WaitForReading(_Reading):
-    """Waits until the minimum reading is between limits."""
+    """Waits until the minimum reading is within limits."""
 
     def execute(self, sensors: str, channel: str, at_least: float, at_most: float) -> None:
         """Store the parameters."""
         self.sensors, self.channel, self.limits = sensors, channel, (at_least, at_most)
 
     def holds(self) -> bool:
-        """Return True if the reading is between the limits."""
+        """Return True if the minimum reading is within the limits."""
         low, high = self.limits
         return low <= self.read() <= high
 
 
 class WaitForSilence(_Reading):
-    """Waits until none of the sensors has a reading."""
+    """Waits until all selected sensors are silent."""
 
     def execute(self, sensors: str) -> None:
         """Store the sensors."""
@@ -121,7 +121,7 @@ class WaitForSilence(_Reading):
 
 
 class AskReading(_Reading):
-    """Writes the minimum reading to a variable."""
+    """Writes the minimum reading to a scenario variable."""
 
     def __init__(self) -> None:
         super().__init__(resolve_variable_reference_arguments_in_execute=False)
@@ -161,20 +161,20 @@ class WaitForWaypoints(Wait):
         self.count = count
 
     def holds(self) -> bool:
-        """Return True if the robot has reached this number of waypoints."""
+        """Return True if the robot has reached the given number of waypoints."""
         return self.mission.visited >= self.count
 
 
 class Drive(Action):
-    """Drives in place of the controller for a given time."""
+    """Drives the robot for a given time instead of the controller."""
 
     def setup(self, **kwargs: Any) -> None:
-        """Store the simulation and the scenario's clock."""
+        """Store the simulation and the clock of the scenario."""
         super().setup(**kwargs)
         self._clock = kwargs["clock"]
 
     def execute(self, speed: float, steering: float, duration: float) -> None:
-        """Store the command [m/s, rad], and the time [s] at which to stop."""
+        """Store the command [m/s, rad] and its end time [s]."""
         self._command, self._end = (speed, steering), self._clock.now() + duration
 
     def act(self) -> Status:
@@ -192,7 +192,7 @@ class Drive(Action):
 
 
 class WaitForEnd(Wait):
-    """Waits until the mission ends in the expected way."""
+    """Waits until the mission has ended in the expected way."""
 
     def execute(self, ended: str) -> None:
         """Store the expected ending."""
@@ -204,7 +204,7 @@ class WaitForEnd(Wait):
 
 
 class CheckMetric(Action):
-    """Checks that a metric of the mission so far is between limits."""
+    """Checks that a metric of the mission so far is within limits."""
 
     def execute(self, metric: str, at_least: float, at_most: float) -> None:
         """Store the parameters."""
@@ -225,7 +225,7 @@ class CheckMetric(Action):
 
 
 def select_sensors(robot: Robot, text: str) -> list[int]:
-    """Return the indices of the sensors that a string selects: all, numbers or type names."""
+    """Return the indices of the sensors selected by a string: all, numbers, or type names."""
     types = [mount.sensor for mount in robot.mounts]
     chosen: set[int] = set()
     for word in text.replace(",", " ").split():
@@ -245,7 +245,7 @@ def select_sensors(robot: Robot, text: str) -> list[int]:
 
 
 def _smallest_reading(robot: Robot, readings: Array, numbers: Sequence[int], channel: str) -> float:
-    """Return the minimum reading in the channels with this prefix; NaN if all are silent."""
+    """Return the minimum reading in channels that start with ``channel``; NaN if all are silent."""
     sensors = robot.mounted_sensors()
     values = []
     for number in numbers:

@@ -1,4 +1,4 @@
-"""The actions in ``osc.evoros`` that make the robot's parts fail."""
+"""The actions of ``osc.evoros`` that make parts of the robot fail."""
 
 import math
 
@@ -11,11 +11,11 @@ from evoros.plugins.openscenario.actions import Action, select_sensors
 from evoros.plugins.openscenario.simulation import split_words
 
 PARTS = ("steering", "drive", "wheel", "localization", "commands")
-"""Failure models, named after robot parts, whose faults can be triggered immediately."""
+"""Failure models, named after robot parts, whose faults can start immediately."""
 
 
 class InjectFailure(Action):
-    """Adds the faults that a failure model draws."""
+    """Adds faults drawn by a failure model."""
 
     def __init__(self, failure: str, effect: str, onset: str, settings: str) -> None:
         super().__init__()
@@ -23,7 +23,7 @@ class InjectFailure(Action):
         self.settings = settings
 
     def list_overrides(self) -> list[str]:
-        """Return the overrides that choose the failure model."""
+        """Return the overrides that select the failure model."""
         chosen = {"filter@failure.effect": self.effect, "failure/onset": self.onset}
         words = split_words("settings", self.settings)
         return [
@@ -37,7 +37,7 @@ class InjectFailure(Action):
         self.failure = self.simulation.build_failure(*self.list_overrides())
 
     def act(self) -> Status:
-        """Draw the faults, and add them to the mission."""
+        """Draw faults, and add them to the mission."""
         for fault in self.mission.add_failure(self.failure):
             self.simulation.check_event(fault.trigger)
             self.logger.info(f"{self.name}: {fault.effect} of {describe_fault(fault)}")
@@ -45,7 +45,7 @@ class InjectFailure(Action):
 
 
 class InjectFault(InjectFailure):
-    """Makes given sensors fail immediately."""
+    """Makes the given sensors fail immediately."""
 
     def __init__(self, sensors: str, effect: str, settings: str) -> None:
         super().__init__("given", effect, "", settings)
@@ -81,7 +81,7 @@ class InjectPartFault(InjectFailure):
 
 
 def describe_fault(fault: Fault) -> str:
-    """Describe the part that fails, with the time [s] if the fault has one."""
+    """Describe the failing parts, with onsets [s] where set."""
     onsets = fault.onset.tolist()
     if fault.signal == READINGS:
         failing = enumerate(onsets)

@@ -1,4 +1,4 @@
-"""The simulation for scenario_execution: an evoros mission, advanced step by step."""
+"""The simulation for scenario_execution: a mission of evoros, advanced step by step."""
 
 import math
 import shlex
@@ -29,12 +29,12 @@ from evoros.session.given_designs import read_like
 from evoros.storage import tables
 
 MISSION, TRAJECTORY = "mission.csv", "trajectory.csv"
-"""The files that a scenario writes to the output folder."""
+"""Files written to the output folder of a scenario."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """The inputs of a scenario file's mission."""
+    """The inputs of the mission of a scenario file."""
 
     scenario: Scenario
     mission: Mission
@@ -43,7 +43,7 @@ class Setting:
 
 @cache
 def build_setting(overrides: tuple[str, ...], config_dir: str | None, trial: int) -> Setting:
-    """Build the mission that ``evoros evaluate`` would run for this trial with these overrides."""
+    """Build the mission that ``evoros evaluate`` would run for a trial with the same overrides."""
     experiment, designs = _build(overrides, config_dir)
     if designs is None and not experiment.space.size:
         design = experiment.space.decode(np.empty(0))
@@ -68,7 +68,7 @@ def build_setting(overrides: tuple[str, ...], config_dir: str | None, trial: int
 
 @cache
 def build_failure(overrides: tuple[str, ...], config_dir: str | None) -> Failure:
-    """Build the failure model that the overrides choose."""
+    """Build the failure model that the overrides select."""
     return _build(overrides, config_dir)[0].failure
 
 
@@ -79,7 +79,7 @@ def _build(overrides: tuple[str, ...], config_dir: str | None) -> tuple[Experime
 
 
 def split_words(key: str, text: str) -> tuple[str, ...]:
-    """Split a parameter into words as a shell does."""
+    """Split a parameter into words as a shell would."""
     try:
         return tuple(shlex.split(text))
     except ValueError as error:
@@ -87,17 +87,17 @@ def split_words(key: str, text: str) -> tuple[str, ...]:
 
 
 class Simulation(SimulationInterface):  # type: ignore[misc]
-    """An evoros mission for the option ``--simulation`` of scenario_execution.
+    """A mission of evoros for the option ``--simulation`` of scenario_execution.
 
-    Scenario parameters are ``overrides`` for ``evoros evaluate``, ``config_dir`` and ``trial``.
+    The scenario parameters are ``overrides`` for ``evoros evaluate``, ``config_dir`` and ``trial``.
     """
 
-    dt = 0.5  # time between scenario ticks [s], a multiple of the mission's tick
+    dt = 0.5  # time [s] between scenario ticks, a multiple of the mission's tick
 
     def __init__(self) -> None:
-        # Speed [m/s] and steering [rad] of an action; None: the controller drives.
+        # Speed [m/s] and steering [rad] set by an action; None while the controller drives.
         self.command: tuple[float, float] | None = None
-        self.problem = ""  # reason why the scenario cannot continue
+        self.problem = ""  # why the scenario cannot continue
         self._logger: Any = None
         self._stack = ExitStack()
         self._setting: Setting | None = None
@@ -107,11 +107,11 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
         self._ticks = 1
 
     def setup(self, **kwargs: Any) -> None:
-        """Store the tool's logger."""
+        """Store the logger of scenario_execution."""
         self._logger = kwargs["logger"]
 
     def reset(self, overrides: str = "", config_dir: str = "", trial: int = 0) -> None:
-        """Open the mission of the next scenario, and run it up to time 0."""
+        """Open the mission of the next scenario, and run its first tick at time 0."""
         self.shutdown()
         self.command, self.problem, self._folder = None, "", None
         try:
@@ -136,12 +136,12 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
 
     @property
     def mission(self) -> OpenMission:
-        """The scenario's open mission."""
+        """The open mission of the scenario."""
         assert self._mission is not None
         return self._mission
 
     def step(self) -> None:
-        """Advance the mission by ``dt``; once it has ended, only the scenario's time advances."""
+        """Advance the mission by ``dt``; after its end, only the scenario's time advances."""
         if self._folder is None:
             self._folder = ScenarioExecutionConfig().output_directory or ""
             for name in (MISSION, TRAJECTORY) if self._folder else ():
@@ -153,7 +153,7 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
                 self.stop(error)
         if self.problem:
             for key in list(Blackboard.storage):
-                if key.endswith("/fail"):  # the tool's name for the failure event of a scenario
+                if key.endswith("/fail"):  # name of a scenario's failure event
                     Blackboard.set(key, True)
 
     def _run(self) -> None:
@@ -165,17 +165,17 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
             self.mission.run(1)
 
     def stop(self, error: EvorosError) -> None:
-        """Report an error on one line, so that the scenario fails at the next step."""
+        """Report an error in one line; the scenario fails at the next step."""
         if not self.problem:
             self.problem = single_line(error)
             self._logger.error(self.problem)
 
     def build_failure(self, *overrides: str) -> Failure:
-        """Build a failure model, which may include the user's parts."""
+        """Build a failure model, which may use parts of the user."""
         return build_failure(overrides, self._config_dir)
 
     def check_event(self, trigger: Trigger) -> None:
-        """Require that a fault's trigger can occur in the mission."""
+        """Check that the trigger of a fault can occur in the mission."""
         assert self._setting is not None
         mission = self._setting.mission
         problem = find_problem(trigger, self._setting.scenario.world[mission.world])

@@ -1,4 +1,4 @@
-"""Recorded missions with all robots, and the options that choose missions for export."""
+"""Recorded missions with all robots, and the options that select missions for export."""
 
 import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -34,7 +34,7 @@ from evoros.storage.verification import read_text
 from evoros.terminal.log import LOGGER
 from evoros.world.model import World
 
-_MAX_VALUE = 1e9  # upper limit of numbers in a mission, which must fit into messages
+_MAX_VALUE = 1e9  # maximum absolute value of numbers in a mission, which must fit into messages
 _REQUIRED = ("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "steering_rad", "mode", "visited")
 
 
@@ -48,25 +48,25 @@ class ShownFault(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RecordedMission:
-    """A recorded mission from the point of view of one robot."""
+    """A recorded mission, centred on one robot."""
 
-    trajectory: pd.DataFrame  # has the columns of ``trajectory_WORLD.csv``
-    urdf: str  # description of the robot with its sensors
-    loaded_urdf: str  # description that engines load
+    trajectory: pd.DataFrame  # table with the columns of ``trajectory_WORLD.csv``
+    urdf: str  # robot description with sensors
+    loaded_urdf: str  # robot description that engines load
     world: World
-    context: FigureContext  # includes the evolved parameters of the sensor types
+    context: FigureContext  # context that includes evolved parameters of sensor types
     joints: Sequence[Joint]
     root: str  # root link
-    root_pose: Pose  # pose of the root link in the frame that the trajectory records
+    root_pose: Pose  # pose of the root link in the frame whose poses the trajectory records
     sensors: Sequence[readings.RecordedSensor]
     name: str = ""  # WORLD, or GENERATION_DESIGN_WORLD_TRIAL
     route: Array = field(default_factory=lambda: np.empty((0, 2)))
-    """The waypoints (legs, 2) [m] in the order of the route."""
+    """Waypoints (legs, 2) [m] in driving order."""
     faults: Sequence[ShownFault] = ()
-    part_failures: Sequence[tuple[str, float, str]] = ()  # part, time [s] and effect
-    near_m: float | None = None  # range at which readings are marked; None: half of the maximum
+    part_failures: Sequence[tuple[str, float, str]] = ()  # part, onset [s] and effect
+    near_m: float | None = None  # range of highlighted readings; None: half the maximum
     others: Mapping[str, "RecordedMission"] = field(default_factory=dict)
-    """The mission from the point of view of each other robot, by name."""
+    """The same mission centred on each other robot, by name."""
     walkers: Sequence[readings.WalkerTrack] = ()
 
 
@@ -79,18 +79,18 @@ def assemble(
     sources: tuple[str, str] = ("trajectory", "robot.urdf"),
     **more: Any,
 ) -> RecordedMission:
-    """Check a trajectory and a robot's description, and return the mission.
+    """Check a trajectory and a robot description, and assemble the mission.
 
-    ``loaded_urdf`` is the description that engines load, if it differs. ``sources`` names the
-    files of the trajectory and the description in errors; ``more`` holds the remaining fields.
+    ``loaded_urdf`` is the description that engines load, if different. ``sources`` are the files of
+    the trajectory and the description, for errors; ``more`` holds the other fields.
     """
     _check(trajectory, sources[0], len(context.modes))
     elements = parse(urdf.encode(), sources[1])
-    # ``read_tree`` rejects meshes, which only the loaded robot replaces with shapes.
+    # ``read_tree`` rejects meshes, which are replaced only in the loaded description
     links = [str(link.get("name")) for link in elements.findall("link")]
     joints = [read_joint(joint, links) for joint in elements.findall("joint")]
     root = next(iter({*links} - {joint.child for joint in joints}))
-    root_pose = Pose()  # engines may add a link above the root
+    root_pose = Pose()  # engines may insert a link above the root
     if loaded_urdf:
         tree = read_tree(parse(loaded_urdf.encode(), ROBOT_AS_LOADED), ROBOT_AS_LOADED)
         root_pose = tree.poses.get(root, root_pose)
@@ -100,7 +100,7 @@ def assemble(
 
 
 def read_champion_mission(record: Record, world: str) -> RecordedMission:
-    """Read the champion's first mission in a world, with all robots."""
+    """Read the champion's first mission in a world, including all robots."""
     robots = {robot.agent: place_champion(robot, world) for robot in list_robots(record)}
     mission = robots.pop(record.agent)
     return replace(mission, others=robots, walkers=readings.read_walkers(record, world))
@@ -109,7 +109,7 @@ def read_champion_mission(record: Record, world: str) -> RecordedMission:
 def place_champion(
     record: Record, world: str, trajectory: pd.DataFrame | None = None
 ) -> RecordedMission:
-    """Return a champion's first mission in a world, or the mission with this trajectory."""
+    """Return a champion's first mission in a world, or the mission with the given trajectory."""
     files = (
         record.run.champion_file(f"trajectory_{world}.csv"),
         record.run.champion_file("robot.urdf", record.agent),
@@ -122,7 +122,7 @@ def place_champion(
 
 
 def read_mission(record: Record, row: "pd.Series[str]") -> RecordedMission:
-    """Read the mission in a row of ``missions.csv`` from a run that stores all trajectories."""
+    """Read the mission of a row in ``missions.csv`` from a run that recorded all trajectories."""
     generation, design, trial = (int(row[name]) for name in ("generation", "design", "trial"))
     key = (generation, design, str(row["world"]), trial)
     file, agent = trajectory_file(key), record.agent
@@ -154,7 +154,7 @@ def _assemble(
     shown: tuple[World, FigureContext],
     **more: Any,
 ) -> RecordedMission:
-    """Assemble a mission from the files of its trajectory, its robot and its loaded robot."""
+    """Assemble a mission from its trajectory, the robot and the robot as loaded."""
     source, described, loaded = files
     world, context = shown
     urdf = read_text(described)
@@ -212,7 +212,7 @@ def _check(trajectory: pd.DataFrame, source: str, modes: int) -> None:
 def list_rows(
     record: Record, generation: int | None, design: int | None, trial: int | None
 ) -> Iterator["pd.Series[str]"]:
-    """Yield a design's rows of ``missions.csv`` in order, by default the champion's."""
+    """Yield the rows of a design in ``missions.csv``, by default of the champion."""
     missions = record.run.missions
     if design is None:
         world = next(iter(record.context.courses))
@@ -231,7 +231,7 @@ def list_rows(
 
 
 def add_missions(parser: argparse.ArgumentParser) -> None:
-    """Add the options that choose missions."""
+    """Add the options that select missions."""
     add_run(parser)
     add_worlds(parser)
     every = "instead of the champion's missions, the recorded missions"
@@ -243,7 +243,7 @@ def add_missions(parser: argparse.ArgumentParser) -> None:
 def choose_missions(
     study: Study, options: argparse.Namespace
 ) -> tuple[Record, list[RecordedMission]]:
-    """Return the chosen run and at least one chosen mission."""
+    """Return the selected run and its selected missions, at least one."""
     study.check_worlds(options.world or [])
     return study.choose(options.run, partial(_read, options=options))
 

@@ -1,4 +1,4 @@
-"""ROS 1 and ROS 2 nodes as the controller."""
+"""ROS 1 and ROS 2 nodes as controllers."""
 
 from evoros.files.plugins import Plugin
 

@@ -40,13 +40,13 @@ def name_topics(goal: str) -> dict[str, str]:
 @dataclass(frozen=True, kw_only=True)
 @checked
 class RosController(LineController):
-    """Starts ROS nodes, and a bridge to them that runs in ``python``, for each mission."""
+    """A controller that runs ROS nodes in each mission, and a bridge to them in ``python``."""
 
-    bridge: ClassVar[str]  # name of the bridge's script
+    bridge: ClassVar[str]  # name of the bridge script
     python: Annotated[str, TEXT] = "/usr/bin/python3"
     nodes: Annotated[Sequence[str | Sequence[str]], NODES]
     topics: Annotated[Mapping[str, str], TOPICS]
-    frame: Annotated[str, TEXT] = "odom"  # name of the world's frame
+    frame: Annotated[str, TEXT] = "odom"  # name of the world frame
     twist: Annotated[str, one_of("yaw_rate", "steering")] = "yaw_rate"  # meaning of angular.z
     answer: Annotated[str, one_of("rest", "each")] = "rest"
 
@@ -57,13 +57,13 @@ class RosController(LineController):
         object.__setattr__(self, "files", tuple(dict.fromkeys(files)))
 
     def launch(self, briefing: Briefing) -> AbstractContextManager[Pilot]:
-        """Start the bridge and the nodes for one mission."""
+        """Start the bridge and the nodes of a mission."""
         robot = briefing.robot
         kept = ("nodes", "frame", "twist", "answer", "isolate", "start_limit_s", "answer_limit_s")
         options = {
             **{name: getattr(self, name) for name in kept},
             "topics": dict(self.topics),
-            # The root link of this URDF is the frame of the robot's poses.
+            # the root link of this URDF is the frame of the robot's poses
             "description": robot.urdf if robot.engine_urdf is None else robot.loaded_urdf,
         }
         command = [*split_command([self.python]), str(BRIDGES), self.bridge]
@@ -71,7 +71,7 @@ class RosController(LineController):
 
 
 def _split_node(command: str | Sequence[str]) -> list[str]:
-    """Split a command; keep a bare program name, so that it is looked up in the PATH of ROS."""
+    """Split a command into words; keep a bare program name, which the PATH of ROS resolves."""
     program = (shlex.split(command) if isinstance(command, str) else command)[0]
     words = split_command(command)
     return words if "/" in program else [program, *words[1:]]

@@ -20,27 +20,30 @@ from evoros.files.resources import expand_home
 from evoros.observers.protocol import ObservedEnd, ObservedRun, Observer, Send
 
 RUN, SWEEP, DIGEST = "evoros.run", "evoros.sweep", "evoros.digest"
-"""Tags: a run's id, the hash of a sweep's folder, and the digest of a run's end once sent."""
+"""Tags: id of a run, hash of a sweep's folder, and digest of a run's end once sent."""
 DEFAULTS = {
     "MLFLOW_DISABLE_TELEMETRY": "true",
     "MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true",
-    # Otherwise, an unresponsive server would delay the run for minutes.
+    # otherwise, an unresponsive server would delay the run for minutes
     "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1",
     "MLFLOW_HTTP_REQUEST_TIMEOUT": "10",
 }
-"""Defaults of environment variables."""
+"""Default values of environment variables."""
 STATUS = {"finished": "FINISHED", "stopped": "FAILED", "killed": "KILLED"}
 RUNNING = "RUNNING"
 SQLITE, FILE = "sqlite:///", "outputs/mlflow.db"
 MOST_PARAMETERS, LONGEST = 100, 6000
-"""MLflow's maximum number of parameters per request, and of characters per parameter."""
+"""MLflow's limits: parameters per request, and characters per parameter."""
 _LOCK = Lock()  # jobs of a sweep run in threads, and share experiments and parent runs
 
 
 @dataclass(frozen=True)
 @checked
 class Mlflow(Observer):
-    """Sends runs to MLflow at ``tracking_uri`` (MLFLOW_TRACKING_URI or ``outputs/mlflow.db``)."""
+    """An observer that sends runs to MLflow.
+
+    The server or database is ``tracking_uri``, MLFLOW_TRACKING_URI or ``outputs/mlflow.db``.
+    """
 
     tracking_uri: Annotated[str | None, TEXT] = None
     experiment: Annotated[str, TEXT] = "evoros"
@@ -80,20 +83,20 @@ class Mlflow(Observer):
                 return str(client.create_experiment(self.experiment, place))
             except Exception:
                 found = client.get_experiment_by_name(self.experiment)
-                if found is None:  # another process created it first
+                if found is None:  # another process was faster
                     raise
         return str(found.experiment_id)
 
 
 @contextmanager
 def _lock_folder(folder: Path | None) -> Iterator[None]:
-    """Keep other processes, such as a launcher's jobs, from creating the same database."""
+    """Keep other processes, such as jobs of a launcher, from creating the same database."""
     if folder is None:
         yield
         return
     descriptor = os.open(folder, os.O_RDONLY)
     try:
-        with suppress(OSError):  # some file systems have no locks
+        with suppress(OSError):  # some file systems do not support locks
             fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
     finally:
@@ -147,7 +150,7 @@ class _Connection:
         described = _to_ms(started_s), {**tags, tag: value}
         made = self.client.create_run(self.experiment, *described, run_name=name)
         first = self._find(tag, value)[0]
-        if first.info.run_id != made.info.run_id:  # another process created it first
+        if first.info.run_id != made.info.run_id:  # another process was faster
             self.client.delete_run(made.info.run_id)
         return first
 
@@ -197,7 +200,7 @@ class _Connection:
                 file.write_bytes(content)
             if end.files:
                 self.client.log_artifacts(self.id, folder)
-        self.client.set_tag(self.id, DIGEST, end.digest)  # last, as a sign that the end is complete
+        self.client.set_tag(self.id, DIGEST, end.digest)  # last, to mark the end as complete
         self.digest = end.digest
 
 

@@ -13,25 +13,25 @@ from evoros.files.resources import expand_home
 from evoros.observers.protocol import ObservedEnd, ObservedRun, Observer, Send
 
 DIGEST, CONFIGURATION = "evoros/digest", "configuration"
-"""Tags of text: the digest of a run's end once written, and the configuration."""
-SHOWN_BYTES = 100_000  # maximum size [bytes] of a champion's file that is shown
+"""Tags of text: digest of a run's end once written, and the configuration."""
+SHOWN_BYTES = 100_000  # maximum size [bytes] of a champion file to display
 
 
 @dataclass(frozen=True)
 @checked
 class Tensorboard(Observer):
-    """An observer that writes event files into a subfolder of ``folder`` per run, by sweep."""
+    """An observer that writes event files to ``folder``, in a subfolder per run, by sweep."""
 
     folder: Annotated[str, TEXT] = "outputs/tensorboard"
 
     def check(self) -> None:
-        """Require the package for writing event files."""
+        """Check that the package for writing event files is installed."""
         with require_extra("tensorboard", "observers=tensorboard"):
             import tensorboardX  # noqa: F401
 
     @contextmanager
     def open(self, run: ObservedRun) -> Iterator[Send]:
-        """Open the run's folder, and read the event files from earlier sessions."""
+        """Open the run's folder, and read event files of earlier sessions."""
         self.check()
         place = run.origin / expand_home(self.folder) / (run.group or "")
         with closing(_Events(place / f"{run.name}_{run.id[:8]}")) as events:
@@ -39,7 +39,7 @@ class Tensorboard(Observer):
 
 
 class _Events:
-    """One run's event files; each session creates its file at the first write."""
+    """The event files of one run; each session creates a file when it first writes."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -68,7 +68,7 @@ class _Events:
         if self._writer is None:
             from tensorboardX import SummaryWriter
 
-            # The suffix distinguishes files created within the same second.
+            # distinguishes files created within the same second
             suffix = f".{self._files:05d}"
             self._writer = SummaryWriter(str(self.folder), filename_suffix=suffix)
         return self._writer
@@ -119,7 +119,7 @@ class _Events:
 
 
 def _read_records(content: bytes) -> Iterator[bytes]:
-    """Yield the complete records of an event file: length, checksum, content, checksum."""
+    """Yield the complete records of an event file (length, checksum, content, checksum)."""
     place = 0
     while place + 12 <= len(content):
         (length,) = struct.unpack_from("<Q", content, place)

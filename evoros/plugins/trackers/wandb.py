@@ -1,4 +1,4 @@
-"""An observer that writes offline runs for Weights & Biases, to be sent by ``wandb sync``."""
+"""An observer that writes offline runs for Weights & Biases, to be uploaded by ``wandb sync``."""
 
 import json
 import os
@@ -18,27 +18,27 @@ from evoros.files.resources import expand_home
 from evoros.observers.protocol import ObservedRun, Observer, Send
 
 DEFAULTS = {"WANDB_ERROR_REPORTING": "false", "WANDB_SILENT": "true"}
-"""Defaults of environment variables."""
+"""Default values of environment variables."""
 FOREIGN = "WANDB_RUN_ID", "WANDB_SWEEP_ID", "WANDB_RESUME", "WANDB_RUN_GROUP", "WANDB_NAME"
-"""Variables by which a sweep's agent names a single run; they would override arguments."""
+"""Variables with which a sweep's agent names a single run; they would override arguments."""
 FILE_HEADER, HEADER, BLOCK = 7, 7, 32768
-"""Sizes [bytes] of a log's file header, piece header, and block."""
+"""Sizes [bytes] of a log's file header, a piece's header and a block."""
 PIECES, LAST_PIECES = (1, 2, 3, 4), (1, 4)  # kinds of pieces, and kinds that end a record
 QUIET = "silent", "disable_git", "disable_job_creation", "x_disable_meta", "x_disable_stats"
 PATIENCE_S = 30.0
-NOTE = "evoros.json"  # file in a completed offline run that describes what the run contains
+NOTE = "evoros.json"  # file in a completed offline run that describes its content
 
 
 @dataclass(frozen=True)
 @checked
 class Wandb(Observer):
-    """An observer that writes offline runs into ``folder``/wandb and never connects."""
+    """An observer that writes offline runs to ``folder``/wandb, without network access."""
 
     project: Annotated[str, TEXT] = "evoros"
     folder: Annotated[str, TEXT] = "outputs"
 
     def check(self) -> None:
-        """Require the wandb package."""
+        """Check that the wandb package is installed."""
         for name, value in DEFAULTS.items():
             os.environ.setdefault(name, value)
         for name in FOREIGN:
@@ -48,7 +48,7 @@ class Wandb(Observer):
 
     @contextmanager
     def open(self, run: ObservedRun) -> Iterator[Send]:
-        """Find the offline runs of earlier sessions, and open an offline run for this session."""
+        """Find the offline runs of earlier sessions, and open one for this session."""
         self.check()
         folder = run.origin / expand_home(self.folder)
         with closing(_OfflineRun(self.project, folder, run.id)) as offline:
@@ -56,7 +56,7 @@ class Wandb(Observer):
 
 
 class _OfflineRun:
-    """An offline run that replaces earlier sessions' runs, so ``wandb sync`` finds only one."""
+    """An offline run that replaces earlier sessions' runs, so that ``wandb sync`` finds one."""
 
     def __init__(self, project: str, folder: Path, run_id: str) -> None:
         self.project, self.folder, self.id = project, folder, run_id
@@ -87,11 +87,11 @@ class _OfflineRun:
         import wandb
 
         self.folder.mkdir(parents=True, exist_ok=True)
-        # Names contain the second; a run started within the same second would be overwritten.
+        # Names contain the second, so a run started within the same second would be overwritten.
         while any(time.strftime("%Y%m%d_%H%M%S") in path.name for path in self._earlier):
             time.sleep(0.05)
         self.known = _note(0)
-        # wandb records the command line, and fails if it is not valid UTF-8.
+        # wandb records the command line, and fails unless it is valid UTF-8.
         sys.argv = [word.encode(errors="replace").decode() for word in sys.argv]
         self._session = wandb.init(
             mode="offline",
@@ -106,7 +106,7 @@ class _OfflineRun:
         )
 
     def close(self) -> None:
-        """Complete the offline run, and delete the runs that it replaces."""
+        """Complete the offline run, and delete the runs it replaces."""
         if self._session is None:
             return
         place = Path(self._session.dir).parent
@@ -119,7 +119,7 @@ class _OfflineRun:
 
 
 def _wait_for_end(log: Path) -> None:
-    """Wait until the library's process has written the last record of an offline run."""
+    """Wait until wandb's process has written the last record of an offline run."""
     end = time.monotonic() + PATIENCE_S
     while not any(record.WhichOneof("record_type") == "exit" for record in read_log(log)):
         if time.monotonic() > end:
@@ -128,14 +128,14 @@ def _wait_for_end(log: Path) -> None:
 
 
 def read_log(path: Path) -> Iterator[Any]:
-    """Yield the records of an offline run, which is a LevelDB log of blocks and pieces."""
+    """Yield the records of an offline run, a LevelDB log of blocks and pieces."""
     from wandb.proto import wandb_internal_pb2
 
     messages: Any = wandb_internal_pb2
     content, place, record = path.read_bytes(), FILE_HEADER, b""
     while place + HEADER <= len(content):
         left = BLOCK - place % BLOCK
-        if left < HEADER:  # padding at the end of a block
+        if left < HEADER:  # padding at the end of the block
             place += left
             continue
         _, size, kind = struct.unpack_from("<IHB", content, place)
@@ -153,7 +153,7 @@ def _note(generations: int, digest: str = "") -> dict[str, Any]:
 
 
 def _read_note(path: Path) -> dict[str, Any]:
-    """Read the note in an offline run; an incomplete run counts as having -1 generations."""
+    """Read the note of an offline run; -1 generations for an incomplete run."""
     try:
         note = json.loads((path / NOTE).read_text(encoding="utf-8"))
         return _note(int(note["generations"]), str(note["digest"]))

@@ -1,4 +1,4 @@
-"""A program (arguments FOLDER NAME) that reruns a run's best design so far for the player."""
+"""A program (arguments FOLDER NAME) that reruns the current best design of a run for the player."""
 
 import resource
 import sys
@@ -13,11 +13,11 @@ from evoros.base.errors import EvorosError, single_line
 from evoros.session.replay import replay_in_plane
 from evoros.terminal.console import DONE, INPUT
 
-PROCESSOR_S = 60  # CPU time [s] after which the kernel kills the process
+PROCESSOR_S = 60  # CPU time [s] after which the kernel kills this process
 
 
 def main() -> int:
-    """Run the program and return the exit status; print any error in one line."""
+    """Run the program, print any error in one line, and return the exit status."""
     resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_S, PROCESSOR_S))
     folder, name = sys.argv[1:]
     try:
@@ -29,7 +29,7 @@ def main() -> int:
 
 
 def fly_best(record: Record) -> ShownDesign:
-    """Rerun the missions that the player shows for the best design of an unfinished planar run."""
+    """Rerun the missions shown in the player for the best design of an unfinished planar run."""
     design = find_shown(record)
     if design is None:
         record.require_finished()

@@ -1,4 +1,4 @@
-"""Snapshots of run folders: states, logs, and time stamps of the files that figures use."""
+"""Snapshots of run folders: states, logs, and time stamps of the files used by figures."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,33 +15,33 @@ FIGURES_OF = (
     *("config.yaml", "manifest.json", "setting.json", "generations", "designs.csv"),
     *("requirements.csv", "worst_cases.csv", "champion/certificate.json"),
 )
-"""Files and folders of a run that figures use."""
+"""Files and folders of a run used by figures."""
 LOG_BYTES, LOG_LINES = 16_384, 60
-"""Number of bytes to read from the end of a log, and number of lines to show."""
+"""Number of bytes read from the end of a log, and number of lines shown."""
 Stamp = tuple[int, int]
 
 
 @dataclass(frozen=True)
 class Look:
-    """A snapshot of the runs and evaluations."""
+    """A snapshot of runs and evaluations."""
 
     overviews: tuple[Overview, ...]
-    empty: tuple[Path, ...]  # folders that contain no run yet
-    stamps: tuple[object, ...]  # equal in two snapshots if the figures would be the same
-    log: tuple[str, ...]  # last lines of all logs, ordered by date
-    names: Mapping[Path, str]  # short names for the runs
+    empty: tuple[Path, ...]  # folders without runs so far
+    stamps: tuple[object, ...]  # equal in two snapshots if the figures would be identical
+    log: tuple[str, ...]  # last lines of all logs, by date
+    names: Mapping[Path, str]  # short names of the runs
 
 
 @dataclass
 class Folders:
-    """Folders that are read repeatedly; files are reread only after changes."""
+    """Folders to read repeatedly; only changed files are read again."""
 
     paths: Sequence[Path]
     _known: dict[Path, tuple[Stamp | None, Overview]] = field(default_factory=dict)
     _logs: dict[Path, tuple[Stamp | None, list[str]]] = field(default_factory=dict)
 
     def check(self) -> None:
-        """Require that each folder contains runs, or no files at all."""
+        """Check that each folder contains runs or no files at all."""
         for path in self.paths:
             if path.exists() and not path.is_dir():
                 raise InputError(f"{path}: a file, not a folder; give the folder of a run")
@@ -52,7 +52,7 @@ class Folders:
                 )
 
     def look(self) -> Look:
-        """Take a snapshot of all folders, even while files are missing or changing."""
+        """Take a snapshot of all folders; files may be missing or changing."""
         found = {path: _find(path) for path in self.paths}
         runs = list(dict.fromkeys(run for below in found.values() for run in below))
         overviews, names = tuple(map(self._survey, runs)), name_runs(runs)
@@ -62,7 +62,7 @@ class Folders:
         return Look(overviews, empty, tuple(stamps), tuple(self._read_logs(names)), names)
 
     def _survey(self, run: Path) -> Overview:
-        """Read a run's state, which may change without its file while the run is in progress."""
+        """Read the state of a run, which may change without its file while the run is active."""
         stamp = _stamp(run / STATUS)
         known, overview = self._known.get(run, (None, None))
         if overview is None or known != stamp or overview.state == RUNNING:
@@ -85,7 +85,7 @@ class Folders:
 
 
 def name_runs(runs: Sequence[Path]) -> dict[Path, str]:
-    """Name runs by their differences, such as the levels of a sweep's jobs."""
+    """Name runs by their differences, such as the levels in a sweep."""
     names = shorten_names(runs)
     words = {run: name.split("_") for run, name in names.items()}
     common = set.intersection(*map(set, words.values())) if len(words) > 1 else set()
@@ -99,7 +99,7 @@ def _find(path: Path) -> list[Path]:
 
 
 def _stamp(path: Path) -> Stamp | None:
-    """Return a value that changes with a file's content or with the names in a folder."""
+    """Return a value that changes with the content of a file, or with the names in a folder."""
     try:
         status = path.stat()
     except OSError:

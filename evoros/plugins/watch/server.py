@@ -1,4 +1,4 @@
-"""The page and its server, which serves only this machine and requires a secret in the URL."""
+"""The page and its server, which accepts only local requests with a secret in the URL."""
 
 import hashlib
 import json
@@ -30,7 +30,7 @@ HTML, JSON = "text/html; charset=utf-8", "application/json"
 
 @dataclass(frozen=True)
 class Content:
-    """The content at one address."""
+    """The content at an address."""
 
     kind: str
     data: bytes
@@ -39,14 +39,14 @@ class Content:
 
 @dataclass(frozen=True)
 class Contents:
-    """The contents at all addresses; unchanged parts are not rendered again."""
+    """The contents of all addresses; unchanged parts are not rendered again."""
 
     title: str
     parts: Mapping[str, Content]
     state: Content
 
     def find(self, address: str) -> Content | None:
-        """Return the content at an address: ``""`` is the page, and ``part/ID`` a part of it."""
+        """Return the content at an address: ``""`` for the page, ``part/ID`` for a part of it."""
         if not address:
             return self._assemble()
         kind, _, key = address.partition("/")
@@ -61,7 +61,7 @@ class Contents:
 
 
 def draw_parts(page: frame.Page) -> dict[str, Content]:
-    """Render the parts of a page, by id."""
+    """Render the parts of a page, keyed by id."""
     return {key: _make(HTML, part) for key, part in frame.render_parts(page).items()}
 
 
@@ -71,7 +71,7 @@ def make_contents(
     progress: tuple[str, Markup],
     state: Mapping[str, object],
 ) -> Contents:
-    """Return the contents of a page with an up-to-date section ``progress``."""
+    """Return the contents of a page with an updated section ``progress``."""
     parts = {**drawn, frame.name_section(progress[0]): _make(HTML, frame.render_section(*progress))}
     digests = [(key, part.digest) for key, part in parts.items()]
     return Contents(title, parts, _make(JSON, json.dumps({**state, "parts": digests})))
@@ -83,7 +83,7 @@ def _make(kind: str, text: str) -> Content:
 
 
 def render_progress(look: Look, trouble: str) -> Markup:
-    """Render the section on progress; ``trouble`` is the reason for missing figures."""
+    """Render the progress section; ``trouble`` is why figures are missing."""
     runs = look.overviews
     heads = [(name, name not in WORDS) for name in ("run", *COLUMNS)]
     table = frame.Table(heads, [(look.names[run.path], *list_cells(run)) for run in runs])
@@ -101,7 +101,7 @@ def render_progress(look: Look, trouble: str) -> Markup:
 
 
 def describe_state(runs: Sequence[Overview]) -> str:
-    """Return a single state for all runs; running, then unfinished runs take precedence."""
+    """Return a common state of all runs: running first, then unfinished states."""
     states = [run.state for run in runs]
     ordered = (RUNNING, *(state for state in states if state != FINISHED), FINISHED)
     return next((state for state in ordered if state in states), "waiting")
@@ -132,9 +132,9 @@ def _list_tiles(
 
 
 HOST = "127.0.0.1"
-NAMES = (HOST, "localhost")  # accepted host names; a page that rebinds DNS has another name
+NAMES = (HOST, "localhost")  # accepted host names; a DNS rebinding attack uses another name
 AT_ONCE = 32  # maximum number of simultaneous connections
-SILENT_S = 20.0  # time [s] after which a silent connection is closed
+SILENT_S = 20.0  # time [s] after which an idle connection is closed
 HEADERS = {
     "Cache-Control": "no-store",
     "Cross-Origin-Opener-Policy": "same-origin",
@@ -160,16 +160,16 @@ class Server(ThreadingHTTPServer):
 
     @property
     def address(self) -> str:
-        """The address of the page."""
+        """The URL of the page."""
         return f"http://{HOST}:{self.server_port}/{self.token.decode()}/"
 
     def server_bind(self) -> None:
-        """Bind the socket, without looking up the machine's host name."""
+        """Bind the socket without looking up the host name."""
         TCPServer.server_bind(self)
         self.server_name, self.server_port = HOST, int(self.server_address[1])
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Serve a connection in a thread, or close it if there are too many connections."""
+        """Serve a connection in a thread; close it if there are too many."""
         if self._free.acquire(blocking=False):
             super().process_request(request, client_address)
         else:
@@ -189,7 +189,7 @@ class Server(ThreadingHTTPServer):
 
 
 def open_server(port: int, token: str, give: Callable[[], Contents]) -> Server:
-    """Open the server on a port; 0 means any free port."""
+    """Open the server on a port; 0 for any free port."""
     try:
         return Server(port, token, give)
     except OSError as error:
@@ -204,13 +204,13 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = SILENT_S
 
     def do_POST(self) -> None:
-        """Reject the request, because the server changes nothing."""
+        """Reject the request; the server changes nothing."""
         self.send_error(HTTPStatus.METHOD_NOT_ALLOWED)
 
     do_PUT = do_DELETE = do_PATCH = do_OPTIONS = do_TRACE = do_CONNECT = do_POST  # noqa: N815
 
     def do_GET(self) -> None:
-        """Send the content at an address, or only the headers in reply to HEAD."""
+        """Send the content at an address; in reply to HEAD, send only the headers."""
         host = self.headers.get("Host", "").rpartition(":")
         token, _, name = self.path.removeprefix("/").partition("/")
         known = compare_digest(token.encode("latin-1", "replace"), self.server.token)
@@ -242,4 +242,4 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(data)
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
-        """Do nothing; the log would contain the token, which is part of the paths."""
+        """Do nothing; a log would contain the token, which is part of the path."""

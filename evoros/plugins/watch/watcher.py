@@ -1,4 +1,4 @@
-"""Watches folders while a page is open, and redraws the figures that change."""
+"""Watches folders while a page is open, and redraws figures whose inputs change."""
 
 import logging
 import os
@@ -34,18 +34,19 @@ from evoros.terminal.log import withhold_messages
 PLANE = ["evoros.simulator.planar.Planar"]
 PATIENCE_S = 120.0
 Key = tuple[Path, int]  # folder and design
-LOOK_S = 2.0  # interval [s] between two snapshots
+LOOK_S = 2.0  # interval [s] between snapshots
 IDLE_S = 30.0  # time [s] without requests after which nothing is read
-SHARE = 0.01  # maximum fraction of the processors' time that drawing may take from runs
+SHARE = 0.01  # maximum fraction of processor time that drawing may take from runs
 MOST_REASONS = 3
 FIRST = ("Progress", "Player", "Figures")  # sections at the top of the page
 
 
 @dataclass
 class Flights:
-    """Reruns the missions of the best design in the best unfinished run, whenever it changes.
+    """Reruns the missions of the current best design of the best unfinished run.
 
-    Only this user's runs on this machine count, because their code is executed here anyway.
+    Only runs of this user on this machine are considered, because their code is executed here
+    anyway.
     """
 
     _flown: dict[Key, Markup] = field(default_factory=dict)
@@ -54,9 +55,9 @@ class Flights:
     _closed: bool = False
 
     def update(self, study: Study) -> Flown:
-        """Rerun missing missions of the best run; return all known missions in the study."""
+        """Rerun missing missions of the best run; return all known missions of the study."""
         unfinished = [
-            record  # the run has a best design, but has stored none of its missions
+            record  # the run has a best design without stored missions
             for record in study.ordered
             if not record.finished and _find_design(record) >= 0 and not keeps_shown(record)
         ]
@@ -72,7 +73,7 @@ class Flights:
         return Flown({record.name: content for record, content in known.items()}, notes)
 
     def close(self) -> None:
-        """Kill the process that is running, if any."""
+        """Kill the running process, if any."""
         self._closed = True
         if self._process is not None:
             self._process.kill()
@@ -122,16 +123,16 @@ def _find_obstacle(record: Record) -> str:
 
 @dataclass
 class Watcher:
-    """Updates the page's contents in two threads, one for reading and one for drawing."""
+    """Updates the contents of the page in two threads, for reading and for drawing."""
 
     folders: Folders
     _contents: server.Contents = field(init=False)
     _parts: dict[str, server.Content] = field(default_factory=dict)
     _trouble: str = ""
-    _drawn: tuple[object, ...] | None = None  # stamps of the figures that were drawn last
+    _drawn: tuple[object, ...] | None = None  # stamps at the time of the last drawing
     _drawn_at: str = ""
     _look: Look | None = None
-    _asked_s: float = 0.0  # time of the last request, by time.monotonic
+    _asked_s: float = 0.0  # time.monotonic() [s] at the last request
     _awake: threading.Event = field(default_factory=threading.Event)
     _flights: Flights = field(default_factory=Flights)
 
@@ -139,7 +140,7 @@ class Watcher:
         self._parts = self._draw_parts(Page(""))
 
     def give(self) -> server.Contents:
-        """Return the contents at all addresses, and store the time of the request."""
+        """Return the contents of all addresses, and record the time of the request."""
         idle = time.monotonic() - self._asked_s > IDLE_S
         self._asked_s = time.monotonic()
         if idle:
@@ -160,7 +161,7 @@ class Watcher:
         self._flights.close()
 
     def look(self) -> None:
-        """Take a snapshot of the folders, and update the progress on the page."""
+        """Take a snapshot of the folders, and update the progress section."""
         self._look = self.folders.look()
         progress = FIRST[0], server.render_progress(self._look, self._trouble)
         state = {
@@ -171,7 +172,7 @@ class Watcher:
         self._contents = server.make_contents(self._title, self._parts, progress, state)
 
     def draw(self, look: Look) -> None:
-        """Draw the page for a snapshot, or store the reason why this fails."""
+        """Draw the page for a snapshot; on failure, store the reason."""
         begun = datetime.now(UTC).isoformat(timespec="seconds")
         with withhold_messages() as records:
             try:
@@ -204,7 +205,7 @@ class Watcher:
         return make_page(study, options, flown)
 
     def _draw_again(self) -> None:
-        """Redraw whenever the figures' inputs change, using at most ``SHARE`` of the processors."""
+        """Redraw whenever inputs of figures change, using at most ``SHARE`` of the processors."""
         while True:
             look = self._look
             same = look is None or (look.stamps == self._drawn and not self._trouble)

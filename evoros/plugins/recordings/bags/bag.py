@@ -1,6 +1,6 @@
 """Missions as rosbags for rviz, Foxglove and the ROS tools.
 
-Only an agent's topics and frames have its name as a prefix; all robots share ``/tf``.
+Topics and frames of an agent are prefixed with its name; all robots share ``/tf``.
 """
 
 import argparse
@@ -22,7 +22,7 @@ SHOWN = (
     "geometry_msgs/msg/PoseStamped",
     ros.SCAN,
 )
-"""Message types shown in the 3D view, in addition to the frames and the robot."""
+"""Message types shown in the 3D view, in addition to frames and the robot."""
 MOTION = {
     "/odom.twist.twist.linear.x": "speed [m/s]",
     "/ackermann_cmd.drive.steering_angle": "steering command [rad]",
@@ -37,7 +37,7 @@ STATES = {"/mode.data": "mode", "/contact.data": "contact"}
 
 
 def make_layout(topics: Sequence[ros.Topic], robot_frame: str, agents: Sequence[str] = ()) -> str:
-    """Return the Foxglove layout for bags with these topics."""
+    """Return a Foxglove layout for bags with these topics."""
     ranges = _find_series(topics, {ros.RANGE: {"range": ""}})
     moved = _find_series(topics, {ros.IMU: IMU_FIELDS, ros.TWIST: TWIST_FIELDS})
     states = {**_of_all(STATES, agents), **_find_series(topics, {ros.SWITCH: {"data": ""}})}
@@ -81,7 +81,7 @@ def _paths(series: Mapping[str, str]) -> list[Mapping[str, Any]]:
 
 
 FRAMES, FIXED_FRAMES = "/tf", "/tf_static"
-_OF_ALL = (FRAMES, FIXED_FRAMES, "/obstacles", ros.WALKERS.name)  # topics that all robots share
+_OF_ALL = (FRAMES, FIXED_FRAMES, "/obstacles", ros.WALKERS.name)  # topics shared by all robots
 _FRAME_FIELDS = ("frame_id", "child_frame_id")
 WORST_MISSION = True
 HELP = "recorded missions as rosbags, with a layout for Foxglove"
@@ -92,18 +92,18 @@ OUTPUT = "bags"
 DISTRO = "jazzy"
 LAYOUT = "bag.foxglove.json"
 GOALS = {"mcap": "/goal_pose", "ros1": "/move_base_simple/goal"}
-"""The topic on which rviz and navigation stacks expect the next waypoint, by bag format."""
+"""Topic on which rviz and navigation stacks expect the next waypoint, by bag format."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options for the missions and the message definitions."""
+    """Add the options for missions and message definitions."""
     add_missions(parser)
     about = "ROS 2 distribution of the message definitions; jazzy (default) suits iron and later"
     parser.add_argument("--distro", choices=("humble", "jazzy"), help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Make a bag for each mission, and one layout."""
+    """Make one bag per mission, and a layout."""
     if options.format == "ros1" and options.distro:
         raise InputError("--distro: applies only to --format mcap; remove --distro, or use mcap")
     record, missions = choose_missions(study, options)
@@ -147,7 +147,7 @@ def _list_team_messages(mission: RecordedMission, goal: str) -> list[ros.Message
             if topic != "/obstacles":
                 messages.append(ros.Message(stamp, own, _rename_frames(name, content)))
     fixed = [message for message in messages if message.topic == FIXED_FRAMES]
-    # A latched topic retains only the last message, so one message holds all fixed frames.
+    # A latched topic keeps only its last message, so all fixed frames go into one message.
     frames = [frame for message in fixed for frame in message.content["transforms"]]
     moving = [message for message in messages if message.topic != FIXED_FRAMES]
     joined = fixed[0]._replace(content={"transforms": frames})

@@ -1,4 +1,4 @@
-"""The ROS messages of a mission, as plain values."""
+"""The ROS messages of a mission, as plain Python values."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,7 +19,7 @@ from evoros.storage.figure_context import Beam, Signal
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
-Content = Mapping[str, Any]  # a message's fields by name; missing fields are zero or empty
+Content = Mapping[str, Any]  # fields of a message by name; missing fields are zero or empty
 
 
 class Topic(NamedTuple):
@@ -27,7 +27,7 @@ class Topic(NamedTuple):
 
     name: str
     type: str
-    latched: bool = False  # later subscribers receive the last message
+    latched: bool = False  # whether later subscribers receive the last message
 
 
 class Message(NamedTuple):
@@ -47,9 +47,9 @@ _WITHOUT_HEADER = (SWITCH, NUMBERS)
 _NO_ORIENTATION = (-1.0, *(0.0,) * 8)
 CUBE, _SPHERE, CYLINDER, TRIANGLE_LIST = 1, 2, 3, 11
 FIXED, _MOVABLE, WALKER = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42), (0.85, 0.45, 0.15)
-START_NS = 1_000_000_000  # stamp [ns] of a mission's start, because ROS treats 0 as unset
+START_NS = 1_000_000_000  # stamp [ns] of the start of a mission, because ROS treats 0 as unset
 WORLD_FRAME = "odom"
-_SAME_TIME = 1e-6  # fraction of a period below which times count as equal
+_SAME_TIME = 1e-6  # fraction of a period below which two times are equal
 
 TOPICS = (
     Topic("/robot_description", "std_msgs/msg/String", True),
@@ -62,19 +62,19 @@ TOPICS = (
     Topic("/mode", "std_msgs/msg/String"),
     Topic("/contact", "std_msgs/msg/Bool"),
 )
-"""All topics except the goal, the walkers and the sensors."""
+"""All topics except the topics of the goal, the walkers and the sensors."""
 WALKERS = Topic("/walkers", "visualization_msgs/msg/MarkerArray")
 
 
 def list_topics(mission: RecordedMission, goal: str) -> list[Topic]:
-    """List the topics in a mission's bag; ``goal`` is the topic for the next waypoint."""
+    """List the topics of a mission's bag; ``goal`` is the topic of the next waypoint."""
     sensors = [Topic(f"/{sensor.link}", _choose_type(sensor.kind)) for sensor in mission.sensors]
     walkers = [WALKERS] if mission.walkers else []
     return [*TOPICS, *walkers, Topic(goal, "geometry_msgs/msg/PoseStamped", True), *sensors]
 
 
 def list_messages(mission: RecordedMission, goal: str) -> list[Message]:
-    """List a mission's messages in order of their stamps; see ``list_topics``."""
+    """List the messages of a mission, ordered by stamp; see ``list_topics``."""
     messages = [*_describe(mission), *_aim(mission, goal), *_move(mission), *_decide(mission)]
     messages += _show_walkers(mission)
     times = mission.trajectory["time_s"].to_numpy(float)
@@ -84,7 +84,7 @@ def list_messages(mission: RecordedMission, goal: str) -> list[Message]:
 
 
 def to_stamp(time_s: float) -> int:
-    """Return the stamp [ns] of a mission time [s]."""
+    """Convert a mission time [s] to a stamp [ns]."""
     return START_NS + round(time_s * 1e9)
 
 
@@ -137,7 +137,7 @@ def _show_walkers(mission: RecordedMission) -> Iterator[Message]:
 
 
 def _decide(mission: RecordedMission) -> Iterator[Message]:
-    """Yield commands and modes; the robot decides nothing at the last record."""
+    """Yield commands and modes; at the last record there is no decision."""
     names = (NONE, *mission.context.modes)
     for row in mission.trajectory.iloc[:-1].to_dict("records"):
         stamp = to_stamp(row["time_s"])
@@ -148,7 +148,7 @@ def _decide(mission: RecordedMission) -> Iterator[Message]:
 
 
 def _measure(sensor: RecordedSensor, times: Array) -> Iterator[Message]:
-    """Yield each reading once, stamped with its sampling time, before the end of the mission."""
+    """Yield each reading once, stamped with its sampling time, up to the end of the mission."""
     period = sensor.kind.period_s
     samples = np.floor(times / period + _SAME_TIME)
     samples[-1] = math.ceil(times[-1] / period - _SAME_TIME) - 1
@@ -171,7 +171,7 @@ def _yaw_rates(rows: pd.DataFrame) -> list[float]:
 
 
 def _goals(mission: RecordedMission) -> list[Pose]:
-    """Return the poses of the waypoints, which face along the leg that ends there."""
+    """Return the poses of the waypoints, each facing along the leg that ends there."""
     places = [mission.world.course.home[:2], *mission.route.tolist()]
     return [
         _at(x, y, math.atan2(y - from_y, x - from_x))
@@ -215,7 +215,7 @@ def _list_markers(world: World) -> Iterator[Mapping[str, Any]]:
 
 
 def mark_walker(walker: WalkerTrack, record: int) -> Mapping[str, Any]:
-    """Return the marker, without a header, that shows a walker at one record of its track."""
+    """Return the marker, without header, of a walker at one record of its track."""
     x, y = walker.places[record].tolist()
     place = {"position": _vector((x, y, walker.height_m / 2)), "orientation": {"w": 1.0}}
     cylinder = _geometry(Shape("cylinder", (walker.radius_m, walker.height_m)))
@@ -248,7 +248,7 @@ def _choose_type(kind: Beam | Signal) -> str:
 
 
 def _fill_message(kind: Beam | Signal, readings: Sequence[float]) -> Content | None:
-    """Return a message's content without the header; None if the sensor is silent."""
+    """Return the content of a message, without header; None if the sensor is silent."""
     if isinstance(kind, Beam):
         if not any(map(math.isfinite, readings)):
             return None

@@ -1,4 +1,4 @@
-"""Writes messages as a rosbag2 (MCAP) or as a ROS 1 bag, with the library rosbags."""
+"""Writes messages as a rosbag2 (MCAP) or ROS 1 bag, with the library rosbags."""
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -17,8 +17,8 @@ with require_extra("bags", "evoros analyze bag"):
     from rosbags.typesys.store import Typestore
 
 DISTROS = {"humble": Stores.ROS2_HUMBLE, "jazzy": Stores.ROS2_JAZZY}
-"""Message definitions by distribution; jazzy's also suit iron, kilted and later releases."""
-METADATA_VERSION: Literal[8] = 8  # latest version of rosbag2 that humble can read
+"""Message definitions by distribution; those for jazzy also suit iron, kilted and later."""
+METADATA_VERSION: Literal[8] = 8  # latest rosbag2 version that humble can read
 OTHER_TYPES = {
     "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
     "ackermann_msgs/msg/AckermannDrive": "float32 steering_angle\n"
@@ -26,14 +26,14 @@ OTHER_TYPES = {
     "ackermann_msgs/msg/AckermannDriveStamped": "std_msgs/Header header\n"
     "ackermann_msgs/AckermannDrive drive",
 }
-"""Message definitions that are missing from some of the library's type stores."""
+"""Message definitions missing from some type stores of rosbags."""
 _ZERO: Mapping[str, Any] = {"string": "", "bool": False, "float32": 0.0, "float64": 0.0}
 
 
 def write_mcap(
     name: str, topics: Sequence[Topic], messages: Sequence[Message], distro: str
 ) -> dict[str, bytes]:
-    """Return the files of a rosbag2 for one of ``DISTROS``: the metadata and the MCAP file."""
+    """Return the files of a rosbag2, metadata and MCAP, for one of ``DISTROS``."""
     store = _complete(DISTROS[distro])
     with tempfile.TemporaryDirectory() as folder:
         path, plugin = Path(folder) / name, rosbag2.StoragePlugin.MCAP
@@ -45,7 +45,7 @@ def write_mcap(
 
 
 def write_ros1(name: str, topics: Sequence[Topic], messages: Sequence[Message]) -> dict[str, bytes]:
-    """Return the file of a ROS 1 bag, by name."""
+    """Return the file of a ROS 1 bag, keyed by name."""
     store = _complete(Stores.ROS1_NOETIC)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.bag"
@@ -64,7 +64,7 @@ def _write(
     qualities: Sequence[Mapping[str, Any]],
     messages: Sequence[Message],
 ) -> None:
-    """Write messages to a bag; ``qualities`` holds more arguments for each connection."""
+    """Write messages to a bag; ``qualities`` holds additional arguments for each connection."""
     with writer:
         connections = {
             topic.name: writer.add_connection(topic.name, topic.type, typestore=store, **quality)
@@ -101,7 +101,7 @@ def _quality(latched: bool) -> interfaces.Qos:
 
 
 def _build(store: Typestore, name: str, content: Mapping[str, Any]) -> Any:
-    """Build a message; fields missing from ``content`` become zero or empty."""
+    """Build a message; fields that ``content`` lacks are zero or empty."""
     fields = store.fielddefs[name][1]
     values = {field: _fill(store, kind, content.get(field)) for field, kind in fields}
     return store.types[name](**values)

@@ -1,1 +1,1 @@
-"""The subcommand ``rerun``, which exports missions and a run's evolution to the Rerun viewer."""
+"""The subcommand ``rerun``, which exports missions and the evolution to the Rerun viewer."""

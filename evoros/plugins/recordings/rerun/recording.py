@@ -1,4 +1,4 @@
-"""Makes the recording of a run: missions, evolution, and the layout of the views."""
+"""Records a run for the Rerun viewer: missions, evolution and the layout of the views."""
 
 import math
 import re
@@ -41,22 +41,22 @@ from evoros.plugins.recordings.video.surfaces import Surface
 from evoros.world.standing import standing_obstacles
 
 _EVOLUTION = "evolution"
-_FAN_M = 0.5  # length at which a fan is cut off; the full range would hide the robot
+_FAN_M = 0.5  # length [m] at which fans are cut off; full ranges would hide the robot
 _NAMES = {"recorded": "best", "validated": "best, validated", "mean": "mean"}
 APPLICATION = "evoros"
-_BEHIND_M, _ABOVE_M = 3.5, 2.2  # initial eye position relative to the robot
-_NEAR_M = (1.0, -1.2, 1.0)  # initial eye position relative to the best design
-_ALL_FACES = 5 * MOST_FACES  # maximum for all robots in all missions
+_BEHIND_M, _ABOVE_M = 3.5, 2.2  # initial eye position [m] relative to the robot
+_NEAR_M = (1.0, -1.2, 1.0)  # initial eye position [m] relative to the best design
+_ALL_FACES = 5 * MOST_FACES  # maximum number of triangles for all robots in all missions
 GROUND, COURSE = (0.93, 0.92, 0.9), (200, 120, 0)
-_AROUND_M = 4.0  # margin of the ground around the course and the path
-_BELOW_M = 0.002  # depth of the ground plane; lines at the same height would flicker
+_AROUND_M = 4.0  # margin [m] of the ground around the course and the path
+_BELOW_M = 0.002  # depth [m] of the ground plane, which would flicker at the height of the lines
 PATH = (40, 40, 40)
 AGENTS = "agents"
 
 
 def record_study(record: Record, missions: Sequence[RecordedMission]) -> bytes:
-    """Return a recording; equal runs give equal data, except for the library's ids."""
-    # Properties would contain the time of day.
+    """Return the recording of a run; equal runs give equal data, except ids created by rerun."""
+    # The default properties would contain the time of day.
     stream = rr.RecordingStream(APPLICATION, recording_id=record.name, send_properties=False)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rerun.rrd"
@@ -152,7 +152,7 @@ def _show_evolution(top: Entities, record: Record, urdf: str, most_faces: int) -
 
 
 def _draw(sensors: pd.DataFrame) -> list[Array]:
-    """Return the outlines (k, 3) [m] of a design's sensor fans, in the robot's frame."""
+    """Return the outlines (k, 3) [m] of the sensor fans of a design, in the robot's frame."""
     names = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "fov_deg", "range_m")
     fans = []
     for x, y, z, yaw, pitch, fov, reach in sensors[[*names]].to_numpy(float).tolist():
@@ -163,7 +163,7 @@ def _draw(sensors: pd.DataFrame) -> list[Array]:
 
 
 def show_mission(top: Entities, mission: RecordedMission, most_faces: int) -> None:
-    """Add a mission below the path ``top``."""
+    """Log a mission below the path ``top``."""
     top.show(rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     _show_world(top.below("world"), mission)
     for walker in mission.walkers:

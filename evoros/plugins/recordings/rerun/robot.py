@@ -18,37 +18,37 @@ from evoros.plugins.recordings.video.sensors import SILENT_M, FieldOfView, Shown
 from evoros.plugins.recordings.video.surfaces import Surface
 from evoros.storage.figure_context import Beam
 
-TIME, GENERATION = "mission_time", "generation"  # names of the recording's timelines
+TIME, GENERATION = "mission_time", "generation"  # names of the timelines
 
 
 class Entities(NamedTuple):
-    """The entities below a path in a recording."""
+    """The entities below a path of a recording."""
 
     stream: rr.RecordingStream
     path: tuple[str, ...]
 
     def below(self, *names: str) -> "Entities":
-        """Return the entities below a subpath."""
+        """Return the entities below a relative path."""
         return Entities(self.stream, (*self.path, *names))
 
     @property
     def address(self) -> str:
-        """The path in the viewer's notation."""
+        """The path, as written in the viewer."""
         return rr.new_entity_path([*self.path])
 
     def show(self, *things: rr.AsComponents) -> None:
-        """Log archetypes for all times."""
+        """Log archetypes that hold for all times."""
         for thing in things:
             self.stream.log(self.address, thing, static=True, strict=True)
 
     def show_over_time(self, times_s: Array, columns: Iterable[rr.ComponentColumn]) -> None:
-        """Log one row of the columns at each mission time [s]."""
+        """Log a row of the columns at each mission time [s]."""
         self._send(rr.TimeColumn(TIME, duration=times_s), columns)
 
     def show_over_generations(
         self, generations: Sequence[int], columns: Iterable[rr.ComponentColumn]
     ) -> None:
-        """Log one row of the columns at each generation."""
+        """Log a row of the columns at each generation."""
         self._send(rr.TimeColumn(GENERATION, sequence=generations), columns)
 
     def _send(self, index: rr.TimeColumn, columns: Iterable[rr.ComponentColumn]) -> None:
@@ -56,7 +56,7 @@ class Entities(NamedTuple):
 
 
 def to_mesh(surface: Surface, painted: bool = True) -> rr.Mesh3D:
-    """Return a surface as a mesh, with each triangle's normal and colour at its corners."""
+    """Return a surface as a mesh; each corner has its triangle's normal and colour."""
     corners = surface.corners[:, :3].astype(np.float32)
     colours = np.repeat(np.round(255 * surface.colours).astype(np.uint8), 3, axis=0)
     return rr.Mesh3D(
@@ -67,23 +67,23 @@ def to_mesh(surface: Surface, painted: bool = True) -> rr.Mesh3D:
 
 
 def find_changes(*columns: Array | Pixels) -> list[int]:
-    """Return the indices of the first row and of each row in which a column (n, ...) changes."""
+    """Return the indices of the first row, and of rows that change any of the columns (n, ...)."""
     whole = np.hstack([np.asarray(c, dtype=float).reshape(len(c), -1) for c in columns])
     same = (whole[1:] == whole[:-1]) | (np.isnan(whole[1:]) & np.isnan(whole[:-1]))
     return [0, *(np.flatnonzero(~same.all(axis=1)) + 1).tolist()]
 
 
-MOST_RAYS = 32  # approximate maximum number of rays shown for a scan
-LINE = -1.0  # radius of lines; negative values are in points on the screen
-_ARC = 7  # points on the arc of a fan
+MOST_RAYS = 32  # approximate maximum number of rays drawn per scan
+LINE = -1.0  # radius of lines; negative values are in screen points
+_ARC = 7  # number of points on the arc of a fan
 MARK = (220, 30, 30)
-_ABOVE_M = 0.1  # height of a marker above the sensor
+_ABOVE_M = 0.1  # height [m] of a marker above its sensor
 
 
 def show_robot(
     top: Entities, robot: ShownRobot, motion: Motion, sensors: Mapping[str, Pixels]
 ) -> None:
-    """Show a moving robot; ``sensors`` maps links to colours (n, 3) over time."""
+    """Log a moving robot; ``sensors`` maps links to colours (n, 3) over time."""
     zeros = np.zeros(len(motion.time_s))
     places = np.stack([motion.x_m, motion.y_m, zeros], axis=1)
     half = motion.yaw_rad / 2
@@ -111,7 +111,7 @@ def show_links(
     moving: Sequence[str] = (),
     painted: bool = True,
 ) -> None:
-    """Show some of a robot's links; links not in ``moving`` remain at their initial poses."""
+    """Log links of a robot; links not in ``moving`` stay at their initial poses."""
     for link in links:
         surface, pose = robot.surfaces[link], robot.tree.poses[link]
         if len(surface.normals):
@@ -122,7 +122,7 @@ def show_links(
 
 
 def _move_links(robot: ShownRobot, motion: Motion) -> dict[str, Array]:
-    """Return the frames (n, 4, 4), relative to the root, of links that move relative to it."""
+    """Return the frames (n, 4, 4) of links that move relative to the root, in the root frame."""
     moving = [
         link
         for link, surface in robot.surfaces.items()
@@ -138,7 +138,7 @@ def _move_links(robot: ShownRobot, motion: Motion) -> dict[str, Array]:
 
 
 def show_faults(top: Entities, robot: ShownRobot, mission: RecordedMission) -> None:
-    """Mark failed sensors, and name other failed parts, from the time of failure on."""
+    """Log a marker at each failed sensor, and the names of other failed parts, from the onset."""
     marks: list[tuple[float, Array, str]] = []
     for fault in mission.faults:
         link = mission.sensors[fault.sensor].link
@@ -161,7 +161,7 @@ def show_faults(top: Entities, robot: ShownRobot, mission: RecordedMission) -> N
 
 
 def show_sensor(top: Entities, sensor: RecordedSensor, shown: ShownSensor, times: Array) -> None:
-    """Show each change in a sensor's readings at ``times`` (n,) [s]."""
+    """Log each change in the readings of a sensor at ``times`` (n,) [s]."""
     _plot(top.below("readings", sensor.link), sensor, times)
     if shown.view is None or not isinstance(sensor.kind, Beam):
         return
@@ -181,7 +181,7 @@ def show_sensor(top: Entities, sensor: RecordedSensor, shown: ShownSensor, times
 
 
 def draw_rays(ranges: Array, bearings: Array, view: FieldOfView) -> list[Array]:
-    """Return lines (k, 3) [m] in the sensor's frame: the outline of a fan, or rays."""
+    """Return lines (k, 3) [m] in the sensor frame: the outline of a fan, or rays."""
     if len(ranges) == 1:
         return [draw_fan(float(ranges[0]), view.half_rad)]
     step = math.ceil(len(ranges) / MOST_RAYS)
@@ -190,7 +190,7 @@ def draw_rays(ranges: Array, bearings: Array, view: FieldOfView) -> list[Array]:
 
 
 def draw_fan(reach: float, half_rad: float) -> Array:
-    """Return the outline (k, 3) [m] of a fan centred on the x axis."""
+    """Return the outline (k, 3) [m] of a fan about the x axis."""
     angles = np.linspace(-half_rad, half_rad, _ARC)
     arc = reach * np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
     return np.vstack([np.zeros(3), arc, np.zeros(3)])

@@ -1,4 +1,4 @@
-"""Exports missions and a run's evolution to the Rerun viewer."""
+"""Exports missions and the evolution of a run to the Rerun viewer."""
 
 import argparse
 
@@ -13,11 +13,11 @@ NEEDS = "a run or an evaluation that recorded trajectories, and the package reru
 FILES = ("rerun.rrd",)
 FORMATS: dict[str, str] = {}
 OUTPUT = "rerun"
-MAX_BYTES = 20_000_000  # maximum size [bytes] that the viewer opens without a delay
+MAX_BYTES = 20_000_000  # maximum size [bytes] that the viewer opens without delay
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options that choose the missions."""
+    """Add the options that select the missions."""
     add_missions(parser)
 
 

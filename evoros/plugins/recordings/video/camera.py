@@ -1,4 +1,4 @@
-"""Options, times, cameras and captions for the pictures of a mission."""
+"""Options, times, cameras and captions for pictures of a mission."""
 
 import math
 from collections.abc import Iterator
@@ -26,29 +26,29 @@ SIZE = Rule(
     "two even numbers of pixels, each from 64 to 4096",
     lambda v: len(v) == 2 and all(is_whole(e) and 64 <= e <= 4096 and e % 2 == 0 for e in v),
 )
-_SMOOTHING_S = 0.7  # standard deviation of the chase camera's heading filter, in video time
-_MARGIN_M = 1.5  # margin around the course, for the captions
+_SMOOTHING_S = 0.7  # standard deviation [s of video] of the chase camera's heading filter
+_MARGIN_M = 1.5  # margin [m] around the course, for the captions
 Pixels = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
-NEAR_M = 0.05  # distance below which points are not drawn
-BACK_M, UP_M, AHEAD_M = 2.3, 1.9, 0.7  # place of the chase camera, and point that it looks at
-CHASE_FOV_DEG, OVERHEAD_FOV_DEG = 50.0, 14.0  # overhead nearly parallel, so that walls hide little
+NEAR_M = 0.05  # distance [m] below which points are not drawn
+BACK_M, UP_M, AHEAD_M = 2.3, 1.9, 0.7  # chase camera's position and target, relative to the robot
+CHASE_FOV_DEG, OVERHEAD_FOV_DEG = 50.0, 14.0  # nearly parallel from above: walls hide little
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole camera, with pixels counted from the top left."""
+    """A pinhole camera; pixels are counted from the top left."""
 
     eye: Array  # (3,) [m]
     target: Array  # (3,) [m]
-    up: Array  # (3,) direction that points up in the picture; not parallel to the line of sight
+    up: Array  # (3,) direction that appears upwards; not parallel to the line of sight
     fov_deg: float  # vertical
     size: tuple[int, int]  # width, height
 
     @cached_property
     def view(self) -> Array:
-        """The transform (4, 4) from the world to the camera, which looks along -z as in OpenGL."""
+        """The transform (4, 4) from the world to the camera, which looks along -z (OpenGL)."""
         forward = _normalize(self.target - self.eye)
         right = _normalize(np.cross(forward, self.up))
         matrix = np.eye(4)
@@ -58,12 +58,12 @@ class Camera:
 
     @property
     def pixels_per_radian(self) -> float:
-        """The scale at the centre of the picture [px/rad]."""
+        """The scale [px/rad] at the centre of the picture."""
         return float(self.size[1] / 2.0 / np.tan(np.radians(self.fov_deg) / 2.0))
 
     @cached_property
     def pixels(self) -> Array:
-        """The projection (3, 4) of (x, y, z, 1) [m] to (column * depth, row * depth, depth [m])."""
+        """The projection (3, 4) of (x, y, z, 1) [m] to (column * depth, row * depth, depth) [m]."""
         width, height = self.size
         focus = self.pixels_per_radian
         screen = np.array([[focus, 0, -width / 2], [0, -focus, -height / 2], [0, 0, -1.0]])
@@ -71,7 +71,7 @@ class Camera:
 
     @cached_property
     def light(self) -> Array:
-        """The unit vector (3,) to a light above the left shoulder, so that a box's faces differ."""
+        """The unit vector (3,) to a light above the left shoulder, which makes box faces differ."""
         right, _, back = self.view[:3, :3]
         return _normalize(np.array([0.0, 0.0, 1.0]) + 0.35 * back - 0.6 * right)
 
@@ -81,14 +81,14 @@ class Camera:
 
 
 def chase_camera(x: float, y: float, yaw: float, size: tuple[int, int]) -> Camera:
-    """Return a camera behind and above a robot at x, y [m] with the heading ``yaw`` [rad]."""
+    """Return a camera behind and above a robot at x, y [m] with heading ``yaw`` [rad]."""
     forward, place = np.array([np.cos(yaw), np.sin(yaw), 0.0]), np.array([x, y, 0.0])
     eye = place - BACK_M * forward + [0.0, 0.0, UP_M]
     return Camera(eye, place + AHEAD_M * forward, np.eye(3)[2], CHASE_FOV_DEG, size)
 
 
 def overhead_camera(low: ArrayLike, high: ArrayLike, size: tuple[int, int]) -> Camera:
-    """Return a camera above the rectangle between two corners (2,) [m], with x to the right."""
+    """Return a camera above a rectangle given by two corners (2,) [m]; x points right."""
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     (width, depth), (x, y) = high - low, (low + high) / 2.0
     shown = max(depth, width * size[1] / size[0])
@@ -111,14 +111,14 @@ def _normalize(vector: Array) -> Array:
 @dataclass(frozen=True)
 @checked
 class RenderOptions:
-    """The options of a video or picture of a mission."""
+    """The options for a video or picture of a mission."""
 
     camera: Annotated[str, one_of(*CAMERAS)] = "chase"  # behind the robot, or above the course
     size: Annotated[tuple[int, int], SIZE] = (854, 480)  # width, height
-    fps: Annotated[float, POSITIVE] = 25.0  # pictures per second of video
-    speed: Annotated[float, POSITIVE] = 10.0  # mission time per video time
+    fps: Annotated[float, POSITIVE] = 25.0  # frames per second of video
+    speed: Annotated[float, POSITIVE] = 10.0  # ratio of mission time to video time
     start_s: Annotated[float, NOT_NEGATIVE] = 0.0
-    end_s: float = math.inf  # mission time, at most the end of the mission
+    end_s: float = math.inf  # mission time [s], limited to the end of the mission
     title: str = ""
 
     def __post_init__(self) -> None:
@@ -127,7 +127,7 @@ class RenderOptions:
 
 
 def sample_times(trajectory: pd.DataFrame, options: RenderOptions) -> Array:
-    """Return the mission times (n,) [s] of the pictures; the last one is the end time."""
+    """Return the mission times (n,) [s] of the pictures; the last is the end time."""
     first, last = (float(trajectory["time_s"].iloc[row]) for row in (0, -1))
     start, end = max(options.start_s, first), min(options.end_s, last)
     if start > end:
@@ -142,7 +142,7 @@ def sample_times(trajectory: pd.DataFrame, options: RenderOptions) -> Array:
 def place_cameras(
     motion: Motion, world: World, places: Array, options: RenderOptions
 ) -> Iterator[Camera]:
-    """Yield the camera for each picture; ``places`` (n, 2) [m] is the robot's whole path."""
+    """Yield the camera for each picture; ``places`` (n, 2) [m] is the whole path of the robot."""
     if options.camera == "above":
         points = np.vstack([places, world.course.route(True)])
         margin = world.course.acceptance_m + _MARGIN_M
@@ -160,7 +160,7 @@ def place_cameras(
 def make_captions(
     mission: RecordedMission, motion: Motion, options: RenderOptions
 ) -> Iterator[Caption]:
-    """Yield the caption for each picture, without the states of the sensors."""
+    """Yield the caption for each picture, without sensor states."""
     trajectory, context = mission.trajectory, mission.context
     touches = any(signal.measures == CONTACT for signal in context.signals.values())
     near = "near, touched" if touches else "near"

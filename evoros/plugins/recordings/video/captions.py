@@ -1,4 +1,4 @@
-"""Writes the captions of a video's pictures: mission progress and colour key."""
+"""Writes captions into pictures of a video: mission progress and colour key."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -11,7 +11,7 @@ from evoros.analysis.drawing.style import BLUE, PURPLE, VERMILLION
 Colour = tuple[int, int, int]
 Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 COLUMN_EM, WIDTH_EM = 11, 52
-"""Widths [em] of a text column, and of a picture that has room for all columns."""
+"""Width [em] of a text column, and minimum width of a picture for all columns."""
 
 
 def _rgb(name: str) -> Colour:
@@ -24,16 +24,16 @@ _INK, _PAPER, _OPACITY = (30, 30, 30), (255, 255, 255), 0.8
 
 
 class Caption(NamedTuple):
-    """The caption for one picture."""
+    """The caption of a picture."""
 
-    left: Sequence[str]  # columns in the top strip
+    left: Sequence[str]  # columns of the top strip
     right: str
-    states: Sequence[tuple[int, ...]]  # the colour of each sensor
-    key: Sequence[tuple[Colour, str]]  # meanings of the colours
+    states: Sequence[tuple[int, ...]]  # colour of each sensor
+    key: Sequence[tuple[Colour, str]]  # colours with their meanings
 
 
 def write_caption(picture: Image.Image, caption: Caption) -> None:
-    """Write a caption into strips at the top and bottom."""
+    """Write a caption into strips at the top and bottom of a picture."""
     width, height = picture.size
     em = max(9, min(height // 32, width // WIDTH_EM))
     font, pad, strip = _font(em), em // 2, 2 * em
@@ -68,7 +68,7 @@ def _shorten(draw: ImageDraw.ImageDraw, text: str, font: Font, room: float) -> s
 def _draw_states(
     draw: ImageDraw.ImageDraw, states: Sequence[tuple[int, ...]], em: int, x: float, middle: float
 ) -> float:
-    """Draw a numbered square for each sensor; return the x coordinate after the last square."""
+    """Draw a numbered square for each sensor; return the x coordinate behind the last square."""
     font = _font(em)
     draw.text((x, middle), "sensors", _INK, font, anchor="lm")
     x += draw.textlength("sensors", font) + 0.6 * em

@@ -1,4 +1,4 @@
-"""Renders a mission as a video of the robot, the obstacles and the sensor readings."""
+"""Renders a mission as a video of the robot, obstacles and sensor readings."""
 
 import argparse
 import math
@@ -40,11 +40,11 @@ from evoros.plugins.recordings.video.scene import Scene
 from evoros.plugins.recordings.video.sensors import make_views
 from evoros.storage.reading import Run
 
-# Bit-exact files contain no dates and no encoder names or versions. The index comes first, so that
-# the video plays while loading.
+# Bit-exact files contain no dates, encoder names or versions. The index comes first so that videos
+# play while loading.
 _CONTAINER = {"fflags": "+bitexact", "movflags": "+faststart"}
-# A video at crf 18 looks like the original; at 28, it has visible artefacts. With its macroblock
-# tree, x264 would give different bytes for equal pictures.
+# A video at crf 18 looks like the original; at 28, artefacts are visible. Macroblock trees would
+# make x264 encode equal pictures differently.
 _CODEC = {"crf": "21", "preset": "fast", "x264-params": "mbtree=0"}
 
 
@@ -95,14 +95,14 @@ def encode_mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
             rate = Fraction(fps).limit_denominator(1000)
             stream = container.add_stream("libx264", rate=rate, options=_CODEC)
             stream.height, stream.width = first.shape[:2]
-            stream.pix_fmt = "yuv420p"  # the format that browsers and slide programs play
-            stream.codec_context.thread_count = 1  # otherwise, the file depends on the cores
+            stream.pix_fmt = "yuv420p"  # browsers and presentation programs require this format
+            stream.codec_context.thread_count = 1  # otherwise, the file depends on the core count
             stream.codec_context.flags |= av.codec.context.Flags.bitexact
 
             def encode(picture: Pixels) -> None:
                 container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
 
-            with ThreadPoolExecutor(1) as pool:  # encodes a picture while the next one is drawn
+            with ThreadPoolExecutor(1) as pool:  # encodes one picture while the next is drawn
                 last = pool.submit(encode, first)
                 for picture in source:
                     last.result()
@@ -115,10 +115,10 @@ def encode_mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
 def film_champion(
     run: Run, world: str, trajectory: pd.DataFrame, options: RenderOptions | None = None
 ) -> bytes:
-    """Return an MP4 film of any mission of a run's champion, such as a replayed one.
+    """Return an MP4 video of a mission of a run's champion, such as a replayed mission.
 
-    ``trajectory`` has the columns of ``champion/trajectory_WORLD.csv``. A world that is redrawn
-    for each mission is shown as in the champion's first mission.
+    ``trajectory`` has the columns of ``champion/trajectory_WORLD.csv``. If the world is redrawn for
+    each mission, the video shows the world of the champion's first mission.
     """
     shown = options or RenderOptions()
     mission = place_champion(read_record(run.path, run.path.name), world, trajectory)
@@ -126,18 +126,18 @@ def film_champion(
     return encode_mp4(film(mission, shown), shown.fps)
 
 
-ONE_ROBOT = IN_VIEW = True  # show one robot with its sensors, and the other robots
+ONE_ROBOT = IN_VIEW = True  # show one robot with its sensors, and the other robots without
 WORST_MISSION = True
 HELP = "a video of one of the champion's missions, with its sensor readings"
 NEEDS = "a finished run, or an evaluation, that recorded trajectories"
 FILES = ("video.mp4",)
 FORMATS: dict[str, str] = {}
 _OPTION_NAMES = {"start_s": "--from", "end_s": "--to"}
-"""Options whose names differ from the fields of ``RenderOptions``."""
+"""Options not named after the field of ``RenderOptions``."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options for the mission and the view."""
+    """Add the options for the mission and the camera."""
     add_run(parser)
     parser.add_argument("--world", metavar="NAME", help="this world instead of the first one")
     about = "view from behind the robot (chase), or of the whole course (above); default: chase"
@@ -156,7 +156,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Make the video of the champion of the named run, by default the best run."""
+    """Make the video of the champion of the named run (default: the best run)."""
     study.check_worlds([options.world] if options.world else [])
     record, mission = study.choose(options.run, partial(_read, world=options.world))
     chosen = _parse_options(options, mission.name)

@@ -1,4 +1,4 @@
-"""The ground in a video, painted in top view: grid, course, shadows and path."""
+"""The ground of a video, painted in top view: grid, course, shadows and path."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -18,16 +18,16 @@ Colour = tuple[int, int, int]
 Pixel = tuple[int, int]
 FLOOR, GRID, SHADOW, HORIZON = (236, 234, 229), (216, 214, 208), (96, 98, 106), (246, 246, 244)
 TRACK, RING, GOAL = (120, 120, 125), (150, 150, 150), (0, 158, 115)
-_SUN = np.array([-0.16, -0.10])  # shadow offset per unit of height, towards the light
-FOG_M = (10.0, 40.0)  # depths at which fog begins, and at which it hides the ground
-_MAX_PX = 1600  # maximum side; larger grounds are painted at a lower resolution
+_SUN = np.array([-0.16, -0.10])  # horizontal offset towards the light, per unit of height
+FOG_M = (10.0, 40.0)  # depths at which fog begins and at which it hides the ground
+_MAX_PX = 1600  # maximum side length; larger areas are painted at a lower resolution
 _MAX_SCALE = 120.0  # pixels per metre
 _SHADE = 0.42  # opacity of shadows
 _SMOOTH = 4  # oversampling of strokes
 
 
 class Ground:
-    """A picture of the ground at ``scale`` [px/m], with x to the right and y up."""
+    """A picture of the ground at ``scale`` [px/m]; x points right and y up."""
 
     def __init__(self, low: Array, high: Array, bodies: Sequence[Body]) -> None:
         self._low, self._high = low, high
@@ -50,12 +50,12 @@ class Ground:
         return other
 
     def draw_line(self, points: Array, colour: Colour, width_m: float) -> None:
-        """Draw a line through points (n, 2) [m]."""
+        """Draw a line along points (n, 2) [m]."""
         corner, mask = self._draw_mask(points, width_m)
         self._picture.paste(colour, corner, mask)
 
     def extend_track(self, points: Array, width_m: float) -> None:
-        """Extend the path without darker overlaps; anything else must be painted on copies."""
+        """Extend the path without darker overlaps; paint anything else on copies only."""
         self._without_track = self._without_track or self._picture.copy()
         corner, mask = self._draw_mask(points, width_m)
         box = (*corner, corner[0] + mask.width, corner[1] + mask.height)
@@ -80,13 +80,13 @@ class Ground:
         self.draw_line(np.array(center) + radius_m * circle, colour, width_m)
 
     def draw_shadow(self, parts: Iterable[Part], x: float, y: float, yaw: float) -> None:
-        """Draw a robot's shadow."""
+        """Draw the shadow of a robot."""
         cos, sin = math.cos(yaw), math.sin(yaw)
         turn = np.array([[cos, sin], [-sin, cos]])
         self._darken([_shadow(outline_part(part) @ turn + (x, y), part.top_m) for part in parts])
 
     def project(self, camera: Camera) -> Image.Image:
-        """Return the camera's view of the ground, with fog and sky."""
+        """Return the ground as seen by the camera, with fog and sky."""
         scale = self.scale
         to_metres = np.array(
             [[1 / scale, 0.0, self._low[0]], [0.0, -1 / scale, self._high[1]], [0.0, 0.0, 1.0]]
@@ -109,7 +109,7 @@ class Ground:
         self._picture.paste(SHADOW, corner, mask.filter(ImageFilter.GaussianBlur(1.5)))
 
     def _make_mask(self, points: Array, margin_m: float, factor: int) -> tuple[Pixel, Image.Image]:
-        """Return the top left pixel and, ``factor`` times finer, a mask around points [m]."""
+        """Return a mask around points [m], ``factor`` times finer, and its top left pixel."""
         pixels = np.array(self._to_pixels(points, (0, 0), 1))
         margin = margin_m * self.scale + 2
         corner = np.floor(pixels.min(axis=0) - margin).clip(0, self._picture.size)
@@ -125,7 +125,7 @@ class Ground:
 
 
 def _fog(camera: Camera) -> Pixels:
-    """Return the fog's opacity (h,) in each row, from 0 to 255 (opaque, as in the sky)."""
+    """Return the fog opacity (h,) of each row, 0 to 255 (opaque, as in the sky)."""
     width, height = camera.size
     inverse = np.linalg.inv(camera.plane(np.eye(4)))
     rows = np.arange(height) + 0.5
@@ -138,7 +138,7 @@ def _fog(camera: Camera) -> Pixels:
 
 
 def _shadow(covered: Array, top_m: float) -> Array:
-    """Return the shadow of a prism whose base is a convex polygon (n, 2) [m]."""
+    """Return the shadow of a prism with a convex polygon (n, 2) [m] as its base."""
     return convex_hull(np.vstack([covered, covered - top_m * _SUN]))
 
 

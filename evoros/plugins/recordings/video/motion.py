@@ -1,4 +1,4 @@
-"""A robot's motion and the state of its sensors at the times of a video's pictures."""
+"""The motion of a robot and the states of its sensors at the times of a video's pictures."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,23 +19,23 @@ Flags = NDArray[np.bool_]
 
 
 class Motion(NamedTuple):
-    """A robot's motion at n times during a mission."""
+    """The motion of a robot at n times of a mission."""
 
     time_s: Array  # (n,)
     x_m: Array
     y_m: Array
-    yaw_rad: Array  # continuous, without jumps of 2 pi
-    record: NDArray[np.int64]  # (n,) index of the last record at or before the time
-    joints: Mapping[str, Array]  # angles (n,) [rad] by wheel or steering joint
+    yaw_rad: Array  # unwrapped, without jumps of 2 pi
+    record: NDArray[np.int64]  # (n,) index of the last record up to each time
+    joints: Mapping[str, Array]  # angles (n,) [rad] of each wheel and steering joint
 
     def pose(self, index: int) -> tuple[float, float, float]:
-        """Return x, y [m] and yaw [rad] at one of the times."""
+        """Return x, y [m] and yaw [rad] at a time index."""
         return float(self.x_m[index]), float(self.y_m[index]), float(self.yaw_rad[index])
 
 
 def interpolate(trajectory: pd.DataFrame, times: Array, robot: Urdf) -> Motion:
-    """Interpolate poses linearly at times (n,) [s], and find the joint angles of rolling wheels."""
-    # The end of the mission adds a record, possibly at the time of the previous one.
+    """Interpolate poses at times (n,) [s], and compute the joint angles of rolling wheels."""
+    # The record at the end of a mission may repeat the time of the previous record.
     distinct = trajectory.drop_duplicates("time_s", keep="last")
     time, x, y, yaw = (
         distinct[name].to_numpy(float) for name in ("time_s", "x_m", "y_m", "yaw_rad")
@@ -62,7 +62,7 @@ def interpolate(trajectory: pd.DataFrame, times: Array, robot: Urdf) -> Motion:
 
 
 def _joints(robot: Urdf, time: Array, twist: Array) -> Iterator[tuple[str, Array]]:
-    """Yield the wheel and steering joints with their angles [rad] over time.
+    """Yield each wheel and steering joint with its angles [rad] over time.
 
     A wheel joint is continuous and has a horizontal axis; a steering joint above it has a vertical
     axis. ``twist`` (3, n) holds the forward and left velocities [m/s] and the yaw rate [rad/s].
@@ -87,7 +87,7 @@ def _joints(robot: Urdf, time: Array, twist: Array) -> Iterator[tuple[str, Array
 
 
 def _direction(forward: Array, aside: Array) -> Array:
-    """Return a wheel's rolling direction, from -pi/2 to pi/2; at standstill, the previous one."""
+    """Return the rolling direction of a wheel, -pi/2 to pi/2; at standstill, the previous one."""
     sign = np.copysign(1.0, forward)
     angle = np.arctan2(aside * sign, forward * sign)
     moving = np.hypot(forward, aside) >= _MIN_SPEED_MPS
@@ -96,7 +96,7 @@ def _direction(forward: Array, aside: Array) -> Array:
 
 
 def flag_ends(times: Array, count: int, faults: Sequence[ShownFault]) -> Flags:
-    """Return flags (n, count), True at times [s] after a fault has ended a sensor's readings."""
+    """Return flags (n, count), True from the time [s] at which a fault silences a sensor."""
     since = np.full(count, np.inf)
     for fault in faults:
         if fault.kind == ENDS:
@@ -105,7 +105,7 @@ def flag_ends(times: Array, count: int, faults: Sequence[ShownFault]) -> Flags:
 
 
 def measure_errors(times: Array, count: int, faults: Sequence[ShownFault]) -> Array:
-    """Return the error to display (n, count), from 0 to 1, for each sensor at each time [s]."""
+    """Return the error to display (n, count), 0 to 1, of each sensor at each time [s]."""
     shares = np.zeros((len(times), count))
     for fault in faults:
         if fault.kind == ENDS:

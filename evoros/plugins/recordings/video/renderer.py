@@ -1,8 +1,8 @@
-"""Renders pictures of a mission: robots, obstacles, ground and sensor fans."""
+"""Renders pictures of a mission with robots, obstacles, ground and sensor fans."""
 
-# VTK (pyvista 0.49) draws such a picture off screen in about 5 ms, but needs 806 MB, and loads EGL
-# and a Mesa driver from the system, which pip does not install and containers lack. This renderer
-# needs only packages from pip.
+# VTK (pyvista 0.49) renders such a picture off screen in about 5 ms, but needs 806 MB, and loads
+# EGL and a Mesa driver from the system, which pip does not install and containers lack. This
+# renderer requires only packages from pip.
 
 import math
 from collections.abc import Sequence
@@ -28,26 +28,26 @@ from evoros.storage.figure_context import FigureContext, Part
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
-_ARC = 13  # points on the arc of a fan, for the bounding box
+_ARC = 13  # number of points on the arc of a fan, for its bounding box
 _LINE_PX = 2.0  # width of the arc at the reading
 _AT_SENSOR, _AT_RANGE, _ON_ARC = 0.55, 0.12, 0.9  # opacities
 
 
 class Fan(NamedTuple):
-    """A sensor's field of view, in the x-y plane of the sensor's frame, centred on x."""
+    """The field of view of a sensor, in the x-y plane of its frame, centred on x."""
 
-    frame: Array  # (4, 4) the sensor's frame in the world
-    half_rad: float  # half the field of view
-    reach_m: Array  # (k,) readings of equal sectors, from right to left
+    frame: Array  # (4, 4) sensor frame in the world
+    half_rad: float  # half of the field of view
+    reach_m: Array  # (k,) readings of equal sectors, right to left
     range_m: float
     colour: Pixels  # (3,)
 
 
 def _blend_fan(picture: Floats, depth: Floats, camera: Camera, fan: Fan) -> None:
-    """Blend a fan into ``picture`` (h, w, 3) where the fan is nearer than ``depth`` [m]."""
+    """Blend a fan into ``picture`` (h, w, 3) wherever it is nearer than ``depth`` [m]."""
     plane = camera.plane(fan.frame)
     box = _bounding_box(plane, fan, camera.size)
-    if box is None or abs(np.linalg.det(plane)) < 1e-9:  # invisible, or seen edge-on
+    if box is None or abs(np.linalg.det(plane)) < 1e-9:  # invisible or seen edge-on
         return
     rows, columns = box
     x, y = np.arange(columns.start, columns.stop) + 0.5, np.arange(rows.start, rows.stop) + 0.5
@@ -67,7 +67,7 @@ def _blend_fan(picture: Floats, depth: Floats, camera: Camera, fan: Fan) -> None
 
 
 def _opacity(u: Floats, v: Floats, scale: Floats, fan: Fan) -> Floats:
-    """Return the opacity (h, w) at points u, v [m] in the plane; ``scale`` is in px/m."""
+    """Return the fan's opacity (h, w) at points u, v [m] of its plane; ``scale`` is in px/m."""
     distance, reach = np.hypot(u, v), _reach_at(u, v, fan)
     inside = u * np.sin(fan.half_rad) - np.abs(v) * np.cos(fan.half_rad)
     cover = np.clip(np.minimum(inside, reach - distance) * scale + 0.5, 0.0, 1.0)
@@ -92,7 +92,7 @@ def _reach_at(u: Floats, v: Floats, fan: Fan) -> Floats:
 
 def _bounding_box(plane: Array, fan: Fan, size: tuple[int, int]) -> tuple[slice, slice] | None:
     angles = np.linspace(-fan.half_rad, fan.half_rad, _ARC)
-    # The margin allows for the bulge of the arc between the sampled points.
+    # the margin covers the bulge of the arc between sampled points
     reach = (1.04 if fan.half_rad > 1.0 else 1.03) * float(fan.reach_m.max())
     arc = [[reach * np.cos(a), reach * np.sin(a), 1.0] for a in angles]
     corners = np.array([[0.0, 0.0, 1.0], *arc]) @ plane.T
@@ -107,7 +107,7 @@ def _bounding_box(plane: Array, fan: Fan, size: tuple[int, int]) -> tuple[slice,
 
 
 def _clip_to_front(corners: Array) -> Array:
-    """Return a polygon (n, 3) in columns and rows (k, 2), clipped in front of the camera."""
+    """Return a polygon (n, 3), clipped in front of the camera, as columns and rows (k, 2)."""
     clipped = []
     for corner, following in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         if corner[2] >= NEAR_M:
@@ -119,36 +119,36 @@ def _clip_to_front(corners: Array) -> Array:
     return np.asarray(points[:, :2] / points[:, 2:])
 
 
-CUT_M = 0.6  # height [m] at which obstacles are cut off; taller obstacles would hide the robot
+CUT_M = 0.6  # height [m] at which obstacles are cut off, because taller ones would hide the robot
 FIXED, MOVABLE = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42)
-_THIN_M = 1e-4  # thickness below which a cut polyhedron is shown whole
-_OVERSAMPLING = 2  # rendered pixels per picture pixel in each direction
-_AROUND_M = 8.0  # margin of the ground around the mission
-_TRACK_M, _TRACK_PX = 0.04, 2.0  # minimum widths of the path
+_THIN_M = 1e-4  # thickness [m] below which a cut polyhedron is shown uncut
+_OVERSAMPLING = 2  # rendered pixels per pixel of the picture, in each direction
+_AROUND_M = 8.0  # margin [m] of the ground around the mission
+_TRACK_M, _TRACK_PX = 0.04, 2.0  # minimum widths of the path [m, px]
 
 
 class Other(NamedTuple):
-    """Another robot in the mission, drawn without sensors."""
+    """Another robot of the mission, drawn without sensors."""
 
     motion: Motion
-    parts: Sequence[Part]  # parts that cast a shadow
+    parts: Sequence[Part]  # parts that cast shadows
 
 
 @dataclass(frozen=True, eq=False)
 class Renderer:
-    """A renderer of a mission at n times; call ``render`` in the order of the times."""
+    """Renders a mission at n times; call ``render`` in the order of the times."""
 
     scene: Scene  # the robot of ``motion`` comes first
     motion: Motion
     sensors: Sequence[ShownSensor]
-    goals: Array  # (n, 2) [m], next waypoint; NaN if there is none
+    goals: Array  # (n, 2) [m], next waypoint; NaN after the last
     context: FigureContext
     ground: Ground
     others: Sequence[Other] = ()
     walkers: Sequence[Array] = ()  # positions (n, 2) [m] of each walker
 
     def render(self, index: int, camera: Camera) -> Pixels:
-        """Return the picture (h, w, 3) for a time index."""
+        """Return the picture (h, w, 3) of a time index."""
         motions = [self.motion, *(other.motion for other in self.others)]
         for robot, motion in zip(self.scene.robots, motions, strict=True):
             joints = {name: float(angles[index]) for name, angles in motion.joints.items()}
@@ -163,7 +163,7 @@ class Renderer:
         return np.clip(np.round(picture), 0, 255).astype(np.uint8)
 
     def _extend_track(self, index: int, camera: Camera) -> None:
-        steps = slice(max(index - 2, 0), index + 1)  # strokes overlap to hide their joints
+        steps = slice(max(index - 2, 0), index + 1)  # overlapping strokes hide their joints
         points = np.stack([self.motion.x_m[steps], self.motion.y_m[steps]], axis=1)
         depth = float((camera.pixels @ [*points[-1], 0.0, 1.0])[2])
         width = max(_TRACK_M, _TRACK_PX * depth / camera.pixels_per_radian)
@@ -192,13 +192,13 @@ class Renderer:
         return ground.project(camera)
 
     def _render_solids(self, floor: Image.Image, camera: Camera) -> tuple[Floats, Floats]:
-        """Return the picture (h, w, 3) of solids on the floor, and the depths (h, w) [m]."""
+        """Return the picture (h, w, 3) of solids on the ground, and the depths (h, w) [m]."""
         width, height = (_OVERSAMPLING * length for length in camera.size)
         seen = self.scene.render(replace(camera, size=(width, height)))
         solid = np.isfinite(seen.depth)
         colours = Image.fromarray(seen.colours).reduce(_OVERSAMPLING)
         free = Image.fromarray(np.where(solid, np.uint8(0), np.uint8(255))).reduce(_OVERSAMPLING)
-        # The solids have a white background, so the inverted floor is subtracted there.
+        # Solids have a white background, so subtract the inverted ground there.
         missing = ImageChops.multiply(ImageChops.invert(floor), Image.merge("RGB", [free] * 3))
         picture = ImageChops.subtract(colours, missing)
         part = (slice(_OVERSAMPLING // 2, None, _OVERSAMPLING),) * 2
@@ -211,7 +211,7 @@ def _frame(motion: Motion, index: int) -> Array:
 
 
 def paint_ground(world: World, track: Array) -> Ground:
-    """Paint the ground and course around a mission with the path ``track`` (n, 2) [m]."""
+    """Paint the ground and the course around a mission; ``track`` (n, 2) [m] is the path."""
     points = np.vstack([track, world.course.route(True)])
     low, high = points.min(axis=0) - _AROUND_M, points.max(axis=0) + _AROUND_M
     ground = Ground(low, high, [body for body, _ in cut_obstacles(world)])
@@ -239,7 +239,7 @@ def cut_obstacles(world: World) -> list[tuple[Body, Colour]]:
 
 
 def _cut(body: Body, shape: Shape) -> Shape | None:
-    """Cut off an upright shape or a polyhedron at ``CUT_M``; None if it begins above."""
+    """Cut off an upright shape or a polyhedron at ``CUT_M``; None if entirely above."""
     pose = body.pose @ shape.pose
     low, high = bottom_height(shape, pose), top_height(shape, pose)
     if low >= CUT_M:
@@ -266,8 +266,8 @@ def _cut_polyhedron(shape: Shape, pose: Pose) -> Shape:
 
 
 def find_goals(world: World, places: Array, visited: NDArray[np.int64]) -> Array:
-    """Return the next waypoint (n, 2) [m] at each record; NaN after the last."""
-    # The waypoint that the robot approached first tells the direction of the route.
+    """Return the next waypoint (n, 2) [m] at each record; NaN after the last waypoint."""
+    # The waypoint first approached determines the direction of the route.
     first = places[: int(np.count_nonzero(visited == 0)) + 1]
     routes = [world.course.route(forward) for forward in (True, False)]
     distances = [np.hypot(*(first - route[0]).T).min() for route in routes]

@@ -34,31 +34,31 @@ _FILL = types.void(
 )
 UNPAINTED = (0.6, 0.6, 0.6)  # default colour
 MOST_FACES, _MIN_FACES = 24_000, 400
-"""Maximum number of triangles for a robot, approximately, and minimum for each of its meshes."""
+"""Approximate maximum number of triangles of a robot, and minimum of each of its meshes."""
 _FINEST, _COARSER = 1 / 400, 1.25
-"""Size of the first cells that are joined, as a fraction of a mesh's extent, and their growth."""
+"""Initial size of the cells joined, as a fraction of a mesh's extent, and its growth factor."""
 
 
 class Picture(NamedTuple):
     """A camera's view."""
 
-    colours: Pixels  # (h, w, 3); the background is white
-    depth: Floats  # (h, w) [m]; infinite in the background
+    colours: Pixels  # (h, w, 3), on a white background
+    depth: Floats  # (h, w) [m], infinite in the background
 
 
 def rasterize(corners: Array, colours: Pixels, size: tuple[int, int]) -> Picture:
     """Draw the front faces of triangles into a picture of ``size`` (width, height).
 
-    ``corners`` (t, 3, 3) holds (column * depth, row * depth, depth [m]) for each corner of the
-    triangles, as projected by ``Camera.pixels``; ``colours`` is (t, 3). A point in a triangle is a
-    weighted mean of the triangle's corners. Divided by the depth, each weight is linear in column
-    and row, even if corners are behind the camera. The sum of the divided weights is the nearness,
-    1 / depth, and a pixel is inside if no weight is negative.
+    ``corners`` (t, 3, 3) holds (column * depth, row * depth, depth) [m] of the corners of each
+    triangle, as projected by ``Camera.pixels``; ``colours`` is (t, 3). A point in a triangle is a
+    weighted mean of the corners. Divided by the depth, each weight is linear in column and row,
+    even if corners are behind the camera. The divided weights add up to the nearness, 1 / depth,
+    and a pixel is inside if no weight is negative.
     """
     a, b, c = corners.transpose(1, 0, 2)
     weights = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
     volume = (a * weights[:, 0]).sum(axis=1)
-    shown = (volume < 0.0) & (corners[:, :, 2].max(axis=1) > NEAR_M)  # front faces are negative
+    shown = (volume < 0.0) & (corners[:, :, 2].max(axis=1) > NEAR_M)  # front faces: negative volume
     weights = np.ascontiguousarray(weights[shown] / volume[shown, None, None])
     picture = np.full((size[1], size[0], 3), 255, np.uint8)
     nearness = np.zeros((size[1], size[0]), np.float32)
@@ -69,9 +69,9 @@ def rasterize(corners: Array, colours: Pixels, size: tuple[int, int]) -> Picture
 
 
 def _bound(corners: Array, size: tuple[int, int]) -> NDArray[np.int64]:
-    """Return the ranges of columns and rows (t, 4) that contain each triangle."""
+    """Return the column and row ranges (t, 4) of each triangle."""
     depth = corners[:, :, 2:]
-    crossing = depth.min(axis=(1, 2)) <= NEAR_M  # partly behind the camera
+    crossing = depth.min(axis=(1, 2)) <= NEAR_M  # triangles partly behind the camera
     points = corners[:, :, :2] / np.where(crossing[:, None, None], 1.0, depth)
     low, high = points.min(axis=1), points.max(axis=1) + 1.0
     low[crossing], high[crossing] = 0.0, size
@@ -81,14 +81,14 @@ def _bound(corners: Array, size: tuple[int, int]) -> NDArray[np.int64]:
 def _fill(
     weights: Array, boxes: NDArray[np.int64], colours: Pixels, nearness: Floats, picture: Pixels
 ) -> None:
-    """Draw triangles into the pixels at which they are nearest; update ``nearness`` (h, w)."""
+    """Draw triangles into the pixels where they are nearest; update ``nearness`` (h, w)."""
     for t in range(len(weights)):
         first, second, third = weights[t]
         for row in range(boxes[t, 1], boxes[t, 3]):
             y = row + 0.5
             start, end = boxes[t, 0], boxes[t, 2]
-            for slope, rise, rest in weights[t]:  # skip columns outside, up to a pixel
-                if abs(slope) > 1e-6 * abs(rise):  # otherwise, the edge is along the row
+            for slope, rise, rest in weights[t]:  # skip columns outside the triangle, up to a pixel
+                if abs(slope) > 1e-6 * abs(rise):  # otherwise, the edge runs along the row
                     edge = int(min(max(-(rise * y + rest) / slope, 0.0), 1e6))
                     if slope > 0.0:
                         start = max(start, edge - 1)
@@ -110,7 +110,7 @@ WALKER = (0.85, 0.45, 0.15)  # colour of walkers
 
 
 class ShownRobot:
-    """A robot to show, whose links can be moved and coloured."""
+    """A displayed robot with links that can be moved and coloured."""
 
     def __init__(self, urdf: str, most_faces: int = MOST_FACES) -> None:
         element = parse(urdf.encode(), "robot.urdf")
@@ -120,7 +120,7 @@ class ShownRobot:
         self.frames = {link: to_matrix(pose) for link, pose in self.tree.poses.items()}
 
     def move(self, frame: Array, joints: Mapping[str, float]) -> None:
-        """Move the root link to a frame (4, 4), and turn the named joints to angles [rad]."""
+        """Move the root link to a frame (4, 4), and set the angles [rad] of the named joints."""
         from scipy.spatial.transform import Rotation  # slow to import
 
         self.frames[self.tree.root] = frame
@@ -133,14 +133,14 @@ class ShownRobot:
                 self.frames[link] = self.frames[joint.parent] @ turned
 
     def paint(self, link: str, colour: ArrayLike) -> None:
-        """Change the colour (3,) of a link."""
+        """Set the colour (3,) of a link."""
         surface = self.surfaces[link]
         painted = np.broadcast_to(colour, surface.colours.shape)
         self.surfaces[link] = replace(surface, colours=painted)
 
 
 class Scene:
-    """Robots and walkers that move among fixed bodies, as shown in a video."""
+    """The robots and walkers of a video, moving among fixed bodies."""
 
     def __init__(
         self,
@@ -161,7 +161,7 @@ class Scene:
             frame[:2, 3] = place
 
     def render(self, camera: Camera) -> Picture:
-        """Render a camera's view."""
+        """Render the view of a camera."""
         corners, shades = [], []
         links = (
             (robot.frames[link], surface)
@@ -181,7 +181,8 @@ def make_surfaces(
 ) -> Iterator[tuple[str, Surface]]:
     """Yield each link with its visible surface.
 
-    Uncoloured meshes get their ``<material>``; collision shapes replace unreadable visuals.
+    Meshes without colours have the colour of their ``<material>``; collision shapes replace
+    unreadable visuals.
     """
     named = {
         material.get("name"): colour
@@ -201,7 +202,7 @@ def make_surfaces(
             triangles = np.concatenate([part.triangles for part in parts])
             painted = np.concatenate([part.colours for part in parts])
             yield name, Surface.from_triangles(triangles, painted, is_open=True)
-        except InputError as error:  # an invalid mesh is no reason to reject a robot
+        except InputError as error:  # an unusable mesh is no reason to reject a robot
             LOGGER.warning("%s; the collision shapes of %s are shown", error, name)
             yield name, _show_shapes(tree, name, colours)
 
@@ -229,7 +230,7 @@ def _show(visual: Element, colour: Colour, most: int) -> Surface:
 
 @lru_cache(maxsize=64)  # wheels share mesh files, and missions share robots
 def _read_coarse(path: Path, scale: Vector, most: int, changed_ns: int) -> tuple[Array, Array]:
-    """Read a mesh as at most ``most`` triangles with colours; ``changed_ns`` is for the cache."""
+    """Read a mesh as at most ``most`` coloured triangles; ``changed_ns`` is a key of the cache."""
     faces = read_faces(MeshFile(path, scale), painted=True)
     points = faces.triangles.reshape(-1, 3)
     whole = geometry.Surface(points, np.arange(len(points)).reshape(-1, 3))

@@ -1,4 +1,4 @@
-"""A robot's sensors in pictures: fans and colours."""
+"""The sensors of a robot in pictures: fans and colours."""
 
 import math
 from collections.abc import Iterator
@@ -18,34 +18,34 @@ from evoros.plugins.recordings.video.motion import flag_ends, measure_errors
 from evoros.sensor.protocol import CONTACT, RAY_DEG
 from evoros.storage.figure_context import Beam
 
-SILENT_M = 0.3  # length of a silent sensor's fan
+SILENT_M = 0.3  # length [m] of a silent sensor's fan
 _STATES = np.array([CLEAR, FAILED, NEAR])  # colours by state; fans of later states are drawn on top
 
 
 @dataclass(frozen=True)
 class FieldOfView:
-    """A range sensor's field of view."""
+    """The field of view of a range sensor."""
 
     frame: Array  # (4, 4) in the robot's frame
-    half_rad: float  # half the field of view
+    half_rad: float  # half of the field of view
     range_m: float
 
 
 @dataclass(frozen=True, eq=False)
 class ShownSensor:
-    """A sensor to show at n times."""
+    """A sensor displayed at n times."""
 
     link: str
-    readings: Array  # (n, channels); ranges [m] from right to left
+    readings: Array  # (n, channels), ranges [m] from right to left
     view: FieldOfView | None  # None for sensors without rays
     states: NDArray[np.int64]  # (n,) indices of ``_STATES``
-    colours: Pixels  # (n, 3) the states' colours, mixed with the colour of errors
+    colours: Pixels  # (n, 3) colours of the states, blended with the error colour
 
 
 def make_views(
     robot: Urdf, mission: RecordedMission, times: Array, records: NDArray[np.int64]
 ) -> Iterator[ShownSensor]:
-    """Yield the sensors of a mission at ``times`` (n,) [s], with the readings at ``records``."""
+    """Yield the sensors of a mission at ``times`` (n,) [s]; readings come from ``records``."""
     count = len(mission.sensors)
     ended = flag_ends(times, count, mission.faults)
     errors = measure_errors(times, count, mission.faults)
@@ -67,7 +67,7 @@ def make_views(
 
 
 def _level(pose: Pose, half_rad: float) -> Pose:
-    """Return the pose, levelled if the beam's cone contains a horizontal ray."""
+    """Return the pose, with its pitch removed if the beam's cone contains a horizontal ray."""
     if abs(math.asin(min(1.0, max(-1.0, float(pose.rotation[2, 0]))))) > half_rad:
         return pose
     return Pose.from_rpy(pose.position, 0.0, 0.0, pose.yaw)

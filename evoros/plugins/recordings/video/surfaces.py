@@ -1,4 +1,4 @@
-"""The surfaces of shapes, as triangles."""
+"""Surfaces of shapes, as triangles."""
 
 import itertools
 import math
@@ -13,25 +13,25 @@ from evoros.geometry.polyhedron import convex_polyhedron
 from evoros.geometry.shapes import Shape
 
 MAX_SIDE = 129
-"""Maximum number of rows and columns of a height field; larger fields are thinned out."""
-_SIDES, _RINGS = 32, 16  # sides of a cylinder, rings of a sphere
+"""Maximum number of rows and columns of a height field; larger fields are subsampled."""
+_SIDES, _RINGS = 32, 16  # number of sides of a cylinder, and of rings of a sphere
 AMBIENT, DIFFUSE = 0.62, 0.45  # weights of ambient and directional light
 
-Colour = tuple[float, float, float]  # red, green, blue, from 0 to 1
+Colour = tuple[float, float, float]  # red, green, blue, each 0 to 1
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The triangles of one rigid body."""
+    """The triangles of a rigid body."""
 
     corners: Array  # (3 t, 4) homogeneous coordinates [m]
-    normals: Array  # (t, 3) of length 1
-    colours: Array  # each from 0 to 1
-    is_open: bool = False  # visible from both sides
+    normals: Array  # (t, 3), of length 1
+    colours: Array  # values from 0 to 1
+    is_open: bool = False  # whether it is visible from both sides
 
     @classmethod
     def from_triangles(cls, triangles: Array, colours: Array, is_open: bool = False) -> "Surface":
-        """Create a surface from triangles (t, 3, 3) [m] with colours (t, 3)."""
+        """Create a surface from triangles (t, 3, 3) [m] and colours (t, 3)."""
         normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
         corners = triangles.reshape(-1, 3)
@@ -39,7 +39,7 @@ class Surface:
 
     @classmethod
     def from_shapes(cls, shapes: Sequence[Shape], colours: Sequence[Colour]) -> "Surface":
-        """Create a surface from shapes in their body's frame, with one colour per shape."""
+        """Create a surface from shapes in the body frame, with one colour per shape."""
         parts = [triangulate(s) @ s.pose.rotation.T + s.pose.position for s in shapes]
         painted = np.repeat(np.reshape(colours, (-1, 3)), list(map(len, parts)), axis=0)
         return cls.from_triangles(np.concatenate([np.empty((0, 3, 3)), *parts]), painted)
@@ -50,7 +50,7 @@ class Surface:
         return self.corners[:, :3].reshape(-1, 3, 3)
 
     def face(self, eye: Array, frame: Array) -> "Surface":
-        """Flip an open surface's triangles that face away from ``eye`` (3,) [m], in the world."""
+        """Flip triangles of an open surface that face away from ``eye`` (3,) [m] in the world."""
         if not self.is_open:
             return self
         place = frame[:3, :3].T @ (eye - frame[:3, 3])
@@ -61,13 +61,13 @@ class Surface:
         return replace(self, corners=turned, normals=normals)
 
     def shade(self, rotation: Array, light: Array) -> Array:
-        """Return the shaded colours (t, 3); ``light`` is a unit vector (3,) towards the light."""
+        """Return the shaded colours (t, 3); ``light`` (3,) is a unit vector towards the light."""
         facing = np.maximum(self.normals @ (rotation.T @ light), 0.0)
         return self.colours * (AMBIENT + DIFFUSE * facing)[:, None]
 
 
 def triangulate(shape: Shape) -> Array:
-    """Return a shape's triangles (t, 3, 3) [m], counter-clockwise as seen from outside."""
+    """Return the triangles (t, 3, 3) [m] of a shape, counter-clockwise as seen from outside."""
     if shape.kind == "plane":
         return np.empty((0, 3, 3))
     if shape.kind == "heightfield":
@@ -77,7 +77,7 @@ def triangulate(shape: Shape) -> Array:
 
 
 def _list_corners(shape: Shape) -> Array:
-    """Return corners (n, 3) [m] whose convex hull is the shape, approximately for round shapes."""
+    """Return points (n, 3) [m] whose convex hull is the shape, approximately for round shapes."""
     if shape.kind == "box":
         signs = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
         return np.asarray(signs * shape.size)

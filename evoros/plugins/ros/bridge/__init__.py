@@ -1,1 +1,1 @@
-"""Scripts for the user's ROS Python (3.8 or later); they import ROS and the standard library."""
+"""Scripts for the user's ROS Python (3.8 or later), without packages outside ROS."""

@@ -1,4 +1,4 @@
-"""Starts a bridge in the user's ROS Python, with ``python FOLDER ros1`` or ``ros2``."""
+"""Starts a bridge in the user's ROS Python: ``python FOLDER ros1`` or ``python FOLDER ros2``."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""The protocol, commands and sensor schedule that the bridges to ROS 1 and ROS 2 share."""
+"""The protocol, commands and sensor schedule shared by the bridges to ROS 1 and ROS 2."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ COMMANDS = {
     "AckermannDrive": (),
     "AckermannDriveStamped": ("drive",),
 }
-"""The path to the command in each type of message that commands the robot."""
-STEADY = 10  # checks in a row that must find all nodes at rest; a node may sleep while it starts
-PAUSE_S = 0.005  # pause between checks while nodes start
+"""Path to the command in each type of command message."""
+STEADY = 10  # consecutive checks that must find all nodes at rest; starting nodes may sleep briefly
+PAUSE_S = 0.005  # pause [s] between checks while nodes start
 OWN_SHARE = 0.8  # fraction of a wall-clock limit after which this process exits with a reason
 
 
 class Tick(NamedTuple):
-    """The values on which a decision is based; None stands for a missing reading."""
+    """The inputs of a decision; None stands for a missing reading."""
 
     time: float  # mission time [s]
     state: list[float | None]  # x, y [m], yaw [rad], speed [m/s], yaw rate [rad/s], contact
-    leg: list[float]  # x, y of the start, x, y of the end [m]
+    leg: list[float]  # x, y of the start and x, y of the end [m]
     readings: list[float | list[float | None] | None]  # one per sensor
 
 
 class Conversation:
-    """The pipes between evoros and this process, which child processes do not inherit."""
+    """The pipes between evoros and this process; child processes do not inherit them."""
 
     def __init__(self) -> None:
         self._source = os.fdopen(int(os.environ.pop("EVOROS_IN")), "rb")
@@ -44,7 +44,7 @@ class Conversation:
         self._begun = False
 
     def require(self, ros: str, modules: Sequence[str], advice: str) -> None:
-        """Reject the mission unless this Python has all modules of ``ros``."""
+        """Reject the mission if this Python lacks a module of ``ros``."""
         for module in modules:
             if find_spec(module) is None:
                 self.refuse(
@@ -54,18 +54,18 @@ class Conversation:
                 )
 
     def fail(self, why: str) -> NoReturn:
-        """Reject the mission, or end it if it has already started."""
+        """Reject the mission, or end it if already started."""
         if self._begun:
             end(why)
         self.refuse(why)
 
     def refuse(self, why: str) -> NoReturn:
-        """Reject the mission in one line, and exit."""
+        """Reject the mission with a reason of one line, and exit."""
         self._send({"refused": why})
         os._exit(0)
 
     def ready(self) -> None:
-        """Report to evoros that the mission can start."""
+        """Report that the mission can start."""
         self._send({"ready": True})
         self._begun = True
 
@@ -83,30 +83,30 @@ class Conversation:
 
 
 def end(why: str) -> NoReturn:
-    """Exit at once, with ``why`` as the last message."""
+    """Exit immediately, with ``why`` as the last message."""
     sys.stdout.flush()
     print(f"evoros: {why}", file=sys.stderr, flush=True)
     os._exit(1)
 
 
 class Wheels:
-    """Converts ROS commands to a speed and a steering angle, which evoros limits."""
+    """Converts ROS commands to speed and steering angle, which evoros limits."""
 
     def __init__(self, drive: dict[str, float], twist: str) -> None:
-        """``twist`` is the meaning of angular.z: yaw_rate [rad/s] or steering [rad]."""
+        """Set the meaning of angular.z in ``twist``: yaw_rate [rad/s] or steering [rad]."""
         self._length_m = drive["wheelbase_m"] / drive["turn_ratio"]
         self._twist = twist
         self._steering = 0.0
 
     def read(self, message: Any) -> tuple[float, float]:
-        """Return the speed [m/s] and steering angle [rad] that a message commands."""
+        """Return the speed [m/s] and steering angle [rad] commanded by a message."""
         kind = type(message).__name__
         for field in COMMANDS[kind]:
             message = getattr(message, field)
         if kind.startswith("Ackermann"):
             return message.speed, message.steering_angle
         speed, turn = message.linear.x, message.angular.z
-        # A yaw rate does not determine the steering angle at standstill, so the angle is kept.
+        # A yaw rate does not determine the steering angle at standstill, so keep the angle.
         if self._twist == "steering" or not math.isfinite(turn):
             self._steering = turn
         elif speed != 0.0:
@@ -116,7 +116,7 @@ class Wheels:
 
 def ros_time(time: float) -> tuple[int, int]:
     """Convert a mission time [s] to ROS time (seconds, nanoseconds); missions start at 1 s."""
-    # ROS treats time 0 as unset. A clock one nanosecond short would make a timer miss a tick.
+    # ROS treats time 0 as unset. A timer would miss a tick if the clock were one nanosecond short.
     return divmod(round((1.0 + time) * 1e9), 10**9)
 
 
@@ -128,20 +128,20 @@ class Modes:
         self.now: int | str = 1
 
     def report(self, name: str) -> None:
-        """Store a mode by its name; evoros rejects an unknown name in the answer."""
+        """Store a mode by name; evoros rejects an unknown name in the answer."""
         self.now = self._names.index(name) + 1 if name in self._names else name
 
 
 class Schedule:
-    """Finds the sensors with a measurement since the last tick, each with its period."""
+    """Finds the sensors with new measurements since the last tick, each sensor with its period."""
 
     def __init__(self, sensors: list[dict[str, Any]]) -> None:
         self._periods = [sensor["period_s"] for sensor in sensors]
         self._counts = [-1] * len(sensors)
 
     def due(self, time: float) -> list[int]:
-        """Return the indices of the sensors with a new reading at ``time`` [s]."""
-        # The margin allows for rounding errors at multiples of the period.
+        """Return the indices of sensors with a new reading at ``time`` [s]."""
+        # the margin covers rounding errors at multiples of the period
         counts = [math.floor(time / period + 1e-6) for period in self._periods]
         due = [i for i, count in enumerate(counts) if count != self._counts[i]]
         self._counts = counts
@@ -149,7 +149,7 @@ class Schedule:
 
 
 def check_publisher(topic: str, names: list[str], kind: str, kinds: tuple[str, ...]) -> None:
-    """Raise a ValueError unless a topic has one publisher, with messages of one of ``kinds``."""
+    """Raise a ValueError unless a topic has a single publisher, of one of the types ``kinds``."""
     if len(names) > 1:
         raise ValueError(
             f"{topic}: must have one publisher, not {len(names)} ({', '.join(names)}), "
@@ -163,7 +163,7 @@ def check_publisher(topic: str, names: list[str], kind: str, kinds: tuple[str, .
 
 
 def root_link(description: str) -> str:
-    """Return the name of a URDF's root link."""
+    """Return the name of the root link of a URDF."""
     robot = ElementTree.fromstring(description)
     children = {child.get("link") for child in robot.iterfind("joint/child")}
     (root,) = {link.get("name", "") for link in robot.iterfind("link")} - children

@@ -1,4 +1,4 @@
-"""The mission with the user's nodes, shared by the bridges to ROS 1 and ROS 2."""
+"""Runs a mission with the user's nodes, for the bridges to ROS 1 and ROS 2."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NO_COMMAND = "no node sent a command; unlike answer=rest, answer=each needs a co
 def fly_mission(
     ros: str, needed: Sequence[str], advice: str, create: Callable[[Conversation, Rest, float], Any]
 ) -> None:
-    """Run one mission and exit; ``create`` must make the mission before a monotonic time [s]."""
+    """Run one mission and exit; ``create`` must create the mission by a monotonic time [s]."""
     conversation = Conversation()
     options = conversation.briefing["ros"]
     until = time.monotonic() + OWN_SHARE * options["start_limit_s"]
@@ -37,11 +37,11 @@ def fly_mission(
         mission.fly()
     except Hidden as error:
         conversation.fail(f"controller.nodes: {error}")
-    os._exit(0)  # does not wait for ROS threads
+    os._exit(0)  # does not wait for threads of ROS
 
 
 class Nodes:
-    """The processes that the commands started, in the order of the commands."""
+    """The processes started by the commands, in the same order."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class Nodes:
         environment: dict[str, str],
         completed: list[list[str]] | None = None,
     ) -> None:
-        """Start ``completed``, if given, or ``commands``, which messages quote in either case.
+        """Start the commands; error messages quote ``commands`` even if ``completed`` is run.
 
         ``python3`` in a command or in a node's shebang line resolves to this process's Python.
         """
@@ -61,7 +61,7 @@ class Nodes:
         ]
 
     def ended(self) -> str | None:
-        """Describe a process that has exited, if any."""
+        """Describe a process that has exited; None if all are running."""
         for process, command in zip(self._processes, self._commands):
             status = process.poll()
             if status is not None:
@@ -70,7 +70,7 @@ class Nodes:
         return None
 
     def place(self, pid: int) -> int | None:
-        """Return the index of the command that started this process or an ancestor of it."""
+        """Return the index of the command that started a process or one of its ancestors."""
         places = {process.pid: index for index, process in enumerate(self._processes)}
         while pid > 1:
             if pid in places:
@@ -79,7 +79,7 @@ class Nodes:
         return None
 
     def others(self, places: Collection[int | None]) -> list[str]:
-        """Return the commands whose indices are not in ``places``."""
+        """Return the commands with indices outside ``places``."""
         commands = enumerate(self._commands)
         return [shlex.join(command) for index, command in commands if index not in places]
 
@@ -93,7 +93,7 @@ def _parent(pid: int) -> int:
 
 
 class Crew:
-    """The user's nodes and their commands; the nodes must keep running and come to rest."""
+    """The user's nodes and their commands; nodes must keep running and must come to rest."""
 
     def __init__(self, conversation: Conversation, rest: Rest, start: Callable[[], Nodes]) -> None:
         briefing = conversation.briefing
@@ -113,7 +113,7 @@ class Crew:
             )
 
     def require_start(self, until: float, missing: Callable[[], str | None]) -> None:
-        """Reject the mission after a monotonic time [s], and name what is missing."""
+        """After a monotonic time [s], reject the mission, naming what is missing."""
         if time.monotonic() > until:
             limit = f"{self.options['start_limit_s']:g} s"
             self._conversation.refuse(
@@ -128,16 +128,16 @@ class Crew:
             end(ended)
 
     def require_rest(self, until: float) -> None:
-        """Wait until all nodes are at rest; end the mission if they are not by ``until`` [s]."""
+        """Wait until all nodes are at rest; end the mission at a monotonic time [s]."""
         if not self.rest.wait(until - time.monotonic()):
             end(self.unrest())
 
     def unrest(self) -> str:
-        """Name the busy nodes."""
+        """Describe the busy nodes."""
         return f"the nodes did not come to rest: {'; '.join(self.rest.working())}"
 
     def answer(self, commands: Sequence[Any]) -> None:
-        """Answer a tick with the last command, or with no decision."""
+        """Answer a tick with the last of the commands, or with no decision."""
         if not commands:
             self._conversation.answer(0, 0.0, 0.0)
             return

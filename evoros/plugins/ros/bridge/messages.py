@@ -1,4 +1,4 @@
-"""The messages of a mission, whose types have the same names in ROS 1 and ROS 2."""
+"""The messages of a mission; their types have the same names in ROS 1 and ROS 2."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ CLOCK, TRANSFORMS = "/clock", "/tf"
 
 
 class Messages:
-    """The topics on which this process publishes, and the messages at each tick."""
+    """The topics that this process publishes, and the messages of each tick."""
 
     def __init__(self, briefing: dict[str, Any], stamp: Callable[[int, int], Any]) -> None:
-        """``stamp`` makes a ROS time from seconds and nanoseconds."""
+        """Create the messages; ``stamp`` makes a ROS time from seconds and nanoseconds."""
         options, sensors = briefing["ros"], briefing["sensors"]
         self._topics, self._frame, self._stamp = options["topics"], options["frame"], stamp
         self._base = root_link(options["description"])
@@ -49,14 +49,14 @@ class Messages:
         }
 
     def route(self) -> tuple[str, Any]:
-        """Return the topic and the message of the route, which is published once."""
+        """Return the topic and message of the route, which is published once."""
         stamp = self._stamp(*ros_time(0.0))
         legs = zip(self._points, self._points[1:])
         poses = [self._goal([*start, *end], stamp) for start, end in legs]
         return self._topics["route"], self._locate(Path(poses=poses), stamp)
 
     def of(self, tick: Tick) -> Iterator[list[tuple[str, Any]]]:
-        """Yield lists of topics and messages, published together, in the nodes' order."""
+        """Yield lists of (topic, message) to publish together, in the order of the nodes."""
         stamp = self._stamp(*ros_time(tick.time))
         if tick.leg != self._goal_leg:
             self._goal_leg = tick.leg

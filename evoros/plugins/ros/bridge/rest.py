@@ -1,13 +1,13 @@
-"""Detects that all processes of a mission are at rest; needs only Linux and the standard library.
+"""Detects that all processes of a mission are at rest, with only Linux and the standard library.
 
 From Linux 5.16 on, ``wchan`` names the kernel function in which a thread waits, until the thread is
-woken. On older kernels, the system call is read, and then the state: the state alone changes too
-early, and the system call remains visible while a woken thread moves to another CPU.
+woken. On older kernels, the system call is read first and the state second: the state alone changes
+too early, and the system call remains visible while a woken thread moves to another CPU.
 
 The CPU time of a process grows whenever one of its threads leaves a CPU. If each thread waits when
-it is checked, and the CPU times before the first check and after the last are equal, then all
-threads were waiting before the first check. Sent messages have arrived, because the call that sends
-a message also delivers it; deliveries left to a kernel thread are counted in softnet_stat.
+checked, and the CPU times before the first and after the last check are equal, then all threads
+were waiting before the first check. Sent messages have then arrived, because the sending call also
+delivers them; deliveries deferred to a kernel thread are counted in softnet_stat.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ import time
 from contextlib import suppress
 
 # asm/unistd.h: clock_nanosleep, nanosleep. Threads at rest may also sleep, as in rospy.spin(), so
-# the duration of a sleep must be known; it is found only in the thread's memory.
+# the duration of a sleep must be known; it is stored only in the thread's memory.
 _SLEEPING = {"x86_64": "230 35", "aarch64": "115 101"}
 CLOCK_SLEEP, SLEEP = _SLEEPING.get(os.uname().machine, "none none").encode().split()
 UNTIL = 1  # linux/time.h: TIMER_ABSTIME
-NOWHERE = b"0"  # value of wchan for a thread that does not wait
+NOWHERE = b"0"  # value of wchan for a running thread
 ASLEEP, ENDED = b"S", (b"Z", b"X")  # states in stat
 UNTOLD = b"0 0 0\n"  # content of schedstat on a kernel without statistics
-PLACE_BYTES = 64  # maximum length of a kernel function's name
+PLACE_BYTES = 64  # maximum length of a kernel function name
 SHORT_S = 0.001
-"""Sleep [s] below which a thread counts as working; rospy's time.sleep(0) lasts up to 50 us."""
+"""Sleep [s] below which a thread counts as busy; time.sleep(0) in rospy lasts up to 50 us."""
 TRIAL_LOOKS, TRIAL_PAUSE_S = 20, 0.0002
-"""Maximum number of checks of a thread that will soon wait, and pause between checks [s]."""
+"""Maximum number of checks of a thread that is about to wait, and pause [s] between checks."""
 
-# A row of softnet_stat has eight-digit numbers for one CPU; the twelfth is the backlog.
+# Each row of softnet_stat has eight-digit numbers for one CPU; the twelfth is the backlog.
 SOFTNET_BYTES = 65536
 BACKLOG, NO_PACKETS = slice(11 * 9, 11 * 9 + 8), b"00000000"
 FIRST_PAUSE_S, LAST_PAUSE_S = 0.00002, 0.0002
@@ -45,10 +45,10 @@ SET_TIMER_SLACK, SET_SUBREAPER = 29, 36
 
 
 class WatchedThread:
-    """A thread's open files in /proc, and their contents when last read."""
+    """The open /proc files of a thread, and their contents when last read."""
 
     def __init__(self, pid: int, tid: int) -> None:
-        """Open the files; the thread may have exited (FileNotFoundError, ProcessLookupError)."""
+        """Open the files; FileNotFoundError or ProcessLookupError if the thread has exited."""
         self.pid, self.tid = pid, tid
         self._files: list[int] = []
         try:
@@ -58,13 +58,13 @@ class WatchedThread:
             self.close()
             raise
         self._place, self._call, self._state, self._runs = self._files
-        self._known_place = b""  # kernel function in which the thread was waiting
-        # Content of schedstat during a sleep, and end of the sleep by time.monotonic().
+        self._known_place = b""  # kernel function in which the thread last waited
+        # content of schedstat during a sleep, and end of the sleep by time.monotonic()
         self._sleep: tuple[bytes, float] = (UNTOLD, 0.0)
 
     @property
     def numbers(self) -> tuple[int, int]:
-        """The ids of the process and the thread."""
+        """The process id and the thread id."""
         return self.pid, self.tid
 
     def close(self) -> None:
@@ -79,7 +79,7 @@ class WatchedThread:
             return True
         runs = os.pread(self._runs, 128, 0)
         if place not in (b"", NOWHERE) and runs == self._sleep[0]:
-            return self._sleep[1] - time.monotonic() > SHORT_S  # it has not run since then
+            return self._sleep[1] - time.monotonic() > SHORT_S  # the thread has not run since
         call, *arguments = self._read_call()
         state = self._read_state()
         if state != ASLEEP or place == NOWHERE or call == b"running":  # includes stopped threads
@@ -104,7 +104,7 @@ class WatchedThread:
         return left - (time.clock_gettime(clock) if flags == UNTIL else 0.0)
 
     def _read_call(self) -> list[bytes]:
-        """Return the number and arguments of the thread's system call; ``running`` if it runs."""
+        """Return the number and arguments of the thread's system call, or ``running``."""
         try:
             return os.pread(self._call, 192, 0).split()
         except PermissionError as error:
@@ -118,7 +118,7 @@ class WatchedThread:
 
 
 def tells_places() -> bool:
-    """Return True if the kernel (at least 5.16) reports the function in which a thread sleeps."""
+    """Return True if the kernel (5.16 or later) reports the function in which a thread sleeps."""
     version = re.match(r"(\d+)\.(\d+)", os.uname().release)
     if version is None or tuple(map(int, version.groups())) < (5, 16):
         return False
@@ -136,10 +136,10 @@ def tells_places() -> bool:
 
 
 class Hidden(Exception):
-    """This process is not permitted to observe a process of the mission."""
+    """This process lacks permission to observe a process of the mission."""
 
     def __init__(self, error: PermissionError) -> None:
-        """Describe an error in opening or reading one of a process's files in /proc."""
+        """Describe a PermissionError on one of the /proc files of a process."""
         command = _command(int(str(error.filename).split("/")[2]))
         super().__init__(
             f"what the process {command} waits for is hidden ({error}); "
@@ -148,24 +148,24 @@ class Hidden(Exception):
 
 
 class Rest:
-    """Observes all processes of a mission, and this process except for its main thread."""
+    """Observes all processes of a mission, and all threads of this process but the main thread."""
 
     def __init__(self, isolated: bool) -> None:
-        """Observe this process's future children or, if ``isolated``, the process namespace."""
+        """Observe child processes started later or, if ``isolated``, the process namespace."""
         self._isolated = isolated
         self._threads: list[WatchedThread] = []
         self._clocks: list[int] = []  # CPU-time clocks
-        self._working: WatchedThread | None = None  # the thread that was last seen working
+        self._working: WatchedThread | None = None  # the last thread found busy
         self._tells_places = tells_places()
-        self._population: object = None  # value of ``_who`` for the listed threads
+        self._population: object = None  # value of ``_who`` when the threads were listed
         self._newest = os.open("/proc/loadavg", os.O_RDONLY)
         self._packets = os.open("/proc/net/softnet_stat", os.O_RDONLY)
-        # Orphans become children of this process, which is permitted to observe its descendants.
+        # Orphans become children of this process, which may observe its descendants.
         ctypes.CDLL(None).prctl(SET_SUBREAPER, 1, 0, 0, 0)
         os.stat(f"/proc/self/task/{os.getpid()}/children")
 
     def wait(self, limit_s: float) -> bool:
-        """Return True once all processes rest; False if one still works after ``limit_s`` [s]."""
+        """Return True once all processes are at rest, or False after ``limit_s`` [s]."""
         end = time.monotonic() + limit_s
         pause = 0.0
         while not self._at_rest():
@@ -176,7 +176,7 @@ class Rest:
         return True
 
     def working(self) -> list[str]:
-        """Return the commands of the processes that are currently working."""
+        """Return the commands of the busy processes."""
         pids = set()
         try:
             self._draw_up()
@@ -189,7 +189,7 @@ class Rest:
         return [_command(pid) for pid in sorted(pids - {os.getpid()})]
 
     def prepare(self) -> None:
-        """Allow short pauses and many open files, which processes started later would inherit."""
+        """Allow short pauses and many open files; processes started later would inherit this."""
         ctypes.CDLL(None).prctl(SET_TIMER_SLACK, 1, 0, 0, 0)
         _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
@@ -197,7 +197,7 @@ class Rest:
     def _at_rest(self) -> bool:
         try:
             if self._working is not None and not self._working.waits(self._tells_places):
-                return False  # usually, the same thread is still working
+                return False  # usually the same thread is still busy
             if self._who() != self._population:
                 self._draw_up()
             before = list(map(time.clock_gettime_ns, self._clocks))
@@ -212,12 +212,12 @@ class Rest:
         return before == after and self._who() == self._population
 
     def _packets_wait(self) -> bool:
-        """Return True if packets of any process await delivery; needs Linux 5.10."""
+        """Return True if packets of any process await delivery; requires Linux 5.10."""
         rows = os.pread(self._packets, SOFTNET_BYTES, 0).splitlines()
         return any(row[BACKLOG] not in (b"", NO_PACKETS) for row in rows)
 
     def _all_wait(self) -> bool:
-        """Return True if each thread waits; threads last seen working are checked first."""
+        """Return True if each thread waits; check the threads last found busy first."""
         for place, thread in enumerate(self._threads):
             if not thread.waits(self._tells_places):
                 self._working = thread
@@ -227,12 +227,12 @@ class Rest:
 
     def _who(self) -> object:
         """Return a value that changes whenever a process or thread of the mission starts."""
-        if self._isolated:  # number of the newest thread in this namespace
+        if self._isolated:  # number of the newest thread in the namespace
             return os.pread(self._newest, 128, 0).split()[-1]
         return frozenset(self._list_threads())
 
     def _draw_up(self) -> None:
-        """Open the files of new threads, and close the files of threads that have exited."""
+        """Open the files of new threads, and close the files of exited threads."""
         self._population, self._working = self._who(), None
         numbers = self._list_threads()
         known = {thread.numbers for thread in self._threads}
@@ -249,14 +249,14 @@ class Rest:
         self._clocks += [~thread.tid << 3 | 6 for thread in self._threads if thread.pid == me]
 
     def _list_threads(self) -> set[tuple[int, int]]:
-        """Return the threads of all the mission's processes, except this process's main thread."""
+        """Return all threads of the mission's processes except the main thread of this process."""
         me = os.getpid()
         threads: set[tuple[int, int]] = set()
         pids = [me]
         if self._isolated:
             pids = [int(name) for name in os.listdir("/proc") if name.isdigit()]
-            pids = [pid for pid in pids if pid != 1 or me == 1]  # init only waits for the end
-        for pid in pids:  # extended during the loop
+            pids = [pid for pid in pids if pid != 1 or me == 1]  # init only waits
+        for pid in pids:  # grows during the loop
             for tid in _numbers(f"/proc/{pid}/task"):
                 threads.add((pid, tid))
                 if not self._isolated:

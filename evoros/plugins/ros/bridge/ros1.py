@@ -1,6 +1,6 @@
 """The bridge to ROS 1, which runs one mission in lock-step with the user's nodes.
 
-It runs in the user's ROS Python, and imports rospy after the nodes have started; see README.md.
+The bridge runs in the user's ROS Python, and imports rospy after starting the nodes; see README.md.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .rest import Rest
 if TYPE_CHECKING:
     from . import ros1_graph
 
-PORT = 11311  # the master's default port
+PORT = 11311  # default port of the master
 _LARGEST_SEED = 2**31  # parameters are signed 32-bit integers
 TOLD = ("sensors", "drive", "home", "route", "acceptance_m", "time_limit_s", "period_s")
 PROGRAM = """
@@ -37,7 +37,7 @@ NEEDED = ("rospy", "rosmaster", "geometry_msgs", "nav_msgs", "sensor_msgs", "ros
 
 
 def start_nodes(briefing: dict[str, Any], until: float) -> Nodes:
-    """Start the master and the user's nodes; an OSError or ValueError rejects the mission."""
+    """Start the master and the user's nodes; raise OSError or ValueError to reject the mission."""
     options = briefing["ros"]
     try:
         environment = _start_master(options["isolate"], until)
@@ -52,7 +52,7 @@ class Mission:
     """One mission with ROS 1 nodes."""
 
     def __init__(self, conversation: Conversation, rest: Rest, until: float) -> None:
-        """Start the nodes and join the graph; rospy is imported while the nodes start."""
+        """Start the nodes and join the graph; import rospy while the nodes start."""
         briefing = conversation.briefing
         self._crew = Crew(conversation, rest, lambda: start_nodes(briefing, until))
         logging.disable(logging.CRITICAL)
@@ -72,11 +72,11 @@ class Mission:
             self._crew.require_start(until, self._missing)
             time.sleep(PAUSE_S)
         self._crew.rest.prepare()
-        self._crew.require_rest(until + PAUSE_S)  # so that the nodes answer the last requests
+        self._crew.require_rest(until + PAUSE_S)  # lets the nodes answer the last requests
         self._hear()
 
     def _steady(self) -> bool:
-        """Return True if no connection is missing before and after a period of rest."""
+        """Return True if nothing is missing before and after a period of rest."""
         if self._missing() is not None:
             return False
         for _ in range(STEADY):
@@ -102,7 +102,7 @@ class Mission:
         return None
 
     def fly(self) -> None:
-        """Answer each tick with the nodes' commands."""
+        """Answer each tick with the commands of the nodes."""
         for tick in self._conversation.ticks():
             until = time.monotonic() + OWN_SHARE * self._crew.options["answer_limit_s"]
             self._crew.require_nodes()
@@ -141,7 +141,7 @@ def main() -> None:
 
 
 def _start_master(isolated: bool, until: float) -> dict[str, str]:
-    """Start a master in another process, and return the environment with which nodes find it."""
+    """Start a master in another process; return the environment through which nodes find it."""
     port = PORT if isolated else _free_port()
     folder = os.getcwd()
     environment = {name: value for name, value in os.environ.items() if name != "ROS_HOSTNAME"}

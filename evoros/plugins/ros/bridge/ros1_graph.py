@@ -1,4 +1,4 @@
-"""The ROS 1 graph of a mission: the master, connections and messages."""
+"""The ROS 1 graph of a mission: master, connections and messages."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ HEADER_BYTES = 4096
 
 
 def join() -> None:
-    """Make this process a node, which uses wall-clock time."""
+    """Make this process a node that uses wall-clock time."""
     rospy.init_node(
         NAME[1:], argv=[], disable_rostime=True, disable_rosout=True, disable_signals=True
     )
 
 
 def ask_node(address: str, method: str, *arguments: Any) -> Any:
-    """Call a method of a node; raise an OSError if the node is gone or refuses."""
+    """Call a method of a node; raise an OSError if the node has gone or refuses."""
     answer: Any = getattr(ServerProxy(address), method)(NAME, *arguments)
     status, why, value = answer
     if status != 1:
@@ -43,10 +43,10 @@ def ask_node(address: str, method: str, *arguments: Any) -> Any:
 
 
 class Incoming:
-    """The messages from one publisher, which the bridge fetches without a thread."""
+    """The messages of one publisher, fetched without a thread."""
 
     def __init__(self, topic: str, publisher: str, kind: str) -> None:
-        """Connect to the publisher's node; raise a ValueError if the message type is unknown."""
+        """Connect to the node of the publisher; raise a ValueError for an unknown message type."""
         self._topic = topic
         self._class: Any = roslib.message.get_message_class(kind)
         if self._class is None:
@@ -65,7 +65,7 @@ class Incoming:
         return bool(select.select([self._socket], [], [], limit_s)[0])
 
     def fetch(self) -> list[Any]:
-        """Return the messages that have arrived; raise a ConnectionError if the node has gone."""
+        """Return the messages received so far; raise a ConnectionError if the node has gone."""
         messages = []
         self._receive()
         while len(self._received) >= 4:
@@ -90,7 +90,7 @@ class Incoming:
 
 
 class Outgoing:
-    """This process's publishers and their messages."""
+    """The publishers of this process and their messages."""
 
     def __init__(self, briefing: dict[str, Any]) -> None:
         self._messages = Messages(briefing, genpy.Time)
@@ -108,7 +108,7 @@ class Outgoing:
         self.publishers[topic].publish(route)
 
     def messages(self, tick: Tick) -> Iterator[tuple[Any, Any]]:
-        """Yield publishers and messages in the order in which the nodes receive them."""
+        """Yield (publisher, message) in the order in which nodes receive them."""
         for together in self._messages.of(tick):
             for topic, message in together:
                 yield self.publishers[topic], message
@@ -118,15 +118,15 @@ class Graph:
     """The nodes of a mission, and the connections between them."""
 
     def __init__(self, nodes: Nodes, publishers: list[Any]) -> None:
-        """``publishers`` are this process's publishers."""
+        """Create the graph; ``publishers`` belong to this process."""
         self._master, self._nodes, self._publishers = Master(NAME), nodes, publishers
-        self._places: dict[str, int | None] = {}  # command index by node address
+        self._places: dict[str, int | None] = {}  # index of each node's command, by node address
         self._addresses: dict[str, str] = {}  # node address by name
         self._published: dict[str, list[str]] = {}
         self._subscribed: dict[str, list[str]] = {}
 
     def missing(self, command_topic: str) -> str | None:
-        """Return what the mission is still waiting for before it can start, or None."""
+        """Describe what the mission lacks before it can start; None if nothing."""
         try:
             self._update()
             return self._missing_node(command_topic) or self._missing_connection()
@@ -143,7 +143,7 @@ class Graph:
         return self._addresses[names[0]], kind
 
     def place(self, connection: Any) -> tuple[int, str]:
-        """Return a sort key that starts with the command's index; node names may be random."""
+        """Return a sort key that starts with the command's index, as node names may be random."""
         name = connection.endpoint_id
         place = self._places.get(self._addresses.get(name, ""))
         return (-1 if place is None else place), name
@@ -171,7 +171,7 @@ class Graph:
             return f"{others[0]} has started no node"
         if not self._published.get(command_topic):
             return f"no node publishes on {command_topic}"
-        # Every node subscribes to the clock.
+        # every node subscribes to the clock
         topics = {publisher.resolved_name for publisher in self._publishers} - {"/clock"}
         if not any(self._subscribed.get(topic) for topic in topics):
             return f"no node subscribes to {', '.join(sorted(topics))}"
@@ -182,7 +182,7 @@ class Graph:
             topic = publisher.resolved_name
             if publisher.get_num_connections() != len(self._subscribed.get(topic, [])):
                 return f"a node is not yet connected to {topic}"
-        # Connections between nodes count, because earlier messages would be lost.
+        # also between nodes, because earlier messages would be lost
         connected = self._connections()
         for topic, names in self._subscribed.items():
             for name in names:

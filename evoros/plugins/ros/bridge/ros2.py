@@ -1,6 +1,6 @@
 """The bridge to ROS 2, which runs one mission in lock-step with the user's nodes.
 
-It runs in the user's ROS Python, and needs only rclpy and its messages; see README.md.
+The bridge runs in the user's ROS Python, and requires only rclpy and messages; see README.md.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 NEEDED = ("rclpy", "geometry_msgs", "nav_msgs", "sensor_msgs", "rosgraph_msgs")
 ADVICE = ", and source /opt/ros/DISTRIBUTION/setup.bash before running evoros"
 GRAPH_PAUSE_S, LOOK_S = 0.05, 0.0002
-"""Pauses [s] between checks; ``STEADY`` of the first exceed the resend time of Fast DDS (1/3 s)."""
+"""Pauses [s] between checks; ``STEADY`` of the first outlast a resend of Fast DDS (1/3 s)."""
 
 
 def start_nodes(briefing: dict[str, Any]) -> Nodes:
-    """Start the user's nodes; an OSError or ValueError rejects the mission."""
+    """Start the user's nodes; raise OSError or ValueError to reject the mission."""
     commands = briefing["ros"]["nodes"]
     launch.write_parameters(briefing)
     completed = launch.complete(commands, launch.topic_names(briefing))
@@ -37,7 +37,7 @@ class Mission:
     """One mission with ROS 2 nodes."""
 
     def __init__(self, conversation: Conversation, rest: Rest, until: float) -> None:
-        """Start the nodes and join the graph; rclpy is imported while the nodes start."""
+        """Start the nodes and join the graph; import rclpy while the nodes start."""
         self._conversation, briefing = conversation, conversation.briefing
         try:
             # held until this process exits
@@ -67,7 +67,7 @@ class Mission:
         self._hear()
 
     def _missing(self) -> str | None:
-        """Connect to the nodes that publish commands and modes; describe a missing connection."""
+        """Connect to publishers of commands and modes; describe a missing connection."""
         topics = self._options["topics"]
         missing = self._graph.missing(topics["command"])
         if missing is not None:
@@ -92,7 +92,7 @@ class Mission:
         return self._crew.rest.wait(1.0) and self._missing() is None
 
     def fly(self) -> None:
-        """Answer each tick with the nodes' commands."""
+        """Answer each tick with the commands of the nodes."""
         route = [self._messages.route()]
         for tick in self._conversation.ticks():
             until = time.monotonic() + OWN_SHARE * self._options["answer_limit_s"]
@@ -108,7 +108,7 @@ class Mission:
             self._crew.answer(commands)
 
     def _deliver(self, together: list[tuple[str, Any]], until: float) -> None:
-        """Publish to one group of nodes after another, each once the previous group is at rest."""
+        """Publish to each group of nodes once the previous group is at rest."""
         for outlet in self._graph.outlets:
             outlet.deliver(together, lambda: self._crew.require_rest(until))
 
@@ -118,7 +118,7 @@ class Mission:
         return [] if self._commands is None else self._commands.fetch()
 
     def _await_command(self, until: float) -> list[Any]:
-        """Wait for a command; return it and any others that arrive before the nodes are at rest."""
+        """Wait for a command; return it with others that arrive before the nodes are at rest."""
         commands: list[Any] = []
         while not commands:
             time.sleep(LOOK_S)

@@ -1,4 +1,4 @@
-"""The ROS 2 graph of a mission: publishers for each group of nodes, and messages."""
+"""The ROS 2 graph of a mission: messages, and publishers for each group of nodes."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from .ros2_start import Group
 
 NAME = "evoros"  # name of this process in the graph
 SPIN_S = 0.02
-DEPTH = 100  # maximum number of commands kept per tick
-UNKNOWN = "_NODE_NAME_UNKNOWN_"  # name used by rmw_dds_common
-EACH = QoSProfile(depth=10)  # reliable and volatile; also suits best-effort subscriptions
+DEPTH = 100  # maximum number of commands queued per tick
+UNKNOWN = "_NODE_NAME_UNKNOWN_"  # name assigned by rmw_dds_common
+EACH = QoSProfile(depth=10)  # reliable and volatile; also matches best-effort subscriptions
 KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""QoS profile for the goal and the route, which are published rarely."""
+"""QoS profile of the goal and the route, which are rarely published."""
 
 
 def stamp(seconds: int, nanoseconds: int) -> Any:
@@ -32,7 +32,7 @@ def stamp(seconds: int, nanoseconds: int) -> Any:
 
 
 class Outlet:
-    """The publishers to one group of nodes, by topic."""
+    """The publishers for one group of nodes, by topic."""
 
     def __init__(
         self, node: Any, group: Group, kinds: Mapping[str, type], kept: Collection[str]
@@ -51,14 +51,14 @@ class Outlet:
         """Find the order of the node's subscriptions, once the node is connected.
 
         An executor runs ready callbacks in this order, regardless of the order of arrival. Nodes
-        may have different orders, so they receive each message at rest.
+        may differ in the order, so each message is delivered while they are at rest.
         """
         infos = {
             topic: self._node.get_subscriptions_info_by_topic(publisher.topic_name)
             for topic, publisher in self._publishers.items()
         }
         self._one_by_one = any(len(subscriptions) > 1 for subscriptions in infos.values())
-        # Bytes 12 to 15 of the identifier are the number of the subscription within a node.
+        # bytes 12 to 15 of the identifier number the subscription within a node
         self._order = {
             topic: bytes(subscription.endpoint_gid[12:16])
             for topic, subscriptions in infos.items()
@@ -66,7 +66,7 @@ class Outlet:
         }
 
     def deliver(self, together: list[tuple[str, Any]], require_rest: Callable[[], None]) -> None:
-        """Publish messages that belong together, and wait until the nodes are at rest."""
+        """Publish a group of messages, and wait until the nodes are at rest."""
         heard = [(topic, message) for topic, message in together if self.hears(topic)]
         for topic, message in sorted(heard, key=lambda item: self._order.get(item[0], b"")):
             self._publishers[topic].publish(message)
@@ -81,11 +81,11 @@ class Outlet:
         return publisher is not None and publisher.get_subscription_count() > 0
 
     def names(self) -> list[str]:
-        """Return the topic names that the group's nodes use."""
+        """Return the topic names used by the nodes of the group."""
         return [publisher.topic_name for publisher in self._publishers.values()]
 
     def missing(self) -> str | None:
-        """Describe a connection or node that the group still lacks, if any."""
+        """Describe a connection or node that the group still lacks; None if complete."""
         if self._commands and self._listening(CLOCK) < len(self._commands):
             names = " or ".join(shlex.join(command) for command in self._commands)
             return (
@@ -102,10 +102,10 @@ class Outlet:
 
 
 class Incoming:
-    """The messages from one publisher, which the bridge fetches without a thread."""
+    """The messages of one publisher, fetched without a thread."""
 
     def __init__(self, node: Any, topic: str, publisher: Any) -> None:
-        """Subscribe with the publisher's reliability; raise a ValueError if the type is unknown."""
+        """Subscribe with the publisher's reliability; raise a ValueError for an unknown type."""
         kind = publisher.topic_type
         package, _, name = kind.replace("/msg/", "/").partition("/")
         try:
@@ -114,18 +114,18 @@ class Incoming:
             why = f"{topic}: {sys.executable} cannot import {kind}; install its package"
             raise ValueError(why) from None
         quality = QoSProfile(depth=DEPTH, reliability=publisher.qos_profile.reliability)
-        # The callback discards messages from before the mission.
+        # the callback discards messages from before the mission
         self._subscription = node.create_subscription(
             self._class, topic, lambda message: None, quality
         )
 
     def connected(self) -> bool:
-        """Return True if the publisher is matched; always True on Humble, where this is unknown."""
+        """Return True if the publisher is matched; always True on Humble, which cannot tell."""
         count = getattr(self._subscription, "get_publisher_count", None)
         return count is None or count() > 0
 
     def fetch(self) -> list[Any]:
-        """Return the messages that have arrived; an executor would take 100 times as long."""
+        """Return the messages received so far; an executor would take 100 times as long."""
         messages, handle = [], self._subscription.handle
         with handle:
             while (taken := handle.take_message(self._class, False)) is not None:
@@ -139,7 +139,7 @@ class Graph:
     def __init__(
         self, groups: list[Group], kinds: Mapping[str, type], kept: Collection[str]
     ) -> None:
-        """``kinds`` maps topics to message types; ``kept`` topics keep their last message."""
+        """Create publishers of ``kinds`` (types by topic); ``kept`` topics retain one message."""
         rclpy.init(args=[])
         self._node = rclpy.create_node(
             NAME, use_global_arguments=False, enable_rosout=False, start_parameter_services=False
@@ -147,14 +147,14 @@ class Graph:
         self._clients: dict[str, Any] = {}  # one per node
         self._answers: dict[str, Any] = {}
         self._topics = sorted(kinds.keys() - {CLOCK})  # every node subscribes to the clock
-        # Nodes also exchange transforms with one another, so this topic has no prefix.
+        # nodes also exchange transforms among themselves, so this topic has no prefix
         shared = {topic: kind for topic, kind in kinds.items() if topic == TRANSFORMS}
         others = {topic: kind for topic, kind in kinds.items() if topic != TRANSFORMS}
         self.outlets = [Outlet(self._node, Group("", []), shared, kept)]
         self.outlets += [Outlet(self._node, group, others, kept) for group in groups]
 
     def missing(self, command_topic: str) -> str | None:
-        """Return what the mission is still waiting for before it can start, or None."""
+        """Describe what the mission lacks before it can start; None if nothing."""
         for outlet in self.outlets:
             missing = outlet.missing()
             if missing is not None:
@@ -168,8 +168,8 @@ class Graph:
     def unanswered(self) -> str | None:
         """Ask each node for a parameter; describe a node that has not answered, if any.
 
-        Only an answer proves that a node knows its connections, of which it learns in the order of
-        their creation. The client that asks is created last.
+        Only an answer proves that a node knows its connections, because nodes learn of connections
+        in the order of their creation, and the client that asks is created last.
         """
         for name, namespace in sorted(self._listeners()):
             if name == UNKNOWN:
@@ -182,7 +182,7 @@ class Graph:
         return None
 
     def _listeners(self) -> set[tuple[str, str]]:
-        """Return the name and namespace of each node that subscribes to this process."""
+        """Return the name and namespace of each node that subscribes to topics of this process."""
         topics = [topic for outlet in self.outlets for topic in outlet.names()]
         listening = [self._node.get_subscriptions_info_by_topic(topic) for topic in topics]
         return {(node.node_name, node.node_namespace) for nodes in listening for node in nodes}
@@ -201,7 +201,7 @@ class Graph:
     def receive(
         self, topic: str, kinds: tuple[str, ...], connected: Incoming | None
     ) -> Incoming | None:
-        """Connect to a topic's publisher, unless ``connected``; None if there is no node."""
+        """Connect to a topic's publisher unless already ``connected``; None without a publisher."""
         publishers = self._node.get_publishers_info_by_topic(topic)
         names = sorted(publisher.node_name for publisher in publishers)
         if not publishers or UNKNOWN in names:

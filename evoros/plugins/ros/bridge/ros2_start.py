@@ -1,4 +1,4 @@
-"""The commands, parameters and environment of the ROS 2 nodes, for use before rclpy is imported."""
+"""Commands, parameters and environment of ROS 2 nodes, set up before rclpy is imported."""
 
 from __future__ import annotations
 
@@ -9,21 +9,22 @@ from typing import Any, NamedTuple
 
 PARAMETERS, PLACEHOLDER = "parameters.yaml", "{parameters}"
 ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY")
-"""Variables that lead to nodes on other machines, or that newer variables have replaced."""
+"""Variables that point to nodes on other machines, or that newer variables replace."""
 BEFORE_RANGES = ("foxy", "galactic", "humble")  # they lack ROS_AUTOMATIC_DISCOVERY_RANGE
 FAST = "rmw_fastrtps"
 PROFILE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "local.xml")
-"""The profile keeps Fast DDS on this machine, but out of shared memory.
+"""A profile that keeps Fast DDS on this machine and out of shared memory.
 
-Files in shared memory would remain after a kill; ROS's setting for localhost always uses them.
+Files in shared memory would remain after a kill, and ROS's localhost setting always uses them.
 """
-FIRST_PORT, PORTS_PER_DOMAIN, DOMAINS = 7400, 250, 101  # DDS ports below Linux's ephemeral ports
+FIRST_PORT, PORTS_PER_DOMAIN, DOMAINS = 7400, 250, 101  # DDS ports below Linux's ephemeral range
 
 
 class Group(NamedTuple):
-    """The nodes of one command, or of all launch files, which receive each message together.
+    """The nodes of one command, or of all launch files, which receive messages together.
 
-    Topic names differ by ``prefix``, because a DDS publisher reaches all subscriptions at once.
+    Topic names have a ``prefix`` per group, because a DDS publisher reaches all subscriptions at
+    once.
     """
 
     prefix: str
@@ -31,14 +32,14 @@ class Group(NamedTuple):
 
 
 def topic_names(briefing: dict[str, Any]) -> list[str]:
-    """Return the topics on which evoros publishes, except the transforms."""
+    """Return the topics published by evoros, except the transforms."""
     topics = briefing["ros"]["topics"]
     ranges = [topics["range"].replace("{sensor}", sensor["name"]) for sensor in briefing["sensors"]]
     return [*ranges, topics["odometry"], topics["goal"], topics["route"], "/clock"]
 
 
 def group(commands: list[list[str]]) -> list[Group]:
-    """Divide the commands into groups in the same order."""
+    """Divide the commands into groups, keeping their order."""
     groups: dict[str, Group] = {}
     for index, command in enumerate(commands):
         prefix = _prefix(commands, index)
@@ -52,13 +53,13 @@ def _prefix(commands: list[list[str]], index: int) -> str:
 
 
 def takes_arguments(command: list[str]) -> bool:
-    """Return True if a command is a node, which takes ROS arguments, rather than a launch file."""
+    """Return True if a command starts a node, which accepts ROS arguments, not a launch file."""
     launches = os.path.basename(command[0]) == "ros2" and command[1:2] == ["launch"]
     return not launches and PLACEHOLDER not in " ".join(command)
 
 
 def complete(commands: list[list[str]], topics: list[str]) -> list[list[str]]:
-    """Return the commands with additional arguments for parameters and topic names."""
+    """Return the commands with added arguments for parameters and topic names."""
     path = os.path.abspath(PARAMETERS)
     completed = []
     for index, command in enumerate(commands):
@@ -73,7 +74,7 @@ def complete(commands: list[list[str]], topics: list[str]) -> list[list[str]]:
 
 
 def write_parameters(briefing: dict[str, Any]) -> None:
-    """Write the parameter file for all nodes; raise a ValueError if ROS 2 lacks a value's type."""
+    """Write a parameter file for all nodes; raise a ValueError for a type that ROS 2 lacks."""
     parameters = {
         **{name: _checked(name, value) for name, value in briefing["parameters"].items()},
         "use_sim_time": True,
@@ -126,7 +127,7 @@ def _checked(name: str, value: Any) -> Any:
 
 
 def set_environment(isolated: bool) -> object:
-    """Isolate the nodes; return an object that must exist as long as the nodes."""
+    """Isolate the nodes; return an object that must exist as long as the nodes do."""
     for name in ELSEWHERE:
         os.environ.pop(name, None)
     folder = os.getcwd()
@@ -136,7 +137,7 @@ def set_environment(isolated: bool) -> object:
     if not isolated and os.environ.get("RMW_IMPLEMENTATION", FAST).startswith(FAST):
         for name in ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE"):
             os.environ[name] = PROFILE
-        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"  # the profile restricts it
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"  # the profile limits it
     elif old:
         os.environ["ROS_LOCALHOST_ONLY"] = "1"
     else:
@@ -150,7 +151,7 @@ def _free_domain() -> tuple[int, object]:
         claim = socket.socket(socket.AF_UNIX)
         try:
             claim.bind(f"\0evoros-ros-domain-{domain}")
-            for port in (0, 10, 11):  # discovery, and the first participant
+            for port in (0, 10, 11):  # ports of discovery and of the first participant
                 with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
                     any_socket.bind(("", FIRST_PORT + PORTS_PER_DOMAIN * domain + port))
             return domain, claim
