@@ -40,8 +40,7 @@ def to_csv(table: "pd.DataFrame") -> bytes:
 
 
 NAME = "evoros analyze"
-ABOUT = """evoros analyze turns the folders of runs and evaluations, or sweeps of them, into figures
-and the numbers behind them.
+ABOUT = """Draw figures of runs, evaluations and sweeps, and write the numbers behind them.
 
 Incomplete or damaged folders are skipped, and each is reported. Exit status: 0 done; 2 invalid
 input; 3 or 4 the result of regression; 130 interrupted."""

@@ -107,7 +107,8 @@ def compare_controls(study: Study) -> pd.DataFrame:
     recorded = [record for record in study.records if (record.path / CONTROLS).is_dir()]
     if not recorded:
         raise InputError(
-            "controls: no run has been compared with any; type: evoros resume RUN controls=all"
+            "controls: no run has been compared with a control; type: evoros resume RUN "
+            "controls=all"
         )
     return study.keep(recorded).gather(_compare)
 
@@ -178,5 +179,5 @@ def _describe_control(row: Mapping[Any, Any], label: str) -> str:
     if not champion:
         return f"{text}; the champion completes none, so the comparison is inconclusive"
     if high <= (1 - LITTLE) * champion:
-        return f"{text}; {DECIDES.get(row['control'], 'the search')} decided little here"
+        return f"{text}; {DECIDES.get(row['control'], 'the search')} made little difference here"
     return text if low > 0 else f"{text}; no evidence that the champion is better"

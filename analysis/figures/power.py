@@ -117,11 +117,11 @@ def _conclude(row: Mapping[Hashable, Any], title: str) -> str:
     deviations = f"{row['in_sd']:.2g} standard deviation" + "s" * (row["in_sd"] != 1)
     needed, low, high = (_format(row[f"replicates{end}"]) for end in ("", "_low", "_high"))
     return (
-        f"{title}: {needed} replicates per treatment [95 % interval, "
-        f"assuming normally distributed values: {low} to {high}] detect a difference of "
-        f"{row['difference']:.3g} ({deviations}) at the "
-        f"{100 * LEVEL:.0f} % level with a probability of {100 * row['power']:.0f} % ({TEST}, "
-        f"{adjusted}), if they scatter like the {row['runs']} given runs"
+        f"{title}: {needed} replicates per treatment detect a difference of "
+        f"{row['difference']:.3g} ({deviations}) at the {100 * LEVEL:.0f} % level with a "
+        f"probability of {100 * row['power']:.0f} % ({TEST}, {adjusted}), if they scatter like "
+        f"the {row['runs']} given runs; 95 % interval of this number, assuming normally "
+        f"distributed values: {low} to {high}"
     )
 
 

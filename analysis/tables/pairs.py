@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, write_count
 from evoros.mission.plan import MOST_REPEATS, VALIDATION
 from evoros.storage.layout import name_parts, replay_command
 
@@ -160,7 +160,7 @@ def climb(study: Study) -> pd.DataFrame:
         )
     missing = len(set.union(*contents)) - len(common)
     if missing:
-        study.report(f"{missing} designs are not in all evaluations")
+        study.report(f"{write_count(missing, 'design')} not in all evaluations")
     table = pd.DataFrame(_pair_rungs(rungs, _name_rungs(rungs)))
     table = table[[content in common for content in table["content"]]]
     first = rungs[0][1].drop_duplicates("content").set_index("content")

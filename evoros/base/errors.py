@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-GIVE_RIGHTS = "give this user read and write permission there"
+GIVE_RIGHTS = "give this user read and write permission"
 PATH_REMEDIES = {
     **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), GIVE_RIGHTS),
     errno.ENAMETOOLONG: "choose a shorter name",

@@ -42,8 +42,9 @@ def pack(values: NamedTuple) -> Array:
     for name, count, value in zip(kind._fields, list_dimensions(kind), values, strict=True):
         if not _fits(value, count):
             raise InputError(
-                f"{name_field(kind, name)}: must be {_KINDS[count]}"
-                f"{' of float64' if count else ''}, not {quote(value)}; correct the part's start"
+                f"{name_field(kind, name)}: must be "
+                f"{_KINDS[count]}{' of float64' if count else ''}, not {quote(value)}; correct "
+                "the value that the part's start() sets"
             )
         parts += [value.shape, value.ravel()] if count else [(value,)]
     return np.concatenate(parts or [()], dtype=np.float64)

@@ -186,8 +186,8 @@ def _explain(program: str, isolated: bool, news: Mapping[str, Any]) -> LaunchErr
     where, why = str(news.get("file", "keeper")), str(news.get("error", "it was killed"))
     if news.get("command"):
         return LaunchError(
-            f"{program}: must be a program that this system can execute ({why}); correct the path, "
-            f"the permissions or the script's #! line"
+            f"{program}: cannot be executed ({why}); correct the path, the permissions or the "
+            "script's #! line"
         )
     if isolated:
         return LaunchError(

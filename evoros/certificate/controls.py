@@ -8,7 +8,7 @@ from evoros.base.checks import COUNT, TEXT, Rule, checked, instance_of
 
 NO_SENSORS, RANDOM = "no_sensors", "random"
 DESIGNS = Rule(
-    f"a list of {NO_SENSORS}, {RANDOM}, and CSV files of designs, each at most once",
+    f"a list of distinct entries: {NO_SENSORS}, {RANDOM} or CSV files of designs",
     lambda v: isinstance(v, list | tuple) and all(map(TEXT.holds, v)) and 0 < len(v) == len(set(v)),
 )
 

@@ -71,8 +71,8 @@ def foresee_trials(validation: Validation, missions: int, bounds: Sequence[float
     level = (bounds[1] - bounds[0]) / 2
     fewest = list_looks(validation, 1, missions, (level, level))[0]
     return (
-        f"validation.precision: a precision of {validation.precision:g} requires at least {fewest} "
-        f"trials of the champion ({fewest * missions} missions) if its fitness is "
+        f"validation.precision: a precision of {validation.precision:g} requires at least "
+        f"{fewest} trials of the champion ({fewest * missions} missions) at a fitness of "
         f"{bounds[0] + level:g}"
     )
 

@@ -156,7 +156,7 @@ evaluate = Command("evoros evaluate", "evaluate", "like")
 
 
 NAME = "evoros resume"
-ABOUT = """Continue a stopped run, with the same result as an uninterrupted one.
+ABOUT = """Continue a stopped run; the result is the same as without the interruption.
 Extend a search with optimizer.generations=MORE or a larger limit, such as stop_after.missions=MORE;
 an evaluation with trials=MORE."""
 

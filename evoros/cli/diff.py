@@ -6,12 +6,12 @@ from evoros.files.origin import read_origin
 from evoros.terminal.console import DIFFERENT, DONE, CommandParser, print_result, reports_errors
 
 NAME = "evoros diff"
-ABOUT = f"""{NAME} reports whether two runs are equal, or their first difference.
+ABOUT = """Report whether two runs are equal and, if not, their first difference.
 
 A and B are folders or archives of runs, evaluations or sweeps. Jobs of sweeps are matched by path.
 Everything that follows from the configuration is compared: missions, generations, champion,
-trajectories, figures that both have. Executors, logs, status, dates and machines may differ.
-Exit status: 0 equal, 1 different, 2 for folders that cannot be compared.
+trajectories, and figures that both have. Executors, logs, status, dates and machines may differ.
+Exit status: 0 if equal, 1 if different, 2 if the folders cannot be compared.
 To compare treatments statistically, use evoros analyze compare."""
 
 

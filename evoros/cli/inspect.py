@@ -129,7 +129,7 @@ def _parse(words: Sequence[str], name: str | None) -> list[Request]:
             raise InputError(f"{group} {file}: file not found; correct the path")
         files[group] = file  # keep paths relative, so that the files can be moved together
     if not files:
-        raise InputError("robot FILE, world FILE or both are missing; add at least one")
+        raise InputError("no robot or world was given; add robot FILE, world FILE or both")
     drives = [key for key in keys if key.startswith(DRIVE) and ROBOT in files]
     drive = drives[-1].removeprefix(DRIVE) if drives else ""
     chosen = {group: name or choose_name(file, group) for group, file in files.items()}

@@ -6,7 +6,7 @@ from evoros.files.resources import expand_home
 from evoros.terminal import console
 
 NAME = "evoros replay"
-ABOUT = f"""{NAME} reruns one recorded mission of a run or an evaluation, and prints the outcome.
+ABOUT = f"""Rerun one recorded mission of a run or an evaluation, and print the outcome.
 
 Give enough columns of missions.csv to select a single row, for example:
   {NAME} outputs/tested design=12 world=maze trial=3 --output mission.csv

@@ -266,7 +266,8 @@ def _conclude(
 
 def _explain_repeating(command: str, jobs: Jobs) -> None:
     LOGGER.error(
-        "%s: to continue the unfinished jobs, repeat the command with %s; complete jobs are kept",
+        "%s: to continue the unfinished jobs, repeat the command with %s; finished jobs are not "
+        "repeated",
         *(command, shell_line(override("hydra.sweep.dir", str(jobs.sweep)))),
     )
 

@@ -81,8 +81,7 @@ class Jobs:
             )
         if not self.plugins and self._base.hydra.get("callbacks"):
             raise InputError(
-                "hydra.callbacks: must not be set, because no callbacks are called; leave the "
-                "key out"
+                "hydra.callbacks: Hydra callbacks are not supported; leave the key out"
             )
         self._overrides: list[tuple[str, ...]] = []
         # the first of jobs that differ only in numbers

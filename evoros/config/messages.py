@@ -125,8 +125,8 @@ def _describe_word(word: str) -> str:
     for name in re.findall(r"(\w+)\(", re.sub(r"[\"'].*", "", value)):
         if name not in parser.functions.functions:
             return (
-                f"{word!r}: {name} is not a function of Hydra's grammar, unlike choice, range or "
-                "glob; correct the word or quote the value"
+                f"{word!r}: Hydra's grammar has no function {name}; use choice, range or glob, "
+                "or quote the value"
             )
     unlike_keys = re.search("[=/]", value) or not value.isascii()
     if equals and unlike_keys and not re.search("[\"'()\\[\\]{}]", value):

@@ -34,12 +34,14 @@ def plan_design(
     for sensor in sensors:
         kind, described = sensor.described.kind, sensor.described.name
         if not is_bundled(SENSOR, kind):
-            notes.append(f"left out: sensor {described}, because evoros has no sensor type {kind}")
+            notes.append(
+                f"sensor {described} is left out, because evoros has no sensor type {kind}"
+            )
             continue
         settings, changed = _choose_settings(kind, sensor.described.settings)
         unfit = _find_fault(kind, settings)
         if unfit:
-            notes.append(f"left out: {sensor.described.place}: sensor {described}: {unfit}")
+            notes.append(f"sensor {described} ({sensor.described.place}) is left out: {unfit}")
             continue
         if kind == BUMPER:
             width = _read_bundled(SENSOR, kind)["width_m"]

@@ -26,7 +26,8 @@ MAX_EXHAUSTIVE = 10
 _PERIOD = r"controller\.period_s|design\.sensors\.[^.]+\.period_s"
 _UNFIT = {
     _PERIOD: "must not be a period, because periods must be multiples of the time step",
-    r"design\.sensors\.[^.]+\.(\w+_)?price": "must not be a price: evolution would only lower it",
+    r"design\.sensors\.[^.]+\.(\w+_)?price": "must not be a price, because evolution would only "
+    "lower the price",
 }
 
 

@@ -196,7 +196,7 @@ def check_height(
         raise InputError(
             f"{key}: {name} must be above the ground and at most {overhang} m above "
             f"{robot.name} ({top:g} m), not {low:g} to {high:g} m; "
-            f"choose design=around, which fits any robot, move the region, or raise overhang_m"
+            f"move the region, raise overhang_m, or choose design=around, which fits any robot"
         )
 
 

@@ -127,8 +127,9 @@ class TeamSpace:
             if configured is None:
                 raise InputError(
                     f"agents.{name}.design: must leave nothing to evolve (number 0, no genes), "
-                    "because the given designs have no part for this robot; set "
-                    f"agents.{name}.design.number=0, or give a file with rows for the agent {name}"
+                    "because the given designs include none for this robot; set "
+                    f"agents.{name}.design.number=0, or give a file with rows for the agent "
+                    f"{name}"
                 )
             parts[name] = configured
         return Design.join(parts)

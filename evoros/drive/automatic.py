@@ -305,9 +305,9 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
         "friction of these wheels is rotated by 45 deg in Gazebo (<fdir1>), as for mecanum wheels; "
         "they are treated as plain wheels; set robot.drive if they have rollers": diagonal,
         "in evoros, these wheels grip, although they slide in Gazebo (<mu> is 0)": slippery,
-        "driven wheels are not part of the drive": left_out,
+        "the drive leaves out these driven wheels": left_out,
         "in evoros, these wheels turn freely, although their joints are fixed": fixed,
-        "the joints of a rocker-bogie are held, so not all wheels may touch the ground": bogies,
+        "the joints of a rocker-bogie are locked, so some wheels may not touch the ground": bogies,
     }
     for note in list_notes(notes):
         _LOG.warning("%s: %s", urdf.source, note)

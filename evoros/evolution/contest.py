@@ -41,8 +41,9 @@ class Contest:
             done = len(self.scores.get(design_id, ()))
             if design_id not in self.earlier or trials < 1 or done + trials > most:
                 raise self._refuse(
-                    "must give a design of this generation at least 1 further trial and at most "
-                    f"{most} in total, not {trials} to design {design_id}, which has {done}"
+                    "must give only designs of this generation further trials, at least 1 and at "
+                    f"most {most} in total, but gave {trials} to design {design_id}, which has "
+                    f"{done}"
                 )
             wanted[design_id] = range(done, done + trials)
         self.rounds.append(further)

@@ -136,7 +136,7 @@ class Worker:
         except TimeoutError as error:
             raise NoAnswerError(
                 f"it ran longer than executor.time_limit_s = {limit:g} s",
-                "raise that limit, or use executor=serial to find where it hangs",
+                "raise that limit, or use executor=serial to find where the call hangs",
             ) from error
         except ProcessExpired as error:
             raise _crash(error.exitcode) from error

@@ -70,13 +70,13 @@ class Field(Distribution):
             raise checks.invalid(self, "clearing_m", self.clearing_m, rule)
         low, high = self.corners
         if self.density * float((high - low).prod()) > MAX_COUNT:
-            rule = f"must yield at most {MAX_COUNT} obstacles on extent_m"
+            rule = f"must give at most {MAX_COUNT} obstacles on the area extent_m"
             raise checks.invalid(self, "density", self.density, rule)
         points = np.concatenate(self._routes)
         if (np.minimum(points - low, high - points) < self.clearing_m).any():
             robots = " of all robots" if self.others else ""
             rule = f"must reach at least clearing_m beyond home and all waypoints{robots}"
-            raise checks.invalid(self, "extent_m", self.extent_m, rule, "enlarge it")
+            raise checks.invalid(self, "extent_m", self.extent_m, rule, "increase extent_m")
 
     def __hash__(self) -> int:
         """Hash the numbers only, because the mapping of kinds is not hashable."""

@@ -29,7 +29,7 @@ def open_zip(path: Path) -> Iterator[tuple[ZipFile, Mapping[str, ZipInfo]]]:
         if not archive.comment.startswith(MARK) or archive.comment != _mark(
             file, len(archive.comment)
         ):
-            raise _refuse(path, _find_damage(archive), "but has changed since", _GET_AGAIN)
+            raise InputError(f"{path}: {_find_damage(archive)} has changed; {_GET_AGAIN}")
         yield archive, members
 
 
@@ -131,13 +131,13 @@ def _check_member(path: Path, name: str, member: ZipInfo) -> None:
 
 
 def _find_damage(archive: ZipFile) -> str:
-    """Describe the first damaged member, to complete "must have ..."."""
+    """Describe the first damaged member, to complete "... has changed"."""
     for member in archive.infolist():
         try:
             archive.read(member)
         except _DAMAGES:
-            return f"{member.filename!r} as evoros wrote it"
-    return "the structure that evoros wrote"
+            return repr(member.filename)
+    return "the structure of the zip file"
 
 
 @contextmanager

@@ -42,14 +42,14 @@ class Mask(Filter):
         refuse_pose(channels, "Mask")
         if channels.size % self.scan:
             raise InputError(
-                f"Mask.scan: {channels.size} readings are not a multiple of {self.scan}; set it "
-                f"to the sensor's number of beams"
+                f"Mask.scan: the number of readings, {channels.size}, is not a multiple of "
+                f"{self.scan}; set scan to the sensor's number of beams"
             )
         last = max((span[1] for span in self.beams), default=0)
         if last >= self.scan:
             raise InputError(
-                f"Mask.beams: must be below {self.scan}, not {last}; lower it, or set scan to the "
-                "sensor's number of beams"
+                f"Mask.beams: must be below {self.scan}, not {last}; correct the range of beams, "
+                "or set scan to the sensor's number of beams"
             )
         masked = np.zeros((channels.size // self.scan, self.scan))
         for first, last in self.beams:

@@ -55,8 +55,8 @@ def select_channels(channels: Channels, onset: Array, of: str | None, part: str)
     if not any(chosen):
         known = ", ".join(dict.fromkeys(channels.names)) or "none"
         raise InputError(
-            f"{part}.of: must be a prefix of a channel name ({known}), not {of!r}; choose one, "
-            f"or set it to null for all"
+            f"{part}.of: must be a prefix of a channel name ({known}), not {of!r}; choose one of "
+            "these, or set it to null for all channels"
         )
     return np.where(chosen, onset, math.inf)
 

@@ -16,7 +16,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, write_count
 from evoros.files.private import private_folder
 from evoros.formats.mesh_files import read_content, read_faces
 from evoros.geometry.polyhedron import placed_corners
@@ -144,13 +144,13 @@ def _read(file: MeshFile, key: str, work: float, uses: int) -> Mesh:
 
 
 def _too_small(path: Path) -> InputError:
-    problem = "must have a part of at least 1 mm"
-    return InputError(f"{path}: {problem}; increase its scale, or export the mesh again")
+    problem = "all parts are smaller than 1 mm"
+    return InputError(f"{path}: {problem}; increase the mesh's scale, or export the mesh again")
 
 
 def _list_remarks(file: MeshFile, dropped: int) -> Iterator[str]:
     if dropped:
-        yield f"parts smaller than 1 mm are left out: {dropped}"
+        yield f"left out: {write_count(dropped, 'part')} smaller than 1 mm"
     with file.path.open("rb") as content:
         axis = re.search(rb"<up_axis>\s*([XY]_UP)", content.read(100_000))
     if axis and file.path.suffix.lower() == ".dae" and not file.up_axis:

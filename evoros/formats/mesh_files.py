@@ -31,8 +31,11 @@ def read_content(path: Path) -> bytes:
         raise InputError(f"{path}: must be a mesh in a known format ({known}); convert the mesh")
     with suppress(OSError):
         if (size := path.stat().st_size / 1e6) > MOST_MB:
-            problem = f"{size:.0f} MB exceed the limit of {MOST_MB} MB"
-            raise InputError(f"{path}: {problem}; simplify the mesh, as with Blender's decimation")
+            problem = f"the file has {size:.0f} MB, more than the limit of {MOST_MB} MB"
+            raise InputError(
+                f"{path}: {problem}; simplify the mesh, for example with Blender's "
+                "Decimate modifier"
+            )
     content = read_file(path)
     problem = _find_cut(path.suffix.lower(), content)
     if problem:

@@ -140,7 +140,7 @@ def require_child(element: Element, tag: str) -> Element:
 def read_text(element: Element) -> str:
     """Return the text content of an element without children."""
     if len(element):
-        problem = f"must not be inside <{local_tag(element)}>, which holds only text"
+        problem = f"must not be inside <{local_tag(element)}>, which contains only text"
         raise element_error(element[0], problem, "delete it")
     return (element.text or "").strip()
 
@@ -163,13 +163,13 @@ def read_numbers(element: Element, *counts: int) -> tuple[float, ...]:
     words = read_text(element).split()
     if len(words) not in counts:
         expected = f"{' or '.join(map(str, counts))} number{'' if counts == (1,) else 's'}"
-        problem = f"must hold {expected}, not {len(words)}: {quote(read_text(element))}"
+        problem = f"must have {expected}, not {len(words)}: {quote(read_text(element))}"
         raise element_error(element, problem, f"write {expected}")
     values = tuple(map(parse_number, words))
     for word, value in zip(words, values, strict=True):
         if not abs(value) <= MAX_NUMBER:
             limits = f"-{MAX_NUMBER:g} to {MAX_NUMBER:g}"
-            problem = f"must hold numbers from {limits}, not {quote(word)}"
+            problem = f"must have numbers from {limits}, not {quote(word)}"
             raise element_error(element, problem, "write a number in this range")
     return values
 

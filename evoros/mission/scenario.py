@@ -47,7 +47,9 @@ class Scenario:
 
     def __post_init__(self) -> None:
         if not self.world:
-            raise InputError("world: must have at least one world, not none; add world=case_study")
+            raise InputError(
+                "world: must have at least one world; add world=case_study, for example"
+            )
         for name, world in self.world.items():
             require_world(name, world)
             try:

@@ -12,7 +12,7 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, POSITIVE, WHOLE, checked, number_between
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, write_count
 from evoros.optimizer import protocol
 from evoros.optimizer.ga import GeneticAlgorithm
 from evoros.optimizer.history import freeze
@@ -70,9 +70,9 @@ class SetCover(protocol.Optimizer):
         if cheapest is None:
             raise InputError(
                 f"optimizer.width_deg: no set of at most {space.number[1]} of the "
-                f"{self.candidates} candidate places covers a sector of {width:g} deg after any "
-                f"{self.failed} sensors fail; lower optimizer.width_deg or optimizer.failed, or "
-                "raise optimizer.candidates"
+                f"{self.candidates} candidate places covers a sector of {width:g} deg after the "
+                f"failure of any {write_count(self.failed, 'sensor')}; lower optimizer.width_deg "
+                "or optimizer.failed, or raise optimizer.candidates"
             )
         limit = float(program.prices[cheapest].sum())
         covers = {self._break_ties(program, width, limit, rng) for _ in range(self.covers)}

@@ -136,7 +136,7 @@ def check_measures(experiment: Experiment) -> Iterator[str]:
             continue
         problem = f"differ between designs, but is {values.pop():g} for all {DESIGNS} tried"
         if key.startswith(DESCRIPTORS):
-            fix = "choose another descriptor, or a design in which it evolves"
+            fix = "choose another descriptor, or a design that changes its value"
             raise InputError(f"{key}: must {problem}; {fix}")
         yield f"{key}: should {problem}; remove it (~{key}), or choose another design"
 

@@ -192,7 +192,7 @@ def check_place(world: World, robot: Robot) -> Iterator[str]:
         if body not in touched:
             yield (
                 f"{robot.name}, {robot.height_m:.3g} m high, starts {start:g} m above the ground "
-                f"{place}, in {_describe(body)}; lower course.home_z_m, or {_MOVE}"
+                f"{place}, inside {_describe(body)}; lower course.home_z_m, or {_MOVE}"
             )
     for body in _list_falling(robot, world):
         yield f"{_describe(body)} falls on {robot.name} {place}; {_MOVE}, or make it <static>"

@@ -80,8 +80,8 @@ def _propose_masks(robots: Sequence[Robot]) -> Iterator[str]:
         if spans and not others:
             mask = f"{{_target_:evoros.filter.mask.Mask,scan:{scan},beams:[{spans}]}}"
             yield (
-                f"design.sensors.{name}: some of its {scan} beams see the robot itself, which the "
-                f"robot then avoids; mask them, as laser filters do: type "
+                f"design.sensors.{name}: some of its {scan} beams see the robot itself, so the "
+                "robot would avoid itself; to mask these beams, type "
                 f"'+design.sensors.{name}.filters.own_body={mask}'"
             )
 
@@ -192,8 +192,8 @@ def _describe_sight(sight: SelfSight) -> str:
         f"the robot blocks {100 * sight.hidden_share:.0f} % of the field of view of a "
         f"{mount.sensor} at x {mount.x_m:.3g}, y {mount.y_m:.3g}, z {mount.z_m:.3g} m on "
         f"{mount.link} with yaw {mount.yaw_deg:.3g} deg, which sees {sight.link} "
-        f"{sight.distance_m:.3g} m away at some steering angle; place it on the outline, facing "
-        f"outwards (OutlineRegion), or move it up"
+        f"{sight.distance_m:.3g} m away at some steering angle; place the sensor on the outline, "
+        "facing outwards (OutlineRegion), or move it up"
     )
 
 

@@ -43,7 +43,7 @@ class Survival:
     @property
     def text(self) -> str:
         """A description of the requirement."""
-        sensors = "any 1 sensor" if self.survives == 1 else f"any {self.survives} sensors or fewer"
+        sensors = "any 1 sensor" if self.survives == 1 else f"any {self.survives} or fewer sensors"
         *times, last = (f"{time:g}" for time in self.times_s)
         when = f"{', '.join(times)} or {last}" if times else last
         return (

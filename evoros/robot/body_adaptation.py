@@ -36,8 +36,8 @@ def hold_joints(elements: Element, urdf: Urdf, driven: Collection[str]) -> list[
             for part in [*joint]:
                 if part.tag not in ("origin", "parent", "child"):
                     joint.remove(part)
-    count = f"{len(held)} joints outside the drive are held at zero"
-    return list_notes({count: held, "the limits of some held joints exclude zero": excluded})
+    text = "joints outside the drive are locked at zero"
+    return list_notes({text: held, "the limits of these locked joints exclude zero": excluded})
 
 
 def _excludes_zero(element: Element, joint: Joint) -> list[str]:
@@ -122,7 +122,7 @@ def replace_lost_body(
     link = next(link for link in elements.findall("link") if link.get("name") == base)
     link.append(build_collision(Shape("box", (length, width, height), pose)))
     size = f"{length:.2f} x {width:.2f} x {height:.2f} m"
-    return [f"the body's meshes are missing; a {size} box around the wheels takes their place"]
+    return [f"the body's meshes are missing; a {size} box around the wheels replaces them"]
 
 
 def _list_body(urdf: Urdf, rolling: Collection[str]) -> list[str]:

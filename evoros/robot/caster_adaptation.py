@@ -67,9 +67,9 @@ def find_casters(
     }
     found, low_parts = casters[len(given) :], split.values()
     notes = {
-        "casters found, which slide without friction": [heights[name] for name in found],
+        "links found as casters slide without friction": [heights[name] for name in found],
         "low parts of the body slide without friction": [heights[name] for name in low_parts],
-        "parts below the ground are raised onto it": raised,
+        "parts below the ground are raised to its surface": raised,
         "parts far below the ground are cut off just above it": cut,
     }
     return Casters((*casters, *split), split, tuple(list_notes(notes)))

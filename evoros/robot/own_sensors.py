@@ -46,7 +46,9 @@ def find_own_sensors(robot: Robot) -> OwnSensors:
     sensors, notes = [], list(read.left_out)
     for described in read.sensors:
         if described.link not in urdf.poses:
-            notes.append(f"left out: sensor {described.name}: there is no link {described.link}")
+            notes.append(
+                f"sensor {described.name} is left out, because there is no link {described.link}"
+            )
             continue
         sensor, roll = _mount(described, urdf, robot)
         if described.kind == LIDAR:

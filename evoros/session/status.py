@@ -101,7 +101,7 @@ def _explain_stop(error: BaseException) -> str:
 
 
 CONSEQUENCES = {
-    layout.MISSIONS: "missions without rows are repeated",
+    layout.MISSIONS: "missions without rows will be rerun",
     layout.DIGESTS: "rewritten for the known files",
 }
 """Consequences of a lost or damaged file, for files without a backup copy."""
@@ -124,7 +124,10 @@ def log_repair(repair: Repair) -> None:
         )
         return
     damage = f"{repair.where}: damaged" if repair.where else ": missing"
-    effects = {layout.MISSIONS: "; all missions run again", layout.DIGESTS: " for the known files"}
+    effects = {
+        layout.MISSIONS: "; all missions will be rerun",
+        layout.DIGESTS: " for the known files",
+    }
     LOGGER.warning("%s%s; rewritten%s", repair.path, damage, effects.get(name, ""))
 
 

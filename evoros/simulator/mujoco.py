@@ -49,8 +49,8 @@ class Mujoco(Simulator):
         if count > MOST_MOVABLE:
             raise InputError(
                 f"must have at most {MOST_MOVABLE} movable bodies for simulator=mujoco, not "
-                f"{count}, which would take minutes to compile for each design; make bodies "
-                f"that nothing can move static, or use simulator=pybullet"
+                f"{count}, because MuJoCo would take minutes to compile them for each design; "
+                "make bodies that nothing can move static, or use simulator=pybullet"
             )
 
     @contextmanager

@@ -159,8 +159,8 @@ def _check_record(path: Path, content: bytes) -> None:
     fields = parsed if isinstance(parsed, dict) else {}
     if (found := fields.get("format_version")) != FORMAT:
         raise InputError(
-            f"{path}: {RECORD}: format_version must be {FORMAT}, not {found!r}; read it with the "
-            f"version of evoros that wrote it ({fields.get('evoros')!r:.40})"
+            f"{path}: {RECORD}: format_version must be {FORMAT}, not {found!r}; read the archive "
+            f"with the version of evoros that wrote it ({fields.get('evoros')!r:.40})"
         )
 
 

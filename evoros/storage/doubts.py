@@ -52,7 +52,7 @@ def _warn_never_completed(rows: Iterable[Row]) -> str:
     fix = "raise course.time_limit_s" if 2 * limits > missions else "try an easier world or failure"
     return (
         f"none of {missions} missions was completed; the best reached {100 * farthest:.0f} % of "
-        f"its course; {fix} if designs should complete them"
+        f"its course; {fix} if designs should complete missions"
     )
 
 

@@ -22,7 +22,7 @@ from evoros.storage.run_key import STATUS_KEY, is_foreign, read_key, read_status
 from evoros.storage.trajectory_files import TrajectoryFiles
 from evoros.storage.verification import has_all_digests
 
-CHANGED = "changed since it was finished, although each row is undamaged"
+CHANGED = "has changed since it was finished, although each row is undamaged"
 UNWANTED = "rows of missions that the run does not request"
 """Problems of a mission table; the first is also a problem of digests."""
 

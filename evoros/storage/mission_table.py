@@ -88,8 +88,8 @@ class MissionTable:
         while line := self._file.readline(LONGEST_LINE):
             if len(line) == LONGEST_LINE:
                 raise InputError(
-                    f"{self.path}: a line has more than {LONGEST_LINE - 1} bytes; restore it "
-                    f"from a copy, or delete it so that all missions run again"
+                    f"{self.path}: a line has more than {LONGEST_LINE - 1} bytes; restore the "
+                    "file from a copy, or delete the file to rerun all missions"
                 )
             yield line
 

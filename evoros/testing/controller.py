@@ -40,7 +40,7 @@ class _ControllerSuite(_OnRobot):
     def test_its_modes_and_period_are_possible(self) -> None:
         """Modes are non-empty strings, and the period is finite and greater than 0."""
         modes = self.part.modes
-        assert modes, "a controller must have a mode"
+        assert modes, "a controller must have at least one mode"
         strings = all(isinstance(mode, str) and mode for mode in modes)
         assert strings, f"modes must be strings: {modes}"
         assert 0 < self.part.period_s < math.inf, f"period_s must not be {self.part.period_s}"

@@ -99,4 +99,6 @@ class MeasureSuite(PartSuite):
         if self.part.of_design:
             whole = example_result(0.6, 3)
             before = self.part.compute(replace(whole, trials=(), fitness=math.nan))
-            assert before == self.part.compute(whole), "of_design must be false if outcomes count"
+            assert before == self.part.compute(whole), (
+                "of_design must be false if the measure depends on outcomes"
+            )

@@ -120,7 +120,9 @@ class RuleSuite(PartSuite):
                     for given in self.draw_calls(case, seed)
                 ]
                 most = max(allocated)
-                assert not most, f"the compiled rule must not allocate memory ({most} times a call)"
+                assert not most, (
+                    f"the compiled rule must not allocate memory ({most} times per call)"
+                )
 
     def draw_calls(self, case: RuleCase, seed: int) -> Iterator[dict[str, Any]]:
         """Draw the arguments of several calls."""

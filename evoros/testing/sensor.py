@@ -34,7 +34,7 @@ class SensorSuite(PartSuite):
 
     def test_its_channels_have_names_and_limits(self) -> None:
         """There is at least one channel, and each has a minimum below its maximum."""
-        assert len(self.part.channels) > 0, "a sensor must have a channel"
+        assert len(self.part.channels) > 0, "a sensor must have at least one channel"
         for channel in self.part.channels:
             assert isinstance(channel, Channel), f"{channel!r} must be a Channel"
             assert channel.name, f"{channel} must have a name, because columns are named after it"

@@ -94,9 +94,9 @@ def _tell_lifts(bodies: Sequence[Body], lifts: Lifts, source: str) -> None:
         carried = len(lifts.heights) - len(depths)
         on_top = f" together with {carried} on top" if carried else ""
         _LOG.warning(
-            f"{source}: {_count(depths)} up to {depths[deepest]:.3g} m deep in the ground or in a "
-            f"body below ({bodies[deepest].name!r}); lifted to the surface{on_top}; edit <pose> to "
-            "choose another position"
+            f"{source}: {_count(depths)} up to {depths[deepest]:.3g} m deep in the ground or in "
+            f"a body below ({bodies[deepest].name!r}); they are lifted to the surface{on_top}; "
+            "edit <pose> to choose another position"
         )
 
 
@@ -112,9 +112,9 @@ def _tell_fixed(
     deepest = max(depths, key=depths.__getitem__)
     depth, other = depths[deepest]
     _LOG.warning(
-        f"{source}: {_count(fixed)} up to {depth:.3g} m deep in fixed bodies, directly or through "
-        f"other bodies ({bodies[deepest].name!r} in {other}); fixed in place, so robots cannot "
-        "push them; edit <pose> to separate the bodies"
+        f"{source}: {_count(fixed)} up to {depth:.3g} m deep in fixed bodies, directly or "
+        f"through other bodies ({bodies[deepest].name!r} in {other}); they are fixed in place, "
+        "so robots cannot push them; edit <pose> to separate the bodies"
     )
 
 

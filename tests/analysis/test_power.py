@@ -89,7 +89,7 @@ def test_one_sentence_a_figure_and_tables_say_how_many(
     capsys.readouterr()
     assert evoros_analyze([*given, "--difference", "1000", "--format", "svg"]) == DONE
     (sentence, shortfall, *files) = capsys.readouterr().out.splitlines()
-    assert "replicates per treatment [95 % interval" in sentence
+    assert "replicates per treatment detect" in sentence
     assert "Holm over 3 comparisons" in sentence
     assert "standard deviation: " in shortfall
     assert len(files) == 3

@@ -151,7 +151,7 @@ def test_what_cannot_be_executed_is_one_line(tmp_path: Path, how: str, isolate: 
     elif how != "missing":
         program.write_text("#!/no/such/interpreter\n")
         program.chmod(0o755 if how == "no interpreter" else 0o644)
-    rule = rf"^{program}: must be a program that this system can execute \({why}\); correct the "
+    rule = rf"^{program}: cannot be executed \({why}\); correct the "
     with pytest.raises(LaunchError, match=rule), start_process([str(program)], isolate=isolate):
         pass
 

@@ -236,8 +236,8 @@ def test_a_lidar_an_imu_and_a_contact_sensor_are_taken_over(folder: Path, capsys
     assert isinstance(imu, Imu)
     assert imu.period_s == 0.1
     assert (
-        "inertial: cannot represent some parts of the noise of <angular_velocity>: bias_mean"
-        in output
+        "inertial: has settings in the noise of <angular_velocity> that evoros cannot represent: "
+        "bias_mean" in output
     )
     noise, bias = imu.filters["rate_noise"], imu.filters["rate_bias"]
     assert noise == GaussianNoise(0.004, of="rate")

@@ -160,7 +160,7 @@ def test_a_begun_run_that_can_be_read_only_is_left_as_it_is(whole: Path, tmp_pat
         assert status == INPUT
         (line,) = errors
         assert "run: must be writable by this user" in line
-        assert "give this user read and write permission there, or copy the folder" in line
+        assert "give this user read and write permission, or copy the folder" in line
     assert everything(run) == before
     assert resume(run, "executor=serial") == DONE
     assert content(run) == content(whole)
@@ -229,7 +229,7 @@ def test_a_folder_that_cannot_be_read_is_told_without_a_traceback(
         found, _, errors = command(*words, cwd=tmp_path)
     assert found == INPUT
     assert str(run) in errors[0]
-    assert "(Permission denied); give this user read and write permission there" in errors[0]
+    assert "(Permission denied); give this user read and write permission" in errors[0]
     assert not any("Traceback" in line for line in errors)
 
 

@@ -117,7 +117,7 @@ def test_a_key_can_be_swept_over_in_place_of_a_parameter_of_the_sweeper() -> Non
         ("~failure=glob(*)", "type ~failure"),
         ("hydra.sweep.dir=a,b", "all jobs share it"),
         ("hydra/launcher=glob(*)", "all jobs share it"),
-        ("seed=choise(1,2)", "choise is not a function of Hydra's grammar"),
+        ("seed=choise(1,2)", "Hydra's grammar has no function choise"),
         *(
             (
                 f"seed={value}",

@@ -92,7 +92,8 @@ def test_a_mask_hides_its_beams_of_each_scan(rows: Array, first: int, more: int)
 @pytest.mark.parametrize(("scan", "beams"), [(3, []), (4, [[2, 4]])])
 def test_a_mask_of_another_scan_is_refused(scan: int, beams: list[list[int]]) -> None:
     with pytest.raises(
-        InputError, match=r"Mask\.(scan: 8 readings are not a multiple of 3|beams: must be)"
+        InputError,
+        match=r"Mask\.(scan: the number of readings, 8, is not a multiple of 3|beams: must be)",
     ):
         Mask(scan, beams).start(sonar_channels(8), np.zeros(8), np.random.default_rng(0))
 

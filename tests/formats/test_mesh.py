@@ -240,7 +240,7 @@ def test_the_faces_of_a_mesh_are_read_once_for_its_box_and_its_parts(
 def test_a_huge_mesh_is_not_read(tmp_path: Path, monkeypatch: Patch) -> None:
     path = write(tmp_path / "boxes.obj", TWO_BOXES)
     monkeypatch.setattr(mesh_files, "MOST_MB", 1e-5)
-    assert "exceed the limit of 1e-05 MB; simplify the mesh" in refused(path)
+    assert "more than the limit of 1e-05 MB; simplify the mesh" in refused(path)
 
 
 def test_a_cache_that_cannot_be_written_does_not_matter(tmp_path: Path, monkeypatch: Patch) -> None:
@@ -255,7 +255,7 @@ def test_what_is_left_out_is_noted_whenever_the_mesh_is_read(tmp_path: Path) -> 
     for _ in range(2):
         mesh = read_mesh(MeshFile(path))
         assert len(mesh.shapes) == 2
-        assert mesh.notes == ("parts smaller than 1 mm are left out: 1",)
+        assert mesh.notes == ("left out: 1 part smaller than 1 mm",)
 
 
 def test_how_far_the_parts_are_off_is_noted(tmp_path: Path) -> None:

@@ -65,7 +65,7 @@ def test_what_nothing_calls_is_left_out_and_told(tmp_path: Path, caplog: Log) ->
     with caplog.at_level(logging.WARNING):
         expand(name)
     (message,) = caplog.messages
-    assert "missing and only accessories need them: lms1xx, zed2" in message
+    assert "missing items that only accessories need are left out: lms1xx, zed2" in message
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_what_decorations_alone_need_is_left_out_and_told(
         root = expand(write(tmp_path, BASE + rest))
     assert root[0].get("name") == "base"
     (message,) = caplog.messages
-    assert "only accessories need them: arm" in message
+    assert "only accessories need are left out: arm" in message
     assert [mesh.get("filename") for mesh in root.iter("mesh")] in ([], ["package://arm/x.stl"])
 
 
@@ -142,7 +142,7 @@ def test_sensors_of_absent_packages_are_left_out_and_named(tmp_path: Path, caplo
     called = BASE + INCLUDE.format("lms1xx") + "<xacro:sick/>"
     with caplog.at_level(logging.WARNING):
         assert [link.get("name") for link in expand(write(tmp_path, called))] == ["base"]
-    assert "only accessories need them: lms1xx, <xacro:sick>" in caplog.text
+    assert "only accessories need are left out: lms1xx, <xacro:sick>" in caplog.text
     macros = BASE + INCLUDE.format("parts") + "<xacro:front.rplidar_a2/><xacro:imu_9/>"
     assert [link.get("name") for link in expand(write(tmp_path, macros))] == ["base"]
     assert "[parts]" in refused(write(tmp_path, macros + "<xacro:simulated_arm/>"))

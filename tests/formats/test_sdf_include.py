@@ -259,7 +259,7 @@ def test_an_error_in_an_included_file_names_that_file_and_line(tmp_path: Path) -
     write(tmp_path / "models" / "bad" / "model.sdf", "<sdf version='1.7'>\n<state/></sdf>")
     with pytest.raises(InputError, match=r"bad/model\.sdf:1: <sdf> must contain a <model>"):
         load(tmp_path, include("model://bad"))
-    with pytest.raises(InputError, match="must hold 3 numbers") as caught:
+    with pytest.raises(InputError, match="must have 3 numbers") as caught:
         load(tmp_path, include("model://crate", "<name>c</name>"))
     assert str(caught.value).startswith(f"{file}:3: <size>")
     # The pose is that of the world's file.

@@ -278,4 +278,4 @@ def test_what_stands_for_a_mesh_is_told_once_in_every_world(tmp_path: Path, capl
         caplog.clear()
         load(tmp_path, balls)
         (line,) = caplog.messages
-        assert line == f"{path}: parts smaller than 1 mm are left out: 1"
+        assert line == f"{path}: left out: 1 part smaller than 1 mm"

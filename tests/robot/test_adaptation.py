@@ -520,7 +520,7 @@ def test_joints_beside_the_drive_are_held(tmp_path: Path, caplog: Log, kind: str
     arm += joint("arm_joint", "arm", "0 0 0.2", kind, HELD[kind] + mimic)
     robot = load(tmp_path, BASE, WHEELS, CASTER, arm)
     assert element(robot, "joint[@name='arm_joint']").get("type") == "fixed"
-    assert told(caplog, "1 joints outside the drive are held at zero: arm_joint")
+    assert told(caplog, "joints outside the drive are locked at zero: arm_joint")
     assert "arm" in robot.sensor_links
 
 
@@ -544,14 +544,14 @@ def test_a_swivel_caster_is_held_and_slides(tmp_path: Path, caplog: Log) -> None
     robot = load(tmp_path, BASE, WHEELS, swivel, roll)
     assert robot.drive.caster_links == ("caster_wheel",)
     assert told(caplog, "held at zero: swivel_joint, roll")
-    assert told(caplog, "casters found, which slide without friction: caster_wheel")
+    assert told(caplog, "links found as casters slide without friction: caster_wheel")
 
 
 def test_a_caster_below_the_ground_is_raised(tmp_path: Path, caplog: Log) -> None:
     robot = load(tmp_path, BASE, WHEELS, CASTER.replace("-0.12 0 0.02", "-0.12 0 0.015"))
     origin = element(robot, "link[@name='caster_link']/collision/origin")
     assert float(str(origin.get("xyz")).split()[2]) == pytest.approx(0.005)
-    assert told(caplog, "raised onto it: caster_link")
+    assert told(caplog, "raised to its surface: caster_link")
 
 
 def test_a_body_far_below_the_ground_is_cut_off(tmp_path: Path, caplog: Log) -> None:
@@ -614,7 +614,7 @@ def test_a_mesh_of_the_body_becomes_convex_parts(tmp_path: Path, caplog: Log) ->
     assert shapes(robot, "base_link") == ["convex"]
     assert robot.height_m == pytest.approx(0.23, abs=1e-3)
     assert f"file://{tmp_path / 'body.stl'}" in robot.urdf
-    assert told(caplog, "1 collision meshes are replaced with convex parts")
+    assert told(caplog, "collision meshes replaced with convex parts: 1")
 
 
 def test_a_mesh_in_millimetres_is_told(tmp_path: Path, caplog: Log) -> None:
@@ -656,7 +656,7 @@ def test_a_mesh_of_many_parts_is_its_hull_and_told_so(tmp_path: Path, caplog: Lo
     assert shapes(robot, "base_link") == ["convex"]
     (line,) = (text for text in caplog.messages if "replaced with its convex hull" in text)
     assert "the mesh has 81 convex parts, more than 64" in line
-    assert told(caplog, "1 collision meshes are replaced with their convex hulls")
+    assert told(caplog, "collision meshes replaced with convex hulls: 1")
     assert not any("replaced with convex parts" in message for message in caplog.messages)
 
 
@@ -671,7 +671,7 @@ def test_a_body_whose_mesh_is_missing_has_a_box(tmp_path: Path, caplog: Log) -> 
     assert high == pytest.approx([0.05, 0.135])
     assert robot.height_m == pytest.approx(0.1)
     assert "package://bot/meshes/body.dae" in told(caplog, "missing meshes are left out")
-    assert "0.19 x 0.27 x 0.08 m" in told(caplog, "box around the wheels takes their place")
+    assert "0.19 x 0.27 x 0.08 m" in told(caplog, "box around the wheels replaces them")
     assert not any("replaced with boxes" in message for message in caplog.messages)
 
 

@@ -46,7 +46,10 @@ FAULTS: dict[str, tuple[Edit, str]] = {
     "same joint twice": (put(STEERING, name="rear_left_wheel_joint"), "rear_left_wheel_joint"),
     "two roots": (drop(WHEEL_JOINT), "rear_left_wheel"),
     "circle": (put(f"{WHEEL_JOINT}/parent", link="rear_left_wheel"), "cycle"),
-    "two parents": (put(f"{STEERING}/child", link="rear_left_wheel"), "only one parent joint of"),
+    "two parents": (
+        put(f"{STEERING}/child", link="rear_left_wheel"),
+        "more than one parent joint of",
+    ),
     "wheel of a mesh": (append("<mesh/>", f"{WHEEL}/collision/geometry"), "mesh"),
     "other radius": (put(f"{WHEEL}/collision/geometry/sphere", radius="0.04"), "ground"),
     "in the air": (put(f"{WHEEL_JOINT}/origin", xyz="-0.15 0.1345 0.08"), "ground"),

@@ -146,7 +146,7 @@ def test_controls_that_mean_nothing_are_refused_before_the_run(
 @pytest.mark.parametrize(
     ("champion", "high", "said"),
     [
-        (1.0, 1.0 - LITTLE, "decided little here"),
+        (1.0, 1.0 - LITTLE, "made little difference here"),
         (1.0, 1.01 - LITTLE, "no evidence that the champion is better"),
         (0.5, 1.0 - LITTLE, "no evidence that the champion is better"),  # a share of its missions
         (0.0, 0.0, "the comparison is inconclusive"),

@@ -40,10 +40,10 @@ def read_rows(folder: Path) -> list[bytes]:
 EDITS: dict[str, tuple[Edit, str]] = {
     "pasted": (lambda rows, foreign: [*rows[:3], foreign, *rows[4:]], "line 4: damaged"),
     "added": (lambda rows, foreign: [*rows, foreign], "damaged"),
-    "cut at its end": (lambda rows, _: rows[:-3], "missions without rows are repeated"),
+    "cut at its end": (lambda rows, _: rows[:-3], "missions without rows will be rerun"),
     "cut in the middle": (
         lambda rows, _: [*rows[:4], *rows[6:]],
-        "missions without rows are repeated",
+        "missions without rows will be rerun",
     ),
     "cut in its last row": (lambda rows, _: [*rows[:-1], rows[-1][:-9]], "damaged"),
     "with junk at its end": (lambda rows, _: [*rows, b"\xd3junk"], "damaged"),

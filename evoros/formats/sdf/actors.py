@@ -118,7 +118,7 @@ def _movable_joints(model: Element) -> Iterator[Element]:
         if child.tag == "joint" and child.get("type") != "fixed":
             if child.get("type") not in _KINDS:
                 kind = xml.quote(child.get("type", ""))
-                problem = f"has type {kind}, which SDF does not know"
+                problem = f"has the unknown type {kind}"
                 raise xml.element_error(child, problem, 'write type="fixed", or the intended type')
             yield child
 

@@ -67,8 +67,10 @@ def _read_levels(file: Path, element: Element, reading: Reading) -> Array:
     try:
         with Image.open(BytesIO(content)) as image:
             if max(image.size) > _MAX_PIXELS:
-                problem = f"has {image.size[0]} x {image.size[1]} pixels ({file})"
-                raise element_error(element, problem, f"reduce it to {_MAX_PIXELS} per side")
+                problem = f"names an image of {image.size[0]} x {image.size[1]} pixels ({file})"
+                raise element_error(
+                    element, problem, f"reduce the image to at most {_MAX_PIXELS} pixels per side"
+                )
             deep = image.mode in ("I", "F") or image.mode.startswith("I;16")
             levels = np.array(image if deep else image.convert("RGB").getchannel("R"))
     except (OSError, SyntaxError, ValueError) as error:

@@ -284,7 +284,9 @@ def _join(joint: Element, scope: Path, frames: Frames, parents: dict[Path, Path]
         # A link joined to the world is fixed to the ground.
         path = () if name == "world" else frames.find(scope, name, end)
         if path and path not in parents:
-            raise xml.element_error(end, f"must name a link, not {xml.quote(name)}", "name a link")
+            raise xml.element_error(
+                end, f"names {xml.quote(name)}, which is not a link", "name a link"
+            )
         roots.append(_find_root(parents, path))
     # The ground, (), stays at the end of the chain.
     first, last = roots if roots[0] else roots[::-1]

@@ -74,5 +74,5 @@ def leave_out_loose(root: Element, source: str) -> None:
     for joint in root.findall("joint"):
         if not set(joint.xpath("child/@link")) <= {*kept}:
             root.remove(joint)
-    text = "%s: left out, because they depend on ignored packages: %s"
+    text = "%s: links that depend on ignored packages are left out: %s"
     _LOG.warning(text, source, ", ".join(loose))

@@ -87,8 +87,8 @@ def _fill_placeholders(
     if unknown:
         knows = f"the placeholders {', '.join(names)}" if names else "no arguments"
         raise InputError(
-            f"{file}: unknown argument {', '.join(unknown)}: this plain URDF has {knows}; remove "
-            "the argument or name a .xacro file"
+            f"{file}: unknown argument {', '.join(unknown)}, because this plain URDF has "
+            f"{knows}; remove the argument or name a .xacro file"
         )
     if not names:
         return root

@@ -43,7 +43,7 @@ def read_ray_noise(*elements: Element) -> Noise:
     values, lost = _read_values(noise)
     lost += [name for name in _KEPT if name != "stddev" and values.get(name)]
     settings = {"noise.sigma_m": values["stddev"]} if "stddev" in values else {}
-    return Noise(settings, _tell(lost, "its noise"))
+    return Noise(settings, _tell(lost, "<noise>"))
 
 
 def read_imu_noise(sensor: Element) -> Noise:
@@ -62,7 +62,7 @@ def read_imu_noise(sensor: Element) -> Noise:
         lost += ["bias_mean"] * any(values.get("bias_mean") for values, _ in read)
         most = {name: max((v.get(name, 0.0) for v, _ in read), key=abs) for name in _KEPT}
         lost += [
-            f"the difference in {name} between its axes"
+            f"the difference in {name} between axes"
             for name in ("mean", "stddev", "bias_stddev")
             if {v.get(name, 0.0) for v, _ in read} != {most[name]}
         ]
@@ -104,7 +104,9 @@ def _read_values(noise: Element | None) -> tuple[dict[str, float], list[str]]:
 
 def _tell(lost: Iterable[str], where: str) -> tuple[str, ...]:
     names = list(dict.fromkeys(lost))
-    return (f"cannot represent some parts of {where}: {', '.join(names)}",) * bool(names)
+    return (f"has settings in {where} that evoros cannot represent: {', '.join(names)}",) * bool(
+        names
+    )
 
 
 LIDAR, SONAR, BUMPER, IMU = "lidar", "sonar", "bumper", "imu"
@@ -241,7 +243,7 @@ def _read_fan(fan: Element) -> tuple[int, float, float, tuple[str, ...]]:
         for edge in (xml.find_child(fan, "min_angle"), xml.find_child(fan, "max_angle"))
     )
     if high < low:
-        problem = f"must have a max_angle of at least its min_angle ({low:g}), not {high:g}"
+        problem = f"has a max_angle ({high:g}) below its min_angle ({low:g})"
         raise xml.element_error(fan, problem, "swap the two")
     return ranges, low, high, notes
 

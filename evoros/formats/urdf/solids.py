@@ -114,10 +114,8 @@ class SolidsReader:
 
     def finish(self) -> list[str]:
         """Return one line per kind of assumption."""
-        counts = {"convex parts": self._divided, "their convex hulls": self._hulls}
-        shapes = [
-            f"{n} collision meshes are replaced with {what}" for what, n in counts.items() if n
-        ]
+        counts = {"convex parts": self._divided, "convex hulls": self._hulls}
+        shapes = [f"collision meshes replaced with {what}: {n}" for what, n in counts.items() if n]
         named = {kind: ", ".join(dict.fromkeys(names)) for kind, names in self._names.items()}
         return [*shapes, *(f"{kind} {names}" for kind, names in named.items() if names)]
 
@@ -137,7 +135,7 @@ class SolidsReader:
     def _replace_absent(self, link: Element, solid: Element, name: str) -> tuple[Shape, ...]:
         if self.missing == "error" and not names_sensor(link):
             fix = "add the folder of its package to robot.packages, or set robot.missing=leave_out"
-            raise element_error(solid, f"names the missing mesh {name}, which is needed", fix)
+            raise element_error(solid, f"names the mesh {name}, which does not exist", fix)
         turns = link.get("name") in self._turning
         shape = _match_inertia(link, turns) if self.missing == "box" else None
         kind = _ABSENT if shape is None else _ROUND if turns else _BOXES
@@ -171,9 +169,16 @@ class SolidsReader:
         else:
             self._hulls += 1
             count, gap = len(mesh.shapes), find_hull_gap(file)
-            off = f", up to {1e3 * gap:.0f} mm from the surface" if gap > TOLD_M else ""
+            off = (
+                f", which is up to {1e3 * gap:.0f} mm from the mesh's surface"
+                if gap > TOLD_M
+                else ""
+            )
             why = f"has {count} convex parts, more than {_MAX_PARTS}"
-            remarks = (f"the mesh {why}, and is replaced with its convex hull{off}", *mesh.remarks)
+            remarks = (
+                f"the mesh {why}, so it is replaced with its convex hull{off}",
+                *mesh.remarks,
+            )
             shapes = (hull_of(mesh.shapes),)
         for remark in remarks:
             self.mesh_notes.add_file(path, remark)

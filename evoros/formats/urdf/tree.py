@@ -192,13 +192,13 @@ def _find_root(robot: Element, links: Mapping[str, Element], joints: Mapping[str
     for joint in joints.values():
         if joint.child in joint_above:
             both = f"{joint_above[joint.child]!r} and {joint.name!r}"
-            problem = f"must have only one parent joint of {joint.child!r}, not {both}"
+            problem = f"has more than one parent joint of {joint.child!r}: {both}"
             raise element_error(robot, problem, "delete one of them")
         joint_above[joint.child] = joint.name
     roots = [name for name in links if name not in joint_above]
     if len(roots) != 1:
         names = ", ".join(roots[:5]) or "none"
-        problem = f"must have exactly one root link, the child of no joint, not {names}"
+        problem = f"must have exactly one root link (a link that is no joint's child), not {names}"
         raise element_error(robot, problem, "connect all links to one root with joints")
     return roots[0]
 

@@ -84,7 +84,7 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
     text, names = str(answer["text"]), absences.names()
     calls = [*dict.fromkeys(name for name in answer["skipped"] if name.startswith("<"))]  # macros
     if names and not is_needed(text, names, calls):
-        note = "%s: left out, because they are missing and only accessories need them: %s"
+        note = "%s: missing items that only accessories need are left out: %s"
         _LOG.warning(note, file, ", ".join((*names, *calls)))
         return re.sub(f"(file://)?{IGNORED}/", "package://", text), Absences(str(file))
     return text, absences
@@ -169,7 +169,7 @@ def _tell_skipped(file: Path, answer: Mapping[str, Any]) -> None:
 def _request_expansion(
     request: dict[str, object], file: Path, time_limit_s: float
 ) -> dict[str, Any]:
-    rule = f"xacro must expand within {time_limit_s:g} s and {xacro_child.MEMORY_BYTES >> 20} MiB"
+    rule = f"xacro must finish within {time_limit_s:g} s and {xacro_child.MEMORY_BYTES >> 20} MiB"
     fix = "remove the endless or huge expression, include or macro"
     try:
         status, output, messages = _run_child(json.dumps(request), file.parent, 3 * time_limit_s)

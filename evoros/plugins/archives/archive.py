@@ -8,7 +8,7 @@ from evoros.files.resources import expand_home
 from evoros.terminal.console import DONE, CommandParser, print_result, reports_errors
 
 NAME = "evoros archive"
-ABOUT = f"""{NAME} writes finished runs, evaluations and sweeps into one zip file: an RO-Crate.
+ABOUT = """Write finished runs, evaluations and sweeps into one zip file, an RO-Crate.
 
 The file contains the folders, your own parts, all robots, worlds and meshes that the runs use, the
 versions of all packages, uncommitted changes to evoros, and a README. It contains no log, no path

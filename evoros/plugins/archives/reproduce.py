@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from evoros.session.run import Session
 
 NAME = "evoros reproduce"
-ABOUT = """Repeats a run, an evaluation or a sweep from its record and compares all bytes.
+ABOUT = """Repeat a run, an evaluation or a sweep from its record, and compare all bytes.
 
 It prints differences between versions and machines, and then either that all missions and files
 agree or the first difference. FOLDER stays unchanged. If FOLDER is an archive (from evoros

@@ -163,10 +163,10 @@ class DaskTransport:
             except KilledWorker as error:
                 times = error.allowed_failures + 1  # a lower bound, because Dask misses some losses
                 raise WorkerLost(
-                    f"{sending.name}: lost, because at least {2 * times} Dask workers exited while "
-                    f"running it, {times} of them in a second attempt; read the output of the "
-                    f"worker {error.last_worker.address}, and give the workers more memory if they "
-                    f"ran out"
+                    f"{sending.name}: lost, because at least {2 * times} Dask workers exited "
+                    f"while running the call, {times} of them in a second attempt; read the "
+                    f"output of the worker {error.last_worker.address}, and give the workers "
+                    "more memory if memory ran out"
                 ) from error
 
     async def _persist(self, sending: Sending) -> RawAnswer:

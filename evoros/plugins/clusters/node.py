@@ -115,7 +115,7 @@ class _Node:
         lost = WorkerLost(
             f"{name}: lost {ATTEMPTS} times, because the companion process of the cluster worker "
             f"exited ({type(reason).__name__}); read the worker's output, and give the worker "
-            f"more memory if it ran out"
+            "more memory if memory ran out"
         )
         return Answer(RAISED, pickle.dumps(lost))
 

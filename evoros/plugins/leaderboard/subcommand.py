@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from evoros.plugins.leaderboard.rows import Row
 
 NAME = "evoros leaderboard"
-ABOUT = """evoros leaderboard prints a row of the leaderboard for each finished run of a task.
+ABOUT = """Print a row of the leaderboard for each finished run of a task.
 
 Each row holds the overrides that repeat the run, and a digest of the results. --check reruns the
 rows in a file and compares all cells except the version of evoros. Rows in --known are skipped.

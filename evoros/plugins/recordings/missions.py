@@ -258,8 +258,8 @@ def _read(record: Record, options: argparse.Namespace) -> list[RecordedMission]:
             LOGGER.warning("%s; left out", error)
     if not missions:
         raise InputError(
-            f"{record.path}: no complete mission fits the options; choose other missions, "
-            f"or restore the run"
+            f"{record.path}: no complete mission matches the options; choose other missions, or "
+            "restore the run"
         )
     return missions
 

@@ -13,7 +13,7 @@ from evoros.files.resources import expand_home
 from evoros.terminal.console import CommandParser, print_result, reports_errors
 
 NAME = "evoros watch"
-ABOUT = """Shows runs, evaluations and sweeps on a live browser page, without writing files. The
+ABOUT = """Show runs, evaluations and sweeps on a live browser page, without writing files. The
 printed address works only on this machine and contains a secret; press Ctrl-C to stop."""
 LAST_PORT = 65535
 

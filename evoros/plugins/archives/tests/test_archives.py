@@ -308,7 +308,7 @@ def change(name: str, content: bytes | None) -> Callable[[dict[str, bytes]], Non
         (
             RECORD,
             write_record("9.0.0").replace(b": 1", b": 2"),
-            r"format_version must be 1, not 2; read it with .*\('9.0.0'\)",
+            r"format_version must be 1, not 2; read the archive with .*\('9.0.0'\)",
         ),
     ],
 )
@@ -331,7 +331,7 @@ def test_every_changed_bit_is_noticed(case: Case, tmp_path: Path) -> None:
         changed = bytearray(content)
         changed[place] ^= 1 << place % 8
         file.write_bytes(changed)
-        with pytest.raises(InputError, match=f"{place}.zip: (must|cannot be read) ") as error:
+        with pytest.raises(InputError, match=f"{place}.zip: (must|cannot be read|.* has changed)") as error:
             evoros.load_run(file)
         assert "\n" not in str(error.value)
         file.unlink()

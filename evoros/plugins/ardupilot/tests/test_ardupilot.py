@@ -328,7 +328,7 @@ def test_a_binary_that_cannot_be_started_is_named(
     short: Scenario, tmp_path: Path, name: str
 ) -> None:
     (tmp_path / "no_program").write_text("text")
-    with pytest.raises(LaunchError, match=f"{name}: must be a program that this system can exec"):
+    with pytest.raises(LaunchError, match=f"{name}: cannot be executed"):
         run_mission(with_settings(short, binary=str(tmp_path / name)), mission())
 
 

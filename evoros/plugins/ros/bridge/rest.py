@@ -142,8 +142,8 @@ class Hidden(Exception):
         """Describe a PermissionError on one of the /proc files of a process."""
         command = _command(int(str(error.filename).split("/")[2]))
         super().__init__(
-            f"what the process {command} waits for is hidden ({error}); "
-            f"run all processes as the same user and with the same capabilities as evoros"
+            f"cannot read what the process {command} is waiting for ({error}); run all processes "
+            "as the same user and with the same capabilities as evoros"
         )
 
 

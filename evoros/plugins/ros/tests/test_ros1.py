@@ -239,7 +239,7 @@ FAULTS = {
     "closes": (PilotLost, r"a node no longer publishes on /cmd_vel"),
     "stops": (PilotLost, r"did not come to rest: .*faulty.py'? stops"),
     "spins": (PilotLost, r"did not come to rest: .*faulty.py'? spins"),
-    "hides": (PilotLost, r"what the process .*faulty.py'? hides waits for is hidden"),
+    "hides": (PilotLost, r"cannot read what the process .*faulty.py'? hides is waiting for"),
     "nan": (SimulationError, r"NaN.* at 1.9 s; it must send"),
     "infinite": (SimulationError, r"Infinity.* at 1.9 s; it must send"),
     "mode": (SimulationError, r"dancing.* at 1.9 s; it must send"),
