@@ -543,7 +543,7 @@ def test_a_swivel_caster_is_held_and_slides(tmp_path: Path, caplog: Log) -> None
     ).replace("base_link", "swivel")
     robot = load(tmp_path, BASE, WHEELS, swivel, roll)
     assert robot.drive.caster_links == ("caster_wheel",)
-    assert told(caplog, "held at zero: swivel_joint, roll")
+    assert told(caplog, "locked at zero: swivel_joint, roll")
     assert told(caplog, "links found as casters slide without friction: caster_wheel")
 
 

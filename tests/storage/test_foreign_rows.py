@@ -118,7 +118,7 @@ def test_digests_that_lack_a_generation_are_damaged(
     for words in (1, 0):
         assert resume(folder) == DONE
         assert (folder / "digests.csv").read_bytes() == before
-        assert capsys.readouterr().err.count("digests.csv: changed since it was") == words
+        assert capsys.readouterr().err.count("digests.csv: has changed since it was") == words
 
 
 @pytest.mark.parametrize("kind", ["run", "scores"])

@@ -331,7 +331,9 @@ def test_every_changed_bit_is_noticed(case: Case, tmp_path: Path) -> None:
         changed = bytearray(content)
         changed[place] ^= 1 << place % 8
         file.write_bytes(changed)
-        with pytest.raises(InputError, match=f"{place}.zip: (must|cannot be read|.* has changed)") as error:
+        with pytest.raises(
+            InputError, match=f"{place}.zip: (must|cannot be read|.* has changed)"
+        ) as error:
             evoros.load_run(file)
         assert "\n" not in str(error.value)
         file.unlink()
