@@ -1,4 +1,4 @@
-"""Figures, tables, videos and reports from run folders, without importing a run's code.
+"""Figures, tables, videos and reports made from run folders, without importing any run's code.
 
     from evoros.analysis import analyze, load_study, save
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from .tables.loading import load_study
     from .tables.study import Study
 
-# docs/generate reads one name per line.
+# docs/generate expects one name per line
 __all__ = [
     "Product",
     "Study",

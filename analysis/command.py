@@ -1,4 +1,4 @@
-"""The command ``evoros analyze``, which turns run folders into figures, tables and pages."""
+"""The command ``evoros analyze``, which makes figures, tables and pages from run folders."""
 
 import argparse
 import hashlib
@@ -21,7 +21,7 @@ from .subcommands import NAME, Product, import_subcommand, parse, to_csv
 from .tables.loading import load_study
 from .tables.study import Study
 
-RECORD = "evoros.json"  # file in a written folder, with the hashes of the other files
+RECORD = "evoros.json"  # file in each written folder, with the digests of its other files
 
 
 def main() -> None:
@@ -42,15 +42,15 @@ def _analyze(arguments: Sequence[str]) -> int:
 
 
 def draw(options: argparse.Namespace, study: Study | None = None) -> tuple[list[Path], int]:
-    """Write a subcommand's files and print its messages; return the paths and exit status."""
+    """Write the files of a subcommand, print its messages, and return paths and exit status."""
     subcommand = import_subcommand(options.subcommand)
     if options.output is None:
         first = expand_home(options.folders[0])
         archive = find_archive(first)
-        if archive is not None:  # archives are never changed
+        if archive is not None:  # archives are never modified
             first = archive.with_name(f"{archive.stem}_analysis")
         if any(exists(first / name) for name in MARKS):
-            require_no_links(first)  # so that no figure is written through a link
+            require_no_links(first)  # prevents figures from being written through a link
         options.output = first / getattr(subcommand, "OUTPUT", "figures")
     study = study or load_study(options.folders, options.where, options.treatments)
     with choose_style(getattr(options, "style", None)):
@@ -81,7 +81,7 @@ def _write_product(product: Product, options: argparse.Namespace) -> list[Path]:
 
 
 def _render(product: Product, options: argparse.Namespace) -> dict[str, bytes]:
-    """Render all files before writing any, so that an error leaves no files behind."""
+    """Render all files before any is written, so that an error leaves no files behind."""
     files: dict[str, bytes] = {}
     name, kind = options.subcommand, getattr(options, "format", "")
     if product.figure is not None:
@@ -94,7 +94,7 @@ def _render(product: Product, options: argparse.Namespace) -> dict[str, bytes]:
 
 
 def write_folder(path: Path, command: str, files: Mapping[str, bytes]) -> None:
-    """Atomically replace a folder with ``files``, keyed by path, unless others changed it."""
+    """Atomically replace a folder with ``files``, keyed by path, unless a user has modified it."""
     change = _find_change(path, command)
     if change:
         raise InputError(
@@ -122,7 +122,7 @@ def write_folder(path: Path, command: str, files: Mapping[str, bytes]) -> None:
 
 
 def _find_change(path: Path, command: str) -> str:
-    """Describe the first difference from the command's output; empty if there is none."""
+    """Describe how a folder differs from the command's last output; empty if it does not."""
     if not path.exists() and not path.is_symlink():
         return ""
     if not path.is_dir() or path.is_symlink():

@@ -1,4 +1,4 @@
-"""Makes a subcommand's product for the chosen robot and mission, with factor columns in tables."""
+"""Makes products of subcommands for the selected robot and mission, with factors in tables."""
 
 import argparse
 from dataclasses import replace
@@ -14,15 +14,15 @@ from .tables.shown import show_worst
 from .tables.study import Study
 
 OF_COMMAND = {"subcommand", "folders", "where", "treatments", "output", "style", "panel_letters"}
-NAMING = ("treatment", "group", "run")  # columns of a treatment; the first one present counts
+NAMING = ("treatment", "group", "run")  # columns that name a treatment; the first present is used
 SIDES = ("a", "b")  # columns of the two treatments in a comparison
 
 
 def analyze(study: Study, figure: str, **options: Any) -> Product:
-    """Make a figure and its tables like ``evoros analyze FIGURE``, but write no files.
+    """Make a figure and its tables as ``evoros analyze FIGURE`` would, without writing files.
 
-    ``figure`` is the name of a subcommand, and ``options`` are its options, spelled with
-    underscores: ``without_tables=True``, ``difference=[1.0]``.
+    ``figure`` is the name of a subcommand, and ``options`` are its options with underscores in
+    place of hyphens: ``without_tables=True``, ``difference=[1.0]``.
 
     Raises:
         InputError: the figure or an option does not exist, or the study lacks the required data.
@@ -43,7 +43,7 @@ def analyze(study: Study, figure: str, **options: Any) -> Product:
 
 
 def make_product(subcommand: Subcommand, study: Study, options: argparse.Namespace) -> Product:
-    """Make a subcommand's product, with messages that name the mission and the robot shown."""
+    """Make a product, with messages that name the mission and the robot shown."""
     about_mission, about_robot = list[str](), list[str]()
     if getattr(subcommand, "WORST_MISSION", False):
         study, about_mission = show_worst(study, options.run)
@@ -65,7 +65,7 @@ def make_product(subcommand: Subcommand, study: Study, options: argparse.Namespa
 
 
 def _add_factors(table: pd.DataFrame, study: Study) -> pd.DataFrame:
-    """Insert the levels of each row's treatments; prefix a name that is taken with ``factor_``."""
+    """Insert the factor levels of each row's treatments; add ``factor_`` to a name in use."""
     records = (*study.evaluations, *study.records)  # runs take precedence if labels are equal
     factors = list(dict.fromkeys(name for record in records for name in record.levels))
     columns = list(table.columns)

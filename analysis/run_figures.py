@@ -1,4 +1,4 @@
-"""Figures of a finished run, drawn in workers so that only workers import plotting code."""
+"""Draws the figures of a finished run in workers, so that only these import plotting code."""
 
 import io
 import shutil
@@ -28,10 +28,10 @@ def check_figures(values: Mapping[str, Any]) -> None:
 
 
 def draw_figure(run: Path, name: str, folder: Path) -> list[str]:
-    """Write the files of one subcommand into a folder, in a worker; return the warnings."""
+    """Write the files of a subcommand to a folder, in a worker; return the warnings."""
     from .command import draw
 
-    make_folder(folder)  # also syncs the folder's name
+    make_folder(folder)  # also syncs the entry in the parent folder
     draft = folder / f".{name}.part"
     shutil.rmtree(draft, ignore_errors=True)
     with _silence() as stack:

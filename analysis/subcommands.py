@@ -1,4 +1,4 @@
-"""The subcommands of ``evoros analyze``, which import plotting code only if chosen."""
+"""The subcommands of ``evoros analyze``; plotting code is imported only on use."""
 
 import argparse
 from collections.abc import Mapping, Sequence
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Product:
-    """The result of a subcommand: a figure, tables, messages, and other files."""
+    """The result of a subcommand: figure, tables, messages and other files."""
 
     table: "pd.DataFrame | None" = None  # written to SUBCOMMAND.csv
     figure: "Figure | None" = None  # written to SUBCOMMAND.FORMAT
     messages: Sequence[str] = ()  # lines for standard output
-    # further tables, by file name
+    # additional tables, keyed by file name
     tables: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)
-    files: Mapping[str, bytes] = field(default_factory=dict)  # content by file name
-    folder: str = ""  # if set, a folder with ``files``, written as a whole
-    status: int = DONE  # exit status of the command; ``regression`` can set others
+    files: Mapping[str, bytes] = field(default_factory=dict)  # content, keyed by file name
+    folder: str = ""  # folder of ``files`` to be replaced as a whole; empty without one
+    status: int = DONE  # exit status of the command, which ``regression`` may change
 
 
 def to_csv(table: "pd.DataFrame") -> bytes:
@@ -65,9 +65,9 @@ SUBCOMMANDS: Mapping[str, str] = {
     "report": ".report.page",
     "requirements": ".report.requirements",
 } | {name: module for plugin in find_plugins().values() for name, module in plugin.figures.items()}
-"""The module of each subcommand; relative names are relative to ``evoros.analysis``."""
+"""Module of each subcommand; relative to ``evoros.analysis`` if it starts with a dot."""
 EXPORTS: frozenset[str] = frozenset().union(*(plugin.exports for plugin in find_plugins().values()))
-"""The subcommands that export files for other software instead of drawing a new figure."""
+"""Subcommands that export files for other software instead of drawing figures."""
 FIGURE_FORMATS: Mapping[str, str] = {
     "pdf": "text stays text, with embedded fonts",  # the default
     "svg": "letters become outlines, so no font is needed",
@@ -76,12 +76,12 @@ FIGURE_FORMATS: Mapping[str, str] = {
 
 
 class Subcommand(Protocol):
-    """The module of a subcommand; ``docs/figures.md`` is generated from its strings and arguments.
+    """The module of a subcommand; its strings and arguments are the source of ``docs/figures.md``.
 
     Optional attributes are ``FORMATS`` (default: figure formats), ``OUTPUT`` (default:
     ``figures``), ``ONE_ROBOT`` if the figure shows a robot that the user can choose,
     ``FIRST_ROBOT`` if it always shows the first robot, ``WORST_MISSION`` if it shows the worst
-    stored mission of evaluations when there are no runs, and ``add_arguments(parser)``.
+    stored mission of evaluations in a study without runs, and ``add_arguments(parser)``.
     """
 
     HELP: str  # one line
@@ -89,7 +89,7 @@ class Subcommand(Protocol):
     FILES: Sequence[str]  # names of all files except the picture
 
     def make_product(self, study: "Study", options: argparse.Namespace) -> "Product":
-        """Make the figure, tables and files for a study."""
+        """Make the figure, tables and files of a study."""
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
@@ -101,7 +101,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     subparsers = parser.add_subparsers(dest="subcommand", metavar="SUBCOMMAND", required=True)
     for name in chosen or SUBCOMMANDS:
         module = import_subcommand(name)
-        text = module.HELP.replace("%", "%%")  # argparse formats help texts with %
+        text = module.HELP.replace("%", "%%")  # argparse formats help strings with %
         about = f"{module.HELP}. Needs {module.NEEDS}."
         add_all_arguments(subparsers.add_parser(name, help=text, description=about), module)
     options, rest = parser.parse_known_args(list(arguments))
@@ -141,7 +141,7 @@ def _explain_unknown(figure: str, word: str) -> str:
 
 
 def add_all_arguments(parser: argparse.ArgumentParser, module: Subcommand) -> None:
-    """Add the common arguments, then the arguments of a subcommand's module."""
+    """Add the common arguments, then the arguments of a subcommand."""
     _add_common_arguments(parser, getattr(module, "OUTPUT", "figures"))
     _add_formats(parser, getattr(module, "FORMATS", FIGURE_FORMATS))
     if getattr(module, "ONE_ROBOT", False):
@@ -184,12 +184,12 @@ def _add_formats(parser: argparse.ArgumentParser, formats: Mapping[str, str]) ->
 
 
 def import_subcommand(name: str) -> Subcommand:
-    """Import a subcommand's module, which may import matplotlib."""
+    """Import the module of a subcommand, which may import matplotlib."""
     return cast(Subcommand, import_module(SUBCOMMANDS[name], __package__))
 
 
 def add_run(parser: argparse.ArgumentParser) -> None:
-    """Add ``--run``, the run that supplies the champion."""
+    """Add ``--run``, the run whose champion is shown."""
     parser.add_argument("--run", metavar="NAME", help="this run instead of the best one")
 
 

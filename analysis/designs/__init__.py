@@ -1,1 +1,1 @@
-"""Measures of sensor designs: coverage, clusters, and differences from random designs."""
+"""Measures of sensor designs: coverage, clusters, differences from random designs."""

@@ -1,4 +1,4 @@
-"""The number of clusters among points, tested against clouds without clusters and a larger pool."""
+"""The number of clusters among points, tested against cluster-free clouds and a larger sample."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -15,21 +15,21 @@ from ..statistics.small_samples import LEVEL, SEED
 
 MAX_CLUSTERS = 5
 MIN_POINTS = 5
-DRAWS = 499  # number of clouds or samples
+DRAWS = 499  # number of random point clouds or samples per test
 
 
 @dataclass(frozen=True, eq=False)
 class Clusters:
-    """The best clustering of n points, and whether it is significant."""
+    """The best clustering of n points, and its significance."""
 
-    cut: NDArray[np.int64]  # (n,) cluster of each point in the best clustering, counted from 1
-    silhouette: float  # mean over the points: 1 tight and separate, 0 no structure; NaN: too few
-    expected: float  # 95 % quantile of the silhouettes of clouds without clusters
-    p: float  # share of these clouds with a silhouette at least as large; NaN: too few points
+    cut: NDArray[np.int64]  # (n,) cluster of each point, counted from 1
+    silhouette: float  # mean over the points: 1 compact and separate, 0 no structure, NaN too few
+    expected: float  # 95 % quantile of the silhouettes of cluster-free point clouds
+    p: float  # fraction of these with a silhouette at least as large; NaN for too few points
 
     @property
     def real(self) -> bool:
-        """True if clouds without clusters rarely reach this silhouette."""
+        """True if cluster-free point clouds rarely reach this silhouette."""
         return self.p < LEVEL
 
     @property
@@ -46,9 +46,10 @@ class Clusters:
 def find_clusters(points: Array, draws: int = DRAWS) -> Clusters:
     """Cluster points (n, d) into 2 to ``MAX_CLUSTERS`` with the maximum mean silhouette.
 
-    Ward's method uses Euclidean distances; silhouettes follow Rousseeuw (1987), J. Comput. Appl.
-    Math. 20, 53-65. The clouds without clusters are uniform along the principal components, with
-    equal covariance (Tibshirani et al. 2001, J. R. Stat. Soc. B 63, 411-423).
+    Clusters are found by Ward's method with Euclidean distances; silhouettes follow Rousseeuw
+    (1987), J. Comput. Appl. Math. 20, 53-65. Cluster-free point clouds are uniform along the
+    principal components, with equal covariance (Tibshirani et al. 2001, J. R. Stat. Soc. B 63,
+    411-423).
     """
     n = len(points)
     if n < MIN_POINTS or not np.ptp(points, axis=0).any():
@@ -68,7 +69,7 @@ def find_clusters(points: Array, draws: int = DRAWS) -> Clusters:
 
 
 def compare_with_samples(silhouette: float, n: int, pool: Array, draws: int = DRAWS) -> float:
-    """Return a silhouette's p-value against samples of n from ``pool`` (m, d); NaN if m < 2 n."""
+    """Return the p-value of a silhouette against samples of n from ``pool``; NaN if m < 2 n."""
     if np.isnan(silhouette) or len(pool) < 2 * n:
         return np.nan
     ordered = pool[np.lexsort(pool.T)]
@@ -80,7 +81,7 @@ def compare_with_samples(silhouette: float, n: int, pool: Array, draws: int = DR
 
 
 def cut_best(points: Array) -> tuple[float, NDArray[np.int64]]:
-    """Return the maximum mean silhouette, and the cluster (n,) of each point, counted from 1."""
+    """Return the maximum mean silhouette and the cluster (n,), counted from 1, of each point."""
     condensed = pdist(points)
     distances, cuts = squareform(condensed), _cuts(linkage(condensed, "ward"))
     scores = [_silhouette(distances, labels) for labels in cuts]
@@ -89,10 +90,10 @@ def cut_best(points: Array) -> tuple[float, NDArray[np.int64]]:
 
 
 def _cuts(tree: Array) -> list[NDArray[np.int64]]:
-    """Cut a tree from ``linkage`` into 2 to ``MAX_CLUSTERS`` clusters, numbered from 1."""
+    """Cut a tree from ``linkage`` into 2 to ``MAX_CLUSTERS`` clusters; return labels from 1."""
     # SciPy's ``fcluster`` and ``cut_tree`` take ten times as long.
     n = len(tree) + 1
-    members = {node: [node] for node in range(n)}  # points by node, in ascending order
+    members = {node: [node] for node in range(n)}  # points of each node, in ascending order
     cuts = []
     for step, (left, right) in enumerate(tree[:, :2].astype(int).tolist()):
         if n - step <= min(MAX_CLUSTERS, n - 1):
@@ -109,7 +110,7 @@ def _number(clusters: Iterable[list[int]], n: int) -> NDArray[np.int64]:
 
 
 def _silhouette(distances: Array, labels: NDArray[np.int64]) -> float:
-    """Return the mean silhouette of all points (not in SciPy); single-point clusters count as 0."""
+    """Return the mean silhouette of all points (not in SciPy); points alone in a cluster have 0."""
     row, column = np.arange(len(labels)), labels - 1
     size = np.bincount(column)
     sums = distances @ (labels[:, None] == np.arange(1, len(size) + 1))  # (n, clusters)

@@ -12,18 +12,18 @@ from evoros.storage.figure_context import FigureContext, Part
 
 Window = tuple[float, float, float, float]  # minimum x, maximum x, minimum y and maximum y [m]
 CONE = ["x_m", "y_m", "yaw_deg", "fov_deg", "range_m"]
-_CORNERS = 96  # corners of a full circle
-_ZONE_MARGIN_M = 0.02  # depth of a bumper's zone beyond the robot
+_CORNERS = 96  # number of corners of a full circle
+_ZONE_MARGIN_M = 0.02  # depth [m] of a bumper's contact zone beyond the robot
 
 
 def outline_part(part: Part) -> Array:
-    """Return the corners (k, 2) [m] of the area that a part covers."""
+    """Return the corners (k, 2) [m] of the area covered by a part."""
     return dilate(np.array(part.vertices), part.radius_m)
 
 
 def dilate(vertices: Array, radius_m: float) -> Array:
-    """Return the corners (k, 2) [m] of all points within a radius of a convex polygon (n, 2)."""
-    if radius_m == 0.0:  # a shortcut, because a large world has thousands of boxes
+    """Return the corners (k, 2) [m] of a convex polygon (n, 2) dilated by a radius."""
+    if radius_m == 0.0:  # shortcut for large worlds with thousands of boxes
         return vertices
     turn = np.linspace(0.0, 2 * math.pi, _CORNERS, endpoint=False)
     rim = radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
@@ -32,7 +32,7 @@ def dilate(vertices: Array, radius_m: float) -> Array:
 
 
 def trace_cones(sensors: pd.DataFrame, reach_m: float = math.inf) -> list[Array]:
-    """Return the cone (k, 2) [m] of each sensor, cut off at ``reach_m``; pitch is ignored."""
+    """Return the cone (k, 2) [m] of each sensor, cut off at ``reach_m``, without its pitch."""
     return [
         trace_sector(x, y, yaw, fov, min(range_m, reach_m))
         for x, y, yaw, fov, range_m in sensors[CONE].to_numpy(dtype=np.float64).tolist()
@@ -42,7 +42,7 @@ def trace_cones(sensors: pd.DataFrame, reach_m: float = math.inf) -> list[Array]
 def trace_sector(
     x_m: float, y_m: float, yaw_deg: float, width_deg: float, radius_m: float
 ) -> Array:
-    """Return the tip and arc (k, 2) [m] of a sector centred on ``yaw_deg``, from right to left."""
+    """Return the tip and the arc (k, 2) [m] of a sector about ``yaw_deg``, right to left."""
     count = 2 + math.ceil(width_deg / 360 * _CORNERS)
     angles = np.radians(yaw_deg + np.linspace(-width_deg / 2, width_deg / 2, count))
     arc = radius_m * np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -57,7 +57,7 @@ def trace_zone(
     depth_m: float,
     context: FigureContext,
 ) -> Array:
-    """Return the corners (4, 2) [m] of a bumper's zone, cut just beyond the robot's edge."""
+    """Return the corners (4, 2) [m] of a bumper's contact zone, cut just beyond the robot."""
     yaw, half = math.radians(yaw_deg), width_m / 2
     ahead = np.array([math.cos(yaw), math.sin(yaw)])
     left = np.array([-ahead[1], ahead[0]])
@@ -69,7 +69,7 @@ def trace_zone(
 
 
 def find_covered(sensors: pd.DataFrame, x: Array, y: Array, cell_m: float, reach_m: float) -> Array:
-    """Return True for each point x, y [m] in any sensor's cone; a single ray is a cell wide."""
+    """Return a mask of points x, y [m] inside any sensor's cone; single rays are a cell wide."""
     covered = np.zeros(x.shape, dtype=bool)
     for sensor_x, sensor_y, yaw, fov, range_m in sensors[CONE].to_numpy(dtype=np.float64).tolist():
         dx, dy = x - sensor_x, y - sensor_y
@@ -85,7 +85,7 @@ def find_covered(sensors: pd.DataFrame, x: Array, y: Array, cell_m: float, reach
 def fit_window(
     contexts: Iterable[FigureContext], sensors: pd.DataFrame, reach_m: float, margin_m: float = 0.03
 ) -> Window:
-    """Return the window around the robots and cones, symmetric about the x axis."""
+    """Return a window around robots and cones that is symmetric about the x axis."""
     outlines = [outline_part(part) for context in contexts for part in context.parts]
     points = np.vstack([*outlines, *trace_cones(sensors, reach_m), np.zeros((1, 2))])
     (x_low, _), (x_high, _) = points.min(axis=0), points.max(axis=0)

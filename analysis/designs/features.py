@@ -1,4 +1,4 @@
-"""Features of designs, one row per design, and comparisons of champions with random designs."""
+"""Features of designs, one row per design, and comparisons of champions and random designs."""
 
 from collections.abc import Iterator, Sequence
 
@@ -16,23 +16,23 @@ from .clusters import Clusters, compare_with_samples, find_clusters
 
 STEP_DEG = 5
 HEADINGS_DEG = np.arange(-180.0, 180.0, STEP_DEG)
-"""Headings in the robot's frame: 0 is straight ahead, left is positive, -180 equals 180."""
-AHEAD_DEG = 30.0  # headings within this angle of straight ahead count as ahead
+"""Headings [deg] in the robot's frame: 0 ahead, left positive; -180 equals 180."""
+AHEAD_DEG = 30.0  # maximum angle from straight ahead that counts as ahead
 QUANTILES = 36
-DESIGN = ["run", "treatment", "seed", "design"]  # columns of a sensor table that identify a design
-NEAR_M, NEAR_DEG = 0.05, 15.0  # maximum distance and angle (half a beam) between redundant sensors
+DESIGN = ["run", "treatment", "seed", "design"]  # columns that identify a design in a sensor table
+NEAR_M, NEAR_DEG = 0.05, 15.0  # maximum distance and angle (half a beam) of redundant sensors
 _PLACE = ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "pair"]
 
 
 def compute_profiles(sensors: pd.DataFrame) -> pd.DataFrame:
-    """Count the sensors that cover each heading [deg], averaged over ``STEP_DEG``, per design."""
+    """Count the sensors of each design that cover each heading, averaged over ``STEP_DEG``."""
     frame = pd.DataFrame(_overlap(sensors, HEADINGS_DEG, STEP_DEG / 2) / STEP_DEG)
     frame.columns = pd.Index(HEADINGS_DEG)
     return frame.groupby([sensors[name].to_numpy() for name in DESIGN]).sum().rename_axis(DESIGN)
 
 
 def share_ahead(sensors: pd.DataFrame, within_deg: float = AHEAD_DEG) -> "pd.Series[float]":
-    """Return the share of each design's total field of view near 0 deg; NaN without sensors."""
+    """Return the fraction of each design's total field of view near 0 deg; NaN without sensors."""
     placed = sensors.yaw_deg.notna().to_numpy()
     opening = np.where(placed, _openings(sensors), 0.0)
     seen = _overlap(sensors, np.zeros(1), within_deg)[:, 0]
@@ -43,7 +43,7 @@ def share_ahead(sensors: pd.DataFrame, within_deg: float = AHEAD_DEG) -> "pd.Ser
 
 
 def _overlap(sensors: pd.DataFrame, headings: Array, around: float) -> Array:
-    """Return the angle (n, headings) [deg] that each sensor covers ``around`` a heading."""
+    """Return the angle (n, headings) [deg] that each sensor covers within ``around`` a heading."""
     yaw, half = sensors.yaw_deg.to_numpy(float)[:, None], _openings(sensors)[:, None] / 2
     overlap = np.zeros((len(sensors), len(headings)))
     for turn in (-360.0, 0.0, 360.0):
@@ -58,15 +58,15 @@ def _openings(sensors: pd.DataFrame) -> Array:
 
 
 def compute_directions(profiles: pd.DataFrame) -> Array:
-    """Return quantiles (n, ``QUANTILES``) of covered headings' angles [deg] from straight ahead.
+    """Return quantiles (n, ``QUANTILES``) of the angles [deg] of covered headings from 0 deg.
 
-    Left and right are equivalent; a blind design has 180 everywhere. If all sensors rotate
-    together, these points move along a line, whereas profiles move along a curve.
+    Left and right are equivalent; a design without sensors has 180 everywhere. If all sensors
+    rotate together, these points move along a line, while profiles move along a curve.
     """
     values = profiles.to_numpy(float)
-    mirrored = np.roll(values[:, ::-1], 1, axis=1)  # -180 stays, 5 moves to -5
+    mirrored = np.roll(values[:, ::-1], 1, axis=1)  # -180 stays in place, 5 becomes -5
     zero = len(HEADINGS_DEG) // 2
-    # The columns are 0, 5, ..., 180 deg from straight ahead.
+    # columns: 0, 5, ..., 180 deg from straight ahead
     both_sides = np.hstack([values + mirrored, 2 * values[:, :1]])[:, zero:]
     edges = np.clip(np.arange(both_sides.shape[1] + 1) - 0.5, 0, zero) * STEP_DEG
     seen = np.hstack([np.zeros((len(values), 1)), np.cumsum(both_sides * np.diff(edges), axis=1)])
@@ -79,7 +79,7 @@ def compute_directions(profiles: pd.DataFrame) -> Array:
 
 
 def normalize_profiles(profiles: pd.DataFrame) -> Array:
-    """Return profiles divided by their sums (n, 73); the last column is 1 for a blind design."""
+    """Return profiles divided by their sums (n, 73); the last column is 1 for an empty profile."""
     values = profiles.to_numpy(float)
     total = values.sum(axis=1, keepdims=True)
     blind = total == 0
@@ -87,7 +87,7 @@ def normalize_profiles(profiles: pd.DataFrame) -> Array:
 
 
 def paper_rings() -> tuple[Ring, ...]:
-    """Return the damage rings of the paper's treatment ``spatial``."""
+    """Return the damage rings of the treatment ``spatial`` in the paper."""
     failure = SpatialFailure()
     return tuple(map(Ring, failure.radii_m, failure.probabilities))
 
@@ -98,11 +98,12 @@ def measure_nearness(
     near_m: float = NEAR_M,
     near_deg: float = NEAR_DEG,
 ) -> pd.DataFrame:
-    """Measure how close each design's sensors are: one row per design, sorted by ``DESIGN``.
+    """Measure the distances between the sensors of each design: one row per design.
 
-    Two sensors that are not twins are ``redundant`` within ``near_m``, and ``near_deg`` in yaw and
-    pitch. ``closest_m`` is the minimum distance between two sensors. ``lost`` is the expected
-    number of sensors that fail if damage with ``rings`` (default: the paper's) hits one of them.
+    Two sensors are ``redundant`` if they are not twins and lie within ``near_m``, and within
+    ``near_deg`` in yaw and pitch. ``closest_m`` is the minimum distance between two sensors.
+    ``lost`` is the expected number of sensors that fail if damage with ``rings`` (default: the
+    paper's) hits one sensor.
     """
     rings = tuple(rings) or paper_rings()
     rows = {key: _measure(places, rings, near_m, near_deg) for key, places in _designs(sensors)}
@@ -112,7 +113,7 @@ def measure_nearness(
 
 
 def _designs(sensors: pd.DataFrame) -> Iterator[tuple[tuple[object, ...], Array]]:
-    """Yield each design's key, and the ``_PLACE`` columns (n, 6) of its sensors."""
+    """Yield the key of each design, and the columns ``_PLACE`` (n, 6) of its sensors."""
     values = sensors[_PLACE].to_numpy(float)
     for key, places in sensors.groupby(DESIGN).indices.items():
         rows = values[places]
@@ -135,7 +136,7 @@ def _measure(
 
 
 FRONT, SIDE, NEITHER = "front array", "side mounts", "no sensors"
-ALL = "all"  # value of ``treatment`` in rows on the champions of all treatments together
+ALL = "all"  # value of ``treatment`` for the champions of all treatments together
 _ORDER = ("treatment", "measure", "at", "value", "low", "high", "n", "random", "n_random", "p")
 Row = dict[str, object]
 
@@ -147,12 +148,12 @@ def describe_designs(
     near_m: float = NEAR_M,
     near_deg: float = NEAR_DEG,
 ) -> pd.DataFrame:
-    """Compute the features of champions and comparable random designs: one row per design."""
+    """Compute the features of champions and of comparable random designs, one row per design."""
     best = _describe(champions, rings, near_m, near_deg).assign(random=False)
     clusters = find_clusters(compute_directions(best[HEADINGS_DEG]))
-    if clusters.real:  # each champion is classified by the mean of its cluster
+    if clusters.real:  # the mean of a cluster classifies each champion in it
         best["strategy"] = best.groupby(clusters.labels).ahead.transform("mean").map(_classify)
-    if len(initial):  # comparable designs have as many sensors as a champion of the treatment
+    if len(initial):  # comparable designs have as many sensors as a champion of the same treatment
         drawn = _describe(initial, rings, near_m, near_deg).assign(random=True)
         numbers = set(zip(best.treatment, best.sensors, strict=True))
         comparable = [pair in numbers for pair in zip(drawn.treatment, drawn.sensors, strict=True)]
@@ -164,7 +165,7 @@ def describe_designs(
 def _describe(
     sensors: pd.DataFrame, rings: Sequence[Ring], near_m: float, near_deg: float
 ) -> pd.DataFrame:
-    # A champion without sensors has no design number, but counts as a design.
+    # A champion without sensors has no design number, but is still a design.
     sensors = sensors.assign(design=sensors.design.fillna(-1).astype(int))
     share = share_ahead(sensors)
     nearness = measure_nearness(sensors, rings, near_m, near_deg)
@@ -225,7 +226,7 @@ def _structure(best: pd.DataFrame, drawn: pd.DataFrame) -> Iterator[Row]:
 
 
 def cluster_designs(designs: pd.DataFrame) -> Clusters:
-    """Cluster the designs in a table of ``describe_designs`` by the headings that they cover."""
+    """Cluster designs from ``describe_designs`` by the headings that their sensors cover."""
     return find_clusters(compute_directions(designs[HEADINGS_DEG]))
 
 

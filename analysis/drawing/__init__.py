@@ -1,1 +1,1 @@
-"""Shared drawing: style, pages of panels, text tables, and top views of robots and worlds."""
+"""Drawing code for all figures: style, panels, text tables, top views of robots and worlds."""

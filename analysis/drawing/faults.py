@@ -1,4 +1,4 @@
-"""The path of a robot and the faults along it: failed sensors, wrong readings, failed parts."""
+"""The path of a robot with its faults: failed sensors, wrong readings, failed parts."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -17,12 +17,12 @@ from evoros.filter.protocol import ALTERS, ENDS, GROWS
 from ..tables.tracks import PARTS
 from .style import HALO, ORANGE, VERMILLION, YELLOW
 
-_LABEL_M = 1.2  # failures closer than this share a label
+_LABEL_M = 1.2  # maximum distance [m] of failures that share a label
 DASHES: Mapping[int, Any] = {1: "-", 2: (0, (2.5, 1.0))}  # line style by phase
 _HEAD: dict[str, Any] = {"ls": "none", "ms": 4.5, "mec": "black", "mew": 0.5}
 _HEADS = {1: {**_HEAD, "mfc": "black"}, 2: {**_HEAD, "mfc": "white"}}
-_APART_M, _ARROWHEAD_M = 7.0, 0.3  # spacing of arrowheads; length of path that directs them
-_ARROW_M = 1.5  # length of the arrow at the start of the path
+_APART_M, _ARROWHEAD_M = 7.0, 0.3  # distance between arrowheads; path length that directs them
+_ARROW_M = 1.5  # length [m] of the arrow at the start of the path
 _POINT: dict[str, Any] = {"ls": "none", "marker": "v", "ms": 5, "mec": "black", "mew": 0.7}
 _MARKS: Mapping[str, Mapping[str, Any]] = {
     ENDS: {**_POINT, "mfc": YELLOW},
@@ -32,13 +32,13 @@ _MARKS: Mapping[str, Mapping[str, Any]] = {
 _WORDS = {ENDS: "sensor fails", ALTERS: "sensor error", GROWS: "error starts"}
 _PART: dict[str, Any] = {**_POINT, "marker": "D", "ms": 5.5, "mfc": VERMILLION}
 _WEDGE: dict[str, Any] = {"color": ORANGE, "alpha": 0.45}
-_WIDEST_PT = 6.0  # maximum width of a growing fault's band
-GROWN_S = 60.0  # time at which the band of a growing error has its full width
-_STRETCHES = 60  # number of segments in a widening band
+_WIDEST_PT = 6.0  # maximum width of the band of a growing error
+GROWN_S = 60.0  # time [s] at which this band reaches its full width
+_STRETCHES = 60  # number of segments of a widening band
 
 
 def draw_faults(axes: Axes, path: pd.DataFrame, effects: Mapping[str, str]) -> None:
-    """Mark failures on a path by their ``effects``; a growing error has a widening band."""
+    """Mark the failures along a path; a growing error is drawn as a widening band."""
     for effect, rows in _split(path):
         kind = effects.get(effect, ENDS)
         if kind == GROWS:
@@ -63,7 +63,7 @@ def _name_part(axes: Axes, place: tuple[float, float], name: str) -> None:
 def _split(
     path: pd.DataFrame, failed: str = "failed_sensors", failed_by: str = "failed_by"
 ) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Yield each effect with the rows in which items failed with it, reduced to these items."""
+    """Yield each effect with the rows at which items failed with it, reduced to these items."""
     if failed not in path:
         return
     hit = path[path[failed].fillna("") != ""]  # parts of other robots cannot fail
@@ -92,7 +92,7 @@ def _draw_growth(axes: Axes, path: pd.DataFrame, begin: int) -> None:
 
 
 def make_fault_handles(tracks: pd.DataFrame, effects: Mapping[str, str]) -> list[Line2D]:
-    """Make a legend entry for each effect, and one for the bands of growing errors."""
+    """Make a legend entry for each effect, and one for the band of growing errors."""
     drawn = {effect: effects.get(effect, ENDS) for effect, _ in _split(tracks)}
     handles = [
         Line2D([], [], label=f"{_WORDS[kind]}: {effect}", **_MARKS[kind])
@@ -116,7 +116,7 @@ def split_by_mode(path: pd.DataFrame) -> Iterator[tuple[str, Array]]:
 
 
 def split_by_phase(path: pd.DataFrame) -> Iterator[tuple[int, pd.DataFrame]]:
-    """Split a mission's path into phases 1 and 2, which share the point between them."""
+    """Split the path of a mission into phases 1 and 2, which share a point."""
     phases = path["phase"].to_numpy(int) if "phase" in path else np.ones(len(path), dtype=int)
     back = int(np.argmax(phases == 2)) if (phases == 2).any() else len(path)
     yield 1, path.iloc[: back + 1]
@@ -138,7 +138,7 @@ def draw_direction(axes: Axes, path: pd.DataFrame, phase: int) -> None:
 
 
 def make_phase_handles(tracks: pd.DataFrame) -> list[Line2D]:
-    """Make the legend entries of the phases; none if there is only one phase."""
+    """Make the legend entries of the phases; none if there is a single phase."""
     worlds = [rows for _, rows in tracks.groupby("world")]
     phases = {phase for rows in worlds for phase, _ in split_by_phase(rows)}
     words = {1: "first phase", 2: "second phase"}
@@ -151,7 +151,7 @@ def make_phase_handles(tracks: pd.DataFrame) -> list[Line2D]:
 
 
 def draw_arrow(axes: Axes, path: pd.DataFrame) -> None:
-    """Draw an arrow from home in the direction of the path."""
+    """Draw an arrow at home in the direction of the path."""
     places = path[["x_m", "y_m"]].to_numpy(float)
     distances = np.hypot(*(places - places[0]).T)
     far = distances >= _ARROW_M
@@ -163,7 +163,7 @@ def draw_arrow(axes: Axes, path: pd.DataFrame) -> None:
 def write_numbers(
     axes: Axes, rows: pd.DataFrame, column: str, offset_pt: tuple[float, float]
 ) -> None:
-    """Write the sensor numbers in a column next to the rows' positions."""
+    """Write the sensor numbers of a column next to the positions of the rows."""
     style: dict[str, Any] = {"textcoords": "offset points", "fontsize": "small", "zorder": 6}
     style["path_effects"] = [HALO]
     for place, text in _group_labels(rows, column):

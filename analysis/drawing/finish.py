@@ -1,4 +1,4 @@
-"""Final steps of every figure: panel letters, complete markers, and labels that fit."""
+"""Final steps of each figure: panel letters, complete markers, and labels that fit."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
@@ -17,18 +17,18 @@ from matplotlib.transforms import Bbox
 
 from evoros.base.arrays import Array
 
-LETTERS = ("A", "a", "(a)")  # styles of panel letters, named by the first panel's letter
-_GAP_PT = 2.0  # minimum gap between tick labels
+LETTERS = ("A", "a", "(a)")  # styles of panel letters, named after the first letter
+_GAP_PT = 2.0  # minimum gap [pt] between tick labels
 _ROUNDS = 8  # maximum number of attempts to thin out ticks
-_LETTERED = "lettered"  # group id of a figure with panel letters
-COLOUR_BAR = "<colorbar>"  # matplotlib's label for the axes of a colour bar
+_LETTERED = "lettered"  # group id of figures that have panel letters
+COLOUR_BAR = "<colorbar>"  # label that matplotlib gives the axes of a colour bar
 
 
 def prepare_figure(figure: Figure, letters: str = "") -> None:
     """Prepare a figure for layout; ``letters`` is one of ``LETTERS``, or empty."""
     if letters and figure.get_gid() != _LETTERED:
         _add_letters(figure, letters)
-        figure.set_gid(_LETTERED)  # so that letters are added only once
+        figure.set_gid(_LETTERED)  # prevents a second set of letters
     for axes in figure.axes:
         _keep_marks_whole(axes)
         _spell_names(axes)
@@ -38,14 +38,14 @@ def prepare_figure(figure: Figure, letters: str = "") -> None:
 
 
 def fit_text(figure: Figure) -> None:
-    """Align panels, and fit ticks and notes so that no text overlaps in a fixed layout."""
+    """Align panels, and fit ticks and notes so that no texts overlap in a fixed layout."""
     _align_panels(figure)
     _thin_ticks(figure)
     _part_numbers(figure)
 
 
 def list_panels(figure: Figure) -> list[Axes]:
-    """List the axes that are panels, without colour bars, twin axes and pictures."""
+    """List the axes that are panels, not colour bars, twin axes or pictures."""
     panels: list[Axes] = []
     for axes in figure.axes:
         twin = any(np.allclose(axes.bbox.bounds, other.bbox.bounds) for other in panels)
@@ -73,7 +73,7 @@ def _add_letters(figure: Figure, first: str) -> None:
 
 
 def letter(index: int) -> str:
-    """Return the letter for an index: A to Z, then AA, BB ..."""
+    """Return the letter for an index: A to Z, AA, BB, and so on."""
     return chr(ord("A") + index % 26) * (1 + index // 26)
 
 
@@ -116,7 +116,7 @@ def _keep_marks_whole(axes: Axes) -> None:
 
 
 def find_marks(artist: Artist, axes: Axes) -> Array | None:
-    """Return the positions (n, 2) of an artist's markers; None if they are not in data units."""
+    """Return the positions (n, 2) of the markers of an artist; None unless in data units."""
     if isinstance(artist, PathCollection) and artist.get_offset_transform() == axes.transData:
         return _fill(artist.get_offsets())
     if isinstance(artist, Line2D) and artist.get_transform() == axes.transData:
@@ -138,7 +138,7 @@ def _within(places: Array, axes: Axes) -> bool:
 
 
 def _align_panels(figure: Figure) -> None:
-    """Align the left edges of panels above each other; subfigures are laid out independently."""
+    """Align the left edges of panels in a column; subfigures have separate layouts."""
     columns: dict[int, list[Axes]] = {}
     for axes in list_panels(figure):
         if axes.get_aspect() == "auto":
@@ -191,7 +191,7 @@ def _number_axes(figure: Figure) -> Iterator[Axis]:
 
 
 def list_tick_labels(axis: Axis) -> list[Text]:
-    """List the visible labels of an axis."""
+    """List the visible tick labels of an axis."""
     low, high = sorted(axis.get_view_interval())
     slack = 1e-9 * (high - low)
     return [
@@ -204,7 +204,7 @@ def list_tick_labels(axis: Axis) -> list[Text]:
 
 
 def collide(labels: Iterable[Text], gap_pt: float = _GAP_PT) -> bool:
-    """Return True if two neighbouring labels of an axis are closer than ``gap_pt``."""
+    """Return True if two neighbouring labels are closer than ``gap_pt``."""
     boxes = [label.get_window_extent() for label in labels]
     return any(_overlap(a, b, gap_pt) for a, b in pairwise(boxes))
 

@@ -20,19 +20,19 @@ from . import robot
 from .robot import to_page
 from .style import BLUE, COLUMN_IN, PAGE_IN, VERMILLION, assign_colours, use_style
 
-PER_ROW, LETTERS = 3, 45  # panels of designs in a row, and letters in a line of their titles
+PER_ROW, LETTERS = 3, 45  # design panels per row, and characters per line of their titles
 POSE = ["sensor", "x_m", "y_m", "yaw_deg"]
-LABEL_PT = 8.0  # distance of a number behind its sensor
-LENGTHS = 1.5  # length at which cones are cut off, in robot lengths
+LABEL_PT = 8.0  # distance of a sensor's number from the sensor
+LENGTHS = 1.5  # maximum cone length in panels, in robot lengths
 _QUARTILES = (0.25, 0.5, 0.75)
-MIN_IN = 0.19  # minimum side of a cell at which a design is recognizable
-SHORT = 0.7  # length of the cones in a cell, in robot lengths
-_SHARE = 0.9  # size of a design as a fraction of its cell's side
+MIN_IN = 0.19  # minimum side [in] of a cell in which a design is recognizable
+SHORT = 0.7  # cone length in cells, in robot lengths
+_SHARE = 0.9  # size of a design as a fraction of the side of its cell
 _BODY, _WHEEL, _EDGE = "0.97", "0.35", "black"
 
 
 def choose_apart(points: Array, count: int) -> list[int]:
-    """Choose rows of ``points`` (n, 2): the first, then repeatedly the farthest from all chosen."""
+    """Choose rows of ``points`` (n, 2): the first, then always the farthest from those chosen."""
     scale = np.ptp(points, axis=0)
     scaled = points / np.where(scale > 0, scale, 1.0)
     chosen = [0]
@@ -66,7 +66,7 @@ def draw_designs(
 
 
 def draw_shown(designs: Sequence[ShownDesign]) -> Figure:
-    """Draw each design in a separate panel, with the numbers of its sensors."""
+    """Draw each design in a separate panel, with numbered sensors."""
     columns = min(PER_ROW, len(designs))
     size = (COLUMN_IN if columns == 1 else PAGE_IN), 2.6 * math.ceil(len(designs) / columns)
     look: dict[str, Any] = {"fontsize": "small", "ha": "center", "va": "center", "zorder": 6}
@@ -89,7 +89,7 @@ def draw_shown(designs: Sequence[ShownDesign]) -> Figure:
 def draw_in_cells(
     axes: Axes, centres: Array, side: Array, designs: Sequence[pd.DataFrame], context: FigureContext
 ) -> None:
-    """Draw designs to the same scale in cells with these ``centres`` (n, 2) and ``side`` (2,)."""
+    """Draw designs to the same scale in cells with ``centres`` (n, 2) and size ``side`` (2,)."""
     reach = SHORT * robot_length(context)
     view = fit_window([context], pd.concat(list(designs)), reach, margin_m=0.0)
     parts = sorted(context.parts, key=lambda part: part.top_m)
@@ -113,7 +113,7 @@ def draw_in_cells(
 
 
 def _to_cell(points: Array, view: Window) -> Array:
-    """Convert points (n, 2) on the robot to offsets from a cell's centre, in cell sides."""
+    """Convert points (n, 2) on the robot to offsets from a cell's centre, in units of its side."""
     x_low, x_high, y_low, y_high = view
     scale = _SHARE / max(x_high - x_low, y_high - y_low)
     across, up = to_page(points - np.array([(x_low + x_high) / 2, 0.0])).T
@@ -123,7 +123,7 @@ def _to_cell(points: Array, view: Window) -> Array:
 def draw_growth(
     axes: Axes, growth: pd.DataFrame, treatments: Sequence[str], pooled: bool, column: str
 ) -> None:
-    """Plot a column against missions: each run, or the median and quartiles of each treatment."""
+    """Plot a column over missions: each run, or the median and quartiles of each treatment."""
     for treatment, colour in assign_colours(treatments).items():
         rows = growth[growth.treatment == treatment]
         if not pooled:

@@ -1,4 +1,4 @@
-"""Top and side views of a robot, with its outline and sensor poses."""
+"""Top and side views of a robot, with outline and sensor poses."""
 
 from collections.abc import Mapping, Sequence
 
@@ -17,14 +17,14 @@ from evoros.robot.outline import SolidShape
 from .style import BLUE, CATEGORIES, PAGE_IN, render, use_style
 
 X, Y, Z = range(3)
-_HEADING_M = 0.03  # length of a sensor's line
+_HEADING_M = 0.03  # length [m] of a sensor's heading line
 _BODY, _WHEEL, _CASTER = "body", "driven wheel", "caster"
 _COLOURS = {_BODY: "0.88", _WHEEL: "0.45", _CASTER: "0.65"}
 _EDGE = "0.35"
 
 
 def draw_robot_picture(robot: Robot, places: Mapping[str, Array]) -> bytes:
-    """Draw a robot's top and right-hand views as a PNG, with sensor poses (n, 5) by region."""
+    """Draw a robot from the top and from the right as a PNG, with sensor poses (n, 5) by region."""
     with use_style():
         figure = Figure(figsize=(PAGE_IN, 0.5 * PAGE_IN), layout="constrained")
         length, width = np.ptp(robot.outline, axis=0)
@@ -45,7 +45,7 @@ def draw_robot_picture(robot: Robot, places: Mapping[str, Array]) -> bytes:
 
 
 def _draw_view(axes: Axes, robot: Robot, plane: tuple[int, int]) -> None:
-    # The part nearest to the viewer (the highest, or the rightmost) is drawn last.
+    # Draw the part nearest to the viewer (highest or rightmost) last.
     parts = [(shape_points(part.shape, part.pose), part) for part in robot.visuals]
     parts.sort(key=lambda item: item[0][:, Z].max() if Z not in plane else -item[0][:, Y].min())
     for points, part in parts:

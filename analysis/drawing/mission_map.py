@@ -1,4 +1,4 @@
-"""Draws a mission on the map: path by mode, collisions, failures, and the legend."""
+"""Draws a mission on a map: path by mode, collisions, failures and legend."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ from .worlds import draw_course, draw_obstacles
 
 _ESTIMATED = Line2D([], [], color=BLACK, lw=0.9, ls=(0, (3, 1.5)), label="estimated path")
 OBSTACLE = "0.8"
-# Colour and width [pt] by mode, in the order of the controller's layers.
+# Colour and width [pt] of the path by mode, in the order of the controller's layers.
 PATHS = ((VERMILLION, 1.6), (BLUE, 0.8), (GREEN, 1.2), (PURPLE, 1.6))
 UNDECIDED = ("0.3", 0.8)
 _POINT: dict[str, Any] = {"ls": "none", "zorder": 5}
@@ -44,7 +44,7 @@ _TIME: dict[str, Any] = {"fontsize": "x-small", "zorder": 4.7, "textcoords": "of
 _TIME["xytext"] = (3, 2)
 _MARK: dict[str, Any] = {"ls": "none", "marker": "o", "mec": "black", "mew": 0.4, "ms": 6}
 POSE = ("x_m", "y_m", "yaw_rad")
-COLOURS = (ORANGE, SKY, PURPLE)  # distinct from the first robot's colours if it has few modes
+COLOURS = (ORANGE, SKY, PURPLE)  # distinct from the main robot's colours if it has few modes
 ROBOT_DASHES = ((0, (4, 1)), (0, (4, 1, 1, 1)), (0, (1.5, 1)))
 _WIDTH_PT = 1.3
 _HIT: dict[str, Any] = {"mfc": "black", "mec": "white", "mew": 0.6}
@@ -59,7 +59,7 @@ def draw_mission(
     modes: Sequence[str],
     effects: Mapping[str, str] | None = None,
 ) -> None:
-    """Draw a mission in its world; ``modes`` and ``effects`` come from its context."""
+    """Draw a mission in its world; its context provides ``modes`` and ``effects``."""
     draw_obstacles(axes, world).set(array=None, facecolor=OBSTACLE, zorder=1)
     draw_course(axes, world.course)
     axes.set_aspect("equal")
@@ -93,7 +93,7 @@ def _draw_phase(axes: Axes, phase: int, path: pd.DataFrame, modes: Sequence[str]
 
 
 def _styles(modes: Sequence[str]) -> dict[str, tuple[str, float]]:
-    # The last layer is drawn first.
+    # draw the path of the last layer first
     styles = {name: PATHS[i % len(PATHS)] for i, name in enumerate(modes)}
     return dict(reversed([*styles.items(), (NONE, UNDECIDED)]))
 
@@ -104,7 +104,7 @@ def make_handles(
     touched: bool,
     effects: Mapping[str, str] | None = None,
 ) -> list[Artist]:
-    """Make the legend entries of the first robot and of collisions."""
+    """Make the legend entries of the main robot and of collisions."""
     driven = set(tracks["mode"])
     handles: list[Artist] = [
         Line2D([], [], color=colour, lw=width, label=name)
@@ -126,19 +126,19 @@ def make_handles(
 
 
 def has_estimate(tracks: pd.DataFrame) -> bool:
-    """Return True if the missions have recorded an estimated pose."""
+    """Return True if the missions recorded an estimated pose."""
     return "estimated_x_m" in tracks
 
 
 def draw_errors(figure: SubFigure, paths: Mapping[str, pd.DataFrame], columns: int) -> None:
-    """Draw a panel for each mission: position and heading errors against the distance driven."""
+    """Draw a panel per mission: position and heading errors over the distance driven."""
     rows = -(-len(paths) // columns)
     grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
     panels: Sequence[Axes] = list(grid.flat)
     twins = []
     for axes, path in zip(panels, paths.values(), strict=False):
         way, place, heading = measure_drift(path)
-        if not len(way):  # the mission was not run
+        if not len(way):  # the mission did not run
             way, place, heading = np.zeros((3, 1))
         axes.plot(way, place, color=BLUE, lw=1.0)
         axes.set(xlabel="distance driven [m]", xlim=(0.0, max(float(way[-1]), 1e-3)))
@@ -161,8 +161,8 @@ def draw_errors(figure: SubFigure, paths: Mapping[str, pd.DataFrame], columns: i
 
 
 def measure_drift(path: pd.DataFrame) -> tuple[Array, Array, Array]:
-    """Return the distance driven [m], position error [m] and heading error [deg], each (n,)."""
-    # The last estimate comes from an earlier decision.
+    """Return the distance driven [m], the position error [m] and heading error [deg], each (n,)."""
+    # the estimate in the last row belongs to an earlier decision
     rows = path.iloc[:-1] if len(path) > 1 else path
     x, y = rows["x_m"].to_numpy(float), rows["y_m"].to_numpy(float)
     steps = np.hypot(np.diff(x, prepend=x[:1]), np.diff(y, prepend=y[:1]))
@@ -178,7 +178,7 @@ def draw_companions(
     others: Mapping[str, pd.DataFrame],
     robots: Mapping[str, FigureContext],
 ) -> None:
-    """Draw the other robots' paths, and the closest approach of each to the first robot."""
+    """Draw the paths of the other robots, and their closest approaches to the main robot."""
     for place, (name, other) in enumerate(others.items()):
         if len(path) and len(other):
             style = _choose_style(place)
@@ -239,7 +239,7 @@ def make_companion_handles(names: Sequence[str]) -> list[Line2D]:
 
 
 def draw_walkers(axes: Axes, walkers: Sequence[WalkerTrack], path: pd.DataFrame) -> None:
-    """Draw each walker at its first touch or closest approach, with the time [s]."""
+    """Draw each walker at its first contact or closest approach, labelled with the time [s]."""
     if path.empty:
         return
     times, places = path["time_s"].to_numpy(float), path[["x_m", "y_m"]].to_numpy(float)

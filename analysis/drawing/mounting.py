@@ -1,4 +1,4 @@
-"""A mounting drawing of a robot's sensors: top view, right-hand view, and a table."""
+"""A drawing for mounting a robot's sensors: top view, view from the right, and table."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -51,10 +51,10 @@ class PlacedSensor:
     name: str
     place_mm: Array  # (3,)
     yaw_deg: float  # left is positive
-    pitch_deg: float  # nose up is positive
+    pitch_deg: float  # positive if the nose points up
     fov_deg: float | None  # None if the sensor casts no rays
-    reach: str  # description of the sensor's range or of a bumper's zone
-    corners_mm: Array  # corners of the sensor's body (n, 3); empty if it has no size
+    reach: str  # description of the range, or of a bumper's contact zone
+    corners_mm: Array  # (n, 3) corners of the sensor body; empty without a size
 
     @property
     def direction(self) -> Array:
@@ -67,19 +67,19 @@ class PlacedSensor:
 
 @dataclass(frozen=True, eq=False)
 class MountingPlan:
-    """The content of a drawing, dimensioned from the datum, the origin of the robot's frame."""
+    """The content of a drawing, with dimensions from the datum, the origin of the robot's frame."""
 
     title: str
     source: str
     datum: str  # description of the origin
     solids: Sequence[Solid]
     sensors: Sequence[PlacedSensor]
-    centre_mm: Array | None  # centre of mass (3,)
-    axles_mm: Sequence[float]  # x of the wheel axes
+    centre_mm: Array | None  # (3,) centre of mass
+    axles_mm: Sequence[float]  # x of each wheel axis
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """The lower and upper corners (3,) of the box around the robot and its datum."""
+        """The minimum and maximum corner (3,) of the box around the robot and the datum."""
         parts = [solid.points_mm for solid in self.solids]
         points = np.concatenate([np.zeros((1, 3)), *parts, *[s.corners_mm for s in self.sensors]])
         places = np.array([sensor.place_mm for sensor in self.sensors]).reshape(-1, 3)
@@ -87,10 +87,10 @@ class MountingPlan:
         return points.min(axis=0), points.max(axis=0)
 
 
-LINE = 3.9  # line height of the table and the notes [mm]
-_ARROW = 11.0  # length of a sensor's arrow on the page [mm]
-_LABEL = 19.0  # distance of a label from its sensor [mm]
-_BALLOON, _ANGLE = 3.9, 11.0  # width of a number and of an angle [mm]
+LINE = 3.9  # line height [mm] of the table and the notes
+_ARROW = 11.0  # length [mm] on the page of a sensor's arrow
+_LABEL = 19.0  # distance [mm] of a label from its sensor
+_BALLOON, _ANGLE = 3.9, 11.0  # diameter [mm] of a number's circle, and width of an angle
 _COLUMNS = (
     ("", 3.0, "center"),
     ("frame", 8.0, "left"),
@@ -203,7 +203,7 @@ def _list_notes(plan: MountingPlan) -> Iterator[tuple[str, str]]:
 def write_table(
     axes: Axes, plan: MountingPlan, notes: Sequence[tuple[str, str]], top: float
 ) -> None:
-    """Write the notes downwards from ``top``, followed by a row for each sensor."""
+    """Write the notes downwards from ``top``, followed by one row per sensor."""
     for line, (colour, note) in enumerate(notes):
         y = top - LINE * (line + 0.5)
         _mark_point(axes, (6.0, y), colour)
@@ -225,14 +225,14 @@ def write_table(
 
 
 _BODY, _WHEEL = "0.9", "0.72"
-_LEFT, _RIGHT = 16.0, 42.0  # margins left and right of the views [mm]
-_ABOVE, _BETWEEN, _BELOW = 38.0, 40.0, 17.0  # room above, between and below the views [mm]
+_LEFT, _RIGHT = 16.0, 42.0  # margins [mm] left and right of the views
+_ABOVE, _BETWEEN, _BELOW = 38.0, 40.0, 17.0  # space [mm] above, between and below the views
 _TALL, _MINIMUM = 280.0, 60.0  # maximum page height, and minimum height of both views [mm]
-_FAN = 9.0  # length of a sensor's field of view on the page [mm]
+_FAN = 9.0  # length [mm] on the page of a field of view
 
 
 def draw_mounting(plan: MountingPlan) -> Figure:
-    """Draw a plan to scale on a page two columns wide."""
+    """Draw a plan to scale on a page of two columns."""
     width = PAGE_IN * INCH_MM
     low, high = plan.bounds
     notes = list(_list_notes(plan))

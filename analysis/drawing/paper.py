@@ -1,4 +1,4 @@
-"""Technical drawing on paper: pages in millimetres, scaled views, ordinate dimensions."""
+"""Technical drawings: pages in millimetres, scaled views, ordinate dimensions."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ INCH_MM = 25.4
 SMALL_PT, TEXT_PT, TITLE_PT = 6.0, 7.0, 9.0
 THIN, MEDIUM = 0.35, 0.7  # line widths [pt]
 GREY, DARK = "0.45", "0.15"
-LABEL_MM = 2.9  # minimum distance between two lines of labels
-# Common scales 1:N, as multiples of a power of ten.
+LABEL_MM = 2.9  # minimum distance [mm] between two lines of labels
+# common scales 1:N, as multiples of a power of ten
 _STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
-_BARS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # lengths of the scale bar [mm]
+_BARS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # lengths [mm] of the scale bar
 
 
 def choose_scale(length_mm: float, room_mm: float) -> float:
-    """Return the smallest N of a common scale 1:N at which a length fits."""
+    """Return the smallest N of the common scales 1:N at which a length fits."""
     power = 0.01
     while True:
         for step in _STEPS:
@@ -33,7 +33,7 @@ def choose_scale(length_mm: float, room_mm: float) -> float:
 
 
 def make_page(width_mm: float, height_mm: float) -> tuple[Figure, Axes]:
-    """Make an empty page whose axes are in millimetres from the lower left corner."""
+    """Make an empty page with axes in millimetres from the lower left corner."""
     figure = Figure(figsize=(width_mm / INCH_MM, height_mm / INCH_MM))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set(xlim=(0.0, width_mm), ylim=(0.0, height_mm))
@@ -43,29 +43,29 @@ def make_page(width_mm: float, height_mm: float) -> tuple[Figure, Axes]:
 
 @dataclass(frozen=True)
 class View:
-    """A view along one axis of the robot, with the two other axes on the page."""
+    """A view along an axis of the robot; the other two axes are in the page."""
 
-    right: int  # index of the robot axis that points right
+    right: int  # index of the robot's axis that points right
     up: int
-    scale: float  # robot millimetres per page millimetre
-    origin: tuple[float, float]  # origin of the robot's frame on the page [mm]
+    scale: float  # ratio of robot to page dimensions
+    origin: tuple[float, float]  # position [mm] of the robot's origin on the page
 
     def place(self, points: Array) -> Array:
-        """Return the page positions (n, 2) [mm] of points (n, 3) [mm] on the robot."""
+        """Return the positions (n, 2) [mm] on the page of points (n, 3) [mm] on the robot."""
         placed: Array = points[:, [self.right, self.up]] / self.scale + np.array(self.origin)
         return placed
 
     def across(self, value: float) -> float:
-        """Return the page position [mm] of a value on the axis that points right."""
+        """Return the page coordinate [mm] of a value on the axis that points right."""
         return value / self.scale + self.origin[0]
 
     def along(self, value: float) -> float:
-        """Return the page position [mm] of a value on the axis that points up."""
+        """Return the page coordinate [mm] of a value on the axis that points up."""
         return value / self.scale + self.origin[1]
 
 
 def spread(places: Sequence[float], minimum: float) -> list[float]:
-    """Move increasing positions as little as possible until they are ``minimum`` apart."""
+    """Shift increasing positions as little as possible to be at least ``minimum`` apart."""
     if np.all(np.diff(places) >= minimum):
         return list(places)
     gaps = np.array(places) - minimum * np.arange(len(places))
@@ -74,7 +74,7 @@ def spread(places: Sequence[float], minimum: float) -> list[float]:
 
 
 def label_sensors(axes: Axes, sensors: pd.DataFrame, aside: float, apart: float) -> None:
-    """Write each sensor's ``label`` next to the robot (bold if ``bold``), with a leader line."""
+    """Write each sensor's ``label`` (bold if ``bold``) next to the robot, with a leader line."""
     for side in (1.0, -1.0):
         chosen = sensors[(sensors["y_m"] >= 0.0) == (side > 0.0)].sort_values("x_m")
         levels = spread(chosen["x_m"].tolist(), apart)
@@ -87,7 +87,7 @@ def label_sensors(axes: Axes, sensors: pd.DataFrame, aside: float, apart: float)
 
 
 def group_values(pairs: Iterable[tuple[float, float]]) -> dict[float, list[float]]:
-    """Group the starts of dimension lines by rounded value; ``pairs`` are (value, start)."""
+    """Group dimension lines by rounded value; ``pairs`` are (value, start of the line)."""
     groups: dict[float, list[float]] = {}
     for value, begin in pairs:
         groups.setdefault(round(value, 1) + 0.0, []).append(begin)
@@ -95,17 +95,17 @@ def group_values(pairs: Iterable[tuple[float, float]]) -> dict[float, list[float
 
 
 class Rail(NamedTuple):
-    """The line along which the dimensions of one axis of a view are written."""
+    """The line along which the dimensions of one axis are written."""
 
-    place: Callable[[float], float]  # converts a value to a page position
-    end: float  # end of the leader lines, perpendicular to the axis
-    upright: bool  # True: lines are vertical, and labels rotated
+    place: Callable[[float], float]  # converts a value to a page coordinate
+    end: float  # end of the leader lines, across the axis
+    upright: bool  # whether lines are vertical and labels rotated
 
 
 def write_ordinates(
     axes: Axes, values: Mapping[float, Sequence[float]], rail: Rail, colour: str = DARK
 ) -> None:
-    """Write the values of an axis on a rail, each with a line from the measured point."""
+    """Write the values of an axis on a rail, with lines from the measured points."""
     place, end, upright = rail
     levels = spread([place(value) for value in values], LABEL_MM)
     for (value, begins), level in zip(values.items(), levels, strict=True):
@@ -123,7 +123,7 @@ def write_ordinates(
 
 
 def draw_scale_bar(axes: Axes, corner: tuple[float, float], scale: float) -> None:
-    """Draw a scale bar for a round length on the robot, labelled with the length and scale."""
+    """Draw a scale bar of a round length on the robot, labelled with length and scale."""
     length = max(v for v in _BARS if v / scale <= 40.0 or v == 1)
     x, y = corner
     for part in range(4):
@@ -137,7 +137,7 @@ def draw_scale_bar(axes: Axes, corner: tuple[float, float], scale: float) -> Non
 
 
 def separate(boxes: Array, size: tuple[float, float], rounds: int = 200) -> Array:
-    """Move the centres (n, 2) of equal boxes apart until no boxes overlap."""
+    """Shift the centres (n, 2) of equal boxes until no two boxes overlap."""
     moved = boxes.astype(np.float64).copy()
     wanted = np.array(size)
     for _ in range(rounds):

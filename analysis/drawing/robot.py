@@ -24,17 +24,17 @@ from ..tables.designs import SIGNAL_COLUMNS
 from ..tables.treatments import SINGLE
 from .style import PURPLE, VERMILLION
 
-MARKERS = "os^DvP"  # one per sensor type
+MARKERS = "os^DvP"  # one marker per sensor type
 AXES = ("y, left [m]", "x, forward [m]")
 _BODY, _WHEEL = "0.88", "0.45"
 _EDGE = "0.35"
 RAY = VERMILLION
-LINE_DEG = 2.0  # field of view below which a beam is drawn as a line of fixed width
+LINE_DEG = 2.0  # field of view [deg] below which a beam is drawn as a line
 _HEADING_IN, _RAY_PT = 0.075, 1.2  # length of a heading line, and width of a ray
 
 
 def aspect_ratio(view: Window) -> float:
-    """Return a window's height on the page divided by its width."""
+    """Return the height of a window on the page divided by its width."""
     x_low, x_high, y_low, y_high = view
     return (x_high - x_low) / (y_high - y_low)
 
@@ -45,7 +45,7 @@ def to_page(points: Array) -> Array:
 
 
 def frame_axes(axes: Axes, view: Window) -> None:
-    """Fit axes to a window at equal scales, with x (forward) up and y (left) to the left."""
+    """Fit axes to a window at equal scales; x (forward) points up, y (left) to the left."""
     x_low, x_high, y_low, y_high = view
     axes.set(xlim=(y_high, y_low), ylim=(x_low, x_high), aspect="equal")
     axes.tick_params(length=2, pad=2, labelsize="small")
@@ -55,7 +55,7 @@ def frame_axes(axes: Axes, view: Window) -> None:
 
 
 def draw_robot(axes: Axes, context: FigureContext, alpha: float = 0.85, order: float = 1) -> None:
-    """Draw a robot's parts from the lowest to the highest, with this opacity."""
+    """Draw the parts of a robot from bottom to top, with opacity ``alpha``."""
     for part in sorted(context.parts, key=lambda part: part.top_m):
         look: dict[str, Any] = {"fc": _WHEEL if part.wheel else _BODY, "ec": _EDGE, "lw": 0.4}
         axes.fill(*to_page(outline_part(part)).T, alpha=alpha, zorder=order, **look)
@@ -64,7 +64,7 @@ def draw_robot(axes: Axes, context: FigureContext, alpha: float = 0.85, order: f
 def draw_cones(
     axes: Axes, sensors: pd.DataFrame, colours: Sequence[str], reach_m: float = math.inf
 ) -> PolyCollection:
-    """Draw each sensor's cone in its colour, cut off at ``reach_m``; return the filled areas."""
+    """Draw each cone in its colour, cut off at ``reach_m``; return the collection of cones."""
     cones = [to_page(cone) for cone in trace_cones(sensors, reach_m)]
     areas = PolyCollection(cones, facecolors=list(colours), alpha=0.4, linewidths=0.0, zorder=2.0)
     edges = PolyCollection(
@@ -83,7 +83,7 @@ def draw_rays(
     reach_m: float = math.inf,
     alpha: float = 1.0,
 ) -> None:
-    """Draw a line with a dot at the end for each sensor with a narrow beam or a single ray."""
+    """Draw each narrow beam or single ray as a line with a dot at the end."""
     narrow = (sensors["fov_deg"] < LINE_DEG).to_numpy()
     rows = sensors.loc[narrow, ["x_m", "y_m", "yaw_deg", "range_m"]].to_numpy(dtype=np.float64)
     if not len(rows):
@@ -106,7 +106,7 @@ def draw_sensors(
     markers: Mapping[str, str],
     look: tuple[float, float] = (3.0, 1.0),
 ) -> None:
-    """Draw each sensor with its type's marker; ``look`` is the marker's size [pt] and opacity."""
+    """Draw each sensor with the marker of its type; ``look`` is marker size [pt] and opacity."""
     size_pt, alpha = look
     for kind, marker in markers.items():
         chosen = (sensors["type"] == kind).to_numpy()
@@ -121,7 +121,7 @@ def draw_sensors(
 def _draw_headings(axes: Axes, sensors: pd.DataFrame, alpha: float) -> None:
     places = to_page(sensors[["x_m", "y_m"]].to_numpy(dtype=np.float64))
     yaw = np.radians(sensors["yaw_deg"].to_numpy(dtype=np.float64))
-    # Angles refer to the page rather than to the data.
+    # angles refer to the page, not to the data
     units = {"angles": "uv", "units": "inches", "scale_units": "inches"}
     sizes = {"scale": 1.0 / _HEADING_IN, "width": 0.011, "headwidth": 1.0, "headlength": 0.0}
     look: dict[str, Any] = {**units, **sizes, "headaxislength": 0.0, "color": "black"}
@@ -151,22 +151,22 @@ def _make_type_handles(markers: Mapping[str, str]) -> list[Line2D]:
     ]
 
 
-_MARKERS = {WHEELS: ("p", 6.5), MOTION: ("X", 4.0), CONTACT: ("*", 4.0)}  # marker and size [pt]
+_MARKERS = {WHEELS: ("p", 6.5), MOTION: ("X", 4.0), CONTACT: ("*", 4.0)}  # marker and its size [pt]
 _HATCH = "/////"
 
 
 @dataclass(frozen=True, eq=False)
 class Champions:
-    """Champions and their sensors; a row without a position is a champion without sensors."""
+    """Champions and their sensors; a champion without sensors has one row without a position."""
 
     sensors: pd.DataFrame
     contexts: Mapping[str, FigureContext]  # one per treatment
-    signals: pd.DataFrame | None = None  # sensors that cast no rays; see ``Study.signals``
-    unfinished: Collection[str] = ()  # runs represented by their best design so far
+    signals: pd.DataFrame | None = None  # sensors without rays; see ``Study.signals``
+    unfinished: Collection[str] = ()  # runs represented by their current best design
 
     @cached_property
     def placed(self) -> pd.DataFrame:
-        """The rows that have a sensor."""
+        """The rows with a sensor."""
         return self.sensors.dropna(subset="x_m")
 
     @cached_property
@@ -181,12 +181,12 @@ class Champions:
 
     @cached_property
     def numbers(self) -> "pd.Series[int]":
-        """The number of champions per treatment."""
+        """The number of champions of each treatment."""
         return self.sensors.groupby("treatment").run.nunique()
 
     @property
     def several(self) -> bool:
-        """True if a treatment has several champions."""
+        """True if any treatment has several champions."""
         return int(self.numbers.max()) > 1
 
     def make_handles(self, with_rays: bool = True) -> list[Line2D | Patch]:
@@ -196,7 +196,7 @@ class Champions:
         return [*places[: None if with_rays else 1], *types, *_make_signal_handles(self.others)]
 
     def draw_on_each_other(self, axes: Axes, treatment: str, cut_m: float, places: bool) -> None:
-        """Draw the rays of a treatment's champions and, with ``places``, their sensors."""
+        """Draw the rays of a treatment's champions and, if ``places``, their sensors."""
         chosen = self.placed[self.placed.treatment == treatment]
         alpha = 0.35 if self.several else 0.8  # overlapping dots look darker
         draw_rays(axes, chosen, [RAY] * len(chosen), cut_m, alpha)
@@ -207,7 +207,7 @@ class Champions:
                 draw_signals(axes, signals, self.contexts[treatment], alpha)
 
     def describe(self, treatment: str) -> str:
-        """Describe a treatment; the fitness of a single champion is on a separate line."""
+        """Describe a treatment; the fitness of a single champion follows on a separate line."""
         head = self._count(treatment)
         head = head if treatment == SINGLE else f"{treatment} ({head})"
         if self.several or "fitness_low" not in self.sensors:
@@ -231,7 +231,7 @@ class Champions:
 def draw_signals(
     axes: Axes, signals: pd.DataFrame, context: FigureContext, alpha: float = 1.0
 ) -> None:
-    """Draw each sensor's position, or a bumper's zone up to the robot's edge."""
+    """Draw each sensor without rays: its position, or its contact zone up to the robot's edge."""
     columns = ["x_m", "y_m", "yaw_deg", "width_m", "depth_m"]
     bumpers = signals.loc[signals["width_m"] > 0.0, columns].to_numpy(float).tolist()
     zones = [
@@ -241,7 +241,7 @@ def draw_signals(
     look: dict[str, Any] = {"facecolors": "none", "edgecolors": PURPLE, "linewidths": 0.6}
     drawn = PolyCollection(zones, hatch=_HATCH, alpha=alpha, zorder=3.5, **look)
     axes.add_collection(drawn, autolim=False)
-    for order, measures in enumerate(_MARKERS):  # smaller markers are drawn on top
+    for order, measures in enumerate(_MARKERS):  # draw smaller markers on top
         shown = (signals["measures"] == measures) & (signals["width_m"] <= 0.0)
         places = to_page(signals.loc[shown, ["x_m", "y_m"]].to_numpy(float))
         axes.plot(*places.T, **_style(measures), alpha=alpha, zorder=4.5 + 0.01 * order)

@@ -1,4 +1,4 @@
-"""Panels at exact positions on a page, because Matplotlib's layouts would misalign them."""
+"""Panels at exact positions on a page, which matplotlib's layouts would misalign."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,19 +12,19 @@ from matplotlib.gridspec import GridSpec
 from .style import COLUMN_IN, scale_type
 
 SMALL = "small"
-LINE_IN, TABLE_IN, EDGE_IN = 0.13, 3.38, 0.06  # line height, table width, distance from the edge
+LINE_IN, TABLE_IN, EDGE_IN = 0.13, 3.38, 0.06  # line height, table width and distance from the edge
 _SPARE_IN = 0.03
-Heads = Mapping[str, tuple[float, str]]  # position (fraction of the width) and alignment by head
+Heads = Mapping[str, tuple[float, str]]  # position (fraction of the width) and alignment per column
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """Rows of panels of equal width; all lengths are in inches."""
+    """Rows of panels of equal width; lengths are in inches."""
 
     width: float
     columns: int
-    ratios: Sequence[float]  # panel height divided by width, for each row
-    heads: Sequence[float]  # room above each row
+    ratios: Sequence[float]  # height divided by width of the panels in each row
+    heads: Sequence[float]  # space above each row
     left: float = 0.56
     right: float = 0.08
     bottom: float = 0.4
@@ -63,7 +63,7 @@ class Sheet:
 
 
 def table_height(rows: int, notes: int = 0) -> float:
-    """Return the height [in] of a table with column heads and lines of notes."""
+    """Return the height [in] of a table with column heads and ``notes`` lines of notes."""
     return scale_type(LINE_IN) * (rows + 2 + notes)
 
 
@@ -74,7 +74,7 @@ def fit_height(
     stack: GridSpec | None = None,
     below: Sequence[float] = (),
 ) -> None:
-    """Fit a figure's height to its rows of panels and a ``stack`` of heights ``below`` [in]."""
+    """Fit the height of a figure to its rows of panels, above parts of heights ``below`` [in]."""
 
     def resize(height: float) -> None:
         figure.set_figheight(height + sum(below))
@@ -83,27 +83,27 @@ def fit_height(
 
     (left, right), (low, high) = panels[0].get_xlim(), panels[0].get_ylim()
     width = figure.get_figwidth() / len({axes.get_subplotspec().colspan for axes in panels})
-    tall = rows * (width * (high - low) / (right - left) + 2.0) + 2.0  # more than they need
+    tall = rows * (width * (high - low) / (right - left) + 2.0) + 2.0  # more than the panels need
     resize(tall)
     engine: Any = figure.get_layout_engine()
     engine.execute(figure)
     unused = []
     for axes in panels:
         slot = axes.get_position(original=True).transformed(axes.get_figure().transSubfigure)
-        used = axes.get_tightbbox()  # titles and labels may lie within the slot
+        used = axes.get_tightbbox()  # includes titles and labels
         unused.append(max(0.0, slot.y1 - used.y1) + max(0.0, used.y0 - slot.y0))
-    # Panels of another size may have other ticks, so a little room is left.
+    # Panels of another size may have different ticks, so leave some room.
     resize(round(tall - rows * (min(unused) / figure.dpi - _SPARE_IN), 2))
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Panels with a table below each; all lengths are in inches."""
+    """Panels, each with a table below; lengths are in inches."""
 
     count: int
-    width: float  # figure width; wide figures have two columns
+    width: float  # figure width; wide figures have two columns of panels
     panel: float  # height
-    table: float  # height; 0: no tables
+    table: float  # table height; 0 for no tables
 
     @property
     def _columns(self) -> int:
@@ -111,11 +111,11 @@ class Layout:
 
     @property
     def table_size(self) -> tuple[float, float]:
-        """The width and height [in] of a subfigure that holds a table."""
+        """The width and height [in] of a table's subfigure."""
         return self.width / self._columns, self.table
 
     def make_figure(self) -> tuple[Figure, list[tuple[SubFigure, SubFigure]]]:
-        """Make a figure with (panel, table) subfigures; without tables, both are the same."""
+        """Make a figure with (panel, table) subfigures, which are the same without tables."""
         rows = ceil(self.count / self._columns)
         height = (self.panel + self.table) * rows
         figure = Figure(figsize=(self.width, height), layout="constrained")
@@ -137,7 +137,7 @@ def write_table(
     size_in: tuple[float, float],
     note: str = "",
 ) -> None:
-    """Write heads, rows and a note from the top of a subfigure of size ``size_in``."""
+    """Write column heads, rows and a note into a subfigure of size ``size_in``, from the top."""
     width, height = size_in
     table = min(scale_type(TABLE_IN), width - 2 * EDGE_IN)
     left = max(EDGE_IN, (width - table) / 2)

@@ -1,4 +1,4 @@
-"""Top views of worlds: obstacles coloured by height, courses, and robot tracks."""
+"""Top views of worlds: obstacles coloured by height, courses and robot tracks."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -21,12 +21,12 @@ from .style import COLUMN_IN, HALO, VERMILLION, render, use_style
 
 HEIGHTS_M = Normalize(0.0, 1.0)
 _NUMBER: dict[str, Any] = {"fontsize": "x-small", "ha": "center", "va": "center", "zorder": 4.8}
-PICTURE_IN = 4.5  # width of a world's picture
-OVERHEAD_M = 1.0  # parts with a higher underside hide nothing that robots can touch or see
+PICTURE_IN = 4.5  # width [in] of a picture per world
+OVERHEAD_M = 1.0  # height [m] above which parts hide nothing that robots can touch or see
 
 
 def draw_world_picture(worlds: Mapping[str, World]) -> bytes:
-    """Draw top views of worlds and their courses, as a PNG."""
+    """Draw worlds and their courses in top view as a PNG."""
     figure = draw_worlds(worlds, width=PICTURE_IN * len(worlds))
     axes = figure.axes[0]
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
@@ -39,7 +39,7 @@ def draw_worlds(
     tracks: Mapping[str, Sequence[Array]] | None = None,
     width: float = 2 * COLUMN_IN,
 ) -> Figure:
-    """Draw one panel per world, side by side, with its tracks (n, 2) [m] as lines."""
+    """Draw the worlds side by side, with tracks (n, 2) [m] as lines."""
     with use_style():
         figure = Figure(figsize=(width, 1.1 * width / len(worlds)), layout="constrained")
         panels = figure.subplots(1, len(worlds), squeeze=False, sharex=True, sharey=True)[0]
@@ -60,7 +60,7 @@ def draw_worlds(
 def draw_obstacles(
     axes: Axes, world: World, cmap: str = "cividis_r", heights: Normalize = HEIGHTS_M
 ) -> PatchCollection:
-    """Draw a world's obstacles, coloured by height; for lintels and roofs, only the edges."""
+    """Draw obstacles, coloured by height; of lintels and roofs, draw only the edges."""
     patches: list[Patch] = []
     overhead: list[Patch] = []
     tops: list[float] = []
@@ -86,12 +86,12 @@ def draw_obstacles(
 def _to_patch(area: Footprint) -> Patch:
     if len(area.vertices) == 1:
         return Circle((area.vertices[0, 0], area.vertices[0, 1]), area.radius)
-    # A tilted cylinder, even if tilted only by rounding, is a segment with a radius.
+    # A tilted cylinder, even if tilted only by rounding errors, is a segment with a radius.
     return Polygon(dilate(area.vertices, area.radius))
 
 
 def draw_course(axes: Axes, course: Course) -> None:
-    """Draw the route, a star at home, and numbered waypoints with acceptance circles."""
+    """Draw the route, home as a star, and numbered waypoints with acceptance circles."""
     axes.plot(*course.first_phase.T, color="0.5", lw=0.7, ls=":")
     numbers: dict[Sequence[float], list[str]] = {}
     for index, place in enumerate(course.waypoints, 1):

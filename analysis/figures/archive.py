@@ -1,4 +1,4 @@
-"""The best design in each cell of a grid over two descriptors, and the archive's growth."""
+"""The best design per cell of a grid over two descriptors, and the growth of the archive."""
 
 import argparse
 import math
@@ -31,16 +31,16 @@ FIRST_ROBOT = True
 HELP = "the best design in each cell of two descriptors; growth of coverage and QD score"
 NEEDS = "runs that recorded at least two descriptors"
 FILES = ("archive.csv", "archive_growth.csv")
-DESIGNS, COLUMNS = 6, 2  # designs drawn next to a single map
-MOST_COLUMNS = 5  # maximum number of maps in a row
+DESIGNS, COLUMNS = 6, 2  # designs drawn next to a single map, in columns
+MOST_COLUMNS = 5  # maximum number of maps per row
 MAP_IN, PANEL_IN, BELOW_IN = 3.5, 1.02, 1.95
-STEP_IN = 1.28  # height of a row of designs below the map
+STEP_IN = 1.28  # height [in] of a row of designs below the map
 LINE_IN = 0.14
 LETTERS = 90  # title characters per row of maps
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options for the descriptors, the number of cells and the grouping of runs."""
+    """Add the options for descriptors, number of cells and grouping of runs."""
     add_choice(parser)
     about = "number of cells along each descriptor; default: the optimizer's number, or 10"
     parser.add_argument("--cells", type=int, metavar="N", help=about)
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the archive of each treatment or run; the tables list the elites and the growth."""
+    """Draw the archive of each treatment or run; tables list the elites and the growth."""
     archive = read_archive(study, options)
     x, y, _ = archive.grid
     groups = group_runs(study, options.by)
@@ -64,7 +64,7 @@ def _draw_archives(
     study: Study, archive: Archive, elites: Mapping[str, pd.DataFrame], by: str, width: float
 ) -> Figure:
     wide = is_wide(width)
-    growth_in = BELOW_IN if wide else 2 * BELOW_IN - 0.1  # next to or above each other
+    growth_in = BELOW_IN if wide else 2 * BELOW_IN - 0.1  # side by side, or one above the other
     with use_style():
         titles = _make_titles(study, elites, by)
         treatments = study.treatments
@@ -224,7 +224,7 @@ def _find_centres(elites: pd.DataFrame, grid: Grid) -> Array:
 def mark_number(
     axes: Axes, at: Array, index: int, offset: tuple[float, float] = (0, 0), size: float = 6
 ) -> None:
-    """Write a design's number in a white disc."""
+    """Write the number of a design in a white disc."""
     disc = {"boxstyle": "circle,pad=0.15", "fc": "white", "ec": "black", "lw": 0.5}
     style: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "center"}
     axes.annotate(f"{index}", tuple(at), offset, fontsize=size, bbox=disc, zorder=5, **style)
@@ -233,7 +233,7 @@ def mark_number(
 def draw_chosen(
     study: Study, candidates: pd.DataFrame, chosen: Sequence[int], panels: Sequence[Axes]
 ) -> None:
-    """Draw the chosen candidates in panels, each titled with its number and fitness."""
+    """Draw the chosen designs in panels titled with number and fitness."""
     designs, titles = [], []
     unit = study.records[0].context.fitness.unit
     for index, row in enumerate(chosen, start=1):

@@ -44,7 +44,7 @@ READS: tuple[Callable[[Record], object], ...] = (
     read_champion,
     read_initial_sensors,
 )
-"""Readers that must all succeed on a run; otherwise, the run is left out."""
+"""Readers that must succeed on a run; otherwise, the run is skipped."""
 NUMBER_FORMATS = {SHARE: "{:.0%}", DEGREES: "{:.0f}", NUMBER: "{:.2f}"}
 SUFFIXES = {SHARE: "", DEGREES: " deg", NUMBER: ""}
 MARKS: dict[str, dict[str, Any]] = {
@@ -53,13 +53,13 @@ MARKS: dict[str, dict[str, Any]] = {
     UNKNOWN: {"marker": "o", "mfc": "none", "mec": "0.4"},
     BUILT_IN: {"marker": "s", "mfc": "0.7", "mec": "0.4"},
 }
-SIZE, LINE_IN, GAP_IN = 7.0, 0.125, 0.05  # font size [pt], line height, row gap
-PER_IN = 16.5  # characters per inch at this size
+SIZE, LINE_IN, GAP_IN = 7.0, 0.125, 0.05  # font size [pt], line height and row gap
+PER_IN = 16.5  # characters per inch at this font size
 BOLD_PER_IN = 15.0
 WIDE = {"measure": 1.85, "measured [95%]": 1.05, "n": 0.28, "against": 0.77, "verdict": 1.05}
 WIDE[""] = 2.0
 NARROW = {"measure": 1.42, "measured [95%]": 1.04, "verdict": 1.04}
-"""Columns of wide and of narrow tables, with their widths [in]."""
+"""Columns of narrow tables, with their widths [in]; ``WIDE`` has more columns."""
 Rows = list[tuple[list[str], list[list[str]], str]]
 
 
@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Judge the claims in a file, based on all finished runs and evaluations of their champions."""
+    """Judge the claims of a file on all finished runs and on evaluations of their champions."""
     check_thresholds(options)
     if options.claims is None:
         raise InputError("--claims: missing; write a claims file, and add --claims FILE")
@@ -88,7 +88,7 @@ def tabulate_findings(
     options: argparse.Namespace,
     messages: Iterable[str] = (),
 ) -> Product:
-    """Draw the findings as a table, and report each finding in one line after ``messages``."""
+    """Draw findings as a table; after ``messages``, report each finding in one line."""
     table = pd.DataFrame([asdict(finding) for finding in findings])
     figure = draw_claims(table, figure_width(options.columns, 2))
     messages = [*messages, *map(_report, table.itertuples())]
@@ -103,7 +103,7 @@ def _report(row: Any) -> str:
 
 
 def draw_claims(table: pd.DataFrame, width: float = PAGE_IN) -> Figure:
-    """Draw a table of findings, ``width`` inches wide; narrow tables have fewer columns."""
+    """Draw a table of findings; narrow tables have fewer columns. ``width`` is in inches."""
     columns = WIDE if is_wide(width) else NARROW
     scale = width / sum(columns.values())
     sizes = {name: size * scale for name, size in columns.items()}
@@ -122,7 +122,7 @@ def draw_claims(table: pd.DataFrame, width: float = PAGE_IN) -> Figure:
 
 
 def format_value(row: Any) -> str:
-    """Format the measured value and its interval."""
+    """Format the measured value with its interval."""
     form, suffix = NUMBER_FORMATS[row.unit], SUFFIXES[row.unit]
     if np.isnan(row.value):
         return "-"
@@ -140,7 +140,7 @@ def _format_reference(row: Any) -> str:
 
 
 def _rows(table: pd.DataFrame, sizes: Mapping[str, float], width: float) -> Rows:
-    """Return, for each row, the lines of the claim (if new) and of each cell, and the verdict."""
+    """Return the lines of the claim (if new) and of each cell, and the verdict, for each row."""
     rows: Rows = []
     claim = ""
     for row in table.itertuples():

@@ -1,4 +1,4 @@
-"""A comparison of treatments: every replicate, box plots, and pairwise tests."""
+"""Comparison of treatments: all replicates, box plots and pairwise tests."""
 
 import argparse
 from collections.abc import Hashable, Iterator, Mapping, Sequence
@@ -34,21 +34,21 @@ from .options import add_conditions, score_runs
 HELP = "treatments by recorded and validated fitness: tests, effects, intervals"
 NEEDS = "finished runs; for tests, at least two treatments with replicates"
 FILES = ("compare.csv", "compare_runs.csv")
-LISTED = 5  # number of tests above which the tests of all pairs are a matrix
-MAX_TESTS = 12  # maximum number of rows below the figure; longer lists appear only in the table
-HEAD_LENGTH = 4  # maximum length of a treatment's name in a matrix
-NAME_LENGTH = 10  # maximum length of a treatment's name in the tests; longer names become letters
-LINE_LENGTH = 20  # maximum number of characters in a line of a label
-TITLE_LENGTH = 28  # maximum number of characters in a line below an axis
+LISTED = 5  # number of tests above which a matrix shows them
+MAX_TESTS = 12  # maximum number of rows below the figure; the table lists all tests
+HEAD_LENGTH = 4  # maximum length of a treatment name in a matrix
+NAME_LENGTH = 10  # length above which treatment names in tests become letters
+LINE_LENGTH = 20  # maximum number of characters per line of a label
+TITLE_LENGTH = 28  # maximum number of characters per line below an axis
 BOX, DOTS = (-0.22, 0.24), (0.18, 0.3)  # offset from the middle of a row, and height
 ROW_IN = 0.36
-PROFILE_IN = 1.9  # minimum height of panels next to a profile
+PROFILE_IN = 1.9  # minimum height [in] of panels next to a profile
 KEY = "box: quartiles, bar: median, dots: runs"
 HEADS = {"treatments": (0.0, "left"), "p (Holm)": (0.62, "right"), "A12 [95 %]": (1.0, "right")}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of scores, of the cost of searches, and of the tests."""
+    """Add the options for scores, the cost of searches, and tests."""
     add_conditions(parser)
     add_budget(parser)
     about = "also compare the shares of runs that reach this fitness by the budget"
@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the comparison; the tables list the tests and the scores of each run."""
+    """Draw the comparison; tables list the tests, and the scores of each run."""
     label, race = label_fitness(study.records), None
     check_axis(options)
     if options.reference not in (None, *study.treatments):
@@ -95,7 +95,7 @@ def _report_scores(
 
 
 def describe_race(race: Race, label: str) -> list[str]:
-    """Describe the span of a race, and the share of each treatment's runs that reach the target."""
+    """Describe the span of a race, and the fraction of runs per treatment that reach the target."""
     start, budget = race.span
     unit = AXES[race.axis]
     lines = [f"{race.measure}: {race.line} {label} from {start:g} to {budget:g} {unit}"]
@@ -160,7 +160,7 @@ def draw_comparison(
     with_tests: bool = True,
     race: Race | None = None,
 ) -> Figure:
-    """Draw a panel per measure: dots of runs, box plots and tests; and a panel of the ``race``."""
+    """Draw a panel per measure with dots of runs, box plots and tests, and a panel of ``race``."""
     names = list(dict.fromkeys(runs["treatment"].astype(str)))
     measures = list(dict.fromkeys(table["measure"]))
     tests = {name: table[(table["measure"] == name) & (table["b"] != "")] for name in measures}
@@ -236,7 +236,7 @@ def _write_test(row: Mapping[Hashable, Any]) -> tuple[str, str]:
 def _draw_profile(
     parts: tuple[SubFigure, SubFigure], race: Race, reached: "Mapping[str, pd.Series[float]]"
 ) -> None:
-    """Draw the share of runs that have reached the target, by cost (Hansen et al. 2021)."""
+    """Draw the fraction of runs that have reached the target, by cost (Hansen et al. 2021)."""
     top, bottom = parts
     axes, (start, budget) = top.subplots(), race.span
     for place, (name, (colour, dashes)) in enumerate(style.assign_dashes(list(reached)).items()):
@@ -270,7 +270,7 @@ def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[st
             text = f"{value}, n = {values.size}\n{bounds}".rstrip()
             beside = axes.get_yaxis_transform()
             axes.text(1.02, row, text, transform=beside, va="center", fontsize=SMALL)
-    axes.use_sticky_edges = False  # dots at the end of a box are not clipped
+    axes.use_sticky_edges = False  # keeps dots at the end of a box unclipped
     axes.set(ylim=(len(names) - 0.45, -0.45))
     axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     axes.tick_params(axis="y", length=0)
@@ -279,7 +279,7 @@ def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[st
 
 def _draw_box(axes: Axes, y: float, values: Array) -> None:
     q1, median, q3 = np.quantile(values, [0.25, 0.5, 0.75])
-    reach = 1.5 * (q3 - q1)  # whiskers end at the last value within
+    reach = 1.5 * (q3 - q1)  # whiskers end at the last value within this distance
     low, high = values[values >= q1 - reach].min(), values[values <= q3 + reach].max()
     axes.hlines([y, y], [low, q3], [q1, high], color="0.4", lw=0.7, zorder=1)
     axes.barh(y, q3 - q1, BOX[1], left=q1, color="0.9", ec="0.4", lw=0.7, zorder=1)

@@ -1,4 +1,4 @@
-"""Champions and their controls on the same draws: no sensors, random search, hand-made designs."""
+"""Champions and controls on the same draws: no sensors, random search, hand-made designs."""
 
 import argparse
 from collections.abc import Mapping
@@ -26,21 +26,21 @@ HELP = "each champion against no sensors, random search and hand-made designs"
 NEEDS = "runs with controls"
 FILES = ("controls.csv", "controls_summary.csv")
 LOOKS = {"control": (VERMILLION, 7.0, "white"), "champion": (BLUE, 4.0, BLUE)}
-"""Edge colour, size and face colour of each side's marker."""
+"""Edge colour, size and face colour of the markers of controls and champions."""
 INTERVAL = "95 % interval of the difference"
 ROW_IN, HEAD_IN = 0.24, 0.98
 NAME_LENGTH = 28
 TITLES = {NO_SENSORS: "no sensors", RANDOM: "random search"}
 DECIDES = {NO_SENSORS: "the sensors", RANDOM: "the search"}
-"""Control -> what matters if the control is worse than the champion."""
-LITTLE = 0.9  # a control shown to complete this share of the champion's missions decides little
+"""Maps a control to what is decisive if the champion beats the control."""
+LITTLE = 0.9  # completion rate relative to the champion's above which a control decides little
 SHARES = ("control_completed", "champion_completed")
 FITNESS = ("control_fitness", "champion_fitness")
 CHANGE = ("difference", "low", "high")
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the means of champions and controls; small dots are single runs."""
+    """Draw the means of champions and controls, with small dots for single runs."""
     table = compare_controls(study)
     summary = summarize_controls(table)
     label = label_fitness(study.records)
@@ -100,9 +100,9 @@ def _draw_row(axes: Axes, values: Array, y: int) -> None:
 
 
 def compare_controls(study: Study) -> pd.DataFrame:
-    """Compare each finished run's champion with its controls: one row per run and control.
+    """Compare the champion of each finished run with its controls: one row per run and control.
 
-    ``difference`` is the champion's completion rate minus the control's on the same draws.
+    ``difference`` is the champion's minus the control's completion rate on the same draws.
     """
     recorded = [record for record in study.records if (record.path / CONTROLS).is_dir()]
     if not recorded:
@@ -149,7 +149,7 @@ def _name(table: pd.DataFrame) -> "pd.Series[str]":
 
 
 def summarize_controls(table: pd.DataFrame) -> pd.DataFrame:
-    """Average over the runs of each treatment; the interval of several runs is over the runs."""
+    """Average over the runs of each treatment; with several runs, intervals are over the runs."""
     rows = []
     for (treatment, control), runs in table.groupby(["treatment", "control"], sort=False):
         means = runs[[*SHARES, *FITNESS, *CHANGE]].mean().to_dict()

@@ -46,11 +46,11 @@ PLACES = ((0.0, "left"), (0.66, "right"), (0.81, "right"), (1.0, "right"))
 EFFECT_LENGTH = 32  # maximum length of an effect's name in the table
 LEVEL_LENGTH = 24  # maximum length of a level's name
 PANEL_IN = 2.2
-LETTERS_PER_IN = 15  # axis label characters per inch
+LETTERS_PER_IN = 15  # characters per inch of axis labels
 LEGEND_LETTERS = 44  # maximum number of characters per legend line, without markers
 PROBABILITIES = ("p", "p_holm")
 CROSS, TIMES = " x ", " \N{MULTIPLICATION SIGN} "  # separators in tables and in figures
-SPREAD = 0.5  # total width of the second factor's levels
+SPREAD = 0.5  # total width of the levels of the second factor
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the mean of each cell; the tables list the tests and the differences of means."""
+    """Draw the mean of each cell; tables list the tests and the differences of means."""
     names = _choose_factors(study, options.factors)
     runs, measures = score_runs(study, options.under)
     levels = {record.name: record.levels for record in study.records}
@@ -90,7 +90,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def _choose_factors(study: Study, wanted: str | None) -> list[str]:
-    """Choose the named factors, by default all that vary and do not follow from others."""
+    """Return the named factors, by default all that vary independently of the others."""
     columns = {
         name: tuple(record.levels[name] for record in study.records) for name in study.factors
     }
@@ -156,7 +156,7 @@ def _describe(names: Sequence[str], cell: Cell) -> str:
 def list_tests(
     measure: str, cells: Mapping[Cell, Array], names: Sequence[str]
 ) -> Iterator[dict[str, object]]:
-    """Yield a measure's tests, with the columns ``TESTS``: each factor, and their interaction."""
+    """Yield the tests of a measure, with columns ``TESTS``: each factor and their interaction."""
     values = np.concatenate(list(cells.values()))
     levels = {
         name: [cell[i] for cell, sample in cells.items() for _ in sample]
@@ -173,7 +173,7 @@ def list_tests(
 
 
 def conclude(tests: pd.DataFrame, effects: pd.DataFrame, label: str = FITNESS) -> Iterator[str]:
-    """Yield a conclusion for each effect, with its contrasts; ``label`` names the fitness."""
+    """Yield a conclusion with contrasts for each effect; ``label`` names the fitness."""
     for row in tests.to_dict("records"):
         rows = effects[(effects.measure == row["measure"]) & (effects.effect == row["effect"])]
         shown = "; ".join(
@@ -201,7 +201,7 @@ def draw_factors(
     width: float = style.COLUMN_IN,
     label: str = FITNESS,
 ) -> Figure:
-    """Draw one panel per measure: replicates, means and intervals, with the tests below."""
+    """Draw a panel per measure with replicates, means and intervals, and the tests below."""
     levels, upright = _label_levels(width, cells)
     below = 0.06 * max(map(len, levels)) if upright else 0.13 * max(x.count("\n") for x in levels)
     panel_in = PANEL_IN + style.scale_type(below)
@@ -223,7 +223,7 @@ def draw_factors(
             note = f"bars: 95 % intervals of means; {tested['test'].iloc[0]}"
             write_table(bottom, heads, rows, layout.table_size, note)
         ends = np.array([top.axes[0].get_ylim() for top, _ in parts])
-        for top, _ in parts:  # all measures are in the unit of the fitness
+        for top, _ in parts:  # all measures have the unit of the fitness
             top.axes[0].set_ylim(ends.min(), ends.max())
     return figure
 
@@ -240,7 +240,7 @@ def _write_test(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
 def _label_levels(
     width: float, cells: Mapping[str, Mapping[Cell, Array]]
 ) -> tuple[list[str], bool]:
-    """Return the labels of the first factor's levels, and True if they fit upright only."""
+    """Return the labels of the first factor's levels, and True if they must be upright to fit."""
     first = dict.fromkeys(cell[0] for values in cells.values() for cell in values)
     levels = [*map(describe_level, first)]
     panel = width / (2 if width > 1.5 * style.COLUMN_IN and len(cells) > 1 else 1) - 0.7

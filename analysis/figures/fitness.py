@@ -1,4 +1,4 @@
-"""Fitness over generations or cost: every individual of one run (Fig. 9), or several runs."""
+"""Fitness by generation or cost: all individuals of one run (Fig. 9), or several runs."""
 
 import argparse
 import math
@@ -31,19 +31,19 @@ FILES = ("fitness.csv",)
 LABELS = {"recorded": "best, recorded", "validated": "best, validated", "mean": "mean of pool"}
 ONE = "dots: designs in the generation's pool"
 SEVERAL = "lines: medians over the runs; bands: quartiles"
-STYLES = {  # colours and dash patterns, both distinct in greyscale print
+STYLES = {  # colours and dash patterns, distinct in greyscale too
     "recorded": ("black", "-"),
     "validated": (VERMILLION, (0, (4, 1))),
     "mean": ("0.45", (0, (1, 1.2))),
 }
-_LETTERS_PER_IN, _LEGEND_PER_IN = 13, 16  # characters per inch of titles and of the legend
+_LETTERS_PER_IN, _LEGEND_PER_IN = 13, 16  # characters per inch of titles, and of the legend
 
 
 add_arguments = add_axis
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the individuals of one run, or the quartiles of several."""
+    """Draw the individuals of one run, or quartiles of several runs."""
     generations, axis = add_costs(study, options.axis), options.axis
     several = generations["run"].nunique() > 1
     treatments = generations["treatment"].nunique() if several else 1
@@ -68,7 +68,7 @@ def draw_fitness(
     label: str = FITNESS,
     axis: str = GENERATION,
 ) -> Figure:
-    """Draw one run's individuals, or the quartiles of several runs by treatment."""
+    """Draw the individuals of one run, or quartiles of several runs by treatment."""
     with use_style():
         if "run" not in generations or generations["run"].nunique() == 1:
             return _draw_one(generations, width, champion, label, axis)
@@ -95,7 +95,7 @@ def _draw_one(
 
 
 def _draw_several(table: pd.DataFrame, width: float, label: str, axis: str) -> Figure:
-    """Draw the lines of one treatment in a panel, or all treatments in a panel for each line."""
+    """Draw all lines of a single treatment in one panel, or all treatments in a panel per line."""
     counts = table.groupby("treatment", sort=False)["replicates"].max()
     names = {str(name): f"{name} (n = {count})" for name, count in counts.items()}
     (first, *others), looks = names.values(), assign_dashes(list(names))
@@ -125,7 +125,7 @@ def _draw_several(table: pd.DataFrame, width: float, label: str, axis: str) -> F
 def _draw_quartiles(
     axes: Axes, table: pd.DataFrame, name: str, look: tuple[str, Any], meaning: str, axis: str
 ) -> None:
-    """Draw a median with its quartiles, at costs that all runs have reached."""
+    """Draw a median and quartiles, up to the cost that all runs have reached."""
     by_cost = axis != GENERATION
     everyone = table["replicates"] == table["replicates"].max()
     known = table[table[f"{name}_median"].notna() & (everyone | (not by_cost))]

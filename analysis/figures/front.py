@@ -22,21 +22,21 @@ FIRST_ROBOT = True
 HELP = "the Pareto front of two objectives, with some of its designs"
 NEEDS = "runs that recorded at least two objectives"
 FILES = ("front.csv",)
-DESIGNS, COLUMNS = 6, 3  # designs drawn next to the front
+DESIGNS, COLUMNS = 6, 3  # number of designs drawn next to the front, in columns
 HEIGHT_IN, PLOT_IN, LINE_IN, STEP_IN = 3.25, 2.65, 0.14, 1.38
-LEFT_IN, BOTTOM_IN = 0.8, 0.56  # room for two-line labels
+LEFT_IN, BOTTOM_IN = 0.8, 0.56  # space for two-line labels
 LETTERS = 42  # maximum number of characters per line of a label
 MARKERS = "os^Dvp"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options for the objectives and the grouping of runs."""
+    """Add the options for objectives and grouping of runs."""
     add_choice(parser)
     add_grouping(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the front of each treatment or run; the table lists the designs on it."""
+    """Draw the front of each treatment or run; the table lists its designs."""
     shown = read_front(study, options)
     groups = group_runs(study, options.by)
     fronts = {name: shown.select_front(runs) for name, runs in groups.items()}
@@ -54,7 +54,7 @@ def _draw_front(
     front: pd.DataFrame,
     width: float,
 ) -> Figure:
-    """Draw the front with designs on its right, or below it in a single column."""
+    """Draw the front, with designs to the right or, in a single column, below."""
     x, y, wide = shown.x, shown.y, is_wide(width)
     with use_style():
         below = LINE_IN * (1 + len(study.treatments)) if len(study.treatments) > 1 else 0.0

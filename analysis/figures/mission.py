@@ -1,4 +1,4 @@
-"""Top view of the champion's missions: obstacles, course, path by mode, and failures (Fig. 6)."""
+"""Top view of the champion's missions: obstacles, course, path by mode, failures (Fig. 6)."""
 
 import argparse
 import math
@@ -41,18 +41,18 @@ ENDINGS = {
     "collision": "collision at {:.0f} s",
     "time_limit": "time limit, {:.0f} s",
 }
-_PANEL_IN = 1.7  # minimum width of a panel
-_ERRORS_IN = 1.3  # height of a panel of errors
-_PER_IN, _SMALL_PER_IN = 13.5, 16.5  # title and legend characters per inch
+_PANEL_IN = 1.7  # minimum width [in] of a panel
+_ERRORS_IN = 1.3  # height [in] of a panel of errors
+_PER_IN, _SMALL_PER_IN = 13.5, 16.5  # characters per inch of titles, and of legends
 _HARD_SPACE = "\N{NO-BREAK SPACE}"
-_HANDLE = 6  # width of a legend marker, in characters
+_HANDLE = 6  # width of a legend marker in characters
 UNITS = {
     "mps": "speed\n[m/s]",
     "radps": "rate\n[rad/s]",
     "mps2": "acceleration\n[m/s²]",
-    "": "closed",  # bumpers have no unit
+    "": "closed",  # unit of bumpers
 }
-PANEL_IN, LEGEND_IN = 0.85, 0.6  # heights of a readings panel and of the legend below
+PANEL_IN, LEGEND_IN = 0.85, 0.6  # heights of a panel of readings, and of the legend
 _STYLES = ("-", "--", "-.", ":")
 
 
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the missions of a champion from the named run, by default the best run."""
+    """Draw the missions of the champion of the named run (default: the best run)."""
     study.check_worlds(options.world or [])
     record, (tracks, worlds) = study.choose(options.run, partial(_read, wanted=options.world), True)
     walkers = {name: read_walkers(record, name) for name in worlds}
@@ -87,30 +87,30 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 @dataclass(frozen=True, eq=False)
 class Missions:
-    """The missions of a champion, one in each world."""
+    """The missions of a champion, one per world."""
 
-    tracks: pd.DataFrame  # tracks of all robots, with the columns ``tracks.COLUMNS``
+    tracks: pd.DataFrame  # tracks of all robots, with columns ``tracks.COLUMNS``
     worlds: Mapping[str, World]
     modes: Sequence[str]  # one mode per controller layer
-    # contexts by name in the column ``agent``, which is empty for the first robot
+    # Context of each robot, by name in the column ``agent``, which is empty for the main robot.
     robots: Mapping[str, FigureContext] = field(default_factory=dict)
     traces: Mapping[str, Sequence[Trace]] = field(default_factory=dict)  # readings by world
-    rates: Mapping[str, str] = field(default_factory=dict)  # completion rates by world
+    rates: Mapping[str, str] = field(default_factory=dict)  # completion rate in each world
     walkers: Mapping[str, Sequence[WalkerTrack]] = field(default_factory=dict)  # tracks by world
 
     @property
     def effects(self) -> Mapping[str, str]:
-        """The effects of faults on readings, by name."""
+        """The effect of each kind of fault on readings, by name."""
         return self.robots[""].failure.effects if self.robots else {}
 
     @cached_property
     def first(self) -> pd.DataFrame:
-        """The tracks of the first robot."""
+        """The tracks of the main robot."""
         return self.tracks[name_robots(self.tracks) == ""]
 
     @cached_property
     def paths(self) -> dict[str, pd.DataFrame]:
-        """The path of the first robot in each world."""
+        """The path of the main robot in each world."""
         return {name: select_track(self.first, name) for name in self.worlds}
 
     def list_handles(self) -> list[Artist]:
@@ -123,7 +123,7 @@ class Missions:
 
 
 def draw_missions(missions: Missions, width: float = PAGE_IN) -> Figure:
-    """Draw one panel per world, with errors and readings below; ``width`` is in inches."""
+    """Draw a panel per world, with errors and readings below; ``width`` is in inches."""
     columns = min(len(missions.worlds), max(1, int(width / _PANEL_IN)))
     room = _PER_IN / scale_type(1.0) * width / columns
     rows = math.ceil(len(missions.worlds) / columns)
@@ -153,7 +153,7 @@ def draw_missions(missions: Missions, width: float = PAGE_IN) -> Figure:
 
 
 def _draw_map(axes: Axes, missions: Missions, name: str, room: float) -> None:
-    """Draw all robots' missions in a world; title lines have up to ``room`` characters."""
+    """Draw the missions of all robots in a world; title lines have at most ``room`` characters."""
     path, robots = missions.paths[name], missions.robots
     mission_map.draw_mission(axes, missions.worlds[name], path, missions.modes, missions.effects)
     mission_map.draw_walkers(axes, missions.walkers.get(name, ()), path)

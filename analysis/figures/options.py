@@ -1,4 +1,4 @@
-"""Options that subcommands share: redundancy thresholds, common conditions, and grouping."""
+"""Options shared by subcommands: redundancy thresholds, common conditions, grouping."""
 
 import argparse
 from math import inf
@@ -12,7 +12,7 @@ from ..statistics.comparison import MEASURES
 from ..tables.study import Study
 from ..tables.validated import score_under, validate_champions
 
-TREATMENT, RUN = "treatment", "run"  # choices of ``--by``: the groups in which designs are pooled
+TREATMENT, RUN = "treatment", "run"  # values of ``--by``, the unit over which designs are pooled
 
 
 def add_thresholds(parser: argparse.ArgumentParser) -> None:
@@ -24,14 +24,14 @@ def add_thresholds(parser: argparse.ArgumentParser) -> None:
 
 
 def check_thresholds(options: argparse.Namespace) -> None:
-    """Check the redundancy thresholds."""
+    """Check that the redundancy thresholds are valid."""
     for key, value in (("--near-m", options.near_m), ("--near-deg", options.near_deg)):
         if not 0 <= value < inf:
             raise InputError(f"{key}: must be 0 or greater, not {value}")
 
 
 def add_conditions(parser: argparse.ArgumentParser) -> None:
-    """Add ``--under``, which compares champions by their scores in given evaluations."""
+    """Add ``--under``, which compares champions by their scores in named evaluations."""
     about = (
         "compare the champions by their scores in the evaluations with this name or label, "
         "under the same conditions for all"
@@ -48,7 +48,7 @@ def add_grouping(parser: argparse.ArgumentParser) -> None:
 
 
 def group_runs(study: Study, by: str) -> dict[str, list[int]]:
-    """Group the indices of a study's runs by treatment or run, ordered by treatment and seed."""
+    """Group the indices of runs by treatment or run, ordered by treatment and seed."""
     groups: dict[str, list[int]] = {}
     rank = study.treatments.index
     ordered = sorted(
@@ -60,7 +60,7 @@ def group_runs(study: Study, by: str) -> dict[str, list[int]]:
 
 
 def score_runs(study: Study, under: str | None) -> tuple[pd.DataFrame, list[str]]:
-    """Score each finished run's champion; return the table and the names of its score columns."""
+    """Score the champion of each finished run; return the table and its score columns."""
     if under is None:
         return validate_champions(study), list(MEASURES)
     return score_under(study, under), [f"under {under}"]

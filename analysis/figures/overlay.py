@@ -1,6 +1,6 @@
-"""All champions on one robot: positions and coverage of their sensors (the paper's Fig. 8).
+"""All champions on one robot: positions and coverage of the sensors (Fig. 8 of the paper).
 
-The shade gives the number of champions (of sensors if every treatment has a single champion).
+The shade shows the number of champions, or of sensors if every treatment has a single champion.
 """
 
 import argparse
@@ -39,26 +39,26 @@ HELP = "sensors and cones of the champions on one robot, darker where they overl
 NEEDS = "runs with at least one generation"
 FILES = ("overlay.csv", "overlay_sensors.csv", "overlay_signals.csv")
 Shades = tuple[ListedColormap, BoundaryNorm]
-PER_ROW_IN, CROWDED_IN = 1.5, 1.2  # minimum width of a panel; if there are several treatments
-LETTERS_PER_IN = 16  # title characters per inch
-APART = 2.5  # ratio of ranges above which the shorter cones would look like dots
-BAR_IN = 0.75  # room for the colour bar
-HEADS_IN = (0.38, 0.6)  # room above the first and the other views
+PER_ROW_IN, CROWDED_IN = 1.5, 1.2  # minimum width [in] of a panel, and with several treatments
+LETTERS_PER_IN = 16  # characters per inch of titles
+APART = 2.5  # ratio of ranges above which shorter cones would look like dots
+BAR_IN = 0.75  # space [in] for the colour bar
+HEADS_IN = (0.38, 0.6)  # space above the first view, and above other views
 LINE_IN = 0.13  # height of a title line
 BAR_LABEL = "covering the point"
-CELLS = 300  # cells along a cone, about 0.1 mm each in print
+CELLS = 300  # number of cells along a cone, about 0.1 mm each in print
 SPAN = ["treatment", "cut_m", "cell_m", "x_m", "y_low_m", "y_high_m"]
 UNITS = {"champions": ["run"], "sensors": ["run", "sensor"]}  # columns of a unit
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the option for the cone length in the near view."""
+    """Add ``--cut``, the cone length in the near view."""
     about = "length of the cones in the near view [m]; default: about the robot's length"
     parser.add_argument("--cut", type=float, metavar="M", help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the champions; the tables list the counts and the sensors."""
+    """Draw the champions; tables list the counts and the sensors."""
     sensors = study.gather(read_champion)
     contexts = {
         record.treatment: record.context
@@ -78,7 +78,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 def choose_cuts(
     sensors: pd.DataFrame, contexts: Mapping[str, FigureContext], near_m: float | None = None
 ) -> tuple[float, ...]:
-    """Choose the lengths [m] at which cones are cut off: a near one, and a longer full range."""
+    """Return the lengths [m] at which cones are cut off: a near length, and the full range."""
     if near_m is not None and not 0 < near_m < math.inf:
         raise InputError(
             f"--cut: must be a positive length, not {near_m}; type --cut 0.5, for example"
@@ -89,13 +89,13 @@ def choose_cuts(
     near = near_m or max(round(max(map(robot_length, contexts.values())), 1), 0.1)
     short = float(sensors.range_m.min())
     cuts = {near, far}
-    if near_m is None and near < short < far / APART:  # the shortest cones would look like dots
+    if near_m is None and near < short < far / APART:  # short cones would look like dots
         cuts = {short, far} if short <= APART * near else {near, short, far}
     return tuple(sorted(cut for cut in cuts if cut <= far))
 
 
 def draw_overlay(cover: pd.DataFrame, champions: Champions, width: float = COLUMN_IN) -> Figure:
-    """Draw one panel per treatment and cut: the robot, its sensors, and their coverage."""
+    """Draw a panel per treatment and cut with the robot, its sensors, and their coverage."""
     contexts = champions.contexts
     cuts_m = sorted(cover.cut_m.unique()) or [0.0]
     views = [fit_window(contexts.values(), champions.placed, cut) for cut in cuts_m]
@@ -136,7 +136,7 @@ def _shades(maximum: int) -> Shades:
 def _lay_out(
     treatments: int, views: Sequence[Window], width: float, with_legend: bool, lines: int
 ) -> tuple[Sheet, bool]:
-    """Return the sheet, and True if the views are side by side rather than stacked."""
+    """Return the sheet, and True if its views are side by side instead of stacked."""
     first = HEADS_IN[0] + lines * LINE_IN
     bottom = 0.6 if with_legend else 0.4
     ratios = [robot.aspect_ratio(view) for view in views]
@@ -161,7 +161,7 @@ def _draw_counts(
     axes: Axes, context: FigureContext, cover: pd.DataFrame, view: Window, shades: Shades
 ) -> None:
     robot.draw_robot(axes, context)
-    robot.draw_robot(axes, context, 0.5, order=3)  # wheels show through cones
+    robot.draw_robot(axes, context, 0.5, order=3)  # wheels appear through cones
     if cover.empty:
         return
     half = float(cover.cell_m.iloc[0]) / 2
@@ -197,7 +197,7 @@ def _add_legends(
 def count_coverage(
     sensors: pd.DataFrame, contexts: Mapping[str, FigureContext], cuts_m: Sequence[float]
 ) -> pd.DataFrame:
-    """Count the champions or, if all treatments have one, the sensors that cover each point."""
+    """Count the champions or, with one per treatment, the sensors that cover each point."""
     several = sensors.groupby("treatment").run.nunique().max() > 1
     unit = "champions" if several else "sensors"
     placed = sensors.dropna(subset="x_m")
@@ -220,7 +220,7 @@ def _spans(sensors: pd.DataFrame, context: FigureContext, cut: float, unit: str)
     for _, members in sensors.groupby(UNITS[unit]):
         count += find_covered(members, along, across, cell, cut).astype(np.int64)
     edges = np.pad(count, ((0, 0), (1, 1)))
-    row, first = np.nonzero(edges[:, 1:] != edges[:, :-1])  # where the count changes
+    row, first = np.nonzero(edges[:, 1:] != edges[:, :-1])  # cells at which the count changes
     last = np.where(np.diff(row, append=-1), 0, np.roll(first, -1))
     span = last > first
     row, first, last = row[span], first[span], last[span]
@@ -231,7 +231,7 @@ def _spans(sensors: pd.DataFrame, context: FigureContext, cut: float, unit: str)
 
 
 def _cell_centres(view: Window, cell_m: float) -> tuple[Array, Array]:
-    """Return the centres [m] of the cells that fill a window; cell borders lie on the axes."""
+    """Return the centres [m] of the cells in a window; cell borders pass through the axes."""
     x_low, x_high, y_low, y_high = (edge / cell_m for edge in view)
     x = np.arange(math.floor(x_low), math.ceil(x_high), dtype=np.float64)
     y = np.arange(math.floor(y_low), math.ceil(y_high), dtype=np.float64)
@@ -239,7 +239,7 @@ def _cell_centres(view: Window, cell_m: float) -> tuple[Array, Array]:
 
 
 def rasterize(cover: pd.DataFrame, x: Array, y: Array) -> np.ma.MaskedArray[Any, Any]:
-    """Return the counts (n, m) at cell centres x (n,) and y (m,) [m]; zeros are masked."""
+    """Return the counts (n, m) at cell centres x (n,), y (m,) [m]; zeros are masked."""
     cell = float(cover.cell_m.iloc[0])
     count = np.zeros((len(x), len(y)), dtype=np.int64)
     rows = np.rint((cover.x_m - x[0]) / cell).astype(int)

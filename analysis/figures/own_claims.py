@@ -1,4 +1,4 @@
-"""The user's claims, read from a file and judged by replicates, intervals and random designs."""
+"""The user's claims from a file, judged by replicates, intervals and random designs."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -49,13 +49,13 @@ Near = tuple[float, float]  # redundancy thresholds: distance [m] and angle [deg
 
 @dataclass(frozen=True)
 class Group:
-    """The treatments that a claim is about, chosen by conditions on factors or by labels."""
+    """The treatments of a claim, selected by factor levels or by labels."""
 
     conditions: Conditions
     labels: tuple[str, ...] = ()
 
     def select(self, study: Study, place: str) -> list[Record]:
-        """Select the finished runs of these treatments."""
+        """Return the finished runs of these treatments."""
         unknown = [label for label in self.labels if label not in study.treatments]
         if unknown:
             raise InputError(
@@ -77,20 +77,20 @@ class Group:
 
 @dataclass(frozen=True)
 class OwnClaim:
-    """An entry of the claims file."""
+    """An entry in a file of claims."""
 
     text: str
     measure: str
     comparison: str  # ``ABOVE``, ``BELOW`` or ``WITHIN``
-    low: float  # the threshold, or the lower threshold of ``WITHIN``
+    low: float  # the threshold; for ``WITHIN``, the lower threshold
     high: float
     treatments: Group
-    against: Group | None  # if given, the claim is about the difference from this group
+    against: Group | None  # group from which the difference is claimed, if any
     place: str  # prefix of error messages
 
 
 def read_claims(path: Path) -> list[OwnClaim]:
-    """Read the claims from a YAML file."""
+    """Read claims from a YAML file."""
     entries = read_entries(path, "claims", ", ".join(REQUIRED), "- claim: ...")
     return [_read(entry, f"{path}, entry {i}") for i, entry in enumerate(entries, 1)]
 
@@ -146,11 +146,11 @@ def _read_group(given: object, place: str) -> Group:
 
 
 def judge_own(claim: OwnClaim, study: Study, near: Near) -> finding.Finding:
-    """Judge a claim by the finished runs of its treatments.
+    """Judge a claim on the finished runs of its treatments.
 
-    The value is the champions' mean over runs, or the difference between two such means. A claim is
-    supported if the interval is beyond the threshold, and the champions differ from their runs'
-    random designs in the same direction.
+    The value is the mean over the champions, or the difference between two such means. A claim is
+    supported if the interval lies beyond the threshold, and if the champions differ from the random
+    designs of their runs in the same direction.
     """
     values = measure_runs(claim.measure, study, near, claim.place)
     groups = [claim.treatments, *([claim.against] if claim.against else [])]
@@ -185,7 +185,7 @@ def title_measure(measure: str) -> str:
 
 
 def _compare_with_random(sides: Sequence[pd.DataFrame]) -> tuple[float, Interval]:
-    """Return the random designs' value and the champions' excess; NaN without random designs."""
+    """Return the value of random designs, and how much champions exceed it; NaN without them."""
     random = [side.random.to_numpy(float) for side in sides]
     if any(np.isnan(drawn).any() for drawn in random):
         return np.nan, NOTHING
@@ -222,7 +222,7 @@ def _judge(claim: OwnClaim, measured: Interval) -> str:
 
 
 def measure_runs(measure: str, study: Study, near: Near, place: str) -> pd.DataFrame:
-    """Return one row per run: the champion's ``value`` and the random designs' mean, ``random``."""
+    """Return one row per run: the champion's ``value``, and the mean of ``random`` designs."""
     readers: Mapping[str, Callable[[], pd.DataFrame]] = {
         **dict.fromkeys(FITNESS, lambda: _measure_fitness(measure, study)),
         **dict.fromkeys(GAINS, lambda: _measure_gain(measure, study)),
@@ -267,7 +267,7 @@ def _measure_fitness(measure: str, study: Study) -> pd.DataFrame:
 
 
 def _measure_gain(measure: str, study: Study) -> pd.DataFrame:
-    """Return the best design's gain from the first to the last generation; ``random`` is NaN."""
+    """Return the gain of the best design from the first to the last generation of each run."""
 
     def read(record: Record) -> tuple[float, float]:
         line = trace_fitness(record.run.generations)[measure.removeprefix("gain_")]

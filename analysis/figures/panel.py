@@ -1,4 +1,4 @@
-"""One panel per replicate: the champion's sensors and cones, with twins in one colour (Fig. 7)."""
+"""A panel per replicate: the champion's sensors and cones, twins in one colour (Fig. 7)."""
 
 import argparse
 import math
@@ -26,11 +26,11 @@ ONE_ROBOT = True
 HELP = "the sensors and cones of each replicate's champion (Figs. 7 and 11)"
 NEEDS = "runs with at least one generation"
 FILES = ("panel.csv", "panel_signals.csv")
-CUT = 0.6  # maximum cone length in robot lengths, so that the robot stays large
-PANEL_IN, MIN_PANEL_IN = 1.25, 0.8  # width of a panel, and its minimum on a full page
+CUT = 0.6  # maximum cone length in robot lengths, which keeps the robot large
+PANEL_IN, MIN_PANEL_IN = 1.25, 0.8  # width [in] of a panel, and minimum width on a full page
 PAGE_HEIGHT_IN = 9.2
 SIDE_IN, FOOT_IN, HEADING_IN, TITLE_IN, LINE_IN = 0.5, 0.5, 0.2, 0.22, 0.17
-CERTIFIED_IN = 0.13  # additional height of a title with an interval
+CERTIFIED_IN = 0.13  # additional title height for an interval
 TITLES = "seed: recorded fitness (validated in the run) [validation interval]"
 
 
@@ -49,7 +49,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def rank_pairs(sensors: pd.DataFrame) -> pd.DataFrame:
-    """Add the colour ``rank`` of each pair: 0 for the pair that faces closest to straight ahead."""
+    """Add a colour ``rank`` to each pair: 0 for the pair that faces straight ahead most closely."""
     facing = sensors.assign(facing=sensors.yaw_deg.abs().round(9))
     pairs = facing.dropna(subset="pair").sort_values(["run", "facing", "pair"])
     pairs = pairs.drop_duplicates(["run", "pair"])
@@ -63,7 +63,7 @@ def draw_panels(
     width: float = COLUMN_IN,
     signals: pd.DataFrame | None = None,
 ) -> Figure:
-    """Draw one panel per champion, in rows by treatment; ``sensors`` comes from ``rank_pairs``."""
+    """Draw a panel per champion, in rows by treatment; ``rank_pairs`` returns ``sensors``."""
     champions = Champions(sensors, contexts, signals)
     placed = champions.placed
     shown = [contexts[treatment] for treatment in champions.numbers.index]
@@ -146,12 +146,12 @@ def _make_panels(
 def lay_out(
     numbers: Sequence[int], ratio: float, width: float, foot: float, above: float = TITLE_IN
 ) -> Sheet:
-    """Lay out panels (``ratio`` = height / width), on one page if possible; heights [in]."""
+    """Lay out panels (``ratio`` = height / width), on one page if possible; heights in inches."""
     heading = HEADING_IN * (len(numbers) > 1)
     pages = []
     for panel_in in (PANEL_IN, MIN_PANEL_IN):
         columns = max(1, int((width - SIDE_IN) / panel_in))
-        columns = math.ceil(max(numbers) / math.ceil(max(numbers) / columns))  # rows of even length
+        columns = math.ceil(max(numbers) / math.ceil(max(numbers) / columns))  # equal rows
         rows = [math.ceil(panels / columns) for panels in numbers]
         heads = [above + heading * (row == 0) for count in rows for row in range(count)]
         pages.append(Sheet(width, columns, [ratio] * len(heads), heads, bottom=foot))

@@ -1,4 +1,4 @@
-"""The number of replicates needed to detect a difference with the test of ``compare``."""
+"""The number of replicates required for a given power of the test of ``compare``."""
 
 import argparse
 from collections.abc import Hashable, Mapping, Sequence
@@ -31,13 +31,13 @@ HELP = "number of replicates needed to detect a given difference, simulated from
 NEEDS = "finished runs with replicates"
 FILES = ("power.csv", "power_curves.csv")
 USUAL = (0.5, 1.0, 1.5)  # default differences, in standard deviations
-BAR_STEP = 0.03  # vertical distance between the bars of two differences, in units of power
+BAR_STEP = 0.03  # vertical distance of the bars of two differences, in units of power
 TITLE_LENGTH = 36  # maximum number of characters per line of the legend title
-POINTS = 14  # number of points at which a curve is computed
+POINTS = 14  # number of computed points per curve
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options for the difference, the power, the comparisons and the fitness."""
+    """Add the options for difference, power, comparisons and fitness."""
     about = (
         "difference in fitness between two treatments; may be repeated; default: 0.5, 1 and "
         "1.5 standard deviations of the replicates"
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Plot power against replicates; the tables list the required numbers and the curves."""
+    """Plot power over replicates; tables list the required numbers and the curves."""
     _check(options)
     runs, measures = score_runs(study, options.under)
     label = label_fitness(study.records)
@@ -136,7 +136,7 @@ def draw_power(
     width: float = COLUMN_IN,
     title: str = FITNESS,
 ) -> Figure:
-    """Plot power against replicates, ``width`` inches wide; dots mark the required numbers."""
+    """Plot power over replicates, with dots at the required numbers; ``width`` is in inches."""
     with use_style():
         figure = Figure(figsize=(width, 2.6), layout="constrained")
         axes = figure.subplots()

@@ -1,4 +1,4 @@
-"""The regions in which sensors may be placed, and the allowed headings (Fig. 5)."""
+"""The regions where sensors may be placed, and the allowed headings (Fig. 5)."""
 
 import argparse
 import math
@@ -31,11 +31,11 @@ FAN = 0.25  # radius of a fan, in robot lengths
 TWINS = "twins are mirrored across the dash-dotted line"
 MINUS = "\N{MINUS SIGN}"
 MAX_FANS = 3  # maximum number of fans along a line region
-PANEL_IN, SINGLE_IN = 2.5, 4.5  # minimum width of a panel, maximum width of a single panel
+PANEL_IN, SINGLE_IN = 2.5, 4.5  # minimum width of a panel, and maximum width of a single panel
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw one panel per robot and set of regions among the runs and evaluations."""
+    """Draw a panel per robot and set of regions in the runs and evaluations."""
     contexts = _group_contexts(study)
     if not contexts:
         raise InputError("regions: no run places sensors in regions; add a run with design=around")
@@ -45,7 +45,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def _group_contexts(study: Study) -> dict[str, FigureContext]:
-    """Merge contexts that look alike; each result is named after its treatments."""
+    """Merge contexts that look the same, and name the result after all treatments."""
     treatments: dict[str, list[str]] = {}
     contexts: dict[str, FigureContext] = {}
     for record in (*study.records, *study.evaluations):
@@ -62,7 +62,7 @@ def _group_contexts(study: Study) -> dict[str, FigureContext]:
 
 
 def list_regions(contexts: Mapping[str, FigureContext]) -> pd.DataFrame:
-    """List one row per region and, if sensors have twins, one for the mirror image."""
+    """List a row per region and, if sensors have twins, a row for the mirror image."""
     rows = [
         {"treatment": treatment, "robot": context.robot, "region": name, "twin": twin}
         | {f"{'xy'[k]}{i}_m": c[k] for i, c in enumerate(area.corners) for k in (0, 1)}
@@ -91,7 +91,7 @@ def _flip(headings: tuple[float, float]) -> tuple[float, float]:
 def draw_regions(
     contexts: Mapping[str, FigureContext], width: float = COLUMN_IN, named: bool = False
 ) -> Figure:
-    """Draw one panel per context: the robot, its regions, and fans of headings."""
+    """Draw a panel per context with the robot, its regions, and fans of headings."""
     reach = FAN * max(map(robot_length, contexts.values()))
     view = _fit_window(contexts, reach)
     columns = max(1, min(len(contexts), int(width / PANEL_IN)))

@@ -1,4 +1,4 @@
-"""Two versions of a software stack on the same random draws: changed missions, and tests."""
+"""Two versions of a software stack on the same random draws: changed missions and tests."""
 
 import argparse
 from collections.abc import Hashable, Iterator, Mapping, Sequence
@@ -48,7 +48,7 @@ HELP = "two software versions on equal draws: newly failed and completed mission
 NEEDS = "two evaluations or two runs with the same draws, the older one first"
 FILES = ("regression.csv", "regression_missions.csv", "regression_margins.csv")
 SKEWED = ("change in completion time, bootstrap", "paired values change, sign flips")
-SHOWN = 5  # maximum number of missions whose replay commands are printed
+SHOWN = 5  # maximum number of missions with a printed replay command
 LOOKS: Mapping[str, tuple[str, str, str, float]] = {
     SAME: ("unchanged, time within 1 %", "o", "0.75", 2.5),
     BETTER: ("better", "^", SKY, 3.0),
@@ -56,7 +56,7 @@ LOOKS: Mapping[str, tuple[str, str, str, float]] = {
     GAINED: ("completed only in B", "^", BLUE, 5.0),
     LOST: ("completed only in A", "v", VERMILLION, 5.0),
 }
-"""Name, marker, colour and size of each change; the last is drawn on top."""
+"""Name, marker, colour and size for each kind of change; the last kind is drawn on top."""
 HEADS = {
     "mean of": (0.0, "left"),
     "A": (0.31, "right"),
@@ -70,12 +70,12 @@ NAMES = {
     "collisions": "collisions",
     TIME: "time [s]",
 }
-BAND = 0.22  # width of the band of incomplete missions, as a fraction of the time axis
+BAND = 0.22  # width of the band of incomplete missions, relative to the time axis
 NOTE_LENGTH = 62
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options for the quantities, the margins and the design."""
+    """Add the options for quantities, margins and design."""
     about = "test only this quantity; may be repeated; default: all"
     parser.add_argument("--of", action="append", choices=QUANTITIES, help=about)
     about = (
@@ -91,7 +91,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Compare the folders and draw one design; the tables include all designs."""
+    """Compare the folders and draw one design; tables cover all designs."""
     margins = _read_margins(options)
     one, other = find_pair(study)
     pairs = pair_missions(study, one, other)
@@ -234,7 +234,7 @@ def _draw_pairs(axes: Axes, pairs: pd.DataFrame) -> None:
     for place in (axes.axvspan, axes.axhspan):
         place(high, end, color="0.94", lw=0, zorder=0)
     axes.plot([low, high], [low, high], color="0.5", lw=0.7, ls=(0, (4, 2)), zorder=1)
-    # Incomplete missions are farther out the less progress they made.
+    # The less progress, the farther out in the band.
     progress = pairs[[f"{PROGRESS}_a", f"{PROGRESS}_b"]].to_numpy(float)
     lost = high + (end - high) * (0.15 + 0.7 * (1 - np.nan_to_num(progress)))
     places = np.where(np.isnan(times), lost, times)
@@ -254,6 +254,6 @@ def _label(axes: Axes, known: bool, low: float, high: float, end: float) -> None
         ticks = MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(low, high)
         axis.set_ticks([tick for tick in ticks if known and low <= tick <= high])
     style: dict[str, Any] = {"fontsize": SMALL, "color": "0.4"}
-    middle = (low + high) / 2  # centre of the bands' labels
+    middle = (low + high) / 2  # centre of the labels of the bands
     axes.text(middle, end, "not completed in B", ha="center", va="bottom", **style)
     axes.text(end, middle, " not completed in A", ha="left", va="center", rotation=270, **style)

@@ -1,4 +1,4 @@
-"""Evolved and random designs compared: coverage, front arrays, side mounts, redundancy, damage."""
+"""Comparison of evolved with random designs: coverage, front arrays, side mounts, redundancy."""
 
 import argparse
 from collections.abc import Callable, Sequence
@@ -48,11 +48,11 @@ ONE_ROBOT = True
 HELP = "evolved features: coverage, front arrays, side mounts, redundancy, clusters"
 NEEDS = "finished runs"
 FILES = ("strategies.csv",)
-RANDOM = "0.45"  # grey of random designs
+RANDOM = "0.45"  # grey level of random designs
 MARKERS = "os^Dvp"
-MOST_BANDS = 3  # maximum number of treatments with intervals around their mean profile
+MOST_BANDS = 3  # maximum number of treatments with intervals around the mean profile
 NAME_LENGTH = 9  # maximum length of a label below an axis
-_GREY = "0.88"  # boxes of random designs
+_GREY = "0.88"  # grey level of boxes of random designs
 _DASHES = (0, (3, 1.5))
 _LINE = {"color": RANDOM, "lw": 0.6}
 _BOX: dict[str, Any] = {
@@ -70,13 +70,13 @@ _KEY: list[Artist] = [
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the redundancy thresholds, and a common cost of the designs."""
+    """Add the redundancy thresholds, and a common cost of designs."""
     add_thresholds(parser)
     add_budget(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Compare all champions of the study with random designs."""
+    """Compare all champions of a study with random designs."""
     check_thresholds(options)
     check_axis(options)
     study = study.select_finished(read_champion, read_initial_sensors)
@@ -89,7 +89,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         about = [f"the designs are the best after {budget:g} {AXES[options.axis]}, not champions"]
     champions, near = study.gather(read), (options.near_m, options.near_deg)
     table = describe_designs(champions, study.initial, study.rings, *near)
-    # Other figures also assign colours and letters in the order of the runs.
+    # Other figures assign colours and letters in the same order, by run.
     order = table.treatment.map(study.treatments.index).sort_values(kind="stable").index
     table = table.loc[order].reset_index(drop=True)
     summary = compare_with_random(table, study.rings)
@@ -99,7 +99,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def report_designs(summary: pd.DataFrame) -> list[str]:
-    """Report each treatment in one line, and the clusters among all champions in another."""
+    """Report on each treatment in one line, and on the clusters among all champions in another."""
     lines = []
     for treatment, rows in summary.groupby("treatment", sort=False):
         measures = rows.set_index("measure")
@@ -122,7 +122,7 @@ def report_designs(summary: pd.DataFrame) -> list[str]:
 
 
 def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = PAGE_IN) -> Figure:
-    """Plot coverage by heading, and three features; ``width`` is in inches."""
+    """Plot coverage by heading and three features; ``width`` is in inches."""
     treatments = list(dict.fromkeys(table.treatment))
     wide = is_wide(width)
     below, across = (1, 3) if wide else (3, 1)
@@ -150,7 +150,7 @@ def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = P
 
 
 def _list_entries(table: pd.DataFrame, treatments: Sequence[str]) -> list[Artist]:
-    """List the entries of the treatments, and of their bands, in the legend."""
+    """List the legend entries of the treatments and their bands."""
     entries: list[Artist] = []
     for i, (name, (colour, dashes)) in enumerate(assign_dashes(treatments).items()):
         short = _shorten(treatments)[name]

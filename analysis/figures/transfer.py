@@ -1,4 +1,4 @@
-"""The same designs under two conditions: rank correlation and change in fitness."""
+"""The same designs under two conditions: rank correlation and change of fitness."""
 
 import argparse
 import math
@@ -53,8 +53,8 @@ RUNG_HEADS = {"to the rung": (0.0, "left"), **_NUMBER_HEADS}
 MIN_DESIGNS = next(n for n in count(2) if 2 / factorial(n) < LEVEL)  # two of n! orders are extreme
 BARS = "bars: standard errors over the trials"
 NOTE = f"{BARS}\n*too few designs for a conclusion: {MIN_DESIGNS} or more are needed"
-NAME_LENGTH, RUNG_LENGTH = 16, 17  # maximum lengths of a group's and a rung's name in the table
-NAMED = 8  # maximum number of designs with colours and names; more are drawn in grey
+NAME_LENGTH, RUNG_LENGTH = 16, 17  # maximum lengths of a group name and of a rung name in the table
+NAMED = 8  # maximum number of designs with names and colours; more are drawn in grey
 _APART = 0.03  # distance between the dots of two designs, in rungs
 
 
@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the pairs; the tables have one row per design, and one per panel and group."""
+    """Draw the pairs; tables have one row per design, and one row per panel and group."""
     table = climb(study) if options.ladder else pair_scores(study, options.between)
     summary = summarize(table)
     pairs = table.groupby(["x", "y"]).ngroups
@@ -81,7 +81,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def summarize(table: pd.DataFrame) -> pd.DataFrame:
-    """Summarize ``pair_scores``: one row per pair of conditions and group, with intervals."""
+    """Summarize ``pair_scores`` with intervals: a row per pair of conditions and group."""
     rows = []
     for (x, y, group), pairs in table.groupby(["x", "y", "group"], sort=False):
         order = spearman(pairs["x_fitness"].to_numpy(float), pairs["y_fitness"].to_numpy(float))
@@ -117,7 +117,7 @@ def draw_transfer(
     label: str = FITNESS,
     bounds: tuple[float, float] = UNBOUNDED,
 ) -> Figure:
-    """Draw one panel per pair of conditions; designs on the diagonal have equal scores."""
+    """Draw a panel per pair of conditions; designs on the diagonal have equal scores."""
     panels = list(table.groupby(["x", "y"], sort=False))
     groups = list(dict.fromkeys(summary["group"].astype(str)))
     lines = int(summary.groupby(["x", "y"]).size().max())
@@ -200,7 +200,7 @@ def draw_ladder(
     label: str = FITNESS,
     bounds: tuple[float, float] = UNBOUNDED,
 ) -> Figure:
-    """Draw a line for each design over the rungs, and the mean of all designs in black."""
+    """Draw a line per design over the rungs, and their mean in black."""
     rows = summary.to_dict("records")
     names = (cut_short(row["y"], RUNG_LENGTH) + "*" * (row["n"] < MIN_DESIGNS) for row in rows)
     cells = [(name, *_table_row(row)[1:]) for name, row in zip(names, rows, strict=True)]
@@ -221,7 +221,7 @@ def draw_ladder(
 
 
 def measure_bars(scores: Array, bounds: tuple[float, float]) -> Array:
-    """Return standard errors (2, n), cut off at the bounds, from mean, deviation, trials (n, 3)."""
+    """Return standard errors (2, n), clipped to the bounds, for mean, deviation, trials (n, 3)."""
     fitness, sd, trials = scores.T
     errors = np.nan_to_num(sd / np.sqrt(trials))
     room = np.maximum([fitness - bounds[0], bounds[1] - fitness], 0.0)

@@ -1,4 +1,4 @@
-"""Sensor failures that stop a design: the smallest set, and the risk of random failures."""
+"""Sensor failures that stop a design: the smallest set, and the risk from random failures."""
 
 import argparse
 from collections.abc import Iterator
@@ -40,7 +40,7 @@ ONE_ROBOT = True
 HELP = "the smallest set of failed sensors that stops a design, and the risk of failure"
 NEEDS = "evaluations in one simulator"
 FILES = ("worst.csv", "worst_sets.csv", "worst_risks.csv")
-REACH_M = 0.25  # length of the drawn cones
+REACH_M = 0.25  # length [m] of the drawn cones
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw one design; the tables list all designs: cases, sets by size, and risks."""
+    """Draw one design; tables list cases, sets by size, and risks of all designs."""
     missions = collect_missions(study)
     counts = dict(pair for record in study.evaluations for pair in count_sensors(record))
     cases, risks = list_cases(missions), estimate_risks(missions)
@@ -97,7 +97,7 @@ class _TestedDesign:
     cases: pd.DataFrame
     sets: pd.DataFrame
     risks: pd.DataFrame
-    searched: pd.DataFrame | None  # rows from a search for worst cases, if any
+    searched: pd.DataFrame | None  # rows from a search for worst cases; None without one
 
     def describe(self) -> Iterator[str]:
         if self.cases.empty:

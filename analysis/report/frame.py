@@ -1,4 +1,4 @@
-"""Pages that open in any browser offline: templates, tables and sections with figures."""
+"""Pages that any browser can open offline: templates, tables, sections with figures."""
 
 import argparse
 import base64
@@ -44,9 +44,9 @@ HEADER, LINKS, MISSIONS = "header", "links", "missions"  # ids of parts that are
 
 @dataclass(frozen=True)
 class Page:
-    """The content of a page; playbacks share ``grounds``.
+    """The content of a page; its playbacks share ``grounds``.
 
-    A playback has a ``label``, a ``key``, its ``players``, and ``content`` from ``encode_shown``.
+    A playback has a ``label``, a ``key``, ``players``, and ``content`` from ``encode_shown``.
     """
 
     title: str
@@ -57,7 +57,7 @@ class Page:
 
 
 def render_parts(page: Page) -> dict[str, Markup]:
-    """Render the elements of a page by id: header, links, sections and missions."""
+    """Render the header, links, sections and missions of a page, by id."""
     names = {name_section(name): name for name in page.sections}
     grounds = htmlsafe_json_dumps(page.grounds, separators=(",", ":"))
     return {
@@ -79,7 +79,7 @@ def render_section(name: str, content: Markup) -> Markup:
 
 
 def render_page(page: Page, scripts: Sequence[str]) -> bytes:
-    """Render a page as the content of a file; ``scripts`` names files in ``web/``."""
+    """Render the file content of a page; ``scripts`` names files in ``web/``."""
     script = read_scripts(scripts)
     return assemble(page.title, render_parts(page), script, write_policy(script)).encode()
 
@@ -91,7 +91,7 @@ def assemble(
     policy: str,
     styles: Sequence[str] = ("style",),
 ) -> Markup:
-    """Assemble a page from its rendered parts; ``styles`` names files in ``web/``."""
+    """Assemble a page from rendered parts; ``styles`` names files in ``web/``."""
     sections = [part for key, part in parts.items() if key not in (HEADER, LINKS, MISSIONS)]
     style = Markup("").join(_read_asset(f"{name}.css") for name in styles)
     values = {"policy": policy, "title": title, "style": style, "script": script}
@@ -104,7 +104,7 @@ def read_scripts(names: Sequence[str]) -> Markup:
 
 
 def write_policy(script: str, connect: str = "'none'") -> str:
-    """Return a Content-Security-Policy that allows only this script."""
+    """Return a Content-Security-Policy that permits only this script."""
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return (
         f"default-src 'none'; script-src 'sha256-{digest}'; style-src 'unsafe-inline'; "
@@ -113,7 +113,7 @@ def write_policy(script: str, connect: str = "'none'") -> str:
 
 
 def render(template: str, **values: Any) -> Markup:
-    """Render a template in ``web/``; all values except ``Markup`` are escaped."""
+    """Render a template in ``web/``, escaping all values that are not ``Markup``."""
     return Markup(_TEMPLATES.get_template(template).render(values))
 
 
@@ -125,12 +125,12 @@ def _read_asset(name: str) -> Markup:
 class Table:
     """A table with formatted cells."""
 
-    columns: list[tuple[str, bool]]  # heading, and True for numbers
+    columns: list[tuple[str, bool]]  # column head, and whether the column holds numbers
     rows: list[tuple[str, ...]]
 
 
 def format_table(frame: pd.DataFrame) -> Table:
-    """Format the cells of a table; missing values are empty."""
+    """Format the cells of a table; missing values become empty strings."""
     columns = [_format_column(column) for _, column in frame.items()]
     names = map(str, frame.columns)
     heads = [(name, numeric) for name, (numeric, _) in zip(names, columns, strict=True)]
@@ -153,31 +153,31 @@ def _format_column(column: pd.Series) -> tuple[bool, list[str]]:
     return True, ["" if math.isnan(value) else format(value, form) for value in values]
 
 
-MAX_SVG = 1_000_000  # maximum size [bytes] of an embedded SVG; larger figures become PNGs
-SCALE = 1.5  # magnification on screens, which are viewed from a greater distance than paper
+MAX_SVG = 1_000_000  # maximum size [bytes] of an embedded SVG; larger figures are embedded as PNG
+SCALE = 1.5  # magnification for screens, which are viewed from farther away than paper
 _CSS_PER_IN, _PT_PER_IN = 96, 72
 _OUTLINE = Markup(
     '<path d="{}" fill="{}" stroke="#000" stroke-width=".5" vector-effect="non-scaling-stroke"/>'
 )
 _NAMESPACE = re.compile(r"\{[^}]*\}")
-MAX_ROWS = 400  # maximum number of rows of a table on the page; larger tables are left out
+MAX_ROWS = 400  # maximum number of rows of a table on the page; longer tables are omitted
 
 
 FIGURE_OF_PAPER = re.compile(r" \([^()]*Figs?\. [^()]*\)")  # captions omit these
-PAPER = "paper"  # value of ``--claims`` that selects the 2018 paper's claims
+PAPER = "paper"  # value of ``--claims`` for the claims of the 2018 paper
 
 
 @dataclass(frozen=True)
 class Section:
-    """A section of a page, or the reason why it is missing."""
+    """A section of a page, or the reason for its absence."""
 
     name: str
-    missing: str = ""  # reason why there is no content
+    missing: str = ""  # why there is no content
     caption: str = ""
     picture: Markup | None = None
     messages: Sequence[str] = ()
     rows: int = 0  # number of rows of the table
-    numbers: Table | None = None  # None without a table, or if the table has too many rows
+    numbers: Table | None = None  # None without a table or with too many rows
     left_out: Sequence[str] = ()
 
     def render(self, own_section: bool) -> Markup:
@@ -186,7 +186,7 @@ class Section:
 
 
 def make_section(name: str, study: Study, options: argparse.Namespace) -> Section:
-    """Make a subcommand's results with default options; an error affects only this section."""
+    """Make a section from a subcommand with default options; errors affect only this section."""
     failure = ""
     with withhold_messages() as records:
         try:
@@ -223,8 +223,8 @@ def _make_section(name: str, study: Study, options: argparse.Namespace) -> Secti
 
 
 def embed_figure(figure: Figure, name: str) -> Markup:
-    """Return a figure as an ``svg`` element with prefixed ids, or as an ``img`` if it is large."""
-    svg = style.render(figure, "svg", as_text=True)  # keeps the text searchable
+    """Return a figure as an ``svg`` element with prefixed ids or, if too large, as an ``img``."""
+    svg = style.render(figure, "svg", as_text=True)  # text stays searchable
     if len(svg) <= MAX_SVG:
         return _inline_svg(svg, name)
     data = base64.b64encode(style.render(figure, "png")).decode()
@@ -234,7 +234,7 @@ def embed_figure(figure: Figure, name: str) -> Markup:
 
 
 def _inline_svg(svg: bytes, name: str) -> Markup:
-    """Convert an SVG file to an HTML element without metadata, with ids prefixed by ``name``."""
+    """Convert an SVG file to an HTML element without metadata; prefix ids with ``name``."""
     root = ElementTree.fromstring(svg)
     for parent in root.iter():
         for child in list(parent):
@@ -263,7 +263,7 @@ def _prefix(key: str, value: str, name: str) -> str:
 
 
 def draw_outline(context: FigureContext) -> Markup:
-    """Return a robot's parts in top view as SVG elements."""
+    """Return the parts of a robot in top view as SVG elements."""
     return Markup("").join(
         _OUTLINE.format(_trace(outline_part(part)), "#595959" if part.wheel else "#f7f7f7")
         for part in sorted(context.parts, key=lambda part: part.top_m)

@@ -1,4 +1,4 @@
-"""Maps of a study's archive and Pareto front on the page, with markers that select designs."""
+"""Maps of a study's archive and Pareto front, with markers that select designs on the page."""
 
 import argparse
 from collections.abc import Callable, Iterator, Sequence
@@ -38,7 +38,7 @@ class Mark(NamedTuple):
 
     x: float
     y: float
-    width: float  # 0 for a point
+    width: float  # 0 for points
     height: float
     colour: str
     name: str
@@ -48,7 +48,7 @@ class Mark(NamedTuple):
 
 
 class Tick(NamedTuple):
-    """A number on an axis, at the position ``at`` in percent of the axis."""
+    """A number on an axis, at position ``at`` in percent of the axis."""
 
     at: float
     text: str
@@ -62,35 +62,35 @@ class DesignMap:
     axes: tuple[str, str]
     ticks: tuple[list[Tick], list[Tick]]
     marks: list[Mark]
-    dots: Sequence[Sequence[float]]  # other designs, in percent
+    dots: Sequence[Sequence[float]]  # positions of other designs, in percent
     designs: list[tuple[Record, int]]  # one per marker
-    data: Markup  # all designs as JSON
-    low: float  # fitness at the ends of the colour scale
+    data: Markup  # all designs, as JSON
+    low: float  # fitness at the lower end of the colour scale
     high: float
-    view_box: str  # shared by all pictures
-    outline: Markup  # the robot, shared by all pictures
-    key: str = ""  # unique on the page
+    view_box: str  # common to all pictures
+    outline: Markup  # outline of the robot, common to all pictures
+    key: str = ""  # unique key on the page
     title: str = ""  # treatment, if the study has several
-    runs: int = 1  # number of runs with designs in the map
+    runs: int = 1  # number of runs with designs on the map
 
     @property
     def points(self) -> Any:
-        """The positions (n, 2) of the markers, for ``choose_apart``."""
+        """The marker positions (n, 2), for ``choose_apart``."""
         return np.array([(mark.x, mark.y) for mark in self.marks])
 
     @property
     def corner(self) -> list[str]:
-        """The numbers of ``view_box``."""
+        """The four numbers in ``view_box``."""
         return self.view_box.split()
 
     @property
     def scale(self) -> str:
-        """The colours from low to high fitness."""
+        """The colours of the scale from low to high fitness."""
         return ", ".join(_colour_share(place / 8) for place in range(9))
 
     @property
     def played(self) -> int:
-        """The number of designs whose missions the run has stored."""
+        """The number of designs with stored missions."""
         return sum(mark.playable for mark in self.marks)
 
 
@@ -98,15 +98,15 @@ def _colour_share(share: float) -> str:
     return to_hex(mpl.colormaps[_CMAP](share))
 
 
-MOST_DRAWN = 18  # cells along a descriptor, beyond which no designs are drawn in cells
+MOST_DRAWN = 18  # number of cells along a descriptor above which cells show no designs
 MOST_DOTS = 3000
-MARGIN = 0.06  # margin around a front's points, as a fraction of its width
+MARGIN = 0.06  # margin around the points of a front, as a fraction of its width
 FITNESS = "fitness"
 TITLES = {"archive": "Archive", "front": "Front"}
 
 
 def make_maps(study: Study, options: argparse.Namespace) -> dict[str, DesignMap]:
-    """Make a map of designs for each figure and treatment; return the maps by key."""
+    """Make maps of designs per figure and treatment, by key."""
     makers = {"archive": _map_archive, "front": _map_front}
     maps: dict[str, DesignMap] = {}
     first = choose_robot(study, None).study
@@ -115,7 +115,7 @@ def make_maps(study: Study, options: argparse.Namespace) -> dict[str, DesignMap]
         try:
             ground, select = make(first, parse([name, *map(str, options.folders)]))
         except InputError:
-            continue  # the section of the figure reports the reason
+            continue  # the figure's section reports the reason
         contents = {treatment: select(runs) for treatment, runs in groups.items()}
         fitness = pd.concat([content.table.fitness for content in contents.values()])
         scale = float(fitness.min()), float(fitness.max())
@@ -131,15 +131,15 @@ def make_maps(study: Study, options: argparse.Namespace) -> dict[str, DesignMap]
 class _Content(NamedTuple):
     table: pd.DataFrame
     places: Array  # (n, 2), in percent
-    dots: Sequence[Sequence[float]] = ()  # other designs, in percent
+    dots: Sequence[Sequence[float]] = ()  # positions of other designs, in percent
 
 
 class _Ground(NamedTuple):
     name: str
     axes: tuple[Axis, Axis]
     bounds: Sequence[tuple[float, float]]
-    width: float = 0.0  # width of a marker in percent; 0 for points
-    drawn: bool = False  # whether each marker contains a picture of its design
+    width: float = 0.0  # width of markers in percent; 0 for points
+    drawn: bool = False  # whether markers contain pictures of designs
 
     @property
     def labels(self) -> tuple[str, str]:
@@ -148,7 +148,7 @@ class _Ground(NamedTuple):
 
 
 Made = tuple[_Ground, Callable[[Sequence[int]], _Content]]
-"""The axes of a map, and the function that selects the designs of given runs."""
+"""The axes of a map, and a function that selects the designs of given runs."""
 
 
 def _map_archive(study: Study, options: argparse.Namespace) -> Made:

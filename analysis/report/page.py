@@ -1,4 +1,4 @@
-"""A page about a study that opens in any browser offline (``report.html``)."""
+"""A report on a study as a single HTML page, ``report.html``, for any browser offline."""
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,34 +20,34 @@ from .frame import Page, format_table, make_section, render, render_page
 from .maps import TITLES, DesignMap, make_maps
 from .playback import PLAYER, Flown, Json, encode_shown, select_playbacks
 
-MAX_RECORDS = 300  # maximum number of samples per mission for designs on maps
+MAX_RECORDS = 300  # maximum number of samples per mission of designs on maps
 
 
 @dataclass
 class Missions:
-    """The designs' missions on the page, and the grounds that these missions share."""
+    """The missions of designs on the page, and the grounds shared by these missions."""
 
-    playbacks: dict[tuple[str, int], Markup] = field(default_factory=dict)  # one per run and design
-    # keys of the maps that contain the design
+    playbacks: dict[tuple[str, int], Markup] = field(default_factory=dict)  # by run and design
+    # keys of the maps with each design
     maps: dict[tuple[str, int], list[str]] = field(default_factory=dict)
     labels: dict[tuple[str, int], str] = field(default_factory=dict)
     grounds: dict[str, Json] = field(default_factory=dict)
 
     def list_playbacks(self) -> Iterator[Json]:
-        """Yield the missions of the designs as data for templates."""
+        """Yield the missions of the designs as template data."""
         for key, content in self.playbacks.items():
             about = {"label": self.labels[key], "key": f"{key[0]}/{key[1]}"}
             yield {**about, "content": content, "players": self.maps[key]}
 
     def render(self, chosen: DesignMap) -> Markup:
-        """Render a map and the player for its designs."""
+        """Render a map, with a player for its designs."""
         keys = [(record.name, design) for record, design in chosen.designs]
         playable = [key in self.playbacks for key in keys]
         return render("map.html", map=chosen, playable=playable, played=sum(playable))
 
 
 def collect_missions(maps: Mapping[str, DesignMap], study: Study, max_bytes: float) -> Missions:
-    """Encode missions of the maps' designs, map by map in turn, up to ``max_bytes``."""
+    """Encode missions of designs, taking one per map in turn, up to ``max_bytes``."""
     missions = Missions()
     size = 0
     for map_key, index in _take_turns(maps):
@@ -86,7 +86,7 @@ FORMATS = {"html": ""}
 CLAIMS = "claims"
 LEFT_OUT = {"report", "requirements", "video", "power", "regression", CLAIMS, *EXPORTS}
 FIGURES = tuple(name for name in SUBCOMMANDS if name not in LEFT_OUT)
-OWN_SECTION = {"compare": "Statistics", CLAIMS: "Claims"}  # all others are under "Figures"
+OWN_SECTION = {"compare": "Statistics", CLAIMS: "Claims"}  # other subcommands are in "Figures"
 SCRIPTS = (*PLAYER, "maps", "tables")
 
 
@@ -119,7 +119,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def make_page(study: Study, options: argparse.Namespace, flown: Flown | None = None) -> Page:
-    """Make the page about a study; ``flown`` adds missions that unfinished runs did not store."""
+    """Make the page about a study; ``flown`` adds missions that unfinished runs have not stored."""
     flown = flown or Flown()
     playbacks = select_playbacks(study, options.playbacks * 1e6, flown.playbacks)
     maps = make_maps(study, options)
@@ -195,7 +195,7 @@ def _configure(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def outline(values: Values, choices: Choices) -> list[tuple[str, str, str]]:
-    """List key, name and values of each part except the executor; other values form ``run``."""
+    """List key, name and values of each part but the executor; ``run`` holds all other values."""
     parts: dict[str, dict[str, Any]] = {}
     loose: dict[str, Any] = {}
     for key, value in values.items():
@@ -213,7 +213,7 @@ def outline(values: Values, choices: Choices) -> list[tuple[str, str, str]]:
 def _outline_part(
     part: str, inner: Values, values: Values, choices: Choices
 ) -> tuple[str, str, str]:
-    """Return a part's key, name and values: names of nested parts, and keys of sets of parts."""
+    """Return the key, name and values of a part: names of nested parts, keys of sets of parts."""
     values_here = {key: value for key, value in inner.items() if "." not in key and key != TARGET}
     below: dict[str, dict[str, None]] = {}
     for key in inner:

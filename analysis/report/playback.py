@@ -1,6 +1,7 @@
-"""Encodes missions of champions, or of best designs so far, for the player of a report.
+"""Encodes missions of champions, or of current best designs, for the player of a report.
 
-Values are integers [mm, ms, mrad]: differences between samples, or ``[sample, value]`` at changes.
+Values are integers [mm, ms, mrad], stored as differences between samples or as ``[sample, value]``
+at changes.
 """
 
 import math
@@ -33,12 +34,12 @@ from ..tables.study import Study
 from ..tables.tracks import NONE, list_failures, list_part_failures, select_trajectory
 
 Json = dict[str, Any]
-MARGIN_M = 0.5  # margin around the drawing
-MAX_RECORDS = 6000  # maximum number of samples of a mission; longer missions are thinned out evenly
+MARGIN_M = 0.5  # margin [m] around the drawing
+MAX_RECORDS = 6000  # maximum number of samples per mission; longer missions are thinned out evenly
 
 
 def encode_parts(context: FigureContext) -> list[Json]:
-    """Encode a robot's shapes in top view, lowest first."""
+    """Encode the shapes of a robot in top view, lowest first."""
     return [
         {**_encode_shape(part.vertices, part.radius_m), "wheel": part.wheel}
         for part in sorted(context.parts, key=lambda part: part.top_m)
@@ -78,7 +79,7 @@ def _encode_course(course: Course) -> Json:
 
 
 def _find_extent(places: Array, course: Course, obstacles: Sequence[Json]) -> list[float]:
-    """Return x and y [m] of the drawing's lower left and upper right corners."""
+    """Return x, y [m] of the lower left and the upper right corner of the drawing."""
     corners = np.array([course.home[:2], *course.waypoints])
     solid = [
         np.array(shape["vertices"]) + sign * shape["radius"]
@@ -92,13 +93,13 @@ def _find_extent(places: Array, course: Course, obstacles: Sequence[Json]) -> li
 
 
 def thin_out(records: int, most: int = MAX_RECORDS) -> list[int]:
-    """Choose at most ``most`` evenly spaced rows, including the first and the last."""
+    """Return at most ``most`` evenly spaced indices, including the first and the last."""
     places = np.linspace(0, records - 1, min(records, most))
     return [round(place) for place in places.tolist()]
 
 
 def _encode_place(sensor: Mapping[Any, Any]) -> dict[str, Any]:
-    """Encode a sensor's type, number and planar pose."""
+    """Encode the type, number and planar pose of a sensor."""
     return {
         "type": str(sensor["type"]),
         "number": int(sensor["sensor"]),
@@ -118,14 +119,14 @@ def _encode_poses(trajectory: pd.DataFrame) -> dict[str, list[int | None]]:
 
 
 def _encode_numbers(values: Array) -> list[int | None]:
-    """Encode a column as integer thousandths of its unit; NaN becomes None."""
+    """Encode a column as differences of thousandths of its unit; NaN becomes None."""
     return encode_differences(
         [None if math.isnan(value) else round(value * 1000) for value in values.tolist()]
     )
 
 
 def encode_differences(values: Sequence[int | None]) -> list[int | None]:
-    """Replace each value with its difference from the last known value; None remains."""
+    """Replace each value by its difference from the last known value; keep None."""
     last, differences = 0, list[int | None]()
     for value in values:
         differences.append(None if value is None else value - last)
@@ -134,7 +135,7 @@ def encode_differences(values: Sequence[int | None]) -> list[int | None]:
 
 
 def encode_changes(values: Sequence[int | None]) -> list[list[int | None]]:
-    """List ``[index, value]`` for the first value and each change."""
+    """Return ``[index, value]`` of the first value and of each change."""
     changes = [index for index, (a, b) in enumerate(pairwise(values), 1) if a != b]
     return [[index, values[index]] for index in (0, *changes)] if values else []
 
@@ -154,7 +155,7 @@ def _describe_signals(sensors: pd.DataFrame, context: FigureContext) -> Iterator
 def _encode_signals(
     trajectory: pd.DataFrame, sensors: pd.DataFrame, context: FigureContext
 ) -> list[list[list[int | None]]]:
-    """Encode the displayed readings by sensor and channel, in thousandths of the unit."""
+    """Encode the readings shown, by sensor and channel, in thousandths of their unit."""
     return [
         [
             _encode_numbers(trajectory[column].to_numpy(float))
@@ -164,22 +165,22 @@ def _encode_signals(
     ]
 
 
-MAX_SECTORS = 36  # maximum number of sectors in which the player shows a sensor's ranges
+MAX_SECTORS = 36  # maximum number of sectors for a sensor's ranges in the player
 PLAYER = ("missions", "plan", "readings", "signals", "player")  # scripts in ``web/``
 
 
 @dataclass(frozen=True)
 class Flown:
-    """Missions that were rerun for the best designs so far, because the runs stored none."""
+    """Missions that were rerun because runs had stored none for their current best designs."""
 
-    playbacks: Mapping[str, Markup] = field(default_factory=dict)  # one per run, by name
-    notes: Sequence[str] = ()  # sentences about the rerun missions, and why others were not rerun
+    playbacks: Mapping[str, Markup] = field(default_factory=dict)  # keyed by run name
+    notes: Sequence[str] = ()  # sentences about reruns, and about missions not rerun
 
 
 def select_playbacks(
     study: Study, max_bytes: float, flown: Mapping[str, Markup]
 ) -> dict[str, Markup]:
-    """Encode the missions of each treatment's best run, and of more runs up to ``max_bytes``."""
+    """Encode the missions of each treatment's best run, then of other runs up to ``max_bytes``."""
 
     def encode(record: Record) -> Markup:
         return flown.get(record.name) or encode_playback(record)
@@ -193,13 +194,13 @@ def select_playbacks(
         room = max_bytes - sum(map(len, playbacks.values()))
         if record in required or len(data) <= room:
             playbacks[record.name] = data
-        else:  # a later run might fit, but finding out would take seconds for each run
+        else:  # a later run might fit, but trying each would take seconds
             break
     return playbacks
 
 
 def encode_playback(record: Record) -> Markup:
-    """Encode the missions of a champion, or best design so far, as JSON for a ``script``."""
+    """Encode the missions of a champion, or of the current best design, as JSON."""
     design = find_shown(record)
     return encode_shown(
         read_champion_shown(record) if design is None else read_shown(record, design)
@@ -209,7 +210,7 @@ def encode_playback(record: Record) -> Markup:
 def encode_shown(
     shown: ShownDesign, most: int = MAX_RECORDS, grounds: dict[str, Json] | None = None
 ) -> Markup:
-    """Encode a design's missions, ``most`` samples each; ``grounds`` collects courses to share."""
+    """Encode a design's missions, ``most`` samples each; ``grounds`` collects shared courses."""
     context = shown.record.context
     content = {
         "run": shown.record.name,
@@ -265,7 +266,7 @@ def _encode_walker(walker: readings.WalkerTrack, rows: Sequence[int]) -> Json:
 
 
 def _encode_faults(row: "pd.Series[str]", effects: Mapping[str, str]) -> Iterator[Json]:
-    """Encode each sensor failure's time and effect, and the seconds until it is fully drawn."""
+    """Encode the onset and effect of each sensor failure, and the seconds until fully drawn."""
     for sensor, time, effect in list_failures(row):
         kind = effects.get(effect, ENDS)
         grown_s = GROWN_S if kind == GROWS else 0.0
@@ -306,7 +307,7 @@ def _encode_columns(trajectory: pd.DataFrame, bearings_deg: Sequence[Sequence[fl
 
 
 def _encode_waypoints(trajectory: pd.DataFrame, course: Course) -> Iterator[list[float]]:
-    """Yield ``[time, number]`` for each visited waypoint, at its closest sample; -1 means home."""
+    """Yield ``[time, number]`` of each waypoint at its closest sample; -1 is home."""
     goals = np.array([course.home[:2], *course.waypoints])
     for index in _find_increases(trajectory["visited"]):
         row = trajectory.iloc[index]

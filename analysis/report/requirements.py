@@ -1,4 +1,4 @@
-"""A page with the verdicts on requirements and the worst missions (``requirements.html``)."""
+"""A page with verdicts on requirements and the worst missions (``requirements.html``)."""
 
 import argparse
 from collections import Counter
@@ -30,7 +30,7 @@ SCRIPTS = (*PLAYER, "verdicts", "tables")
 
 @dataclass(frozen=True, eq=False)
 class Required:
-    """A verdict on a requirement of a design."""
+    """A verdict on a requirement for a design."""
 
     record: EvaluationRecord
     verdict: Row
@@ -42,19 +42,19 @@ class Required:
 
     @property
     def key(self) -> str:
-        """The verdict's HTML id."""
+        """The HTML id of the verdict."""
         names = ("source", "design", "requirement", "level")
         return "/".join([self.record.name, *(self.verdict[name] for name in names)])
 
     @property
     def place(self) -> str:
-        """A description of the worst mission."""
+        """The trial and world of the worst mission."""
         worst = name_worst(self.verdict)
         return f"trial {worst['trial']} in {worst['world']}"
 
 
 def _list_required(study: Study) -> list[Required]:
-    """List the verdicts of all finished evaluations: violated, then undecided, then met."""
+    """List the verdicts of all finished evaluations: violated first, then undecided, then met."""
     tables = study.read_each(study.evaluations, lambda each: read_verdicts(each.path))
     verdicts = [Required(record, row) for record, rows in tables for row in rows]
     if not verdicts:

@@ -1,4 +1,4 @@
-"""Summaries of runs and evaluations for a report, as tables and sentences."""
+"""Summaries of runs and evaluations for reports, as tables and sentences."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -21,12 +21,12 @@ from ..tables.records import EvaluationRecord, Record, label_fitness
 from ..tables.study import Study
 from ..tables.treatments import describe_factor
 
-HASH_LENGTH = 12  # number of displayed characters of a hash
+HASH_LENGTH = 12  # number of characters shown of a hash
 VALIDATED, RECORDED = "validated", "recorded"
 
 
 def name_page(folders: Sequence[Path]) -> str:
-    """Name a page after the folders that it covers."""
+    """Return the title of a page: the names of its folders."""
     return ", ".join(escape(expand_home(folder).resolve().name) for folder in folders)
 
 
@@ -46,7 +46,7 @@ def summarize(study: Study) -> str:
 
 
 def label_runs(records: Sequence[Record]) -> dict[str, str]:
-    """Map run names to labels: treatment and seed or, if these are not unique, the run's name."""
+    """Label runs by treatment and seed or, where these are not unique, by name."""
     short = [f"{record.treatment}, seed {record.seed}" for record in records]
     names = [record.name for record in records]
     distinct = len(records) > 1 and len(set(short)) == len(short)
@@ -55,7 +55,7 @@ def label_runs(records: Sequence[Record]) -> dict[str, str]:
 
 
 def tabulate_runs(records: Sequence[Record]) -> pd.DataFrame:
-    """List one row per run, with its progress, best fitness, missions and pace."""
+    """List each run with its progress, best fitness, missions and pace."""
     table = pd.DataFrame([_run_row(record) for record in records])
     place = 1 + list(table.columns).index("treatment") if len(table) else 0
     for factor in dict.fromkeys(name for record in records for name in record.levels):
@@ -103,7 +103,7 @@ def tabulate_evaluations(evaluations: Sequence[EvaluationRecord]) -> pd.DataFram
 
 
 def tabulate_versions(study: Study) -> pd.DataFrame:
-    """List one row per version or hash, with the number of folders that share it."""
+    """List versions and digests with the number of folders that share them."""
     manifests = [record.run.manifest for record in (*study.records, *study.evaluations)]
     counts = Counter(pair for manifest in manifests for pair in _versions(manifest))
     order = list(dict.fromkeys(name for name, _ in counts))
@@ -119,12 +119,12 @@ def _versions(manifest: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for name in ("python", "platform", "processor"):
         yield name, str(manifest.get(name, ""))
     for name, digest in (manifest.get("sha256") or {}).items():
-        if not name.startswith("configuration"):  # the seed makes these hashes differ between runs
+        if not name.startswith("configuration"):  # these digests depend on the seed
             yield f"sha256 of {name}", str(digest)[:HASH_LENGTH]
 
 
 def list_findings(study: Study) -> tuple[list[str], str]:
-    """Return the findings of the runs, controls first; and the reason if there are none."""
+    """Return findings on the runs, controls first, and the reason if there are none."""
     if not study.records:
         return ([], "There are no runs to compare. Add their folders.")
     controls = list_controls(study)
@@ -147,7 +147,7 @@ def list_findings(study: Study) -> tuple[list[str], str]:
 
 
 def list_controls(study: Study) -> list[str]:
-    """Describe how each treatment's champions compare with their controls; empty without any."""
+    """Compare the champions of each treatment with their controls; empty without controls."""
     if not any((record.path / CONTROLS).is_dir() for record in study.records):
         return []
     try:

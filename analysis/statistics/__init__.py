@@ -1,1 +1,1 @@
-"""Tests, intervals and effect sizes for small samples, and findings based on them."""
+"""Tests, intervals and effect sizes for small samples, and findings based on these."""

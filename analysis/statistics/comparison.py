@@ -1,4 +1,4 @@
-"""Pairwise comparisons of treatments: tests, effect sizes, intervals and conclusions."""
+"""Pairwise comparisons of treatments: tests, effect sizes, intervals, conclusions."""
 
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
@@ -13,7 +13,7 @@ from .small_samples import LEVEL, fisher, holm, median_interval, share_interval
 from .two_samples import TEST, a12_interval, brunner_munzel, minimum_p, minimum_replicates
 
 MEASURES = ("recorded", "validated")
-MANY = 3  # number of pairs above which the conclusions list only significant differences
+MANY = 3  # number of pairs above which conclusions list only significant differences
 SIDE = ("n", "median", "median_low", "median_high")
 COLUMNS = (
     *("measure", "a", "b"),
@@ -25,7 +25,7 @@ COLUMNS = (
 def compare_treatments(
     runs: pd.DataFrame, measures: Sequence[str] = MEASURES, reference: str | None = None
 ) -> pd.DataFrame:
-    """Compare each pair of treatments, or each with ``reference``, by each measure."""
+    """Compare each pair of treatments, or each treatment with ``reference``, by each measure."""
     rows = [
         row
         for measure in measures
@@ -35,7 +35,7 @@ def compare_treatments(
 
 
 def group_values(runs: pd.DataFrame, measure: str) -> dict[str, Array]:
-    """Group the known values by treatment, in the order of the runs."""
+    """Group known values by treatment, in the order of the runs."""
     known = runs[runs[measure].notna()]
     groups = known.groupby("treatment", sort=False)[measure]
     return {str(name): values.to_numpy(float) for name, values in groups}
@@ -63,7 +63,7 @@ def _compare(
 
 
 def list_pairs(names: Iterable[str], reference: str | None) -> list[tuple[str, str]]:
-    """List all pairs of treatments, or each other treatment with the reference."""
+    """List all pairs of treatments, or the pairs with the reference."""
     pairs = combinations(names, 2)
     return [(a, b) for a, b in pairs if reference in (None, a, b)]
 
@@ -94,12 +94,12 @@ def compare_reached(table: pd.DataFrame, runs: pd.DataFrame, column: str) -> pd.
 
 
 def title_measure(measure: str, label: str = FITNESS) -> str:
-    """Return the title of a score column; ``label`` is the name of the fitness."""
+    """Return the title of a score column; ``label`` names the fitness."""
     return f"{measure} {label}" if measure in MEASURES else f"{label} {measure}"
 
 
 def conclude(table: pd.DataFrame, label: str = FITNESS) -> list[str]:
-    """Return a sentence for each row; of many rows, only for the significant differences."""
+    """Return a sentence per row or, for many rows, per significant difference."""
     said: list[str] = []
     for measure, rows in table.groupby("measure", sort=False):
         pairs = rows.to_dict("records")
@@ -140,7 +140,7 @@ def ask_for_replicates(counts: Sequence[int], pairs: int) -> str:
 
 
 def format_effect(row: Mapping[Hashable, Any]) -> str:
-    """Format A12 and its interval."""
+    """Format A12 with its interval."""
     return f"{row['a12']:.2f} [{row['a12_low']:.2f}, {row['a12_high']:.2f}]"
 
 

@@ -1,8 +1,8 @@
 """Tests of one or two factors and their interaction, and intervals of contrasts.
 
 Permutations of Welch's statistic (Pauly, Brunner and Konietschke 2015, J. R. Stat. Soc. B 77,
-461-473) keep the level for cells that differ in size or variance and are not normal. With ranks,
-main effects of skewed values would look like an interaction.
+461-473) keep the significance level for cells that differ in size or variance and are not normal.
+With ranks, main effects of skewed values would look like an interaction.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,16 +20,16 @@ from .small_samples import LEVEL, NOTHING, RESAMPLES, SEED, Interval, Sample
 from .two_samples import Places
 
 TEST = "permuted Welch-James test"
-CELLS = 2_000_000  # maximum number of values permuted at a time, which limits memory
-DIGITS = 9  # digits of the permuted statistic, so that ties agree on every processor
+CELLS = 2_000_000  # maximum number of values permuted at a time, to limit memory
+DIGITS = 9  # number of digits of the permuted statistic, so that ties agree on every processor
 Cell = tuple[str, ...]  # one level per factor
 
 
 @dataclass(frozen=True)
 class EffectTest:
-    """The test of an effect: F and its degrees of freedom, or A12 for two samples."""
+    """The test of an effect: F and degrees of freedom or, for two samples, A12."""
 
-    effect: tuple[str, ...]  # one factor, or two for an interaction
+    effect: tuple[str, ...]  # one factor, or two factors for an interaction
     test: str
     p: float
     f: float = nan
@@ -52,9 +52,9 @@ def permute_effects(
 ) -> list[EffectTest]:
     """Test the effect of each factor, and the interaction of two.
 
-    ``levels`` maps each factor to the levels of the values; each cell needs at least two values. A
-    main effect weights the other factor's levels equally. The p-values depend neither on the order
-    of the values nor on the names of the levels.
+    ``levels`` maps each factor to the level of each value; each cell requires at least two values.
+    In a main effect, the levels of the other factor have equal weights. The p-values depend neither
+    on the order of the values nor on the names of the levels.
     """
     names, rows = list(levels), list(zip(*levels.values(), strict=True))
     cells = {
@@ -102,7 +102,7 @@ def _test(
 
 
 def _contrast_levels(levels: Sequence[str], compare: bool) -> Array:
-    """Return contrasts of the first level with each other level, or the average over all levels."""
+    """Return contrasts of the first level with each other level, or the average over levels."""
     known = list(dict.fromkeys(levels))
     among = np.array([[level == other for level in levels] for other in known], float)
     rows = among[:1] - among[1:] if compare else among.sum(axis=0, keepdims=True) / len(known)
@@ -110,7 +110,7 @@ def _contrast_levels(levels: Sequence[str], compare: bool) -> Array:
 
 
 def welch_james(values: Array, sizes: Places, contrasts: Array) -> tuple[Array, Array]:
-    """Return F and the error's degrees of freedom, for contrasts (k, cells) of the cell means.
+    """Return F and the error's degrees of freedom for contrasts (k, cells) of cell means.
 
     ``values`` (..., n) are ordered by cell. F has k degrees of freedom (Johansen 1980, Biometrika
     67, 85-92); for one factor, it is Welch's F (1951, Biometrika 38, 330-336).
@@ -135,7 +135,7 @@ def list_contrasts(
     levels: Mapping[str, Sequence[str]],
     bounds: tuple[float, float] = (-inf, inf),
 ) -> Iterator[Contrast]:
-    """Yield the contrasts of means by factor and interaction, with equally weighted cells."""
+    """Yield contrasts of means by factor and interaction; cells have equal weights."""
     keys, samples = list(cells), list(cells.values())
     for place, (name, known) in enumerate(levels.items()):
         rest = len(keys) / len(known)
@@ -154,9 +154,9 @@ def list_contrasts(
 def contrast_interval(
     cells: Sequence[Sample], weights: Sample, bounds: tuple[float, float] = (-inf, inf)
 ) -> Interval:
-    """Return a weighted sum of cell means and its interval (Welch 1947, Biometrika 34, 28-35).
+    """Return a weighted sum of cell means with its interval (Welch 1947, Biometrika 34, 28-35).
 
-    ``bounds`` limit the interval, which is NaN if a cell has a single value or no cell varies.
+    ``bounds`` limit the interval, which is NaN if a cell has a single value or if no cell varies.
     """
     used = [(w, np.asarray(x, float)) for w, x in zip(weights, cells, strict=True) if w]
     value = float(sum(w * x.mean() for w, x in used))

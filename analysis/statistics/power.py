@@ -1,4 +1,4 @@
-"""The number of replicates needed to detect a difference, simulated from given replicates."""
+"""The number of replicates required to detect a difference, simulated from given replicates."""
 
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,26 +13,26 @@ from evoros.base.arrays import Array
 from .small_samples import LEVEL, SEED, Interval
 from .two_samples import compute_statistics, find_critical
 
-SAMPLES = 2000  # simulated comparisons, for a standard error of the power of at most 1.1 %
+SAMPLES = 2000  # number of simulated comparisons; limits the standard error of the power to 1.1 %
 MAX_REPLICATES = 200
-MIN_SCATTER = 3  # replicates of a single treatment; several treatments pool their residuals
+MIN_SCATTER = 3  # minimum replicates of a single treatment; several treatments pool residuals
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """Deviations of replicates from their treatments' means."""
+    """Deviations of replicates from the means of their treatments."""
 
-    residuals: Array  # pooled over all treatments
+    residuals: Array  # pooled over treatments
     treatments: int  # number of treatments
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom of the standard deviation."""
+        """The degrees of freedom of the standard deviation."""
         return self.residuals.size - self.treatments
 
     @cached_property
     def deviation(self) -> Interval:
-        """The standard deviation and its chi-squared interval, for normally distributed values."""
+        """The standard deviation and its chi-squared interval, which assumes normal values."""
         sum_of_squares = float((self.residuals**2).sum())
         bounds = scipy.stats.chi2.ppf([1 - LEVEL / 2, LEVEL / 2], self.freedom)
         low, high = (float((sum_of_squares / bound) ** 0.5) for bound in bounds)
@@ -40,7 +40,7 @@ class Scatter:
 
 
 def measure_scatter(groups: Sequence[Array]) -> Scatter | None:
-    """Pool the deviations from the means of groups of two or more; None if too few or all equal."""
+    """Pool deviations from the means of groups of two or more; None if too few or all equal."""
     known = [group for group in groups if group.size > 1]
     residuals = [group - group.mean() for group in known]
     scatter = Scatter(np.concatenate([*residuals, np.empty(0)]), len(known))
@@ -50,13 +50,13 @@ def measure_scatter(groups: Sequence[Array]) -> Scatter | None:
 
 @dataclass(frozen=True)
 class Simulation:
-    """Pairs of simulated treatments; comparisons use the first n replicates of each pair.
+    """Simulated pairs of treatments; a comparison uses the first n replicates of each pair.
 
-    They come from a smoothed bootstrap (Silverman and Young 1987, Biometrika 74, 469-479).
+    The pairs come from a smoothed bootstrap (Silverman and Young 1987, Biometrika 74, 469-479).
     """
 
     scatter: Scatter
-    comparisons: int  # number of comparisons for which p-values are adjusted
+    comparisons: int  # number of comparisons in the adjustment of p-values
     samples: int = SAMPLES
 
     @cached_property
@@ -77,9 +77,9 @@ class Simulation:
         return float(np.mean((statistics < low) | (statistics > high)))
 
     def find_replicates(self, difference: float, power: float) -> float:
-        """Return the minimum replicates for this power; infinite above ``MAX_REPLICATES``."""
+        """Return the minimum number of replicates for a power; infinity beyond the maximum."""
 
-        numbers = range(1, MAX_REPLICATES + 1)  # the search skips 1
+        numbers = range(1, MAX_REPLICATES + 1)  # the search starts at 2
         index = bisect_left(numbers, power, 1, key=lambda n: self.compute_power(difference, n))
         return numbers[index] if index < len(numbers) else np.inf
 
@@ -87,7 +87,7 @@ class Simulation:
 def plan_replicates(
     simulation: Simulation, differences: Sequence[float], power: float
 ) -> Iterator[Mapping[str, float]]:
-    """Yield the replicates needed for each difference, bounded by the deviation's interval."""
+    """Yield the replicates required for each difference, and their bounds from the deviation's."""
     deviation = simulation.scatter.deviation
     for difference in differences:
         needed = [

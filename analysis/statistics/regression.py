@@ -1,4 +1,4 @@
-"""Changes between two versions of a software stack, from missions with the same random draws."""
+"""Changes between two versions of a software stack, from missions on equal random draws."""
 
 import math
 from collections.abc import Hashable, Iterator, Mapping, Sequence
@@ -15,12 +15,12 @@ from evoros.requirement.bets import bound, decide
 from ..tables.pairs import BETTER, COMPLETED, QUANTITIES, SLIGHT, TIME, WORSE
 from .small_samples import CELLS, LEVEL, RESAMPLES, SEED, Interval, holm, mean_interval
 
-MIN_CHANGED = 20  # minimum number of differing pairs for an interval of a mean without known bounds
+MIN_CHANGED = 20  # minimum number of differing pairs for the interval of an unbounded mean
 _HALVINGS = 60
 
 
 def mcnemar(gained: int, lost: int) -> float:
-    """Return the two-sided p-value of McNemar's exact test, from the pairs gained and lost."""
+    """Return the two-sided p-value of McNemar's exact test for pairs gained and lost."""
     changed = gained + lost
     return float(scipy.stats.binomtest(gained, changed, 0.5).pvalue) if changed else 1.0
 
@@ -46,7 +46,7 @@ def sign_flips(differences: Array) -> float:
 
 
 def share_change_interval(gained: int, lost: int, pairs: int) -> Interval:
-    """Return the change in a paired share and its score interval (Tango 1998)."""
+    """Return the change of a share in pairs with its score interval (Tango 1998)."""
     change = (gained - lost) / pairs
     upper = _find_upper(gained, lost, pairs)
     return Interval(change, -_find_upper(lost, gained, pairs), upper)
@@ -64,31 +64,31 @@ def _find_upper(gained: int, lost: int, pairs: int) -> float:
 
 
 def _fit_lost(gained: int, lost: int, pairs: int, change: float) -> float:
-    """Return the maximum-likelihood share of lost pairs for a given change in the share."""
+    """Return the maximum-likelihood share of lost pairs, given the change of the share."""
     b = (2 * pairs - gained + lost) * change - gained - lost
     c = -lost * change * (1 - change)
     return (math.sqrt(b * b - 8 * pairs * c) - b) / (4 * pairs)
 
 
 def bounded_change_interval(differences: Array) -> Interval:
-    """Return the mean of differences from -1 to 1 and its interval, from betting.
+    """Return the mean of differences from -1 to 1 with its betting interval.
 
-    The differences must be independent, in an order that does not depend on their values. The
-    bounds hold even if pairs rarely differ, when a bootstrap underestimates the scatter.
+    The differences must be independent, and their order must not depend on their values. The bounds
+    hold even if pairs rarely differ, in which case a bootstrap underestimates the variation.
     """
     low, high = (2 * end - 1 for end in bound((1 + differences) / 2, 1 - LEVEL / 2))
     return Interval(float(differences.mean()), low, high)
 
 
 def change_interval(differences: Array) -> Interval:
-    """Return a mean difference and its bootstrap interval, if enough differences are not 0."""
+    """Return a mean difference, with a bootstrap interval if enough differences are nonzero."""
     changed = int(np.count_nonzero(differences))
     interval = mean_interval(np.sort(differences))
-    # Fewer do not show the tail of the distribution.
+    # Fewer differences do not represent the tails of the distribution.
     return interval if changed >= MIN_CHANGED else Interval(interval.value)
 
 
-BOUNDED = ("completed", "progress")  # values from 0 to 1, whose changes have bounds
+BOUNDED = ("completed", "progress")  # quantities from 0 to 1, whose changes are bounded
 ALL_WORLDS, UNCHANGED = "", "unchanged"
 MINUS = "\N{MINUS SIGN}"
 COUNTS = ("missions", "trials", "better", "worse", "both", "neither")
@@ -105,7 +105,7 @@ MARGIN_COLUMNS = (
 def compare_missions(pairs: pd.DataFrame, quantities: Sequence[str]) -> pd.DataFrame:
     """Test the changes of each design: one row per quantity and world, and one over all worlds.
 
-    ``pairs`` comes from ``pair_missions``. Holm's method adjusts the p-values of all rows with
+    ``pairs`` comes from ``pair_missions``. Holm's method adjusts p-values over all rows with
     changed missions. ``result`` is ``unchanged`` without such missions, ``worse`` or ``better`` for
     a significant change, otherwise empty. Completion times within ``SLIGHT`` are equal.
     """
@@ -135,7 +135,7 @@ def _list_groups(pairs: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]
 
 
 def _compare(missions: pd.DataFrame, quantity: str) -> dict[str, Any]:
-    """Compare a quantity by trial means, because the worlds of a trial share random draws."""
+    """Compare the trial means of a quantity, because worlds of a trial share random draws."""
     known = missions.set_index("trial")[[f"{quantity}_a", f"{quantity}_b"]].dropna()
     if known.empty:
         return {}
@@ -166,7 +166,7 @@ def _estimate_change(differences: Array, quantity: str, missions: int) -> Interv
 
 
 def format_change(row: Mapping[Hashable, Any]) -> str:
-    """Format a row's mean change and its interval, with decimals that suit their size."""
+    """Format the mean change of a row with its interval, with suitable decimals."""
     change = Interval(row["difference"], row["low"], row["high"])
     size = max(map(abs, (change.value, *(x for x in (change.low, change.high) if x == x))))
     return change.write(f"+.{3 if size < 1 else 2 if size < 100 else 0}f").replace("-", MINUS)
@@ -175,7 +175,7 @@ def format_change(row: Mapping[Hashable, Any]) -> str:
 def judge_margins(
     pairs: pd.DataFrame, margins: Mapping[str, float], confidence: float
 ) -> pd.DataFrame:
-    """Test in sequence, by design and world, if a mean falls by less than its margin."""
+    """Test in sequence, by design and world, whether each mean falls by less than its margin."""
     rows = [
         [design, world, name, margin, *_judge(missions, name, margin, confidence)]
         for (design, world), missions in pairs.sort_values("trial").groupby(["design", "world"])

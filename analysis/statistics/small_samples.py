@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 from evoros.base.arrays import Array
 from evoros.certificate.rates import bound_difference, bound_rate
 
-LEVEL = 0.05  # significance level of p-values; intervals cover 1 - LEVEL
-MIN_PAIRS = 10  # minimum number of pairs for a reliable interval of a rank correlation
+LEVEL = 0.05  # significance level; intervals have a coverage of 1 - LEVEL
+MIN_PAIRS = 10  # minimum number of pairs for an interval of a rank correlation
 RESAMPLES, SEED = 9999, 20181
-CELLS = 1_000_000  # maximum number of values resampled at a time, which limits memory
+CELLS = 1_000_000  # maximum number of values resampled at a time, to limit memory
 Numbers = NDArray[np.floating[Any]]
 Sample = Sequence[float] | Numbers
 
 
 @dataclass(frozen=True)
 class Interval:
-    """An estimate and the bounds of its interval, which are NaN if there are too few values."""
+    """An estimate with the bounds of its interval, which are NaN for too few values."""
 
     value: float
     low: float = np.nan
@@ -33,7 +33,7 @@ class Interval:
         return Interval(-self.value, -self.high, -self.low, self.confidence)
 
     def write(self, form: str = ".2f") -> str:
-        """Format the estimate and any bounds, with the coverage if it is below 1 - LEVEL."""
+        """Format the estimate with its bounds, if any, and with any coverage below 1 - LEVEL."""
         short = f"; {100 * self.confidence:.0f} %" if self.confidence < 1 - LEVEL else ""
         bounds = f" [{self.low:{form}}, {self.high:{form}}{short}]" if self.low <= self.high else ""
         return f"{self.value:{form}}{bounds}"
@@ -43,7 +43,7 @@ NOTHING = Interval(np.nan)  # an unknown value
 
 
 def choose_form(values: Sample) -> str:
-    """Choose a number format: two decimals, fewer for large values, more for small ones."""
+    """Return a number format: two decimals, fewer for large values, more for small values."""
     size = float(np.abs(np.asarray(values, float)).max())
     if 0 < size < 0.1:
         return ".3g"
@@ -51,7 +51,7 @@ def choose_form(values: Sample) -> str:
 
 
 def holm(p: Sample) -> list[float]:
-    """Adjust a family's p-values for comparison with ``LEVEL`` (Holm 1979, Scand. J. Stat. 6)."""
+    """Adjust p-values for multiple tests at ``LEVEL`` (Holm 1979, Scand. J. Stat. 6)."""
     raw = np.asarray(p, float)
     order = np.argsort(raw)
     stepped = np.maximum.accumulate(raw[order] * np.arange(raw.size, 0, -1))
@@ -61,9 +61,9 @@ def holm(p: Sample) -> list[float]:
 
 
 def median_interval(values: Sample) -> Interval:
-    """Return the median and its exact interval (Thompson 1936, Ann. Math. Stat. 7, 122-128).
+    """Return the median with its exact interval (Thompson 1936, Ann. Math. Stat. 7, 122-128).
 
-    With fewer than six values, the interval is the full range, with less than 95 % coverage.
+    For fewer than six values, the interval is the full range and covers less than 95 %.
     """
     ordered = np.sort(np.asarray(values, float))
     n = ordered.size
@@ -76,24 +76,24 @@ def median_interval(values: Sample) -> Interval:
 
 
 def mean_interval(values: Sample) -> Interval:
-    """Return the mean and its bootstrap interval, expanded for small samples."""
+    """Return the mean with its bootstrap interval, expanded for small samples."""
     return _bootstrap(np.mean, values, tail=expand_tail(len(values)))
 
 
 def spearman(x: Sample, y: Sample) -> Interval:
-    """Return Spearman's rank correlation and its interval; NaN if a sample is constant."""
+    """Return Spearman's rank correlation with its interval; NaN if a sample is constant."""
     if len(x) < MIN_PAIRS:
         return Interval(float(_rank_correlation(np.asarray(x), np.asarray(y))))
     return _bootstrap(_rank_correlation, x, y)
 
 
 def share_interval(count: int, total: int) -> Interval:
-    """Return a share and its exact interval (see ``bound_rate``); NaN if the total is 0."""
+    """Return a share with its exact interval (see ``bound_rate``); NaN if the total is 0."""
     return Interval(count / total, *bound_rate(count, total, 1 - LEVEL)) if total else NOTHING
 
 
 def share_difference(count: int, total: int, other_count: int, other_total: int) -> Interval:
-    """Return the difference between two shares and its interval; NaN if either total is 0."""
+    """Return the difference between two shares with its interval; NaN if a total is 0."""
     if not total or not other_total:
         return NOTHING
     value = count / total - other_count / other_total
@@ -110,14 +110,14 @@ def fisher(count: int, total: int, other_count: int, other_total: int) -> float:
 
 
 def ratio_interval(parts: Sample, wholes: Sample) -> Interval:
-    """Return the ratio of two sums over replicates and its expanded bootstrap interval."""
+    """Return the ratio of two sums over replicates, with an expanded bootstrap interval."""
     return _bootstrap(_ratio, parts, wholes, tail=expand_tail(len(parts)))
 
 
 def expand_tail(n: int) -> float:
-    """Return the share of resamples beyond each bound for an interval of the mean of n values.
+    """Return the fraction of resamples beyond each bound of an interval for the mean of n values.
 
-    The plain percentile interval is too narrow for small n (Hesterberg 2015, Am. Stat. 69, 371).
+    Plain percentile intervals are too narrow for small n (Hesterberg 2015, Am. Stat. 69, 371).
     """
     if n < 2:
         return LEVEL / 2
@@ -128,8 +128,8 @@ def expand_tail(n: int) -> float:
 def _bootstrap(
     statistic: Callable[..., Any], *samples: Sample, tail: float = LEVEL / 2
 ) -> Interval:
-    """Return the percentile interval (Efron 1979), with ``tail`` resamples beyond each bound."""
-    # BCa intervals are undefined if all resamples agree, and inconsistent for a median.
+    """Return the percentile interval (Efron 1979) with a fraction ``tail`` beyond each bound."""
+    # BCa intervals are undefined if all resamples agree, and inconsistent for medians.
     values = [np.asarray(sample, float) for sample in samples]
     n = len(values[0])
     if n < 2:
@@ -160,20 +160,20 @@ def _ratio(parts: Array, wholes: Array, axis: int = -1) -> Array:
 
 
 def _rank_correlation(x: Array, y: Array, axis: int = -1) -> Array:
-    """Correlate the ranks over the last axis, exactly 1 for equal orders; NaN for a constant."""
+    """Correlate ranks over the last axis: exactly 1 for equal orders, NaN for a constant."""
     a, b = (
         ranks - ranks.mean(axis=axis, keepdims=True)
         for ranks in (scipy.stats.rankdata(side, axis=axis) for side in (x, y))
     )
-    with np.errstate(invalid="ignore"):  # a constant side gives 0 / 0
+    with np.errstate(invalid="ignore"):  # a constant sample gives 0 / 0
         return np.asarray((a * b).sum(axis) / np.sqrt((a * a).sum(axis) * (b * b).sum(axis)))
 
 
 class Shortfall(NamedTuple):
-    """Lowest coverage or highest error rate over all sample sizes [%]; None if as stated."""
+    """Lowest coverage or highest error rate [%] over all sample sizes; None if as nominal."""
 
-    usual: int | None  # any distribution without outliers
-    outlier: int | None = None  # one value in a hundred is an outlier
+    usual: int | None  # distribution without outliers, the worst one
+    outlier: int | None = None  # distribution with one outlier in a hundred values
 
 
 INTERVALS: Mapping[str, Shortfall] = {
@@ -184,17 +184,17 @@ INTERVALS: Mapping[str, Shortfall] = {
     "standard deviation": Shortfall(41, 0),
     "change in completion time, bootstrap": Shortfall(89),
 }
-"""Actual coverage of 95 % intervals, by their names in ``docs/coverage.md``."""
+"""Actual coverage of 95 % intervals, keyed as in ``docs/coverage.md``."""
 TESTS: Mapping[str, Shortfall] = {
     "a factor has an effect": Shortfall(12, 8),
     "two factors interact": Shortfall(9, 8),
     "paired values change, sign flips": Shortfall(12),
 }
-"""Actual error rates of tests at the 5 % level, by their names in ``docs/coverage.md``."""
+"""Actual error rates of tests at the 5 % level, keyed as in ``docs/coverage.md``."""
 
 
 def describe_shortfalls(*names: str) -> Iterator[str]:
-    """Yield a line about the intervals among ``names``, and another line about the tests."""
+    """Yield a line on the intervals among ``names``, and a line on the tests."""
     lines = (
         ("these 95 % intervals may cover the true value in fewer than 95 % of cases", INTERVALS),
         ("these tests may find an effect that does not exist in more than 5 % of cases", TESTS),

@@ -1,4 +1,4 @@
-"""The two-sample test, and the effect size A12 with its interval, from one statistic.
+"""A two-sample test, and the effect size A12 with its interval, based on one statistic.
 
 The statistic (Brunner and Munzel 2000, Biom. J. 42, 17-25) is A12 minus 0.5, divided by a standard
 error that lets the samples differ in spread and size. Its distribution comes from permutations
@@ -22,17 +22,17 @@ from evoros.base.arrays import Array
 from .small_samples import CELLS, LEVEL, RESAMPLES, SEED, Interval, Sample
 
 TEST = "permuted Brunner-Munzel test"
-# Four values are completely separated from any number of other values by chance in up to one of
-# eight pairs of samples, at an A12 of 0.5.
+# Complete separation of four values from any number of others occurs by chance in up to one of
+# eight pairs of samples with an A12 of 0.5.
 MIN_VALUES = 5  # sample size below which p is 1
-MAX_SPLITS = 20_000  # splits into two samples to enumerate; of more, some are drawn
-MAX_PERMUTED = 400  # values to permute; for more, Student's distribution is used
-DIGITS = 9  # digits to which the statistic is rounded, so that ties agree on every processor
+MAX_SPLITS = 20_000  # maximum number of splits to enumerate; of more, a sample is drawn
+MAX_PERMUTED = 400  # maximum number of values to permute; Student's distribution is used above
+DIGITS = 9  # number of digits of the statistic, so that ties agree on every processor
 Places = NDArray[np.int64]
 
 
 class _Ranking(NamedTuple):
-    """A12, its standard error, and the error's degrees of freedom, all of the same shape."""
+    """A12, its standard error and the error's degrees of freedom, as arrays of one shape."""
 
     a12: Array
     error: Array
@@ -40,7 +40,7 @@ class _Ranking(NamedTuple):
 
     @property
     def statistic(self) -> Array:
-        """The logit of A12, divided by its standard error."""
+        """The logit of A12 divided by its standard error."""
         return np.asarray(np.round(_logit(self.a12) / self._logit_error, DIGITS))
 
     @property
@@ -48,16 +48,17 @@ class _Ranking(NamedTuple):
         return np.asarray(self.error / (self.a12 * (1 - self.a12)))
 
     def move(self, quantile: float) -> float:
-        """Return the A12 that, as the null hypothesis, gives the statistic ``quantile``."""
+        """Return the null-hypothesis A12 at which the statistic equals ``quantile``."""
         end = float(scipy.special.expit(_logit(self.a12) - quantile * self._logit_error))
-        return round(end, DIGITS - 1)  # rounded like the statistic
+        return round(end, DIGITS - 1)  # rounded as the statistic is
 
 
 def brunner_munzel(x: Sample, y: Sample) -> float:
-    """Test whether ``x`` exceeds ``y`` as often as the reverse; return the two-sided p-value.
+    """Return the two-sided p-value of the null hypothesis that A12 is 0.5.
 
-    It is exact for equal distributions if all splits are enumerated; with unequal spreads, it falls
-    below 0.05 in 2 to 7 % of cases. It is 1 for samples of fewer than ``MIN_VALUES`` values.
+    The p-value is exact for equal distributions if all splits are enumerated; for unequal spreads,
+    it falls below 0.05 in 2 to 7 % of cases. It is 1 for samples of fewer than ``MIN_VALUES``
+    values.
     """
     if min(len(x), len(y)) < MIN_VALUES:
         return 1.0
@@ -78,12 +79,12 @@ def a12(x: Sample, y: Sample) -> float:
 
 
 def a12_interval(x: Sample, y: Sample) -> Interval:
-    """Return A12 (Vargha and Delaney 2000, J. Educ. Behav. Stat. 25, 101-132) and its interval.
+    """Return A12 (Vargha and Delaney 2000, J. Educ. Behav. Stat. 25, 101-132) with its interval.
 
-    If the samples separate completely or are all equal, k independent pairs agree, where k is the
-    size of the smaller sample. This has a probability of at most A12 ** k, which bounds A12. With
-    some ties, the interval is at least as wide as Student's with k - 1 degrees of freedom, because
-    permutations of ties scatter too little if the samples differ.
+    If samples are completely separated or all equal, k independent pairs agree, where k is the
+    smaller sample size. The probability of this is at most A12 ** k, which bounds A12. With some
+    ties, the interval is at least as wide as Student's with k - 1 degrees of freedom, because
+    permutations of ties vary too little if the samples differ.
     """
     value, few = a12(x, y), min(len(x), len(y))
     if value in (0.0, 1.0) or np.ptp([*x, *y]) == 0:
@@ -110,7 +111,7 @@ def compute_statistics(x: Array, y: Array) -> Array:
 
 
 def find_critical(n: int, level: float) -> tuple[float, float]:
-    """Return the statistics beyond which p < level, for two samples of n values without ties."""
+    """Return the critical values of the statistic at ``level``, for two samples of n values."""
     if n < MIN_VALUES:
         return -inf, inf
     ends = np.arange(1, 2 * n + 1)
@@ -118,13 +119,13 @@ def find_critical(n: int, level: float) -> tuple[float, float]:
 
 
 def minimum_p(m: int, n: int) -> float:
-    """Return the minimum p-value of the test for samples of m and n values."""
+    """Return the minimum possible p-value for samples of m and n values."""
     drawn = 2 / (RESAMPLES + 1) if _count_drawn(m, n) else 0.0
     return 1.0 if min(m, n) < MIN_VALUES else max(drawn, 2 / comb(m + n, n))
 
 
 def minimum_replicates(comparisons: int) -> int:
-    """Return the minimum sample size that can give a p below ``LEVEL`` after ``holm``."""
+    """Return the minimum sample size for which p can fall below ``LEVEL`` after ``holm``."""
     n = MIN_VALUES
     while comparisons * minimum_p(n, n) >= LEVEL and not _count_drawn(n, n):
         n += 1
@@ -136,12 +137,12 @@ def _logit(share: Array) -> Array:
 
 
 def _count_drawn(m: int, n: int) -> int:
-    """Return 1, for the observed split, if splits are drawn; 0 if all are enumerated."""
+    """Return the number of observed splits to add: 1 if splits are drawn, 0 if enumerated."""
     return int(comb(m + n, m) > MAX_SPLITS)
 
 
 def _order(x: Sample, y: Sample) -> tuple[NDArray[np.bool_], Places, Places]:
-    """Return which pooled values, in ascending order, are from ``x``, and the end of each tie."""
+    """Return a mask of the ordered pooled values that are from ``x``, and the end of each tie."""
     pooled = np.concatenate([np.asarray(x, float), np.asarray(y, float)])
     order = np.argsort(pooled)
     values = pooled[order]
@@ -154,8 +155,8 @@ def _rank(x: Sample, y: Sample) -> _Ranking:
 
 
 def _compare(first: NDArray[np.bool_], starts: Places, ends: Places) -> _Ranking:
-    """Compare the first sample, a mask (..., m + n) of the ordered values, with the second."""
-    # Doubled counts of lower values, with ties as half, are integers, so the sums are exact.
+    """Compare the first sample, a mask (..., m + n) over the ordered values, with the second."""
+    # Doubled counts of lower values, with ties as half, are integers, so sums are exact.
     below = np.zeros((*first.shape[:-1], first.shape[-1] + 1), np.int64)
     np.cumsum(first, axis=-1, out=below[..., 1:])
     of_first = below[..., starts] + below[..., ends]
@@ -168,9 +169,9 @@ def _compare(first: NDArray[np.bool_], starts: Places, ends: Places) -> _Ranking
         scatter = size * (counts**2).sum(axis=-1) - counts.sum(axis=-1) ** 2
         variances.append(scatter / (4 * size**2 * (size - 1) * other**2))
     square = variances[0] + variances[1]
-    least = 0.5 / (m * n)  # counts the nearest two values of separated samples as tied
+    least = 0.5 / (m * n)  # treats the nearest two values of separated samples as tied
     parts = sum(part**2 / (size - 1) for part, size in zip(variances, (m, n), strict=True))
-    with np.errstate(invalid="ignore"):  # separated values give 0 / 0
+    with np.errstate(invalid="ignore"):  # separated samples give 0 / 0
         freedom = np.asarray(square**2 / parts)
     a12 = np.clip(total / (2 * m * n), least, 1 - least)
     return _Ranking(a12, np.sqrt(np.where(square > 0, square, 2 * least**2)), freedom)
@@ -209,7 +210,7 @@ def _permute(m: int, ends_of_ties: bytes) -> Array:
 
 
 def _find_critical(permuted: Array, drawn: int, level: float) -> tuple[float, float]:
-    """Return the lower and upper critical value at a level; infinite if there is none."""
+    """Return the lower and upper critical value for a level; infinite if there are none."""
     place = int(np.ceil(level / 2 * (permuted.size + drawn))) - 1 - drawn
     if place < 0:
         return -inf, inf

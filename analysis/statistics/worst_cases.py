@@ -1,4 +1,4 @@
-"""Sensor failures that stop a design: cases, sets of failed sensors, and risks."""
+"""Sensor failures that stop a design: cases, sets of failed sensors, risks."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -15,13 +15,14 @@ from ..tables.study import Study
 from ..tables.tracks import split_cell
 from .small_samples import share_interval
 
-KEYS = ("source", "design")  # columns that identify a design in an evaluation
+KEYS = ("source", "design")  # columns that identify a design of an evaluation
 
 
 def collect_missions(study: Study) -> pd.DataFrame:
     """Concatenate the missions of all evaluations, and classify their failures.
 
-    ``drawn`` marks random failures, which estimate a risk; ``intact`` missions without failures.
+    ``drawn`` marks missions with random failures, which estimate risks; ``intact`` marks missions
+    without failures.
     """
     _require_one_simulator(study)
     several = len(study.evaluations) > 1
@@ -51,7 +52,7 @@ def collect_missions(study: Study) -> pd.DataFrame:
 
 
 def count_sensors(record: EvaluationRecord) -> Iterator[tuple[tuple[str, str], int]]:
-    """Yield each design of an evaluation, as (source, name), and the number of its sensors."""
+    """Yield each design of an evaluation as (source, name), with its number of sensors."""
     for (source, design), mounts in record.mounts.groupby(list(KEYS), sort=False):
         yield (str(source), str(design)), int(mounts["sensor"].notna().sum())
 
@@ -71,7 +72,7 @@ def _find_intact(record: EvaluationRecord, missions: pd.DataFrame) -> "pd.Series
 def _require_one_simulator(study: Study) -> None:
     simulators: dict[str, str] = {}
     for record in study.evaluations:
-        # Only the first simulator counts; a second one is used only for confirmation.
+        # the second simulator, if any, is used only for confirmation
         for name in record.run.manifest.get("simulators", ())[:1]:
             simulators.setdefault(str(name), record.name)
     if len(simulators) > 1:
@@ -88,7 +89,7 @@ RISKS = (*KEYS, "evaluation", "world", "missions", "stopped", "risk", "risk_low"
 
 
 def list_cases(missions: pd.DataFrame) -> pd.DataFrame:
-    """List the sets of failed sensors in missions, with the first failure's time [s] or NaN."""
+    """List each set of failed sensors with the time [s] of the first failure, or NaN."""
     rows = []
     missions = missions[missions["intact"] | (missions["failed_sensors"] != "")]
     by = missions.groupby([*KEYS, "failed_sensors", "failed_at_s"], dropna=False, sort=False)
@@ -103,7 +104,7 @@ def list_cases(missions: pd.DataFrame) -> pd.DataFrame:
 
 
 def count_sets(cases: pd.DataFrame, sensors: Mapping[tuple[str, str], int]) -> pd.DataFrame:
-    """Count the sets that occurred and the sets that stop a design, by number of failed sensors."""
+    """Count the sets tested and the sets that stop a design, by number of failed sensors."""
     rows = []
     for (source, design), tested in cases.groupby(list(KEYS), sort=False):
         total = sensors[str(source), str(design)]
@@ -117,7 +118,7 @@ def count_sets(cases: pd.DataFrame, sensors: Mapping[tuple[str, str], int]) -> p
 
 
 def estimate_risks(missions: pd.DataFrame) -> pd.DataFrame:
-    """Estimate the risk of random failures by world, and for trials over all worlds together."""
+    """Estimate the risk of random failures in each world, and for trials over all worlds."""
     rows: list[tuple[Any, ...]] = []
     drawn = missions[missions["drawn"]]
     for (source, design, evaluation), tested in drawn.groupby([*KEYS, "evaluation"], sort=False):
@@ -130,14 +131,14 @@ def estimate_risks(missions: pd.DataFrame) -> pd.DataFrame:
 
 
 def find_smallest(cases: pd.DataFrame) -> pd.DataFrame:
-    """Return the cases that stop a design with the fewest failed sensors (at least one)."""
+    """Return the cases with the fewest failed sensors (at least one) that stop a design."""
     stopping = cases[(cases["stopped"] > 0) & (cases["failed"] > 0)]
     smallest: pd.DataFrame = stopping[stopping["failed"] == stopping["failed"].min()]
     return smallest
 
 
 def read_set(failed: str) -> tuple[int, ...]:
-    """Parse the sensor numbers of the column ``failed_sensors``."""
+    """Parse the sensor numbers in a cell of ``failed_sensors``."""
     return tuple(map(int, failed.split())) if failed else ()
 
 

@@ -1,4 +1,4 @@
-"""Views of a run that show a single robot, for figures and exports."""
+"""Views of a run that contain a single robot, for figures and exports."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,17 +20,17 @@ from .tracks import read_track, select_robot, select_trajectory
 from .treatments import SINGLE
 
 FIRST = "first robot"
-GROUPS = ("robot", "design", "controller")  # configuration groups of each agent
+GROUPS = ("robot", "design", "controller")  # configuration groups of an agent
 
 
 @dataclass(frozen=True)
 class _AgentRun(Run):
-    """A run from the point of view of one agent, with the column names of a single-robot run."""
+    """A run reduced to one agent, with the columns of a run with a single robot."""
 
     whole: Run
-    context: FigureContext  # the first robot's, which contains the contexts of all agents
+    context: FigureContext  # context of the first robot, which contains the contexts of all agents
     agent: str
-    designed: str  # name of the robot whose design the agent uses; '' for the first robot
+    designed: str  # name of the robot whose design the agent uses; empty for the first robot
 
     @cached_property
     def missions(self) -> pd.DataFrame:
@@ -73,7 +73,7 @@ class _AgentRun(Run):
 
 
 def select_agent(record: AnyRecord, name: str) -> AnyRecord:
-    """Return a run's record from the point of view of one of its agents."""
+    """Return the record of a run reduced to one of its agents."""
     whole = record.run
     has_design = any(key.startswith(f"agents.{name}.design.") for key in record.values)
     designed = name if has_design else ""
@@ -87,7 +87,7 @@ def select_agent(record: AnyRecord, name: str) -> AnyRecord:
 
 
 def list_robots(record: Record) -> list[Record]:
-    """Return the records of all robots in this record's run."""
+    """Return a record of the run for each of its robots."""
     whole = record
     if isinstance(record.run, _AgentRun):
         whole = replace(record, run=record.run.whole, context=record.run.context, agent="")
@@ -95,7 +95,7 @@ def list_robots(record: Record) -> list[Record]:
 
 
 def read_tracks(record: Record, world: str) -> pd.DataFrame:
-    """Read the tracks of all robots; with several robots, the last column holds their names."""
+    """Read the tracks of all robots; if there are several, the last column names the robot."""
     robots, design = list_robots(record), find_shown(record)
     tracks = [read_track(robot.run, robot.context, world, design) for robot in robots]
     if len(tracks) == 1:
@@ -113,7 +113,7 @@ def _select_values(values: Mapping[str, Any], agent: str) -> dict[str, Any]:
 
 
 class Choice(NamedTuple):
-    """A study of one robot per run, this robot's name (empty if alone), and the other robots."""
+    """A study of one robot per run, the robot's name (empty if alone), and the other robots."""
 
     study: Study
     robot: str = ""
@@ -121,7 +121,7 @@ class Choice(NamedTuple):
 
 
 def choose_robot(study: Study, agent: str | None) -> Choice:
-    """Reduce a study to the first robot of each run, or to the named agent of runs that have it."""
+    """Reduce a study to the first robot of each run, or to the agent of this name where present."""
     several = (*study.records, *study.evaluations)
     known = list(dict.fromkeys(name for record in several for name in record.context.agents))
     if agent not in (None, *known):

@@ -1,4 +1,4 @@
-"""Tables of champions; an unfinished run is represented by its best individual so far."""
+"""Tables of champions; the current best individual represents an unfinished run."""
 
 import pandas as pd
 
@@ -11,36 +11,36 @@ from . import designs
 from .records import Record
 from .tracks import find_first_mission, load_champion_world, load_mission_world, select_robot
 
-BEST_SO_FAR = "best so far"  # title of the design shown for an unfinished run
+BEST_SO_FAR = "best so far"  # title of the design that represents an unfinished run
 
 
 def read_champion_sensors(record: Record) -> pd.DataFrame:
-    """Read a champion's sensors, its recorded fitness, and its validated fitness with interval."""
+    """Read a champion's sensors with its recorded fitness and validated fitness and interval."""
     return designs.place_sensors(_read_mounts(record), adapt_context(record)).assign(
         **_fitness(record)
     )
 
 
 def read_champion_signals(record: Record) -> pd.DataFrame:
-    """Read the champion's sensors without rays; see ``read_champion_sensors``."""
+    """Read a champion's sensors without rays; see ``read_champion_sensors``."""
     return designs.place_signals(_read_mounts(record), adapt_context(record))
 
 
 def read_champion(record: Record) -> pd.DataFrame:
-    """Read the champion's sensors, or a single row with only the fitness if it has none."""
+    """Read a champion's sensors; without any, return a single row with the fitness."""
     return require_row(read_champion_sensors(record), **_fitness(record))
 
 
 def require_row(frame: pd.DataFrame, **scores: float) -> pd.DataFrame:
-    """Return a table of sensors, or a single row with only the scores if it is empty."""
+    """Return a table of sensors or, if empty, a single row with the scores."""
     if len(frame):
         return frame
-    missing = dict.fromkeys(("design", "sensor", "pair"), "Int64")  # stay integers in joins
+    missing = dict.fromkeys(("design", "sensor", "pair"), "Int64")  # keeps joins integer
     return frame.reindex([0]).assign(**scores).astype(missing)
 
 
 def adapt_context(record: Record) -> FigureContext:
-    """Return the robot's context, with the champion's evolved sensor parameters."""
+    """Return the robot's context with the sensor parameters that the champion has evolved."""
     design = find_shown(record)
     if design is not None:
         return designs.adapt_types(record.context, designs.read_evolved(record, design))
@@ -50,12 +50,12 @@ def adapt_context(record: Record) -> FigureContext:
 
 
 def find_shown(record: Record) -> int | None:
-    """Find the best individual so far of an unfinished run; None for a finished run."""
+    """Return the current best individual of an unfinished run; None for a finished run."""
     return None if record.finished else int(designs.read_best(record)["id"].iloc[0])
 
 
 def require_trajectories(record: Record) -> None:
-    """Require that the run has recorded trajectories of its champion or best design so far."""
+    """Check that the run has recorded trajectories of its champion or current best design."""
     kept = record.run.manifest.get("record")
     if not record.finished and kept not in ("all", "none"):
         raise InputError(
@@ -66,7 +66,7 @@ def require_trajectories(record: Record) -> None:
 
 
 def load_shown_world(record: Record, name: str) -> World:
-    """Load the world of the first mission of the champion, or of the best design so far."""
+    """Load the world of the first mission of the champion or current best design."""
     design = find_shown(record)
     if design is None:
         return load_champion_world(record.run, record.context, name)

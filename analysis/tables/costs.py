@@ -1,4 +1,4 @@
-"""The cost of searches by generation, in missions that affect the search, and scores by cost."""
+"""The cost of a search by generation, counting missions that affect it, and scores by cost."""
 
 import argparse
 from collections.abc import Mapping
@@ -23,12 +23,12 @@ AXES: Mapping[str, str] = {
     "simulated_s": "simulated time [s]",
     PROCESSOR: "processor time [s]",
 }
-"""The title of each axis, which is also the name of a column."""
+"""Titles of the axes, which are the columns of the same names."""
 Span = tuple[float, float]  # cost from which all runs have a design, and the budget
 
 
 def read_costs(record: Record, axis: str) -> "pd.Series[Any]":
-    """Read the total cost at the end of each generation."""
+    """Read the cumulative cost at the end of each generation."""
     numbers = sorted(read_generations(record)["generation"].unique())
     if axis == GENERATION:
         return pd.Series(numbers, numbers)
@@ -58,18 +58,19 @@ def add_costs(study: Study, axis: str) -> pd.DataFrame:
 
 
 def trace_costs(generations: pd.DataFrame, axis: str) -> pd.DataFrame:
-    """Trace the fitness of one run, as ``trace_fitness`` does, by its cost."""
+    """Trace the fitness of a run over its cost, as ``trace_fitness`` does over generations."""
     traced = trace_fitness(generations)
     if axis != GENERATION:
         traced.index = pd.Index(generations.groupby("generation")[axis].first(), name=axis)
-    return traced[~traced.index.duplicated(keep="last")]  # a generation may need no missions
+    return traced[~traced.index.duplicated(keep="last")]  # a generation may run no missions
 
 
 def compute_quartiles(generations: pd.DataFrame, axis: str = GENERATION) -> pd.DataFrame:
-    """Compute quartiles over the runs: one row per treatment and cost at which a generation ends.
+    """Compute quartiles over the runs, one row per treatment and cost at the end of a generation.
 
-    Each run counts with its last generation so far, until its end. ``validated_replicates`` is the
-    number of runs that validated the best candidate of that generation.
+    Each run contributes its last generation at that cost, until the run ends.
+    ``validated_replicates`` is the number of runs that validated the best candidate of that
+    generation.
     """
     tables = []
     for treatment in dict.fromkeys(generations["treatment"]):
@@ -95,20 +96,20 @@ def compute_quartiles(generations: pd.DataFrame, axis: str = GENERATION) -> pd.D
 
 
 def add_axis(parser: argparse.ArgumentParser, default: str | None = GENERATION) -> None:
-    """Add ``--axis``, the measure of what a search costs."""
+    """Add ``--axis``, the measure of the cost of a search."""
     about = "measure of cost by which to compare searches"
     parser.add_argument("--axis", choices=AXES, default=default, help=about)
 
 
 def add_budget(parser: argparse.ArgumentParser) -> None:
-    """Add ``--axis`` and ``--budget``, which compare searches at the same cost."""
+    """Add ``--axis`` and ``--budget``, for comparing searches at equal cost."""
     add_axis(parser, None)
     about = "cost at which to compare, in units of --axis; default: the cost of the shortest run"
     parser.add_argument("--budget", type=float, metavar="COST", help=about)
 
 
 def read_best_within(record: Record, axis: str, budget: float) -> pd.DataFrame:
-    """Read the sensors of the best design of the last generation that a budget covers."""
+    """Read the sensors of the best design in the last generation within a budget."""
     costs = read_costs(record, axis)
     last = costs.index[costs <= budget].max()
     row = select_bests(read_generations(record)).loc[[last]].reset_index()
@@ -116,7 +117,7 @@ def read_best_within(record: Record, axis: str, budget: float) -> pd.DataFrame:
 
 
 def check_axis(options: argparse.Namespace) -> None:
-    """Require ``--axis`` for the options that need it."""
+    """Check that ``--axis`` is given for options that depend on it."""
     for name in ("budget", "target"):
         if options.axis is None and getattr(options, name, None) is not None:
             raise InputError(f"--{name}: needs the option --axis; add --axis missions")
@@ -142,7 +143,7 @@ def find_span(costs: Mapping[str, "pd.Series[float]"], axis: str, budget: float 
 
 
 def average(trace: "pd.Series[float]", span: Span) -> float:
-    """Return the mean of a step function, given by its value from each cost on, over a span."""
+    """Return the mean over a span of a step function, given by its value from each cost on."""
     start, end = span
     inside = trace.index[(trace.index > start) & (trace.index < end)].to_numpy(float)
     edges = np.array([start, *inside, end])
@@ -151,20 +152,20 @@ def average(trace: "pd.Series[float]", span: Span) -> float:
 
 
 def find_first(trace: "pd.Series[float]", target: float) -> float:
-    """Return the cost at which a run first reaches the target; infinite if it never does."""
+    """Return the cost at which a run first reaches the target; infinity if never."""
     reached = trace.index[trace >= target]
     return float(reached[0]) if len(reached) else np.inf
 
 
 @dataclass(frozen=True)
 class Race:
-    """A comparison of a study's searches at the same cost."""
+    """A comparison of the searches of a study at equal cost."""
 
     axis: str
-    line: str  # ``validated``, or ``recorded`` if not every generation was validated
+    line: str  # ``validated``, or ``recorded`` unless every generation was validated
     span: Span
     target: float | None
-    runs: pd.DataFrame  # a row for each run: ``measure`` and, with a target, ``reached``
+    runs: pd.DataFrame  # one row per run: ``measure`` and, with a target, ``reached``
 
     @property
     def measure(self) -> str:
@@ -173,12 +174,12 @@ class Race:
 
     @property
     def reached(self) -> str:
-        """The name of the cost at which a run reached the target; empty if it did not."""
+        """The column of the cost at which a run reached the target, empty if never."""
         return f"reached_{self.axis}"
 
 
 def hold_race(study: Study, axis: str, budget: float | None, target: float | None) -> Race:
-    """Score each run by cost, as the last generation's best fitness, up to a common budget."""
+    """Score each run by cost up to a common budget, by the best fitness in the last generation."""
     costs = {record.name: read_costs(record, axis) for record in study.records}
     span, table = find_span(costs, axis, budget), add_costs(study, axis)
     traces = {str(run): trace_costs(rows, axis) for run, rows in table.groupby("run")}

@@ -21,12 +21,12 @@ COLUMNS = (
 )
 """Columns of sensors with rays; mirrored twins share the number ``pair``."""
 SIGNAL_COLUMNS = (*COLUMNS[:8], "measures", "width_m", "depth_m")
-"""Columns of sensors without rays; the last two are the size of a bumper's zone, otherwise 0."""
-TYPES = "design.sensors."  # key prefix of sensor types
+"""Columns of sensors without rays; the last two are the contact zone of a bumper, otherwise 0."""
+TYPES = "design.sensors."  # prefix of keys of sensor types
 
 
 def place_sensors(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
-    """Return the robot-frame sensors with rays, with ``COLUMNS``; angles are in (-180, 180]."""
+    """Return the sensors with rays in the robot's frame (``COLUMNS``); angles in (-180, 180]."""
     frame = _transform_mounts(mounts, context)
     frame = frame[frame.type.isin(context.beams)].copy()
     frame["fov_deg"] = [context.beams[kind].fov_deg for kind in frame.type]
@@ -35,7 +35,7 @@ def place_sensors(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
 
 
 def place_signals(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
-    """Return the sensors without rays, with ``SIGNAL_COLUMNS``; see ``place_sensors``."""
+    """Return the sensors without rays (``SIGNAL_COLUMNS``); see ``place_sensors``."""
     frame = _transform_mounts(mounts, context)
     frame = frame[frame.type.isin(context.signals)].copy()
     for name in SIGNAL_COLUMNS[-3:]:
@@ -67,7 +67,7 @@ def _transform_mounts(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFr
 
 
 def _number_pairs(frame: pd.DataFrame, context: FigureContext) -> "pd.Series[int]":
-    """Number the pairs of each design, followed by the fixed sensors, which have no twins."""
+    """Number the pairs of each design, then its fixed sensors, which have no twins."""
     fixed = frame.type.isin([mount.sensor for mount in context.fixed])
     among = frame.groupby([frame.design, fixed]).cumcount()
     pairs = frame.design.map((~fixed).groupby(frame.design).sum() // 2)
@@ -93,7 +93,7 @@ def adapt_types(context: FigureContext, evolved: Mapping[str, float]) -> FigureC
 
 
 def _adapt_beam(beam: Beam, changes: dict[str, Any]) -> Beam:
-    if not beam.fov_deg:  # a single ray ignores the field of view
+    if not beam.fov_deg:  # single rays ignore the field of view
         changes.pop("fov_deg", None)
     wider = changes.get("fov_deg", beam.fov_deg) / beam.fov_deg if beam.fov_deg else 1.0
     bearings = tuple(wider * bearing for bearing in beam.bearings_deg)
@@ -101,7 +101,7 @@ def _adapt_beam(beam: Beam, changes: dict[str, Any]) -> Beam:
 
 
 def to_number(value: object) -> float:
-    """Convert a number to a float, and anything else to NaN."""
+    """Convert a number to float, and any other value to NaN."""
     return float(value) if isinstance(value, int | float) else math.nan
 
 
@@ -109,7 +109,7 @@ RANDOM = ("initial", "random", "sobol")  # operators that sample the whole space
 
 
 def read_generations(record: Record) -> pd.DataFrame:
-    """Read one row per candidate and generation."""
+    """Read the candidates of each generation, one row each."""
     table = record.run.generations
     if table.empty:
         raise InputError(f"{record.path}: no finished generation; {advise_finish(record.path)}")
@@ -117,12 +117,12 @@ def read_generations(record: Record) -> pd.DataFrame:
 
 
 def read_best(record: Record) -> pd.DataFrame:
-    """Read the row of the best individual so far, which is the best of the last generation."""
+    """Read the row of the current best individual, the best of the last generation."""
     return select_bests(read_generations(record)).tail(1).reset_index()
 
 
 def read_initial_sensors(record: Record) -> pd.DataFrame:
-    """Read the sensors of the random designs in generation 0."""
+    """Read the sensors of the random designs of generation 0."""
     drawn = select_random(read_generations(record))
     return place_candidates(drawn.drop_duplicates("id"), record)
 
@@ -133,7 +133,7 @@ def select_random(generations: pd.DataFrame) -> pd.DataFrame:
 
 
 def place_candidates(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
-    """Place the sensors of candidates, each with its evolved field of view and range."""
+    """Place the sensors of candidates, with evolved fields of view and ranges."""
     placed = place_sensors(list_mounts(candidates, record), record.context)
     by_id = candidates.set_index("id")
     for gene, kind, column in _list_beam_genes(record):
@@ -152,7 +152,7 @@ def _list_beam_genes(record: Record) -> Iterator[tuple[str, str, str]]:
 
 
 def read_evolved(record: Record, design: int) -> dict[str, float]:
-    """Read an individual's evolved values other than mounts, by key."""
+    """Read the evolved values of an individual by key, except mounts."""
     table = read_generations(record)
     row = table[table.id == design].iloc[:1]
     genes = record.context.genes
@@ -160,7 +160,7 @@ def read_evolved(record: Record, design: int) -> dict[str, float]:
 
 
 def list_mounts(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
-    """List the mounts of candidates, including fixed ones and twins, as in ``design.csv``."""
+    """List the mounts of candidates as in ``design.csv``, including fixed sensors and twins."""
     placed = [_fix(candidates, slot, record) for slot in range(-len(record.context.fixed), 0)]
     count = sum(bool(re.fullmatch(r"sensor\d+_yaw_deg", str(name))) for name in candidates)
     slots = [_slot(candidates, slot, record) for slot in range(count)]
@@ -177,7 +177,7 @@ def list_mounts(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
 
 
 def _fix(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
-    """List one fixed sensor of each candidate; its slot number is negative."""
+    """List one fixed sensor for each candidate; its slot number is negative."""
     mount = record.context.fixed[slot]
     values = {**asdict(mount), "type": mount.sensor, "slot": slot, "twin": 0}
     del values["sensor"]
@@ -194,7 +194,7 @@ def _slot(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
     areas = [record.context.regions[region] for region in mounts.region]
     mounts = mounts.assign(link=[area.link for area in areas])
     for name in ("z_m", "pitch_deg"):
-        if name not in mounts:  # constant within each region
+        if name not in mounts:  # constant in each region
             mounts[name] = [getattr(area, name)[0] for area in areas]
     if "type" in mounts:
         return mounts
@@ -225,7 +225,7 @@ def trace_fitness(generations: pd.DataFrame) -> pd.DataFrame:
 
 
 def list_individuals(generations: pd.DataFrame, axis: str = "generation") -> pd.DataFrame:
-    """List one row per candidate of a run, with its cost and the trace of its generation."""
+    """List the candidates of a run, each with its cost and the trace of its generation."""
     names = {"recorded": "best_recorded", "validated": "best_validated"}
     first = dict.fromkeys(("generation", axis, "id", "operator", "fitness", "validated_fitness"))
     table = generations[list(first)]

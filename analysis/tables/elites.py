@@ -1,4 +1,4 @@
-"""The best design in each cell of a grid over two descriptors, and Pareto fronts."""
+"""The best design per cell of a grid over two descriptors, and Pareto fronts."""
 
 import argparse
 from collections.abc import Iterable, Sequence
@@ -22,16 +22,16 @@ MOST_CELLS = 1000
 
 @dataclass(frozen=True)
 class Axis:
-    """A measure of a run that is drawn along an axis."""
+    """A measure of runs along an axis."""
 
-    column: str  # column in the generations table, and the measure's key
+    column: str  # key of the measure, and its column in the generations table
     label: str
     bounds: tuple[float, float]
-    sign: float  # -1 if the measure is minimized
+    sign: float  # -1 if minimized
 
     @property
     def directed_label(self) -> str:
-        """The label, with the direction in which the measure is better."""
+        """The label with the direction of better values."""
         return f"{self.label} ({'higher' if self.sign > 0 else 'lower'} is better)"
 
 
@@ -91,12 +91,12 @@ def _read_measured(record: Record, axes: Sequence[Axis]) -> pd.DataFrame:
 
 
 def take_latest(table: pd.DataFrame) -> pd.DataFrame:
-    """Return each individual's last row, because scores may change between generations."""
+    """Return the last row of each individual, because scores may change between generations."""
     return table.drop_duplicates("id", keep="last")
 
 
 class Archive(NamedTuple):
-    """The candidates of a study's runs on one grid."""
+    """The candidates of the runs of a study, on one grid."""
 
     grid: Grid
     candidates: pd.DataFrame  # latest scores; ``place`` is the index of the run
@@ -108,7 +108,7 @@ class Archive(NamedTuple):
 
 
 class Front(NamedTuple):
-    """The candidates of a study's runs, and the two objectives to draw."""
+    """The candidates of the runs of a study, and the two objectives to draw."""
 
     x: Axis
     y: Axis
@@ -116,7 +116,7 @@ class Front(NamedTuple):
     candidates: pd.DataFrame  # latest scores; ``place`` is the index of the run
 
     def select_front(self, places: Sequence[int]) -> pd.DataFrame:
-        """Select the candidates of some runs that no other candidate dominates, sorted by ``x``."""
+        """Select the nondominated candidates of some runs, sorted by ``x``."""
         rows = self.candidates[self.candidates.place.isin(places)]
         values = np.column_stack([axis.sign * rows[axis.column] for axis in self.objectives])
         columns = [self.x.column, self.y.column]
@@ -167,7 +167,7 @@ def find_elites(candidates: pd.DataFrame, grid: Grid) -> pd.DataFrame:
 
 
 def trace_growth(table: pd.DataFrame, missions: "pd.Series[int]", grid: Grid) -> pd.DataFrame:
-    """Return the missions so far, coverage and QD score by generation.
+    """Return the cumulative missions, the coverage and the QD score by generation.
 
     The QD score is the sum of the elites' fitness (Pugh et al., Frontiers in Robotics and AI 3,
     2016).
@@ -181,7 +181,7 @@ def trace_growth(table: pd.DataFrame, missions: "pd.Series[int]", grid: Grid) ->
 
 
 def read_front(study: Study, options: argparse.Namespace) -> Front:
-    """Read the objectives; ``options`` names the two objectives to draw, ``x`` and ``y``."""
+    """Read the objectives; ``options`` names the objectives ``x`` and ``y`` to draw."""
     x, y = _choose_axes(study, OBJECTIVES, options)
     axes = _read_axes(study.records[0], OBJECTIVES)
     tables = (_read_measured(record, axes) for record in study.records)
@@ -189,7 +189,7 @@ def read_front(study: Study, options: argparse.Namespace) -> Front:
 
 
 def find_front(values: Array) -> Array:
-    """Return True for each row of (n, objectives), all maximized, that no other row dominates."""
+    """Return a mask of the nondominated rows of (n, objectives), all maximized."""
     kept = np.ones(len(values), dtype=bool)
     for i, row in enumerate(values):
         better = np.all(values >= row, axis=1) & np.any(values > row, axis=1)

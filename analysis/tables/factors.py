@@ -1,6 +1,6 @@
-"""The factors of a study: differences between its runs, except seeds, and their levels.
+"""The factors of a study: differences between runs other than seeds, and their levels.
 
-A factor is a part's name (``failure``), a value, or a level given by the user (``treatment``).
+A factor is the name of a part (``failure``), a value, or a level given by the user (``treatment``).
 """
 
 import re
@@ -9,25 +9,25 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-# Top-level keys that may differ between replicates; the treatment is read separately.
+# Top-level keys that may differ between replicates; treatments are read separately.
 IGNORED = ("seed", "executor", "observers", "figures", "record", "treatment")
 TARGET = "_target_"
-RESERVED = ("name", "run", "treatment", "seed")  # names that a factor cannot have
+RESERVED = ("name", "run", "treatment", "seed")  # names not allowed for factors
 Values = Mapping[str, Any]  # configuration values by dotted key
-Choices = Mapping[str, str]  # choice of each group, by the dotted key of the configured part
-Given = Mapping[str, Any]  # a treatment's name and levels by factor, as stated by the user
+Choices = Mapping[str, str]  # option of each group, by the dotted key of the configured part
+Given = Mapping[str, Any]  # name of a treatment and levels by factor, as given by the user
 _WORLD = "world"
-_MANY = 24  # maximum length of a label that lists world names
+_MANY = 24  # maximum length of a label made of world names
 
 
 @dataclass(frozen=True)
 class Factor:
-    """A factor, with the level of each run."""
+    """A factor with the level of each run."""
 
-    key: str  # dotted configuration key, or the name given by the user
+    key: str  # dotted configuration key, or a name given by the user
     name: str  # column name: the shortest suffix of the key that is unique among the factors
-    levels: tuple[str, ...]  # one per run; '' if the run has no level
-    named: bool = False  # whether the levels are names that need no explanation
+    levels: tuple[str, ...]  # one per run; empty if the run has no level
+    named: bool = False  # whether the levels are self-explanatory names
     whole: bool = False  # whether the factor may determine any key
 
 
@@ -42,25 +42,25 @@ def read_choices(recorded: object) -> dict[str, str]:
 
 
 def read_given(values: Values) -> dict[str, Any]:
-    """Read the name and levels that a configuration gives its treatment; empty if none."""
+    """Return the name and levels that a configuration gives its treatment; empty if none."""
     start = "treatment."
     named = {k.removeprefix(start): v for k, v in values.items() if k.startswith(start)}
     return {key: value for key, value in named.items() if value is not None}
 
 
 def name_part(key: str, values: Values, choices: Choices) -> str:
-    """Name the part at a dotted key by its group's choice or, without a choice, by its class."""
+    """Return the name of the part at a dotted key: the option of its group, or else its class."""
     return choices.get(key) or _name_class(key, values)
 
 
 def find_factors(
     configurations: Sequence[Values], choices: Sequence[Choices] = (), given: Sequence[Given] = ()
 ) -> list[Factor]:
-    """Find the factors in which configurations differ; factors given by the user come first.
+    """Find the factors that differ between configurations; factors given by the user come first.
 
     Two configurations have the same levels if and only if they are equal apart from ``IGNORED``
-    keys and have the same given levels. A key is not a separate factor if its value follows from
-    the given factors, the chosen experiment, or an enclosing part.
+    keys and have the same given levels. A key is no separate factor if its value follows from the
+    given factors, the chosen experiment, or an enclosing part.
     """
     compared = [_select(values) for values in configurations]
     keys = list(dict.fromkeys(key for values in compared for key in values))
@@ -81,7 +81,7 @@ def find_factors(
 
 
 def format_level(values: Values, key: str) -> str:
-    """Format the value at a key as in YAML; empty if the key is missing."""
+    """Format the value of a key as in YAML; empty if the key is missing."""
     if key not in values:
         return ""
     value = values[key]
@@ -100,7 +100,7 @@ def format_value(value: object) -> str:
 def list_conditions(
     configurations: Sequence[Values], given: Sequence[Given] = ()
 ) -> list[tuple[tuple[str, str], ...]]:
-    """Return each configuration's values except ``IGNORED`` ones, which identify the treatment."""
+    """Return the values of each configuration that identify its treatment, without ``IGNORED``."""
     named = given or [{}] * len(configurations)
     return [
         tuple(
@@ -130,7 +130,7 @@ def _find_global(
     for group in choices[0] if choices else ():
         levels = tuple(chosen.get(group, "") for chosen in choices)
         placed = group in IGNORED or any(f"{key}.".startswith(f"{group}.") for key in keys)
-        # Equal values are the same level, even if their choices have different names.
+        # Equal values are one level, even if their options have different names.
         differ = len(set(levels)) > 1 and follows(levels, differing.values())
         if all(levels) and differ and not placed:
             yield Factor(group, group, levels, named=True, whole=True)
@@ -192,12 +192,12 @@ def _name_class(key: str, values: Values) -> str:
 
 
 def _around(key: str, factors: Sequence[Factor]) -> list[tuple[str, ...]]:
-    """Return the levels of the ``whole`` factors and enclosing parts, which may determine a key."""
+    """Return the levels of ``whole`` factors and of enclosing parts, which may determine a key."""
     return [f.levels for f in factors if f.whole or key.startswith(f"{f.key}.")]
 
 
 def follows(column: Sequence[str], others: Collection[Sequence[str]]) -> bool:
-    """Return True if the other columns determine this column's values, row by row."""
+    """Return True if the other columns determine the values of this column."""
     known: dict[tuple[str, ...], str] = {}
     rows = zip(*others, strict=True) if others else ((),) * len(column)
     return all(known.setdefault(row, v) == v for row, v in zip(rows, column, strict=True))
@@ -214,7 +214,7 @@ def _drop_references(factors: Sequence[Factor]) -> list[Factor]:
 
 
 def _name(factors: Sequence[Factor]) -> list[Factor]:
-    """Name each factor by the shortest suffix of its key that no other factor has."""
+    """Name each factor by the shortest suffix of its key that is unique among the factors."""
     ends = [
         [".".join(parts[-n:]) for n in range(1, len(parts) + 1)]
         for parts in (f.key.removesuffix(f".{TARGET}").split(".") for f in factors)

@@ -1,4 +1,4 @@
-"""Loads the complete runs and evaluations in some folders as a study."""
+"""Loads all complete runs and evaluations in folders as a study."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -17,16 +17,16 @@ from .factors import list_conditions, read_given
 from .records import EvaluationRecord, Record, read_record
 from .study import AnyRecord, Study
 
-_MOST_SPACES = 3  # limit for a path without quotes to be put together again
+_MOST_SPACES = 3  # maximum number of spaces for which a path without quotes is rejoined
 
 
 def load_study(
     folders: Sequence[str | Path], where: Sequence[str] = (), treatments: Path | None = None
 ) -> Study:
-    """Load the complete runs and evaluations below some folders; report all other folders.
+    """Load the complete runs and evaluations below folders; report all other folders.
 
-    ``where`` holds conditions on the runs, such as ``failure=none``; without runs, they apply to
-    the evaluations. ``treatments`` is a file that names the treatments.
+    ``where`` holds conditions on the runs, such as ``failure=none``; in a study without runs, they
+    apply to evaluations. ``treatments`` is a file that names the treatments.
 
     Raises:
         InputError: no complete folder was found, or no run meets the conditions.
@@ -73,7 +73,7 @@ def _read(folders: Sequence[Path]) -> tuple[list[Record], list[str]]:
         except InputError as error:
             LOGGER.warning("%s; left out", error)
             left_out.append(str(error))
-        except Exception as error:  # one malformed file must not affect other folders
+        except Exception as error:  # a malformed file must not affect other folders
             reason = explain_path(error) or (
                 f"{folder}: cannot be read ({single_line(f'{type(error).__name__}: {error}')}); "
                 f"restore it from a copy"
@@ -84,7 +84,7 @@ def _read(folders: Sequence[Path]) -> tuple[list[Record], list[str]]:
 
 
 def _name_copies(runs: Sequence[Record]) -> set[str]:
-    """Report the runs that repeat a configuration and seed, except the most advanced; name them."""
+    """Report runs that repeat a configuration and seed, except the most advanced; return names."""
     values = [run.values for run in runs]
     conditions = list_conditions(values, [*map(read_given, values)])
     alike: dict[object, list[Record]] = {}
@@ -141,7 +141,7 @@ def _label(records: Sequence[AnyRecord]) -> tuple[AnyRecord, ...]:
 
 
 def find_folders(paths: Sequence[Path]) -> list[Path]:
-    """Find the run and evaluation folders below some paths, without duplicates."""
+    """Return the run and evaluation folders below some paths, without duplicates."""
     folders: dict[Path, Path] = {}
     for i, path in enumerate(paths):
         if not path.is_dir():
@@ -164,7 +164,7 @@ def _advise(paths: Sequence[Path], missing: int) -> str:
 
 
 def shorten_names(folders: Iterable[Path]) -> dict[Path, str]:
-    """Name each folder by the shortest suffix of its path that no other folder has."""
+    """Name each folder by the shortest suffix of its path that is unique."""
     unnamed, names = {folder: folder.resolve().parts for folder in folders}, dict[Path, str]()
     length = 1
     while unnamed:

@@ -40,7 +40,8 @@ def pair_scores(study: Study, between: str | None = None) -> pd.DataFrame:
     """Pair the scores of designs under two conditions: one row per design and pair.
 
     The conditions come from evaluations that differ in one part (``between``), from the only two
-    evaluations, or from runs with a confirmation. The scores with the most trials count.
+    evaluations, or from runs with a confirmation. Of several scores, the one with the most trials
+    is used.
     """
     rows = list(_pair_evaluations(study)) or list(_pair_confirmations(study))
     parts = list(dict.fromkeys(str(row["between"]) for row in rows))
@@ -74,9 +75,9 @@ def _pair_evaluations(study: Study) -> Iterator[Row]:
         others = {_first_key(key) for values in conditions for key in values} - set(parts)
         names = label_treatments([_only(values, parts) for values in conditions], choices)
         groups = label_treatments([_only(values, others) for values in conditions], choices)
-        if not parts:  # the evaluations differ in draws or trials
+        if not parts:  # the evaluations differ only in draws or trials
             names = [evaluation.name for evaluation, _ in evaluations]
-        if names.index(names[i]) > names.index(names[j]):  # gives all pairs the same axes
+        if names.index(names[i]) > names.index(names[j]):  # makes all pairs use the same axes
             i, j = j, i
         pair = {"between": " and ".join(parts) or "draws", "x": names[i], "y": names[j]}
         for row in _join_designs(evaluations[i][1], evaluations[j][1]):
@@ -145,7 +146,7 @@ def _only(values: Values, parts: Collection[str]) -> dict[str, Any]:
 
 
 def climb(study: Study) -> pd.DataFrame:
-    """Pair designs' scores on each rung (evaluation) with those on the next; see ``COLUMNS``."""
+    """Pair the scores of designs on each rung (evaluation) with the next rung; see ``COLUMNS``."""
     rungs = read_evaluations(study) if len(study.evaluations) > 1 else []
     if len(rungs) < 2:
         raise InputError(
@@ -193,20 +194,20 @@ def _pair_rungs(rungs: Sequence[Scores], names: Sequence[str]) -> Iterator[dict[
 
 
 COMPLETED, PROGRESS, TIME, COLLISIONS = "completed", "progress", "completion_time_s", "collisions"
-# Quantities to compare, most important first, with the sign of a better change.
+# Quantities to compare, most important first, with the sign of an improvement.
 QUANTITIES: Mapping[str, int] = {COMPLETED: 1, PROGRESS: 1, COLLISIONS: -1, TIME: -1}
-# Keys, or prefixes of keys, that determine random draws, and that do not affect missions.
+# Keys, or prefixes of keys, that determine random draws, and others without effect on missions.
 DRAWN_BY = ("seed", "evaluation_draws", "world", "failure")
 FREE = ("executor", "figures", "record", "trials", "optimizer", "requirements", "treatment")
 CHAMPION = "champion"
 LOST, GAINED, WORSE, BETTER, SAME = "lost", "gained", "worse", "better", "same"
 
-SLIGHT = 0.01  # maximum relative difference in completion times that counts as unchanged
+SLIGHT = 0.01  # maximum relative difference of unchanged completion times
 
 
 def find_pair(study: Study) -> tuple[Record, Record]:
-    """Return the two finished folders of a study, whose missions must have the same draws."""
-    records = study.evaluations or study.given  # both versions may have run the same configuration
+    """Return the two finished folders of a study, whose missions must use the same draws."""
+    records = study.evaluations or study.given  # both versions may have used the same configuration
     if len(records) != 2 or (study.evaluations and study.records):
         names = ", ".join(record.name for record in (*study.evaluations, *study.records))
         raise InputError(
@@ -234,13 +235,13 @@ def find_pair(study: Study) -> tuple[Record, Record]:
 
 
 def list_changes(one: Record, other: Record) -> list[str]:
-    """List the parts of the configuration in which two folders differ."""
+    """List the parts of the configuration that differ between two folders."""
     keys = find_differences(one.values, other.values)
     return list(dict.fromkeys(key.split(".")[0] for key in keys if key.split(".")[0] not in FREE))
 
 
 def pair_missions(study: Study, one: Record, other: Record) -> pd.DataFrame:
-    """Pair the missions with the same draws: one row per pair, the worst change first."""
+    """Pair missions with the same draws: one row per pair, worst change first."""
     first, second = (read_complete(record, read_missions) for record in (one, other))
     first, second = _name_designs(study, (one, first), (other, second))
     key = ["design", "world", "trial"]
@@ -282,11 +283,11 @@ def _name_change(row: Mapping[Any, float]) -> str:
 
 
 def read_missions(record: Record) -> pd.DataFrame:
-    """Read the missions of an evaluation's designs, or those that validate a run's champion."""
+    """Read the missions of an evaluation, or the validation of a run's champion."""
     missions = record.run.missions
     if isinstance(record, EvaluationRecord):
         columns = ["source", "design", "world", "trial"]
-        searched = "worst_cases.most" in record.values  # the search adds later trials
+        searched = "worst_cases.most" in record.values  # the worst-case search adds later trials
         chosen = missions[missions["trial"] < MOST_REPEATS] if searched else missions
     else:
         columns = ["generation", "design", "world", "trial", "purpose"]
@@ -324,7 +325,7 @@ Missions = tuple[Record, pd.DataFrame]
 def _name_designs(
     study: Study, first: Missions, second: Missions
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Match designs by name, or single designs; name them alike, and drop all others."""
+    """Match designs by name (single designs always match); rename them, and drop all others."""
     tables = []
     for _, table in (first, second):
         ambiguous = table.groupby("design")["source"].transform("nunique") > 1

@@ -1,4 +1,4 @@
-"""Sensor readings and tracks of walkers in trajectories."""
+"""Sensor readings and walker tracks of trajectories."""
 
 import math
 import re
@@ -22,8 +22,8 @@ from .champions import find_shown, read_champion_signals
 from .records import Record
 from .tracks import list_failures, read_mission
 
-_LEVEL = ("rate_z", "acceleration_x", "acceleration_y")  # plotted channels of an IMU
-_MOST = 6  # maximum number of channels that are plotted per sensor
+_LEVEL = ("rate_z", "acceleration_x", "acceleration_y")  # channels of an IMU that are plotted
+_MOST = 6  # maximum number of plotted channels per sensor
 _RANGE = re.compile(r"range_(\d+)(?:_\d+)?_m")
 
 
@@ -40,7 +40,7 @@ def group_ranges(trajectory: pd.DataFrame) -> dict[int, Array]:
 class RecordedSensor:
     """A mounted sensor and its readings."""
 
-    link: str  # link name: sensor type and number
+    link: str  # name of the link: sensor type and number
     type: str
     kind: Beam | Signal
     readings: Array  # (rows, channels)
@@ -49,7 +49,7 @@ class RecordedSensor:
 def read_sensors(
     trajectory: pd.DataFrame, links: Collection[str], context: FigureContext, source: str
 ) -> list[RecordedSensor]:
-    """Return all sensors of a robot with readings; ``source`` names the origin of ``links``."""
+    """Return all sensors with readings of a robot; ``source`` names the origin of ``links``."""
     prefix = find_prefix(links, context.types)
     types = _find_types(links, context.types, prefix)
     ranges = group_ranges(trajectory)
@@ -83,7 +83,7 @@ def _find_types(links: Collection[str], types: Sequence[str], prefix: str) -> li
 
 
 def find_nearest(ranges: Array) -> Array:
-    """Return the minimum range in each row of (rows, channels); NaN if all channels are silent."""
+    """Return the minimum range (rows,) over all channels; NaN if all are silent."""
     return np.asarray(np.fmin.reduce(ranges, axis=1))
 
 
@@ -95,7 +95,7 @@ def merge_sectors(ranges: Array, bearings_deg: Sequence[float], most: int) -> li
 
 
 def list_channels(sensor: int, signal: Signal) -> list[tuple[str, str, str]]:
-    """List the name, unit and column of each channel of a sensor that is plotted against time."""
+    """Return the name, unit and column of each plotted channel of a sensor."""
     columns = name_readings(sensor, signal.channels)
     channels = [(*channel, name) for channel, name in zip(signal.channels, columns, strict=True)]
     by_name = {channel[0]: channel for channel in channels}
@@ -104,17 +104,17 @@ def list_channels(sensor: int, signal: Signal) -> list[tuple[str, str, str]]:
 
 
 class Trace(NamedTuple):
-    """The readings of one channel in a mission."""
+    """The readings of a channel in a mission."""
 
     label: str  # sensor number and channel name
     unit: str
     time_s: Array
-    values: Array  # NaN while the sensor was silent
-    failed_s: float  # time of the sensor's failure; NaN if it did not fail
+    values: Array  # NaN while the sensor is silent
+    failed_s: float  # onset of the sensor's failure; NaN without one
 
 
 def read_traces(record: Record, world: str) -> list[Trace]:
-    """Read the traces in a world; for an IMU, the yaw rate and the horizontal accelerations."""
+    """Read the traces in a world; an IMU has yaw rate and horizontal accelerations."""
     mission, trajectory = read_mission(record.run, world, find_shown(record))
     context, failures = record.context, list_failures(mission)
     failed = {sensor: time for sensor, time, _ in reversed(failures)}
@@ -141,16 +141,16 @@ class WalkerTrack(NamedTuple):
     height_m: float
     time_s: Array
     places: Array  # (n, 2) [m]
-    touched_by: Array  # (n,) sum of 2**i over the robots i that the walker has touched so far
+    touched_by: Array  # (n,) sum of 2**i over all robots i touched so far
 
     def find_touch(self, robot: int) -> int | None:
-        """Return the index at which the robot first touched the walker, or None."""
+        """Return the index of the first contact with the robot, or None."""
         touched = [has_touched(report, robot) for report in self.touched_by.tolist()]
         return touched.index(True) if any(touched) else None
 
 
 def list_walkers(trajectory: pd.DataFrame, values: Mapping[str, Any]) -> list[WalkerTrack]:
-    """List the walkers of a mission; ``values`` is the configuration of its run."""
+    """Return the walkers of a mission; ``values`` is the configuration of its run."""
     tracks = []
     time = trajectory["time_s"].to_numpy(float)
     for column in map(str, trajectory.columns):
@@ -167,21 +167,21 @@ def list_walkers(trajectory: pd.DataFrame, values: Mapping[str, Any]) -> list[Wa
 
 def _find_size(values: Mapping[str, Any], name: str) -> tuple[float, float]:
     group = name.rpartition("_")[0]
-    # Actors, and groups that the configuration lacks, have the size of a person.
+    # Actors, and groups missing in the configuration, have the size of a person.
     radius = values.get(f"walkers.{group}.radius_m", RADIUS_M)
     height = values.get(f"walkers.{group}.height_m", HEIGHT_M)
     return float(radius), float(height)
 
 
 def read_walkers(record: Record, world: str) -> list[WalkerTrack]:
-    """Read the walkers in the champion's mission shown for a world."""
+    """Read the walkers of the champion's mission in a world."""
     whole = list_robots(record)[0]
     _, trajectory = read_mission(whole.run, world, find_shown(record))
     return list_walkers(trajectory, record.values)
 
 
 def to_table(walkers: Mapping[str, Iterable[WalkerTrack]]) -> pd.DataFrame:
-    """Return a table, with ``COLUMNS``, of the walkers' tracks in each world."""
+    """Return the tracks of walkers in each world as a table with ``COLUMNS``."""
     parts = [
         pd.DataFrame(
             {

@@ -1,4 +1,4 @@
-"""One folder of a study, which is a run or an evaluation of given designs."""
+"""A folder of a study: a run, or an evaluation of given designs."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -19,10 +19,10 @@ from evoros.storage.reading import Run, load_run, read_table
 
 from .factors import read_choices, read_given
 
-_REFERENCE = re.compile(r"\$\{([\w.]+)\}")  # a reference to another key
+_REFERENCE = re.compile(r"\$\{([\w.]+)\}")  # reference to another key
 _DEPTH = 20  # maximum length of a chain of references, which may be circular
 FITNESS = "fitness"
-SECRET = "secret "  # precedes the hash of a secret value, which labels omit
+SECRET = "secret "  # prefix of the digest of a secret value, which labels omit
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,11 +33,11 @@ class Record:
     run: Run
     context: FigureContext
     values: Mapping[str, Any]  # configuration values by dotted key
-    treatment: str = ""  # label of the differences from other runs, except for the seed
+    treatment: str = ""  # label of the differences from other runs, without the seed
     levels: Mapping[str, str] = field(default_factory=dict)  # level by factor
-    # the user's description of the treatment
+    # description of the treatment given by the user
     given: Mapping[str, Any] = field(default_factory=dict)
-    agent: str = ""  # name of the robot that the record shows; '' for the first robot
+    agent: str = ""  # name of the robot in this record; empty for the first robot
 
     @property
     def path(self) -> Path:
@@ -46,7 +46,7 @@ class Record:
 
     @property
     def choices(self) -> dict[str, str]:
-        """The recorded choice of each group, by the key of the part that the group configures."""
+        """The recorded option of each group, by the key of the part that it configures."""
         return read_choices(self.run.manifest.get("choices"))
 
     @property
@@ -56,12 +56,12 @@ class Record:
 
     @cached_property
     def not_run(self) -> str:
-        """A warning if none of the run's missions could be run; otherwise empty."""
+        """A warning if none of the run's missions could be run, otherwise empty."""
         return warn_not_run(self.path)
 
     @property
     def finished(self) -> bool:
-        """True if the run is finished and thus has a champion."""
+        """True if the run is finished and therefore has a champion."""
         return bool(self.run.status.get("state") == FINISHED)
 
     @property
@@ -76,7 +76,7 @@ class Record:
         return f"{self.path}: not finished; shown up to generation {done} of {wanted}"
 
     def require_finished(self) -> None:
-        """Require that the run is finished and thus has a champion."""
+        """Raise an error unless the run is finished and therefore has a champion."""
         if not self.finished:
             state = self.run.status.get("state")
             raise InputError(
@@ -90,12 +90,12 @@ class EvaluationRecord(Record):
 
     @cached_property
     def mounts(self) -> pd.DataFrame:
-        """One row per sensor of the given designs; a design without sensors has one row, too."""
+        """One row per sensor of the given designs, or per design without sensors."""
         return read_table(self.path / "designs_in.csv", ("x_m", "y_m", "z_m", "yaw_deg"))
 
     @cached_property
     def genes(self) -> pd.DataFrame:
-        """One row per evolved value of the given designs, other than sensors."""
+        """One row per evolved value of the given designs, except mounts."""
         return read_table(self.path / "genes_in.csv", ("value",))
 
 
@@ -115,20 +115,20 @@ def read_record(folder: Path, name: str) -> Record:
 
 
 def label_fitness(records: Iterable[Record]) -> str:
-    """Return the title and unit of the fitness; "fitness" if it differs between the records."""
+    """Return the title and unit of the fitness, or "fitness" if records differ."""
     labels = {record.context.fitness.label for record in records}
     return labels.pop() if len(labels) == 1 else FITNESS
 
 
 def bound_scores(records: Iterable[Record]) -> tuple[float, float]:
-    """Return the minimum and maximum possible fitness of all records; infinite if unbounded."""
+    """Return the bounds of the fitness over all records; infinite if unbounded."""
     bounds = {record.context.fitness.bounds or UNBOUNDED for record in records} or {UNBOUNDED}
     lows, highs = zip(*bounds, strict=True)
     return min(lows), max(highs)
 
 
 def read_values(path: Path) -> dict[str, Any]:
-    """Read all values of a ``config.yaml``, with whole lists and resolved references."""
+    """Read all values of a ``config.yaml``, including lists, with references resolved."""
     try:
         tree, _ = read_yaml(path)
     except (OSError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""Designs of runs and evaluations as tables of sensors for a person to read."""
+"""Designs of runs and evaluations, as readable tables of sensors."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -32,14 +32,14 @@ COLUMNS = (
 
 @dataclass(frozen=True, eq=False)
 class ShownDesign:
-    """A design of one robot, with poses in the robot's frame."""
+    """A design of one robot, with sensor poses in the robot's frame."""
 
     title: str
     name: str  # number or name of the design
     rays: pd.DataFrame  # see ``place_sensors``
     signals: pd.DataFrame  # see ``place_signals``
     sensors: pd.DataFrame  # one row per sensor, with ``COLUMNS``
-    evolved: Mapping[str, float]  # evolved values other than sensors, by key
+    evolved: Mapping[str, float]  # evolved values by key, except mounts
     context: FigureContext
 
 
@@ -50,7 +50,7 @@ def show_design(
     evolved: Mapping[str, float],
     context: FigureContext,
 ) -> ShownDesign:
-    """Place the sensors of a design, given with the columns of ``champion/design.csv``."""
+    """Place the sensors of a design; ``mounts`` has the columns of ``champion/design.csv``."""
     context = adapt_types(context, evolved)
     rays, signals = place_sensors(mounts, context), place_signals(mounts, context)
     prices = {name: kind.price for name, kind in context.beams.items()}
@@ -67,7 +67,7 @@ def show_design(
 def show_named(
     source: str, name: str, design: Design, context: FigureContext
 ) -> Iterator[ShownDesign]:
-    """Yield the design of each robot; ``context`` describes the first robot and its agents."""
+    """Yield a design for each robot; ``context`` belongs to the main robot and includes agents."""
     for robot, part in design.parts.items():
         mounts = pd.DataFrame(
             [
@@ -82,7 +82,7 @@ def show_named(
 
 
 def find_shown_designs(folder: Path, design: str | None = None) -> list[ShownDesign]:
-    """Find champions of runs and designs of evaluations, or named ones; fail if there are none."""
+    """Find champions of runs and designs of evaluations, all or by name; raise if none exist."""
     study = load_study([folder])
     shown = [found for record in study.records for found in _show_run(record, design)]
     shown += [found for record in study.evaluations for found in _show_given(record, design)]

@@ -1,4 +1,4 @@
-"""Designs with stored missions, and evaluations in the form of a run with such a champion."""
+"""Designs with stored missions, and evaluations presented as runs with such a champion."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -25,19 +25,19 @@ from .study import Study, read_complete
 class ShownMission(NamedTuple):
     """A stored mission."""
 
-    row: "pd.Series[str]"  # the mission's row of ``missions.csv``
+    row: "pd.Series[str]"  # row of the mission in ``missions.csv``
     trajectory: pd.DataFrame
     world: World
-    ground: str  # key of the world; equal for missions in the same world
+    ground: str  # key of the world, equal for missions in the same world
 
 
 @dataclass(frozen=True, eq=False)
 class ShownDesign:
-    """A design of the first robot, its sensors, and one mission in each world."""
+    """A design of the first robot, its sensors, and a mission in each world."""
 
     record: Record
     design: int | str
-    context: FigureContext  # includes the evolved sensor types
+    context: FigureContext  # context with the evolved sensor types
     sensors: pd.DataFrame
     signals: pd.DataFrame  # sensors without rays
     missions: Sequence[ShownMission]
@@ -74,7 +74,7 @@ def has_missions(record: Record, design: int) -> bool:
 
 
 def keeps_shown(record: Record) -> bool:
-    """Return True if a run is finished, or has stored the first missions of its best design."""
+    """Return True if a run is finished or has stored its current best design's first missions."""
     try:
         design = read_complete(record, find_shown)
     except InputError:
@@ -99,7 +99,7 @@ def read_shown(
     design: int,
     read_mission: Callable[[Record, "pd.Series[str]"], ShownMission] = _read_kept,
 ) -> ShownDesign:
-    """Read any design of a run, with its first missions read by ``read_mission``."""
+    """Read any design of a run; ``read_mission`` reads its first missions."""
     names = record.context.courses
     missions = [
         read_mission(record, tracks.find_first_mission(record.run, design, name)) for name in names
@@ -126,7 +126,7 @@ def _require_rows(record: Record, missions: Sequence[ShownMission]) -> list[Show
 
 KEEPING = "evaluate with requirements, or with record=all"
 _KEY = ["source", "design"]
-# Columns that rank missions; true if lower values are worse.
+# columns that rank missions, and whether lower values are worse
 _WORST_FIRST = {"completed": True, "progress": True, "collisions": False, "time_s": False}
 
 
@@ -137,7 +137,7 @@ class _WorstRun(Run):
     record: EvaluationRecord
     source: str
     design: str
-    missions: pd.DataFrame  # one mission for each world, the worst first
+    missions: pd.DataFrame  # one mission per world, worst first
 
     @cached_property
     def champion(self) -> pd.DataFrame:
@@ -170,7 +170,7 @@ class _WorstRun(Run):
 
 
 def show_worst(study: Study, name: str | None) -> tuple[Study, list[str]]:
-    """Reduce a study that has only evaluations to its worst kept mission; also return a message."""
+    """Reduce a study without runs to its worst stored mission; also return a message."""
     if study.records or not study.evaluations:
         return study, []
     candidates = study.keep(study.evaluations)
@@ -199,7 +199,7 @@ def _find_worst(record: Record) -> Record:
 
 
 def list_kept(record: EvaluationRecord) -> pd.DataFrame:
-    """List the missions whose trajectories were kept, with the ``number`` of each design."""
+    """List the missions with stored trajectories, with the ``number`` of each design."""
     designs = record.mounts[_KEY].astype(str).drop_duplicates().to_numpy().tolist()
     numbers = {(source, design): number for number, (source, design) in enumerate(designs)}
     missions = record.run.missions.astype(dict.fromkeys(_KEY, str))
@@ -211,7 +211,7 @@ def list_kept(record: EvaluationRecord) -> pd.DataFrame:
 
 
 def show_missions(record: EvaluationRecord, missions: pd.DataFrame) -> Record:
-    """Return an evaluation as a run whose champion flew these missions of ``list_kept``."""
+    """Return an evaluation as a run whose champion flew some missions from ``list_kept``."""
     source, design, number = missions.iloc[0][[*_KEY, "number"]]
     shown = missions.drop(columns="number").assign(design=number, purpose=EVALUATION)
     run = _WorstRun(record.path, record, source, design, shown)

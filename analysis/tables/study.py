@@ -1,4 +1,4 @@
-"""A study: the complete runs and evaluations in some folders, read without importing their code."""
+"""A study: complete runs and evaluations in folders, read without importing their code."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -29,11 +29,11 @@ class Study:
     records: tuple[Record, ...]
     evaluations: tuple[EvaluationRecord, ...] = ()
     left_out: tuple[str, ...] = ()  # a line for each incomplete or damaged folder
-    given: tuple[Record, ...] = ()  # all runs, even if they repeat a configuration and seed
+    given: tuple[Record, ...] = ()  # all runs, including those that repeat a configuration and seed
     _reported: set[str] = field(default_factory=set, repr=False)
 
     def gather(self, read: Callable[[Record], pd.DataFrame]) -> pd.DataFrame:
-        """Concatenate the tables of all runs, ``KEYS`` first; report unreadable runs."""
+        """Concatenate the tables of all runs, with ``KEYS`` first; report unreadable runs."""
         frames = self._mark(self.records, read)
         if not frames:
             without = "none of the runs has the required data; give the folders of complete runs"
@@ -52,7 +52,7 @@ class Study:
     def read_each(
         self, records: Iterable[AnyRecord], read: Callable[[AnyRecord], Result]
     ) -> Iterator[tuple[AnyRecord, Result]]:
-        """Yield each record with the result of ``read``; report and skip unreadable records."""
+        """Yield each record with the result of ``read``; skip unreadable records with a warning."""
         for record in records:
             try:
                 result = self._read(record, read)
@@ -68,7 +68,7 @@ class Study:
         return result
 
     def report(self, reason: str) -> None:
-        """Warn, once per reason, that something is left out of a figure."""
+        """Warn, once per reason, that a figure omits something."""
         self._warn(f"{reason}; left out")
 
     def _warn(self, line: str) -> None:
@@ -88,13 +88,13 @@ class Study:
 
     @cached_property
     def signals(self) -> pd.DataFrame:
-        """One row for each champion's sensor without rays; may be empty."""
+        """One row per sensor without rays of each champion; may be empty."""
         others = [record for record in self.records if record.context.signals]
         return _concatenate(self._mark(others, read_champion_signals), designs.SIGNAL_COLUMNS)
 
     @cached_property
     def initial(self) -> pd.DataFrame:
-        """One row per sensor of each run's random designs in generation 0; may be empty."""
+        """One row per sensor of the random designs of generation 0; may be empty."""
         return _concatenate(self._mark(self.records, designs.read_initial_sensors), designs.COLUMNS)
 
     @property
@@ -104,16 +104,16 @@ class Study:
 
     @property
     def factors(self) -> tuple[str, ...]:
-        """The names of the factors that differ between the runs."""
+        """The names of the factors that differ between runs."""
         return tuple(dict.fromkeys(name for record in self.records for name in record.levels))
 
     @property
     def rings(self) -> tuple[Ring, ...]:
-        """The damage rings of the first run with spatial damage; empty if no run has any."""
+        """The damage rings of the first run with spatial damage; empty without such a run."""
         return next((record.context.rings for record in self.records if record.context.rings), ())
 
     def check_worlds(self, names: Iterable[str]) -> None:
-        """Require that each of the named worlds occurs in at least one run."""
+        """Check that each named world occurs in at least one run."""
         if not self.records:
             raise InputError(NO_RUNS)
         known = dict.fromkeys(name for record in self.records for name in record.context.courses)
@@ -122,7 +122,7 @@ class Study:
                 raise InputError(f"--world: must be one of {', '.join(known)}, not {name!r}")
 
     def select_finished(self, *reads: Callable[[Record], object]) -> "Study":
-        """Keep the finished runs that all ``reads`` can read; report every other run once."""
+        """Keep the finished runs that all ``reads`` accept; report every other run once."""
 
         def check(record: Record) -> pd.DataFrame:
             record.require_finished()
@@ -134,11 +134,11 @@ class Study:
         return self.keep(record for record in self.records if record.name in names)
 
     def keep(self, records: Iterable[Record]) -> "Study":
-        """Return the study with only the given runs, but with all evaluations."""
+        """Return the study with only the given runs, and with all evaluations."""
         return replace(self, records=tuple(records))
 
     def find(self, name: str) -> Record:
-        """Find the run with this name, or the only run whose name ends with it."""
+        """Return the run with this name, or the only run whose name ends with it."""
         exact = [record for record in self.records if record.name == name]
         matches = exact or [record for record in self.records if record.name.endswith(name)]
         if len(matches) != 1:
@@ -150,7 +150,7 @@ class Study:
 
     @cached_property
     def ordered(self) -> tuple[Record, ...]:
-        """The finished runs, then the others, both by validated fitness, then recorded fitness."""
+        """The finished runs, then all others, ordered by validated, then recorded fitness."""
         if not self.records:
             raise InputError(NO_RUNS)
         best_first = sorted(self.records, key=_fitness, reverse=True)
@@ -158,7 +158,7 @@ class Study:
 
     @property
     def ranked(self) -> tuple[Record, ...]:
-        """The finished runs, best first; an error if there are none."""
+        """The finished runs, best first; an error without any."""
         finished = tuple(record for record in self.ordered if record.finished)
         if not finished:
             self.records[0].require_finished()
@@ -167,7 +167,7 @@ class Study:
     def choose(
         self, name: str | None, read: Callable[[Record], Result], unfinished: bool = False
     ) -> tuple[Record, Result]:
-        """Read the named run, or else the best that can be read, finished runs first."""
+        """Read the named run, or else the best readable run, finished runs first."""
         study = self if name is None else self.keep([self.find(name)])
         candidates = study.ordered if unfinished else study.ranked
         if len(candidates) == 1:

@@ -1,4 +1,4 @@
-"""A champion's first mission in each world, and the tracks of individual robots."""
+"""A champion's first mission in each world, and the tracks of single robots."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -21,18 +21,18 @@ from evoros.world.course import Course
 from evoros.world.loading import load_world
 from evoros.world.model import World
 
-NONE = "none"  # mode if no layer of the controller decided
+NONE = "none"  # mode while no layer of the controller has decided
 COLUMNS = (
     *("world", "time_s", "x_m", "y_m", "yaw_rad", "mode", "phase", "contact"),
     *("failed_sensors", "failed_by", "ended"),
 )
-PARTS = ("failed_parts", "parts_failed_by")  # columns if other parts than sensors can fail
-TOUCHED = "touched_sensors"  # column if the robot has bumpers: those that closed
-ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")  # columns of estimated poses
+PARTS = ("failed_parts", "parts_failed_by")  # columns present if parts other than sensors can fail
+TOUCHED = "touched_sensors"  # column present if the robot has bumpers: bumpers touched
+ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")  # columns of the estimated pose
 
 
 def select_track(tracks: pd.DataFrame, world: str, agent: str = "") -> pd.DataFrame:
-    """Select one robot's track in a world from a table of tracks."""
+    """Select the track of a robot in a world."""
     chosen = (tracks["world"] == world) & (name_robots(tracks) == agent)
     return tracks[chosen].reset_index(drop=True)
 
@@ -40,9 +40,10 @@ def select_track(tracks: pd.DataFrame, world: str, agent: str = "") -> pd.DataFr
 def read_track(
     run: Run, context: FigureContext, world: str, design: int | None = None
 ) -> pd.DataFrame:
-    """Read a robot's track in a world: one row per sample, with ``COLUMNS`` and recorded extras.
+    """Read a robot's track in a world, one row per sample, with ``COLUMNS`` and recorded extras.
 
-    It ends with the robot's mission, and is empty if that could not be run; see ``read_mission``.
+    The track ends with the robot's mission, and is empty if the mission could not be run; see
+    ``read_mission``.
     """
     mission, trajectory = read_mission(run, world, design)
     ended = float(mission["time_s"]) + 1e-6
@@ -82,7 +83,7 @@ def read_track(
 def read_mission(
     run: Run, world: str, design: int | None = None
 ) -> tuple["pd.Series[str]", pd.DataFrame]:
-    """Read the row and trajectory of the first mission of the champion, or of a stored design."""
+    """Read the row and trajectory of the first mission of the champion or of a stored design."""
     if design is None:
         return find_champion_mission(run, world), run.trajectory(world)
     row = find_first_mission(run, design, world)
@@ -90,17 +91,17 @@ def read_mission(
 
 
 def find_key(row: "pd.Series[str]") -> MissionKey:
-    """Return a mission's key from its row of ``missions.csv``."""
+    """Return the key of a mission from its row in ``missions.csv``."""
     return int(row["generation"]), int(row["design"]), str(row["world"]), int(row["trial"])
 
 
 def find_champion_mission(run: Run, world: str) -> "pd.Series[str]":
-    """Find the row of ``missions.csv`` whose trajectory is in ``champion``."""
+    """Return the row of ``missions.csv`` that belongs to the trajectory in ``champion``."""
     return find_first_mission(run, int(run.champion["design"].iloc[0]), world)
 
 
 def find_first_mission(run: Run, design: int, world: str) -> "pd.Series[str]":
-    """Find a design's first mission in a world: a confirmation if any, otherwise a selection."""
+    """Return a design's first mission in a world, from confirmation if any, else from selection."""
     missions = run.missions
     candidates = missions[(missions["design"] == design) & (missions["world"] == world)]
     confirmed = candidates[candidates["purpose"] == CONFIRMATION]
@@ -115,17 +116,17 @@ def find_first_mission(run: Run, design: int, world: str) -> "pd.Series[str]":
 
 
 def load_champion_worlds(run: Run, context: FigureContext) -> Mapping[str, World]:
-    """Load the worlds of the champion's missions by name, from the run's folder."""
+    """Load the worlds of the champion's missions from the run folder, by name."""
     return {name: load_champion_world(run, context, name) for name in context.courses}
 
 
 def load_champion_world(run: Run, context: FigureContext, name: str) -> World:
-    """Load one world of the champion's missions."""
+    """Load a world of the champion's missions."""
     return _load_recorded(run.champion_file(f"world_{name}.sdf"), context.courses[name])
 
 
 def load_mission_world(run: Run, context: FigureContext, row: "pd.Series[str]") -> World:
-    """Load the world of a stored mission, which may have been drawn for this mission alone."""
+    """Load the world of a stored mission, which may have been generated for this mission."""
     return _load_recorded(find_mission_world(run, row), context.courses[str(row["world"])])
 
 
@@ -138,21 +139,21 @@ def _load_recorded(path: Path, course: Course) -> World:
 
 
 def find_mission_world(run: Run, row: "pd.Series[str]") -> Path:
-    """Find the world file of a mission."""
+    """Return the path of the world file of a mission."""
     world, draws = str(row["world"]), str(row["draws"])
     separate, shared = (run.path / world_file(world, key) for key in (draws, None))
     return separate if separate.is_file() else shared
 
 
 def list_failures(mission: "pd.Series[str]") -> list[tuple[int, float, str]]:
-    """List the sensor (from 0), time [s] and effect of each failure in a ``missions.csv`` row."""
+    """List sensor (from 0), onset [s] and effect of each failure in a row of ``missions.csv``."""
     names = ("failed_sensors", "failed_at_s", "failed_by")
     failures = zip(*(split_cell(mission[name]) for name in names), strict=True)
     return [(int(float(sensor)), float(time), effect) for sensor, time, effect in failures]
 
 
 def list_part_failures(mission: "pd.Series[str]") -> list[tuple[str, float, str]]:
-    """List the part, time [s] and effect of each failure of a part other than a sensor."""
+    """List part, onset [s] and effect of each failure of a part other than a sensor."""
     names = ("failed_parts", "parts_failed_at_s", "parts_failed_by")
     if names[0] not in mission:
         return []
@@ -161,7 +162,7 @@ def list_part_failures(mission: "pd.Series[str]") -> list[tuple[str, float, str]
 
 
 def has_failed(missions: pd.DataFrame) -> "pd.Series[bool]":
-    """Return True for each mission in which a sensor or another part failed."""
+    """Return a mask of the missions in which any part failed."""
     failed = missions["failed_sensors"].notna()
     return failed | missions["failed_parts"].notna() if "failed_parts" in missions else failed
 
@@ -176,24 +177,24 @@ def _place(failures: Sequence[tuple[object, float, str]], times: Array) -> pd.Da
 
 
 def split_cell(value: object) -> list[str]:
-    """Split the list in a table cell, which pandas reads as a number if it has one item."""
+    """Split the list in a table cell; pandas reads a list of one item as a number."""
     return [] if pd.isna(value) else str(value).split(";")  # type: ignore[call-overload]
 
 
 def select_robot(table: pd.DataFrame, name: str = "") -> pd.DataFrame:
-    """Select a robot's rows in a champion's table; the first robot's name is empty."""
+    """Select the rows of a robot in a champion's table; the first robot has an empty name."""
     return table[name_robots(table) == name]
 
 
 def name_robots(table: pd.DataFrame) -> "pd.Series[str]":
-    """Return the robot's name for each row of a champion's table; empty for the first robot."""
+    """Return the robot of each row of a champion's table; empty for the first robot."""
     if AGENT not in table:
         return pd.Series("", table.index, dtype=str)
     return table[AGENT].fillna("").astype(str)
 
 
 def select_trajectory(trajectory: pd.DataFrame, name: str) -> pd.DataFrame:
-    """Select the time and one agent's columns, without the agent's name as a prefix."""
+    """Select the time and the columns of an agent, without the agent's prefix."""
     prefix = f"{name}."
     columns = [column for column in map(str, trajectory.columns) if column.startswith(prefix)]
     if not columns:

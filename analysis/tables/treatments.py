@@ -1,6 +1,6 @@
-"""Names of treatments, and conditions on factors or configuration keys (``failure=none,random``).
+"""Names of treatments, and conditions on factors or keys (``failure=none,random``).
 
-A file of treatments selects each entry's runs by ``where`` or ``folders`` (patterns of run names).
+In a file of treatments, each entry selects runs by ``where`` or ``folders`` (patterns of names).
 """
 
 import re
@@ -34,10 +34,10 @@ from .records import SECRET, Record
 
 _SELECTING = ("where", "folders")
 SINGLE = "all runs"  # label of the only treatment
-LABEL_LENGTH = 60  # maximum length of labels; longer ones omit levels that follow from others
+LABEL_LENGTH = 60  # maximum length of labels; longer labels omit levels that follow from others
 LEVEL_LENGTH = 24  # maximum number of characters of a level in a label
 UNITS = {"m": "m", "s": "s", "deg": "deg", "rad": "rad", "mps": "m/s", "kg": "kg"}
-_TITLE = re.compile(r"# @title (.+)")  # first line of a choice's YAML file
+_TITLE = re.compile(r"# @title (.+)")  # first line of an option's YAML file
 
 
 @cache
@@ -50,7 +50,7 @@ def _read_titles() -> dict[str, str]:
 def label_treatments(
     configurations: Sequence[Values], choices: Sequence[Choices] = (), given: Sequence[Given] = ()
 ) -> list[str]:
-    """Label each configuration by its given name or its factor levels, equal within a treatment."""
+    """Label configurations by given names or factor levels; labels are equal within a treatment."""
     factors = find_factors(configurations, choices, given)
     conditions = list_conditions(configurations, given)
     names = [str(levels.get("name", "")) for levels in given] or [""] * len(configurations)
@@ -94,7 +94,7 @@ def _join(factors: Sequence[Factor], count: int) -> list[str]:
 
 
 def describe_factor(name: str) -> str:
-    """Return the label of a factor, with its unit: ``wait [s]`` for ``wait_s``."""
+    """Return the label of a factor with its unit: ``wait [s]`` for ``wait_s``."""
     words, unit = _split(name)
     return f"{words} [{unit}]" if unit else words
 
@@ -113,7 +113,7 @@ def _describe(factor: Factor, level: str, inside: bool) -> str:
 
 
 def describe_level(level: str) -> str:
-    """Return the label of a level in the customary spelling, with long levels shortened."""
+    """Return the label of a level, as usually written, and shortened if long."""
     if level.startswith(SECRET):
         return SECRET.strip()
     text = _read_titles().get(level, level.replace("_", " "))
@@ -124,14 +124,14 @@ Conditions = Mapping[str, Sequence[str]]  # allowed levels by factor
 
 
 def find_record_factors(records: Sequence[Record]) -> list[Factor]:
-    """Find the factors that differ between the records."""
+    """Find the factors that differ between records."""
     return find_factors(
         [r.values for r in records], [r.choices for r in records], [r.given for r in records]
     )
 
 
 def parse_conditions(texts: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Parse conditions ``FACTOR=LEVEL,LEVEL...``; levels of the same factor are combined."""
+    """Parse conditions ``FACTOR=LEVEL,LEVEL...``; combine levels of the same factor."""
     conditions: dict[str, tuple[str, ...]] = {}
     for text in texts:
         factor, _, levels = (part.strip() for part in text.partition("="))
@@ -146,7 +146,7 @@ def parse_conditions(texts: Sequence[str]) -> dict[str, tuple[str, ...]]:
 
 
 def read_levels(given: Mapping[Any, Any]) -> dict[str, tuple[str, ...]]:
-    """Read conditions from YAML: a level or a list of levels by factor."""
+    """Read conditions from YAML: for each factor, a level or a list of levels."""
     return {
         str(name): tuple(
             format_level({"": level}, "") for level in (v if isinstance(v, list) else [v])
@@ -156,10 +156,10 @@ def read_levels(given: Mapping[Any, Any]) -> dict[str, tuple[str, ...]]:
 
 
 def require_levels(records: Sequence[Record], name: str, source: str) -> list[str]:
-    """Return each record's level of a factor or key; ``source`` prefixes messages.
+    """Return the level of a factor or key in each record; ``source`` starts error messages.
 
-    ``name`` may be the column name, the words or the key of a factor, or the end of a configuration
-    key; ``treatment`` stands for the treatment's given name.
+    ``name`` may be the column, words or key of a factor, or the end of a configuration key;
+    ``treatment`` is the given name of the treatment.
     """
     wanted, factors = name.replace("_", " "), find_record_factors(records)
     for factor in factors:
@@ -196,7 +196,7 @@ def is_level(level: str, wanted: str) -> bool:
 
 
 def select_rows(records: Sequence[Record], conditions: Conditions, source: str) -> list[bool]:
-    """Return True for each record that meets all conditions; ``source`` prefixes messages."""
+    """Return a mask of the records that meet all conditions; ``source`` starts error messages."""
     chosen = [True] * len(records)
     for name, allowed in conditions.items():
         levels = require_levels(records, name, source)
@@ -210,7 +210,7 @@ def select_rows(records: Sequence[Record], conditions: Conditions, source: str) 
 
 
 def match_levels(levels: Sequence[str], allowed: Sequence[str]) -> list[bool]:
-    """Return True for each level that is allowed."""
+    """Return a mask of the allowed levels."""
     return [any(is_level(level, wanted) for wanted in allowed) for level in levels]
 
 
@@ -221,7 +221,7 @@ def _describe_yaml(error: UnicodeDecodeError | yaml.YAMLError) -> str:
 
 
 def read_entries(path: Path, content: str, keys: str, begin: str) -> Sequence[object]:
-    """Read the list in a YAML file; ``content``, ``keys`` and ``begin`` are used in messages."""
+    """Read a list from a YAML file; the other arguments are for error messages."""
     try:
         entries = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -241,7 +241,7 @@ def read_entries(path: Path, content: str, keys: str, begin: str) -> Sequence[ob
 
 @dataclass(frozen=True)
 class _Entry:
-    """An entry of the treatments file."""
+    """An entry in a file of treatments."""
 
     given: Mapping[str, Any]  # name, and levels by factor
     where: Conditions
@@ -253,7 +253,7 @@ class _Entry:
 
 
 def read_treatments(path: Path) -> list[_Entry]:
-    """Read the treatments from a YAML file."""
+    """Read treatments from a YAML file."""
     entries = read_entries(path, "treatments", "a name, and either where or folders", "- name: ...")
     named = [_read_entry(entry, f"{path}, entry {i}") for i, entry in enumerate(entries, 1)]
     names = [entry.name for entry in named]
@@ -287,7 +287,7 @@ def _read_entry(entry: object, place: str) -> _Entry:
 def name_treatments(
     records: Sequence[Record], entries: Sequence[_Entry], path: Path
 ) -> tuple[list[Record], dict[str, str]]:
-    """Name each record after the only entry that matches it; return problems by record name."""
+    """Name each record after the only matching entry; return problems by record name."""
     fitting = [_fit(records, entry, path) for entry in entries]
     labels = _label_levels(find_record_factors(records), len(records))
     named, problems = [*records], dict[str, str]()

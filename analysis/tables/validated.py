@@ -1,4 +1,4 @@
-"""Champions' scores and missions on fresh draws, matched by content because folders may move."""
+"""Scores and missions of champions on fresh draws, matched by content, as folders may move."""
 
 import math
 from collections.abc import Hashable, Iterator, Mapping, Sequence
@@ -16,8 +16,8 @@ from .records import EvaluationRecord, Record
 from .study import Study
 from .tracks import has_failed, name_robots
 
-# Keys, or prefixes of keys, that determine a design's score. The world includes the course; other
-# keys of ``design`` only limit which designs can evolve.
+# Keys, or prefixes of keys, that affect a design's score. The world includes the course; other
+# ``design`` keys only limit which designs can evolve.
 MISSION = (
     *("robot", "world", "agents", "design.sensors"),
     *("failure", "controller", "simulator", "fitness"),
@@ -29,7 +29,7 @@ Value = TypeVar("Value")
 
 
 def select_conditions(record: Record) -> dict[str, Any]:
-    """Select the values that determine a design's score, with any confirming simulator."""
+    """Select the values that affect a design's score, including a confirming simulator."""
     values = apply_confirmation(record.values)
     return {
         key: value for key, value in values.items() if any(is_within(key, top) for top in MISSION)
@@ -37,7 +37,7 @@ def select_conditions(record: Record) -> dict[str, Any]:
 
 
 def apply_confirmation(entries: Mapping[str, Value]) -> dict[str, Value]:
-    """Replace the simulator's entries (values or choices) with the confirming simulator's."""
+    """Replace the entries of the simulator (values or choices) with the confirming simulator's."""
     confirming = {
         key.removeprefix("confirmation."): entry
         for key, entry in entries.items()
@@ -54,29 +54,29 @@ def is_within(key: str, top: str) -> bool:
 
 
 def find_differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
-    """List the keys whose values differ; a missing value counts as null."""
+    """List the keys with differing values; missing values are null."""
     return [key for key in dict.fromkeys([*one, *other]) if one.get(key) != other.get(key)]
 
 
 def list_differences(evaluation: EvaluationRecord, record: Record) -> list[str]:
-    """List the keys in which the conditions of an evaluation and a run differ, except genes."""
+    """List the keys other than genes in which the conditions of an evaluation and a run differ."""
     evolved = _read_champion_genes(record)
     differences = find_differences(select_conditions(evaluation), select_conditions(record))
     return [key for key in differences if key not in evolved]
 
 
 def identify_champion(record: Record) -> Content:
-    """Return the content of a finished run's champion: its sensors and genes."""
+    """Return the content that identifies a finished run's champion: sensors and genes."""
     return _content(record.run.champion, _read_champion_genes(record))
 
 
 def _read_champion_genes(record: Record) -> dict[str, float]:
-    """Read the evolved values of a finished run's champion, other than sensors, by key."""
+    """Read the evolved values of a finished run's champion by key, except mounts."""
     return _genes(record.run.genes)
 
 
 def _read_scores(evaluation: EvaluationRecord) -> pd.DataFrame:
-    """Read the content and the scores of each design in a finished evaluation."""
+    """Read the content and the scores of each design of a finished evaluation."""
     names = ["source", "design"]
     mounts, genes, scores = (
         table.assign(**{name: table[name].astype(str) for name in names})
@@ -105,21 +105,21 @@ def _genes(table: pd.DataFrame) -> dict[str, float]:
 
 
 BY_EVALUATION, BY_RUN, BY_NOTHING = "evaluation", "run", ""
-Scores = tuple[EvaluationRecord, pd.DataFrame]  # an evaluation and the table of its designs
+Scores = tuple[EvaluationRecord, pd.DataFrame]  # an evaluation, and a table of its designs
 
 
 def validate_champions(study: Study) -> pd.DataFrame:
-    """Collect the recorded and validated fitness of each finished run's champion.
+    """Return the recorded and validated fitness of each finished run's champion.
 
-    The validated fitness comes from the matching evaluation with the most trials, or else from the
-    run itself. With a confirmation, the confirming simulator's scores are used.
+    The validated fitness comes from the matching evaluation with the most trials, otherwise from
+    the run itself. With a confirmation, scores are from the confirming simulator.
     """
     evaluations = read_evaluations(study)
     return study.gather(lambda record: _validate(record, evaluations))
 
 
 def score_under(study: Study, name: str) -> pd.DataFrame:
-    """Collect each champion's score in the evaluation ``name`` with the most trials, or NaN."""
+    """Return each champion's score in the evaluation ``name`` with the most trials, or NaN."""
     evaluations = read_evaluations(study)
     column = f"under {name}"
     named = [table for record, table in evaluations if name in (record.name, record.treatment)]
@@ -146,12 +146,12 @@ def score_under(study: Study, name: str) -> pd.DataFrame:
 
 
 def read_evaluations(study: Study) -> list[Scores]:
-    """Read the scores of the finished evaluations; report all other evaluations."""
+    """Read the scores of finished evaluations; report all other evaluations."""
     return list(study.read_each(study.evaluations, _read_scores))
 
 
 def list_unused(study: Study) -> dict[str, list[str]]:
-    """Map each evaluation that matches no run to its differences from the most similar run."""
+    """Map each evaluation that matches no run to its differences from the closest run."""
     unused = {}
     runs = [record for record in study.records if record.finished]
     for evaluation in study.evaluations:
@@ -192,10 +192,10 @@ def _score_freshly(record: Record, evaluations: Sequence[Scores]) -> dict[str, A
 
 
 def list_missions(study: Study) -> pd.DataFrame:
-    """List the missions of champions on fresh draws, with the failures under which they evolved.
+    """List the missions of champions on fresh draws, with the failures used in evolution.
 
     ``kind`` is the class of the run's failure, ``source`` the origin of a mission, and ``draws``
-    the key of its random draws.
+    the key of the random draws.
     """
     evaluations = read_evaluations(study)
     frames = []
@@ -205,13 +205,13 @@ def list_missions(study: Study) -> pd.DataFrame:
             failed = has_failed(missions)
             outcome = {"failed": failed, "completed": missions.completed, "draws": missions.draws}
             frames.append(pd.DataFrame({**marks, **outcome}))
-    # Evaluations with the same seed share missions; each mission counts once.
+    # Evaluations with the same seed share missions, so count each mission once.
     table = pd.concat(frames, ignore_index=True)
     return table.drop_duplicates(["source", "run", "draws"], ignore_index=True)
 
 
 def list_random_missions(study: Study) -> pd.DataFrame:
-    """List the missions of each run's random designs in generation 0, free of selection bias."""
+    """List the missions of random designs of generation 0, which are free of selection bias."""
     columns = ["kind", "run", "design", "failed", "completed"]
     frames = [pd.DataFrame(columns=columns).astype({"failed": bool, "completed": bool})]
     for record in study.records:
@@ -240,7 +240,7 @@ def _sources(record: Record, evaluations: list[Scores]) -> Iterator[tuple[str, p
 
 
 def describe_rates(record: Record) -> dict[str, str]:
-    """Describe, by world, the champion's completion rate on fresh draws, with its interval."""
+    """Return the champion's completion rate on fresh draws, with interval, for each world."""
     if record.run.evaluates or not record.finished:
         return {}
     path = record.run.champion_file("certificate.json")
@@ -259,7 +259,7 @@ def describe_rates(record: Record) -> dict[str, str]:
 
 
 def classify_failure(record: Record) -> str:
-    """Return "spatial" for a failure with damage rings, otherwise the name of the run's failure."""
+    """Return "spatial" for a failure with damage rings, otherwise the name of the failure."""
     name = name_part("failure", record.values, record.choices)
     return "spatial" if record.context.rings and name != "combined" else name
 
