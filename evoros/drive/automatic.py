@@ -9,6 +9,8 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import Annotated
 
+import numpy as np
+
 from evoros.base import elementary
 from evoros.base.checks import POSITIVE, checked, one_of
 from evoros.base.errors import InputError
@@ -75,6 +77,28 @@ def refuse_articulated(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
             continue
         fixes.append(HOLD_STRAIGHT.format(_choose_kind(pair_up(wheels))))
         raise urdf.error(f"the robot {problem}; no drive models this", ", or ".join(fixes))
+
+
+def refuse_several(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
+    """Reject a description of several vehicles: joints that each carry axles on both sides."""
+    carried: dict[Joint, list[Candidate]] = {}
+    for wheel in wheels:
+        above = list(urdf.joints_above(wheel.joint.child))[1:]
+        moving = [joint for joint in above if joint.type != "fixed"]
+        if moving:
+            carried.setdefault(moving[-1], []).append(wheel)
+    vehicles = {
+        joint: ", ".join(wheel.joint.name for wheel in group)
+        for joint, group in carried.items()
+        if np.ptp([(w.x, w.y) for w in group], axis=0).min() > 2.0 * group[0].wheel.radius
+    }
+    if len(vehicles) > 1:
+        parts = "; ".join(f"{joint.name} carries {names}" for joint, names in vehicles.items())
+        raise urdf.error(
+            f"the file describes {len(vehicles)} vehicles, of which evoros drives one: {parts}",
+            f"write a file for each vehicle, such as {next(iter(vehicles)).child} with all links "
+            "below it",
+        )
 
 
 def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
@@ -224,6 +248,7 @@ class AutomaticDescription(DriveDescription):
         if kind is not None and not kind.steers:
             return pair_up(wheels) if kind.locks_steering or not fixed else fixed
         refuse_misaligned(urdf, wheels)
+        refuse_several(urdf, wheels)
         refuse_articulated(urdf, wheels)
         if self.kind == "auto":
             refuse_sideways(urdf, wheels)

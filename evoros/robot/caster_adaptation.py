@@ -130,33 +130,33 @@ def add_supports(
 
     ``corners`` (n, 3) [m] are points of the body. A robot that has casters gets a ball in front of
     or behind the axle only if the weight leans there and no caster is there, or balls opposite the
-    casters if these are all on one side and do not balance the robot.
+    casters, as high as these, if all are on one side and do not balance the robot.
     """
     mass, centre = centre_of_mass(elements, urdf)
     axle: Array = np.mean([wheel.centre for wheel in wheels], axis=0)
-    places = [
-        urdf.poses[name].transform(shape.pose.position)[:2]
-        for name in casters
-        for shape in urdf.shapes[name]
-    ]
+    places = [place for name in casters for place in _list_bottoms(urdf, name)]
     lean = float(centre[0] - axle[0]) if mass > 0.0 else 0.0
-    balls: dict[str, tuple[float, float]] = {}
+    balls: dict[str, tuple[float, float, float]] = {}
     for name, side in (("front", 1.0), ("rear", -1.0)):
-        is_free = not any((x - axle[0]) * side > 0.0 for x, _ in places)
+        is_free = not any((x - axle[0]) * side > 0.0 for x, _, _ in places)
         if is_free and (not places or lean * side > 0.0):
             reach = max(float((side * (corners[:, 0] - axle[0])).max()), 5.0 * _ASSUMED_RADIUS_M)
-            balls[name] = float(axle[0] + 0.9 * side * reach), 0.0
+            balls[name] = float(axle[0] + 0.9 * side * reach), 0.0, 0.0
     track = float(np.ptp([wheel.centre[1] for wheel in wheels]))
-    signs = {math.copysign(1.0, y) for _, y in places if abs(y) > 0.1 * track}
+    signs = {math.copysign(1.0, y) for _, y, _ in places if abs(y) > 0.1 * track}
+    short = ""
     if len(signs) == 1 and not balls and mass > 0.0:
-        carried = convex_hull(np.array([*places, *(wheel.centre[:2] for wheel in wheels)]))
+        carried = convex_hull(
+            np.array([*(place[:2] for place in places), *(wheel.centre[:2] for wheel in wheels)])
+        )
         edges = [(centre[0], centre[1] + share * track) for share in (-0.05, 0.05)]
         if not all(contains(Footprint(carried), edge) for edge in edges):
             name = "right" if signs == {1.0} else "left"
-            mirrored = ((x, -y) for x, y in places if abs(y) > 0.1 * track)
+            mirrored = [(x, -y, z) for x, y, z in places if abs(y) > 0.1 * track]
             balls = {f"{name}{i or ''}": place for i, place in enumerate(mirrored)}
-    for name, (x, y) in balls.items():
-        root = urdf.poses[urdf.root].inverse() @ Pose((x, y, _ASSUMED_RADIUS_M))
+            short = _find_short(urdf, mirrored)
+    for name, (x, y, z) in balls.items():
+        root = urdf.poses[urdf.root].inverse() @ Pose((x, y, z + _ASSUMED_RADIUS_M))
         link = add_fixed_link(elements, f"evoros_support_{name}", urdf.root, root)
         link.append(build_collision(Shape("sphere", (_ASSUMED_RADIUS_M,))))
         _complete(link)
@@ -168,8 +168,26 @@ def add_supports(
         else "no caster supports it"
     )
     where = " and ".join(balls)
-    note = f"a frictionless support at the {where} of the robot is assumed, because {why}"
+    note = f"a frictionless support at the {where} of the robot is assumed, because {why}{short}"
     return Casters(tuple(f"evoros_support_{name}" for name in balls), {}, (note,))
+
+
+def _list_bottoms(urdf: Urdf, link: str) -> list[tuple[float, float, float]]:
+    """Return x, y [m] of the middle of each shape of a link, and the height [m] of its bottom."""
+    poses = ((shape, urdf.poses[link] @ shape.pose) for shape in urdf.shapes[link])
+    return [(*pose.position[:2], bottom_height(shape, pose)) for shape, pose in poses]
+
+
+def _find_short(urdf: Urdf, places: Sequence[tuple[float, float, float]]) -> str:
+    """Say which links at the places of assumed supports end above these; "" if none does."""
+    short = {
+        f"{link} ends {1e3 * z:.0f} mm above the ground there, its counterpart at {1e3 * low:.0f}"
+        for link in urdf.poses
+        for x, y, z in _list_bottoms(urdf, link)
+        for there, side, low in places
+        if math.hypot(x - there, y - side) < _ASSUMED_RADIUS_M and link != urdf.root
+    }
+    return "".join(f" ({text} mm; correct the <collision> of either)" for text in sorted(short))
 
 
 def centre_of_mass(elements: Element, urdf: Urdf) -> tuple[float, Array]:

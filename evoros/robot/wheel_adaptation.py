@@ -19,6 +19,8 @@ from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.shapes import Pose, Shape
 
 _SAME = 1.0 - 1e-6  # minimum cosine of the angle between axes treated as equal
+# Beyond 0.14 mrad, as with 1.57 for half of pi, a rigid wheel stands on one edge of its tread.
+_STRAIGHT = 1.0 - 1e-8
 MOTOR_VELOCITY = 100.0  # [rad/s], maximum velocity limit of a joint
 
 
@@ -53,8 +55,10 @@ def adapt_wheel(
     if math.isfinite(joint.upper - joint.lower):
         stops = f"{name} (from {joint.lower:g} to {joint.upper:g} rad)"
         notes["stops in the joints of wheels are ignored"].append(stops)
-    if not _is_plain(urdf, joint, axis):
+    along = _align(urdf, joint, axis)
+    if along < _STRAIGHT:
         _reshape(elements, urdf, joint, wheel, axis)
+    if along < _SAME:
         notes["wheels are replaced with one cylinder each"].append(joint.child)
     if joint.type != "continuous" or not np.array_equal(axis, joint.axis):
         _rewrite(elements, joint, "continuous", axis)
@@ -71,7 +75,7 @@ def _point_left(urdf: Urdf, joint: Joint, named: bool, notes: Assumptions) -> Ar
     along = float(urdf.axis_of(joint)[LEFT])
     if along < -ALIGNED:
         notes[_REVERSED].append(joint.name)
-    if abs(along) > _SAME:
+    if abs(along) > _STRAIGHT:
         return joint.axis if along > 0.0 else -joint.axis
     if abs(along) < NEARLY_ALIGNED and not named:
         raise misaligned_error(urdf, [joint], "correct the <axis> or the <origin>")
@@ -86,13 +90,14 @@ def _tell_straightened(joint: Joint, along: float, notes: Assumptions) -> None:
         notes[text].append(f"{joint.name} ({angle:.1f} deg)")
 
 
-def _is_plain(urdf: Urdf, joint: Joint, axis: Array) -> bool:
+def _align(urdf: Urdf, joint: Joint, axis: Array) -> float:
+    """Return the cosine between an axle and a wheel that is one round shape; 0 for others."""
     shapes = urdf.shapes[joint.child]
     if len(shapes) != 1 or len(group_shapes(urdf, joint.child)) != 1:
-        return False
+        return 0.0
     if shapes[0].kind == "cylinder":
-        return abs(float(product(shapes[0].pose.rotation[:, 2], axis))) > _SAME
-    return shapes[0].kind == "sphere"
+        return abs(float(product(shapes[0].pose.rotation[:, 2], axis)))
+    return float(shapes[0].kind == "sphere")
 
 
 def _reshape(elements: Element, urdf: Urdf, joint: Joint, wheel: Wheel, axis: Array) -> None:

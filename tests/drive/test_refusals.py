@@ -238,6 +238,19 @@ def test_a_rocker_bogie_is_named() -> None:
     assert len(choose(*parts, kind="skid_steer").wheel_joints) == 6
 
 
+def test_several_vehicles_in_one_file_are_named_and_each_drives_alone() -> None:
+    cars = {name: f"{steered('revolute', LIMIT)}{REAR}" for name in ("v1", "v2")}
+    for name, y in (("v1", 1.0), ("v2", -1.0)):
+        named = cars[name].replace('name="', f'name="{name}_').replace('link="', f'link="{name}_')
+        tow = joint(f"{name}_hitch", f"{name}_base", f"0 {y} 0", more=Z)
+        cars[name] = link(f"{name}_base", "") + tow + named
+    message = refusal(*cars.values())
+    assert "2 vehicles, of which evoros drives one: v1_hitch carries v1_front_left" in message
+    assert message.endswith("such as v1_base with all links below it")
+    alone = cars["v1"].replace("v1_base", "base").partition("</joint>")[2]
+    assert isinstance(choose(alone), AckermannDescription)
+
+
 def test_driven_swivels_with_trailing_wheels_are_named_and_both_proposals_hold() -> None:
     trailing = steered("revolute", LIMIT).replace('xyz="0 0 0"', 'xyz="-0.04 0 0"')
     turned = '<transmission name="t"><joint name="{}_steering_hinge_joint"/></transmission>'

@@ -283,6 +283,15 @@ def test_a_wheel_askew_is_set_across_the_robot_with_its_angle_told(
     assert [float(x) for x in str(axis).split()] == pytest.approx([0.0, 1.0, 0.0])
 
 
+def test_a_wheel_turned_by_1_57_stands_on_its_whole_tread(tmp_path: Path, caplog: Log) -> None:
+    pair = slanted(0.0).replace('xyz="0.0 1.0 0"', 'xyz="0 0 -1"').replace("1.5707963", "0")
+    robot = load(tmp_path, BASE, pair.replace('0.05" rpy="0 0 0"', '0.05" rpy="1.57 0 0"'), CASTER)
+    axis = element(robot, "joint[@name='left_wheel_joint']/axis").get("xyz")
+    across = [float(x) for x in str(axis).split()]
+    assert math.atan2(across[1], -across[2]) == pytest.approx(math.pi / 2 - 1.57, rel=1e-6)
+    assert not [line for line in caplog.messages if "skewed" in line or "one cylinder" in line]
+
+
 @pytest.mark.parametrize(
     ("wheels", "said"),
     [
@@ -589,6 +598,19 @@ def test_casters_on_one_side_are_mirrored_if_the_robot_would_tip(
     light = BASE.replace("<inertial>", '<inertial><origin xyz="-0.02 0 0.1"/>')
     robot = load(tmp_path, light, WHEELS, CASTER.replace("-0.12 0 0.02", f"-0.12 {y} 0.02"))
     assert robot.drive.caster_links == ("caster_link",)
+
+
+def test_an_assumed_support_is_as_high_as_its_counterpart_and_names_what_ends_above_it(
+    tmp_path: Path, caplog: Log
+) -> None:
+    """One caster of the Tracer Mini has a radius of 1 cm in its file, the other of 5 cm."""
+    heavy = BASE.replace("<inertial>", '<inertial><origin xyz="-0.1 0 0.1"/>')
+    left = CASTER.replace("-0.12 0 0.02", "-0.12 0.1 0.023")
+    right = CASTER.replace("caster", "small").replace("-0.12 0 0.02", "-0.12 -0.1 0.05")
+    robot = load(tmp_path, heavy, WHEELS, left, right)
+    place = element(robot, "joint[@name='evoros_support_right_joint']/origin").get("xyz", "")
+    assert [float(word) for word in place.split()] == pytest.approx([-0.12, -0.1, 0.013])
+    assert told(caplog, "(small_link ends 30 mm above the ground there, its counterpart at 3 mm")
 
 
 def test_a_body_without_collision_shapes_has_the_hull_of_its_visuals(
