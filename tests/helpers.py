@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -156,8 +156,9 @@ def cut(run: Path, size: int) -> None:
     status = json.loads((run / "status.json").read_text())
     del status["digest"]
     status |= {"state": "running", "generations_done": len([*(run / "generations").iterdir()])}
-    # A status that is not recent reads as killed, and the run that is cut may have ended long ago.
-    status["updated"] = datetime.now(UTC).isoformat(timespec="seconds")
+    # A status that is not recent reads as killed; this one is recent for an hour.
+    later = datetime.now(UTC) + timedelta(hours=1)
+    status["updated"] = later.isoformat(timespec="seconds")
     (run / "status.json").write_text(seal_json("status.json", status))
     renew_digests(run, missions=describe_growing(rows[: rows.index(b"\n") + 1]))
 

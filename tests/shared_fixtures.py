@@ -19,6 +19,7 @@ from evoros.base.lazy import collect_rarely
 from evoros.evolution.experiment import Experiment
 from evoros.session.screen import Pipe
 from evoros.simulator.pybullet import IDLE
+from evoros.terminal import activity
 
 # Processes that tests start keep the bytecode of evoros, which costs each of them half a second.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -61,6 +62,7 @@ def no_line_of_progress() -> Iterator[None]:
     """Keep what tests read from standard error independent of how long their runs take."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Pipe, "first_s", 1e6)
+        patch.setattr(activity, "SLOW_S", 1e6)
         yield
 
 

@@ -8,7 +8,7 @@ from threading import Event, Thread
 
 from evoros.terminal.log import LOGGER
 
-SLOW_S = 5.0  # interval at which a command that prints nothing else reports its activity
+SLOW_S = 5.0  # [s], interval at which a command that prints nothing else reports its activity
 _LISTENER: ContextVar[Callable[[str], object] | None] = ContextVar("listener", default=None)
 _ACTIVITY: ContextVar[str] = ContextVar("activity", default="")
 
@@ -42,12 +42,12 @@ def _tell() -> None:
 
 
 @contextmanager
-def tell_slow(activity: str, after_s: float = SLOW_S) -> Iterator[None]:
-    """Log this thread's activity, initially ``activity``, every ``after_s`` [s]."""
+def tell_slow(activity: str) -> Iterator[None]:
+    """Log this thread's activity, initially ``activity``, every ``SLOW_S``."""
     now, done, start = [activity], Event(), time.monotonic()
 
     def tell() -> None:
-        while not done.wait(after_s):
+        while not done.wait(SLOW_S):
             LOGGER.info("%s, %.0f s so far", now[0], time.monotonic() - start)
 
     def note(text: str) -> None:

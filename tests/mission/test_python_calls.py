@@ -220,7 +220,7 @@ def test_an_interruption_reaches_a_pilot_that_waits() -> None:
         raise Interruption
 
     experiment = experiment_of("simulator=planar")
-    hanging = Swerving(lambda: time.sleep(30.0))
+    hanging = Swerving(lambda: time.sleep(300.0))
     scenario, mission = (
         with_parts(experiment.scenario, controller=hanging),
         first_mission(experiment),
@@ -230,7 +230,7 @@ def test_an_interruption_reaches_a_pilot_that_waits() -> None:
         begun = time.monotonic()
         with pytest.raises(Interruption):
             run_mission(scenario, mission)
-    assert time.monotonic() - begun < 10.0
+    assert time.monotonic() - begun < 100.0
 
 
 class Interruption(BaseException):

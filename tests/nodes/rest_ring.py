@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 
-STATIONS, HOPS, ROUNDS = 3, 30, 50
+STATIONS, HOPS, ROUNDS, LIMIT_S = 3, 30, 50, 60.0
 
 
 def station(source: int, sink: int, goal: int) -> None:
@@ -57,30 +57,28 @@ def main() -> None:
     pipes = [os.pipe() for _ in range(STATIONS)]
     source, goal = os.pipe()
     started = [start("station", pipes[i - 1][0], pipes[i][1], goal) for i in range(STATIONS)]
-    if kind == "spin":
-        started.append(start("spinner"))
     rest.prepare()
+    print(rest.wait(LIMIT_S))  # they have started
     if kind != "ring":
-        time.sleep(1.0)
+        if kind == "spin":
+            started.append(start("spinner"))
         if kind == "stop":
             started[0].send_signal(signal.SIGSTOP)
             os.waitid(os.P_PID, started[0].pid, os.WSTOPPED)
         if kind == "hide":
-            print(rest.wait(10.0))
             started[0].send_signal(signal.SIGUSR1)
-            time.sleep(0.2)
         try:
-            print(rest.wait(0.2), *rest.working(), sep="\n")
+            while rest.wait(0.2):  # until the signal is handled
+                time.sleep(0.01)
+            print(*rest.working(), sep="\n")
         except Hidden as error:
             print(error)
     else:
-        time.sleep(0.5)
-        print(rest.wait(10.0))
         os.set_blocking(source, False)
         early = 0
         for _ in range(ROUNDS):
             os.write(pipes[0][1], bytes([HOPS]))
-            rest.wait(10.0)
+            rest.wait(LIMIT_S)
             try:
                 os.read(source, 1)
             except BlockingIOError:

@@ -309,7 +309,7 @@ def test_a_sweep_is_one_evaluation_for_each_combination(file: Path, tmp_path: Pa
 @pytest.mark.slow
 def test_a_signal_loses_nothing_and_the_folder_stands_alone(whole: Path, tmp_path: Path) -> None:
     (tmp_path / "two.csv").write_text(TWO)
-    more = ["designs=two.csv", "trials=3", "simulator.pause_s=0.1", "executor.workers=2"]
+    more = ["designs=two.csv", "trials=3", "simulator.pause_s=0.5", "executor.workers=2"]
     process = start(["evaluate", *TINY, *more, "hydra.run.dir=scores"], tmp_path)
     wait_for_missions(tmp_path / "scores", 3)
     process.send_signal(signal.SIGTERM)

@@ -57,9 +57,9 @@ def test_a_killed_run_ends_with_the_same_bytes_and_leaves_no_process(
     whole: Path, tmp_path: Path
 ) -> None:
     """And whatever the status counts was already in the table when the kill came."""
-    arguments = [*TINY, "simulator.pause_s=0.05", "executor.workers=2", "hydra.run.dir=run"]
+    arguments = [*TINY, "simulator.pause_s=0.2", "executor.workers=2", "hydra.run.dir=run"]
     process = start(arguments, tmp_path)
-    wait_for_missions(tmp_path / "run", 12)
+    wait_for_missions(tmp_path / "run", 6)
     workers = children(process.pid)
     process.kill()
     process.communicate()

@@ -5,9 +5,10 @@ import time
 from pathlib import Path
 from threading import Thread, active_count
 
-from fixture_types import Capture, Log
+from fixture_types import Capture, Log, Patch
 
 from evoros.preflight.preflight import check_robots
+from evoros.terminal import activity
 from evoros.terminal.activity import announce, tell_slow
 from evoros.terminal.log import (
     LOGGER,
@@ -129,8 +130,11 @@ def test_only_messages_of_the_thread_are_withheld(capsys: Capture) -> None:
     assert capsys.readouterr().err == "of another\n"
 
 
-def test_what_takes_long_is_told_even_while_messages_are_withheld(caplog: Log) -> None:
-    with caplog.at_level(logging.INFO), tell_slow("reading city.world", 0.02):
+def test_what_takes_long_is_told_even_while_messages_are_withheld(
+    caplog: Log, monkeypatch: Patch
+) -> None:
+    monkeypatch.setattr(activity, "SLOW_S", 0.02)
+    with caplog.at_level(logging.INFO), tell_slow("reading city.world"):
         with withhold_messages() as withheld, announce("dividing house.dae"):
             while not any("house.dae" in message for message in caplog.messages):
                 time.sleep(0.01)
@@ -142,7 +146,7 @@ def test_what_takes_long_is_told_even_while_messages_are_withheld(caplog: Log) -
 
 def test_what_is_quick_is_not_told_and_leaves_no_thread(caplog: Log) -> None:
     threads = active_count()
-    with caplog.at_level(logging.INFO), tell_slow("reading", 60.0):
+    with caplog.at_level(logging.INFO), tell_slow("reading"):
         pass
     assert not caplog.messages
     assert active_count() == threads

@@ -67,7 +67,7 @@ def with_settings(scenario: Scenario, **changes: object) -> Scenario:
 
 def with_fault(scenario: Scenario, fault: str) -> Scenario:
     """The scenario with a fault of the peer (``peer/rover_peer/faults.py``)."""
-    limit = 1.5 if fault.startswith(("hang", "stop")) else 60.0
+    limit = 4.0 if fault.startswith(("hang", "stop")) else 60.0
     return with_settings(scenario, environment={"PEER_FAULT": fault}, answer_limit_s=limit)
 
 

@@ -112,7 +112,7 @@ def test_workers_fly_the_bits_of_this_process(flown: Experiment) -> None:
     with Processes(workers=2).open() as pool:
         done = dict(_fly(flown, pool, missions))
     assert [done[each.key] for each in missions] == expected[: len(missions)]
-    assert wait_until(lambda: len(list(find_servers())) <= 1, 20.0), "this process's own remains"
+    assert wait_until(lambda: len(list(find_servers())) <= 1), "this process's own remains"
 
 
 def _fly(flown: Experiment, pool: Any, missions: list[Any]) -> Iterator[tuple[Any, str]]:
@@ -193,8 +193,8 @@ def test_a_killed_server_is_lost_with_its_time_and_the_next_one_flies_the_same(
 
 def test_a_server_that_hangs_is_lost_at_the_limit() -> None:
     robot, world = plane_experiment().robot, level(plane_experiment())
-    with pytest.raises(PilotLost, match=r"did not answer within 0\.8 s at 0\.5 simulated s"):
-        drive_and_send(signal.SIGSTOP, robot, world, answer_limit_s=0.8)
+    with pytest.raises(PilotLost, match=r"did not answer within 3 s at 0\.5 simulated s"):
+        drive_and_send(signal.SIGSTOP, robot, world, answer_limit_s=3.0)
     assert not list(find_servers())
 
 

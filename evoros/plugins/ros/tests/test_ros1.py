@@ -277,7 +277,7 @@ def test_a_fault_in_mid_mission_ends_it_with_one_line(
 
 
 NO_ROS: dict[str, Any] = {"python": sys.executable}
-QUICK: dict[str, Any] = {"start_limit_s": 10.0}
+QUICK: dict[str, Any] = {"start_limit_s": 30.0}
 REFUSED: dict[str, tuple[list[str], dict[str, Any], str]] = {
     "no rospy": (node("avoid", "rate"), NO_ROS, "controller.python: must be a Python with ROS 1"),
     "no command": ([str(NODES / "avoid.py")], {}, "controller.nodes: this system cannot execute"),

@@ -201,7 +201,7 @@ def test_a_fault_in_mid_mission_ends_it_with_one_line(
     assert "\n" not in message
 
 
-QUICK = {"start_limit_s": 10.0}
+QUICK = {"start_limit_s": 30.0}
 REFUSED: dict[str, tuple[list[str], dict[str, Any], str]] = {
     "no rclpy": (
         node("avoid", "rate"),

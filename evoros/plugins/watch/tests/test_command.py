@@ -62,7 +62,7 @@ def test_a_signal_ends_it_and_leaves_nothing(tmp_path: Path) -> None:
     assert process.returncode == STOPPED
     assert error.splitlines()[-1] == "evoros watch: terminated by a signal"
     assert "Traceback" not in error
-    assert wait_until(lambda: not list_group(process.pid), 10.0)
+    assert wait_until(lambda: not list_group(process.pid))
     with pytest.raises(URLError):
-        urlopen(address, timeout=5)
+        urlopen(address, timeout=60)
     assert sorted(run.rglob("*")) == names

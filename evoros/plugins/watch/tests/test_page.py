@@ -32,7 +32,7 @@ class Stage:
         self.whole = finished_run(folder / "whole", "record=all", "seed=1")
         self.run = folder / "watched"
 
-    def appear(self, generations: int, age_s: float = 0.0) -> None:
+    def appear(self, generations: int, age_s: float = -3600.0) -> None:
         """Let the run have so many finished generations, at once, as a run would have it."""
         draft = self.run.parent / ".draft"
         shutil.rmtree(draft, ignore_errors=True)
