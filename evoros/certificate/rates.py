@@ -13,17 +13,16 @@ conjectured, and ``benchmarks/coverage`` tests it.
 
 import math
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 import scipy
 
 from evoros.base.arrays import Array
+from evoros.certificate.roots import find_root
 
 Bounds = tuple[float, float]
 DIGITS = 6  # decimals of results, so that all processors agree
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(200)
-_CHANCES = (_NODES + 1) ** 2 * (2 - _NODES) / 4  # denser at both ends, where quantiles are steep
-_WEIGHTS = _WEIGHTS * 3 * (1 - _NODES**2) / 4  # chain rule of the change of variable
 
 
 def bound_rate(successes: int, trials: int, confidence: float) -> Bounds:
@@ -31,9 +30,22 @@ def bound_rate(successes: int, trials: int, confidence: float) -> Bounds:
     if not trials:
         return math.nan, math.nan
     failures, tail = trials - successes, (1 - confidence) / 2
-    low = scipy.special.betaincinv(successes, failures + 1, tail) if successes else 0.0
-    high = scipy.special.betaincinv(successes + 1, failures, 1 - tail) if failures else 1.0
-    return round(float(low), DIGITS), round(float(high), DIGITS)
+    low = _find_rate(successes, trials, tail) if successes else 0.0
+    high = _find_rate(successes + 1, trials, 1 - tail) if failures else 1.0
+    return round(low, DIGITS), round(high, DIGITS)
+
+
+def _find_rate(successes: int, trials: int, chance: float) -> float:
+    """Return the rate that gives at least this number of successes with a probability."""
+    numbers = np.arange(successes, trials + 1)
+    gammas = [math.lgamma(k + 1) + math.lgamma(trials - k + 1) for k in numbers.tolist()]
+    ways = math.lgamma(trials + 1) - np.array(gammas)  # logarithms of binomial coefficients
+
+    def excess(rate: float) -> float:
+        logs = ways + numbers * math.log(rate) + (trials - numbers) * math.log1p(-rate)
+        return float(np.exp(logs).sum()) - chance
+
+    return find_root(excess, 1e-300, 1 - 2**-53, 1e-12)
 
 
 def bound_difference(first: tuple[int, int], second: tuple[int, int], confidence: float) -> Bounds:
@@ -53,14 +65,23 @@ def _bound_below(first: tuple[int, int], second: tuple[int, int], tail: float) -
     (successes, trials), (others, of) = first, second
     if not successes:
         return -bound_rate(others, of, 1 - 2 * tail)[1]
-    high = scipy.special.betaincinv(others + 1, of - others, _CHANCES) if others < of else 1.0
+    places, weights = _list_chances()
+    high = scipy.special.betaincinv(others + 1, of - others, places) if others < of else 1.0
 
     def excess(low: float) -> float:
         ends = np.clip(low + high, 0, 1)
         chances = scipy.special.betainc(successes, trials - successes + 1, ends)
-        return float(np.sum(_WEIGHTS * chances)) - tail
+        return float(np.sum(weights * chances)) - tail
 
-    return float(scipy.optimize.brentq(excess, -1.0, 1.0, xtol=1e-9))
+    return find_root(excess, -1.0, 1.0, 1e-9)
+
+
+@cache
+def _list_chances() -> tuple[Array, Array]:
+    """Return the chances at which quantiles are computed, and their weights in an integral."""
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    chances = (nodes + 1) ** 2 * (2 - nodes) / 4  # denser at both ends, where quantiles are steep
+    return chances, weights * 3 * (1 - nodes**2) / 4  # chain rule of the change of variable
 
 
 def share_level(confidence: float, tests: int) -> float:
@@ -114,8 +135,8 @@ def _find_quantile(values: Array, end: float, chance: float, repeats: int) -> fl
     least = most
     while excess(least) > 0:
         least /= 2
-    root = scipy.optimize.brentq(excess, least, 2 * least if least < most else 1.0, xtol=1e-9)
-    return end + scale * float(root)
+    root = find_root(excess, least, 2 * least if least < most else 1.0, 1e-9)
+    return end + scale * root
 
 
 def _find_chance(rates: Array, counts: Array) -> float:
@@ -129,7 +150,7 @@ def _find_chance(rates: Array, counts: Array) -> float:
 
     saddle, outside = 0.0, edge * (1 - 1e-12)
     if slope(saddle) > 0:
-        saddle = scipy.optimize.brentq(slope, outside, saddle, xtol=1e-12 * -edge)
+        saddle = find_root(slope, outside, saddle, 1e-12 * -edge)
     line = min(saddle, max(-spread / 2, edge / 2))
     turned = rates / (1 - rates * line)
     step = 1 / math.sqrt(float(counts @ (turned * turned)))
