@@ -1,6 +1,6 @@
 """The number of clusters among points, tested against cluster-free clouds and a larger sample."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,16 +97,12 @@ def _cuts(tree: Array) -> list[NDArray[np.int64]]:
     cuts = []
     for step, (left, right) in enumerate(tree[:, :2].astype(int).tolist()):
         if n - step <= min(MAX_CLUSTERS, n - 1):
-            cuts.append(_number(members.values(), n))
+            labels = np.empty(n, dtype=np.int64)
+            for number, points in enumerate(members.values(), 1):
+                labels[points] = number
+            cuts.append(labels)
         members[n + step] = members.pop(left) + members.pop(right)
     return cuts[::-1]
-
-
-def _number(clusters: Iterable[list[int]], n: int) -> NDArray[np.int64]:
-    labels = np.empty(n, dtype=np.int64)
-    for number, points in enumerate(clusters, 1):
-        labels[points] = number
-    return labels
 
 
 def _silhouette(distances: Array, labels: NDArray[np.int64]) -> float:

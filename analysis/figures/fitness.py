@@ -28,6 +28,7 @@ from ..tables.study import Study
 HELP = "fitness over generations or cost: all individuals of a run, or quartiles of several"
 NEEDS = "runs with at least one generation"
 FILES = ("fitness.csv",)
+add_arguments = add_axis
 LABELS = {"recorded": "best, recorded", "validated": "best, validated", "mean": "mean of pool"}
 ONE = "dots: designs in the generation's pool"
 SEVERAL = "lines: medians over the runs; bands: quartiles"
@@ -37,9 +38,6 @@ STYLES = {  # colours and dash patterns, distinct in greyscale too
     "mean": ("0.45", (0, (1, 1.2))),
 }
 _LETTERS_PER_IN, _LEGEND_PER_IN = 13, 16  # characters per inch of titles, and of the legend
-
-
-add_arguments = add_axis
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:

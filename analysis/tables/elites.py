@@ -148,19 +148,15 @@ def _pool(study: Study, tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
     return pd.concat(latest, ignore_index=True)
 
 
-def _assign_cells(table: pd.DataFrame, grid: Grid) -> pd.DataFrame:
+def find_elites(candidates: pd.DataFrame, grid: Grid) -> pd.DataFrame:
+    """Return the fittest candidate of each occupied cell, fittest first."""
     *axes, cells = grid
     columns = {}
     for name, axis in zip(("cell_x", "cell_y"), axes, strict=True):
         low, high = axis.bounds
-        share = (table[axis.column].to_numpy(float) - low) / (high - low)
+        share = (candidates[axis.column].to_numpy(float) - low) / (high - low)
         columns[name] = np.clip(np.floor(share * cells), 0, cells - 1).astype(int)
-    return table.assign(**columns)
-
-
-def find_elites(candidates: pd.DataFrame, grid: Grid) -> pd.DataFrame:
-    """Return the fittest candidate of each occupied cell, fittest first."""
-    ranked = _assign_cells(candidates, grid).sort_values(
+    ranked = candidates.assign(**columns).sort_values(
         ["fitness", "id"], ascending=[False, True], kind="stable"
     )
     return ranked.drop_duplicates(["cell_x", "cell_y"]).reset_index(drop=True)

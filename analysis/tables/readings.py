@@ -160,17 +160,13 @@ def list_walkers(trajectory: pd.DataFrame, values: Mapping[str, Any]) -> list[Wa
         name = match[1]
         columns = [f"{WALKER}{name}.{part}" for part in ("x_m", "y_m", "touched_by")]
         numbers = trajectory[columns].to_numpy(float)
-        size = _find_size(values, name)
+        group = name.rpartition("_")[0]
+        # Actors, and groups missing in the configuration, have the size of a person.
+        radius = values.get(f"walkers.{group}.radius_m", RADIUS_M)
+        height = values.get(f"walkers.{group}.height_m", HEIGHT_M)
+        size = float(radius), float(height)
         tracks.append(WalkerTrack(name, *size, time, numbers[:, :2], numbers[:, 2]))
     return tracks
-
-
-def _find_size(values: Mapping[str, Any], name: str) -> tuple[float, float]:
-    group = name.rpartition("_")[0]
-    # Actors, and groups missing in the configuration, have the size of a person.
-    radius = values.get(f"walkers.{group}.radius_m", RADIUS_M)
-    height = values.get(f"walkers.{group}.height_m", HEIGHT_M)
-    return float(radius), float(height)
 
 
 def read_walkers(record: Record, world: str) -> list[WalkerTrack]:

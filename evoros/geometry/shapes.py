@@ -172,7 +172,12 @@ class Shape:
         if self.kind == "convex":
             _check_corners(self)
         if self.kind == "heightfield":
-            _check_heights(self)
+            rows = self.heights
+            if len(rows) < 2 or len(rows[0]) < 2 or any(len(row) != len(rows[0]) for row in rows):
+                rule = "must be two or more rows of equal length, each with two or more numbers"
+                raise checks.invalid(self, "heights", rows, rule)
+            if not np.isfinite(np.array(rows, dtype=np.float64)).all():
+                raise checks.invalid(self, "heights", rows, "must be numbers")
 
 
 def _check_corners(shape: Shape) -> None:
@@ -188,15 +193,6 @@ def is_flat(corners: Array) -> bool:
     """Return True if points (n, 3) lie in one plane."""
     spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)  # noqa: TID251
     return bool(spread[2] <= 1e-9 * spread[0])
-
-
-def _check_heights(shape: Shape) -> None:
-    rows = shape.heights
-    if len(rows) < 2 or len(rows[0]) < 2 or any(len(row) != len(rows[0]) for row in rows):
-        rule = "must be two or more rows of equal length, each with two or more numbers"
-        raise checks.invalid(shape, "heights", rows, rule)
-    if not np.isfinite(np.array(rows, dtype=np.float64)).all():
-        raise checks.invalid(shape, "heights", rows, "must be numbers")
 
 
 FRICTION = replace(checks.NOT_NEGATIVE, limit=math.inf)  # 1e10 and more usually mean "never slips"

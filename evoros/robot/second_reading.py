@@ -72,14 +72,6 @@ def _load(robot: Robot) -> SecondReading:
     file = None if folder is None else folder / f"{digest}.json"
     with suppress(OSError, ValueError, TypeError):  # absent or damaged
         return SecondReading(**json.loads(file.read_bytes() if file else ""))
-    read = _read(text)
-    if file is not None:
-        with suppress(OSError):
-            write_atomically(file, json.dumps(read._asdict()))
-    return read
-
-
-def _read(text: bytes) -> SecondReading:
     import yourdfpy  # takes up to two seconds
 
     logging.getLogger("yourdfpy").setLevel(logging.ERROR)
@@ -87,4 +79,8 @@ def _read(text: bytes) -> SecondReading:
     positions = {name: tuple(urdf.get_transform(name)[:3, 3].tolist()) for name in urdf.link_map}
     inertials = (link.inertial for link in urdf.robot.links)
     mass = sum(inertial.mass or 0.0 for inertial in inertials if inertial is not None)
-    return SecondReading(urdf.base_link, positions, float(mass))
+    read = SecondReading(urdf.base_link, positions, float(mass))
+    if file is not None:
+        with suppress(OSError):
+            write_atomically(file, json.dumps(read._asdict()))
+    return read

@@ -64,20 +64,16 @@ def replay_row(
     row = _find_row(run.path, columns)
     experiment = rebuild(run.path, (), config_dir).experiment
     if run.evaluates:
-        designs, key = _find_given(run, experiment, row)
+        given = read_recorded_designs(run.path, experiment)
+        names = [(named.source, named.name) for named in given]
+        design = names.index((row["source"], row["design"]))
+        designs = {index: named.design for index, named in enumerate(given)}
+        key = GENERATION, design, row["world"], int(row["trial"])
     else:
         designs, key = replay_designs(run, experiment), read_key(row)
     agents = list(experiment.agents)
     outcomes, frame = _run(*plan_row(experiment, designs, key, row))
     return Replayed(read_outcomes(row, agents), outcomes, frame, agents)
-
-
-def _find_given(run: Run, experiment: Experiment, row: Row) -> tuple[dict[int, Design], MissionKey]:
-    given = read_recorded_designs(run.path, experiment)
-    names = [(named.source, named.name) for named in given]
-    design = names.index((row["source"], row["design"]))
-    designs = {index: named.design for index, named in enumerate(given)}
-    return designs, (GENERATION, design, row["world"], int(row["trial"]))
 
 
 def replay_in_plane(

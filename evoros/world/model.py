@@ -72,7 +72,12 @@ class World:
         for name, count in Counter(body.name for body in self.bodies).most_common(1):
             if count > 1:
                 raise invalid(self, "bodies", name, "names must differ", "rename one of the two")
-        _check_ground(self)
+        check_planes(self.bodies, self.source)
+        height = ground_height(self.bodies, self.course.home[:2])
+        if height is None or not -1e-6 <= height <= MAT_M + 1e-6:
+            actual = "there is none" if height is None else f"it is at {height:g} m"
+            problem = f"must have ground at z = 0 m at home, but {actual}"
+            raise InputError(f"{self.source}: {problem}; put a floor there")
         _check_course(self)
 
     def __hash__(self) -> int:
@@ -111,15 +116,6 @@ class World:
     def is_level(self) -> bool:
         """True if no part of the ground is a tilted plane or a height field."""
         return has_level_ground(self.bodies)
-
-
-def _check_ground(world: World) -> None:
-    check_planes(world.bodies, world.source)
-    height = ground_height(world.bodies, world.course.home[:2])
-    if height is None or not -1e-6 <= height <= MAT_M + 1e-6:
-        actual = "there is none" if height is None else f"it is at {height:g} m"
-        problem = f"must have ground at z = 0 m at home, but {actual}"
-        raise InputError(f"{world.source}: {problem}; put a floor there")
 
 
 def _check_course(world: World) -> None:

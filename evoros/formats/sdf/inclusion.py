@@ -156,21 +156,17 @@ def _choose_model(root: Element, include: Element, reading: Reading, file: Path)
         if root.find("light") is None and root.find("actor") is None:
             fix = "add one, or include another file"
             raise xml.element_error(root, "must contain a <model>", fix)
-        _add_actor(root, include)
+        actor, world = root.find("actor"), include.getparent()
+        if actor is not None and world is not None:
+            actor.set("name", (include.findtext("name") or actor.get("name") or "").strip())
+            actor.set(xml.SOURCE, str(root.get(xml.SOURCE, "")))
+            world.append(actor)
         return None
     if len(models) > 1:
         names = ", ".join(xml.quote(model.get("name", "")) for model in models[1:])
         problem = f"includes only the first model of {file}, as in Gazebo; {names} are left out"
         reading.notes.add(include, problem)
     return models[0]
-
-
-def _add_actor(root: Element, include: Element) -> None:
-    actor, world = root.find("actor"), include.getparent()
-    if actor is not None and world is not None:
-        actor.set("name", (include.findtext("name") or actor.get("name") or "").strip())
-        actor.set(xml.SOURCE, str(root.get(xml.SOURCE, "")))
-        world.append(actor)
 
 
 def _find_sdf(place: Path, reading: Reading) -> Path | None:

@@ -27,6 +27,7 @@ _PROMINENCE_DEG = 3.0  # less prominent extrema of the heading are corrections
 _SETTLING = 1  # turning points ignored after a waypoint or an avoidance, while the robot realigns
 FIRST_ROBOT, HELP = own_claims.FIRST_ROBOT, own_claims.HELP
 NEEDS, FILES = own_claims.NEEDS, own_claims.FILES
+add_arguments = own_claims.add_arguments
 WEAVING = ".Serpentine"  # end of the class name of navigation layers that weave by design
 _NO_DESIGNS = pd.DataFrame(
     columns=[*DESIGN, "random", "strategy", "redundant", "closest_m", "kind", *HEADINGS_DEG]
@@ -48,11 +49,6 @@ SWING = finding.Claim(
     finding.DEGREES,
 )
 COMPLETED = "Even in the presence of sensor failure, missions are completed"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the subcommand ``claims``."""
-    own_claims.add_arguments(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:

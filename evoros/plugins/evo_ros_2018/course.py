@@ -30,13 +30,9 @@ FIRST_ROBOT = True
 HELP = "the course of each world: waypoints, home, path of the first phase (Fig. 6)"
 NEEDS = "a run, finished or with record=all"
 FILES = ("course.csv",)
+add_arguments = add_worlds
 _PANEL_IN = 1.7  # minimum width [in] of a panel
 _ARROW = {"arrowstyle": "-|>", "mutation_scale": 8, "lw": 1.0, "color": BLUE, "shrinkB": 0.0}
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add ``--world``."""
-    add_worlds(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:

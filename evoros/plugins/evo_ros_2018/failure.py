@@ -29,15 +29,11 @@ ONE_ROBOT = True
 HELP = "sensors destroyed by spatial damage centred at each sensor of a champion (Fig. 10)"
 NEEDS = "a run with spatial failure"
 FILES = ("failure.csv",)
+add_arguments = add_run
 PANEL_IN = 1.4  # minimum width [in] of a panel
 MIN_RATIO = 0.65  # minimum ratio of height to width of a panel
 LABEL_IN, LINE_IN, TICK_IN = 0.42, 0.11, 0.06  # width, height and distance [in] of a sensor's label
 _SENSOR: dict[str, Any] = {"marker": "o", "mec": "black", "mew": 0.5, "ms": 4, "ls": "none"}
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add ``--run``."""
-    add_run(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:

@@ -13,12 +13,8 @@ NEEDS = "a run or an evaluation that recorded trajectories, and the package reru
 FILES = ("rerun.rrd",)
 FORMATS: dict[str, str] = {}
 OUTPUT = "rerun"
+add_arguments = add_missions
 MAX_BYTES = 20_000_000  # maximum size [bytes] that the viewer opens without delay
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options that select the missions."""
-    add_missions(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
