@@ -34,7 +34,7 @@ _CMAP = "viridis"
 
 
 class Mark(NamedTuple):
-    """A cell or point; positions and sizes are in percent of the map, from the lower left."""
+    """A cell or point of a map; position and size in percent of the map, from the lower left."""
 
     x: float
     y: float

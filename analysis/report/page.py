@@ -27,7 +27,7 @@ MAX_RECORDS = 300  # maximum number of samples per mission of designs on maps
 class Missions:
     """The missions of designs on the page, and the grounds shared by these missions."""
 
-    playbacks: dict[tuple[str, int], Markup] = field(default_factory=dict)  # by run and design
+    playbacks: dict[tuple[str, int], Markup] = field(default_factory=dict)  # keyed by (run, design)
     # keys of the maps with each design
     maps: dict[tuple[str, int], list[str]] = field(default_factory=dict)
     labels: dict[tuple[str, int], str] = field(default_factory=dict)

@@ -170,9 +170,9 @@ def _rank_correlation(x: Array, y: Array, axis: int = -1) -> Array:
 
 
 class Shortfall(NamedTuple):
-    """Lowest coverage or highest error rate [%] over all sample sizes; None if as nominal."""
+    """Lowest coverage or highest error rate [%] over all sample sizes; None if nominal."""
 
-    usual: int | None  # distribution without outliers, the worst one
+    usual: int | None  # worst distribution without outliers
     outlier: int | None = None  # distribution with one outlier in a hundred values
 
 

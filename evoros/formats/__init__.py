@@ -1,1 +1,1 @@
-"""Strict readers and writers of URDF, SDF and meshes, whose errors name file, line and element."""
+"""Strict readers and writers of URDF, SDF and meshes; errors name file, line and element."""

@@ -1,4 +1,4 @@
-"""Parses XML as leniently as Gazebo, and repairs unambiguous errors, with the same line numbers."""
+"""Parses XML as leniently as Gazebo, repairing unambiguous errors and keeping line numbers."""
 
 import logging
 import re
@@ -19,7 +19,7 @@ _TAG = re.compile(r"<([A-Za-z_][\w.-]*)(?::[\w.-]+)?(?:\s[^<>]*)?/?>")
 _ATTRIBUTE = re.compile(r"\s([A-Za-z_][\w.-]*):[\w.-]+\s*=")
 _ROOT = re.compile(r"<([A-Za-z_][^\s/>]*)")
 _VALUE = r"\"[^\"]*+\"|'[^']*+'|[^\s\"'<>/]*+"
-_ATTRIBUTES = re.compile(  # start tag of an element with attributes, quoted or not
+_ATTRIBUTES = re.compile(  # start tag of an element, with quoted or unquoted attributes
     rf"(<!\[CDATA\[.*?\]\]>)|(?<=<)[A-Za-z_][\w.:-]*+(?:\s++[\w.:-]++(?:\s*+=\s*+(?:{_VALUE}))?)++"
     r"(?=\s*/?>)",
     re.DOTALL,
@@ -31,16 +31,16 @@ _KNOWN = {"xacro": _XACRO}
 
 
 def is_xacro(file: Path, content: bytes) -> bool:
-    """Return True if an SDF file needs expansion, by its suffix or because it declares xacro."""
+    """Return True if an SDF file requires expansion: its suffix is .xacro, or it declares xacro."""
     return file.suffix == ".xacro" or _XACRO.encode() in content
 
 
 def parse_leniently(content: bytes, source: str) -> Element:
     """Parse a document like ``strict_xml.parse``, with repairs if necessary.
 
-    The repairs, which are logged, concern text, comments or a byte order mark before the XML
-    declaration, anything after the root element, ``--`` in comments, attributes without quotes or
-    without a value, undeclared prefixes, ``::`` in a tag, and unescaped ampersands.
+    Repairs are logged. They concern text, comments or a byte order mark before the XML declaration,
+    anything after the root element, ``--`` in comments, attributes without quotes or without a
+    value, undeclared prefixes, ``::`` in a tag, and unescaped ampersands.
     """
     try:
         return parse(content, source)
@@ -80,7 +80,7 @@ def _repair(text: str) -> tuple[str, list[str]]:
     if declaration is not None and declaration.start() > 0:
         before, after = text[: declaration.start()], text[declaration.end() :]
         apply(before + _lines(declaration[0]) + after, "content before the XML declaration")
-    elif declaration is not None:  # the stated encoding no longer applies to the decoded string
+    elif declaration is not None:  # the stated encoding does not apply to the decoded string
         text = _lines(declaration[0]) + text[declaration.end() :]
     if any("--" in comment[0][4:-3] for comment in _COMMENT.finditer(text) if not comment[1]):
         repairs.append("-- in a comment")
@@ -100,7 +100,7 @@ def _repair(text: str) -> tuple[str, list[str]]:
 
 
 def _cut_after_root(text: str) -> str:
-    """Return the XML up to the end of its first root element, the only one that Gazebo reads."""
+    """Return the XML up to the end of its first root element, as only that is read by Gazebo."""
     root, depth = _ROOT.search(text), 0
     name = re.escape(root[1]) if root else "(?!)"
     for tag in re.finditer(rf"<(/?){name}(?=[\s/>])[^<>]*?(/?)>", text):

@@ -1,4 +1,4 @@
-"""Reads mesh files as convex shapes, which are cached in the user's cache folder."""
+"""Reads mesh files as convex shapes, with a cache in the user's cache folder."""
 
 import hashlib
 import itertools
@@ -22,9 +22,9 @@ from evoros.formats.mesh_files import read_content, read_faces
 from evoros.geometry.polyhedron import placed_corners
 from evoros.geometry.shapes import MeshFile, Shape, Vector, is_flat
 
-TOLD_M = 0.01  # minimum deviation that is reported
-WORK = 3e6  # maximum work per mesh (see ``divide_mesh``), which takes about 15 s on one core
-_VERSION = 4  # increased with every change to the algorithm
+TOLD_M = 0.01  # minimum deviation [m] to report
+WORK = 3e6  # maximum work per mesh (see ``divide_mesh``), about 15 s on one core
+_VERSION = 4  # version, increased with every change of the algorithm
 Corners = tuple[Vector, ...]
 T = TypeVar("T")
 
@@ -34,14 +34,14 @@ class Mesh:
     """A mesh as convex shapes."""
 
     shapes: tuple[Shape, ...]
-    deviation_m: float  # maximum distance of the mesh's surface from the shapes
-    remarks: tuple[str, ...]  # omitted parts and ignored settings
+    deviation_m: float  # maximum distance [m] from the surface of the mesh to the shapes
+    remarks: tuple[str, ...]  # messages on omitted parts and ignored settings
     work: float  # work spent on the shapes (see divide_mesh)
     is_cut_short: bool  # whether more work would give better shapes
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The approximation, if any, followed by the ``remarks``."""
+        """Messages on the approximation, if any, followed by the ``remarks``."""
         if self.deviation_m <= TOLD_M:
             return self.remarks
         count = len(self.shapes)
@@ -51,12 +51,12 @@ class Mesh:
 
 
 def read_mesh(file: MeshFile, work: float = WORK, uses: int = 1) -> Mesh:
-    """Read a file as convex shapes in the mesh's frame; see ``divide_mesh`` for the limits."""
+    """Read a file as convex shapes in the mesh frame; see ``divide_mesh`` for the limits."""
     return _read(file, _make_key(file), work, uses)
 
 
 def find_box(file: MeshFile) -> Array:
-    """Return the lowest and the highest corner (2, 3) [m] of a mesh."""
+    """Return the minimum and maximum corner (2, 3) [m] of a mesh."""
     return _find_box(file, _make_key(file))
 
 
@@ -72,8 +72,8 @@ def _find_box(file: MeshFile, key: str) -> Array:
     return box
 
 
-_FACES: dict[str, Array] = {}  # triangles, by key, of meshes whose boxes are known
-_MOST_FACES = 3_000_000  # maximum number of triangles kept, which take 0.2 GB
+_FACES: dict[str, Array] = {}  # triangles of meshes with known boxes, by key
+_MOST_FACES = 3_000_000  # maximum number of triangles kept in memory, 0.2 GB
 
 
 def _make_key(file: MeshFile) -> str:
@@ -85,7 +85,7 @@ def _make_key(file: MeshFile) -> str:
 @lru_cache(maxsize=256)
 def read_hull(file: MeshFile) -> Shape:
     """Read a file as its convex hull, which is fast."""
-    from evoros.geometry.hull import make_hull, simplify  # imports scipy, which is slow
+    from evoros.geometry.hull import make_hull, simplify  # slow: imports scipy
 
     read_content(file.path)
     points = read_faces(file).triangles.reshape(-1, 3)
@@ -101,16 +101,16 @@ def read_hull(file: MeshFile) -> Shape:
 
 @lru_cache(maxsize=256)
 def find_hull_gap(file: MeshFile) -> float:
-    """Return the maximum distance [m] between the convex hull and the surface of a mesh file."""
-    from evoros.geometry.hull import find_gap  # imports scipy, which is slow
+    """Return the maximum distance [m] from the convex hull to the surface of a mesh file."""
+    from evoros.geometry.hull import find_gap  # slow: imports scipy
     from evoros.geometry.triangles import weld
 
     return find_gap(weld(read_faces(file).triangles))
 
 
 def hull_of(shapes: Iterable[Shape]) -> Shape:
-    """Return the convex hull of convex shapes as one shape."""
-    from evoros.geometry.hull import make_hull, simplify  # imports scipy, which is slow
+    """Return the convex hull of several convex shapes as one shape."""
+    from evoros.geometry.hull import make_hull, simplify  # slow: imports scipy
 
     corners = [placed_corners(s.corners, s.pose.rotation, s.pose.position) for s in shapes]
     hull = make_hull(np.concatenate(corners))
@@ -124,7 +124,7 @@ def _read(file: MeshFile, key: str, work: float, uses: int) -> Mesh:
     triangles, name = _FACES.pop(key, None), f"{key}-{float(work)}-{uses}"
     division = _load(name, _Division.parse)
     if division is None:
-        from evoros.geometry.mesh_parts import divide_mesh  # imports scipy, which is slow
+        from evoros.geometry.mesh_parts import divide_mesh  # slow: imports scipy
 
         triangles = read_faces(file).triangles if triangles is None else triangles
         parts = divide_mesh(triangles, work, uses)
@@ -159,7 +159,7 @@ def _list_remarks(file: MeshFile, dropped: int) -> Iterator[str]:
 
 
 def _corners(points: Array) -> Corners:
-    # Linear algebra libraries differ in the last bits between machines.
+    # Linear algebra libraries differ in the last bits between machines, so round.
     return tuple((x, y, z) for x, y, z in (np.round(points, 7) + 0.0).tolist())
 
 
@@ -170,8 +170,8 @@ def _shape(corners: Corners) -> Shape:
 @dataclass(frozen=True)
 class _Division:
     parts: tuple[Corners, ...]  # corners [m] of each part
-    dropped: int  # number of parts left out because they are too small
-    deviation_m: float  # maximum distance of the mesh's surface from the parts
+    dropped: int  # number of parts omitted because they are too small
+    deviation_m: float  # maximum distance [m] from the surface of the mesh to the parts
     work: float
     is_cut_short: bool
 

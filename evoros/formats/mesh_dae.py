@@ -1,4 +1,4 @@
-"""Reads the surfaces of a COLLADA file (DAE), with the file's unit and the poses of its scene.
+"""Reads the surfaces of a COLLADA file (DAE), with its unit and the poses of its scene.
 
 As in Gazebo Classic and RViz, ``<up_axis>`` is ignored by default, because some exporters always
 write ``Y_UP``. ``pycollada`` rejects more of the public files.
@@ -19,34 +19,34 @@ from evoros.base.arrays import Array, determinant, length, product
 from evoros.base.errors import InputError
 from evoros.formats.strict_xml import shorten
 
-_DEEPEST = 100  # maximum depth of nested nodes; nodes that contain each other would nest endlessly
+_DEEPEST = 100  # maximum depth of nested nodes, because nodes can contain each other
 
 
 @dataclass(frozen=True, eq=False)
 class Submesh:
     """A named part of a mesh file, as triangles."""
 
-    names: tuple[str, ...]  # names that select this submesh
-    triangles: Array  # (n, 3, 3): corner, x y z [m]
-    colours: Array  # (n, 3): red, green, blue, from 0 to 1; NaN: the file has none
+    names: tuple[str, ...]  # names that select the submesh
+    triangles: Array  # (n, 3, 3) [m]: triangle, corner, axis
+    colours: Array  # (n, 3): red, green, blue, 0 to 1; NaN if the file has no colours
 
 
 _UPRIGHT = {
     "X_UP": ((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)),
     "Y_UP": ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
 }
-"""Rotations from a file's axes to x right, z up; COLLADA defines the axes as right, up and in."""
+"""Rotations from the axes of a file to x right, z up; COLLADA names the axes right, up and in."""
 
 
 def read_dae(path: Path, up_axis: bool = False) -> list[Submesh]:
-    """Read all surfaces of the scene [m]; ``up_axis`` rotates them by ``<up_axis>``."""
-    # Programs write < and & into attributes, so such errors are ignored.
+    """Read all surfaces of the scene [m]; ``up_axis`` applies the file's ``<up_axis>``."""
+    # Some programs write < and & into attributes, so ignore such errors.
     parser = etree.XMLParser(huge_tree=True, resolve_entities=False, no_network=True, recover=True)
     try:
         root = etree.parse(path, parser).getroot()
         if root is None or etree.QName(root).localname != "COLLADA":
             raise ValueError("there is no <COLLADA>")
-        with np.errstate(all="ignore"):  # an invisible object may have an invalid pose
+        with np.errstate(all="ignore"):  # invisible objects may have invalid poses
             return list(_Document(root).surfaces(up_axis))
     except (etree.XMLSyntaxError, ValueError, LookupError, OverflowError, RecursionError) as error:
         problem = f"must be a COLLADA file ({shorten(error)})"
@@ -56,7 +56,7 @@ def read_dae(path: Path, up_axis: bool = False) -> list[Submesh]:
 class _Document:
     def __init__(self, root: Element) -> None:
         self.root = root
-        # Exporters name a node after its scene or geometry, so an id alone is not unique.
+        # Exporters may give a node the id of its scene or geometry, so an id alone is not unique.
         self.by_id = {
             (etree.QName(element).localname, element.get("id")): element
             for element in root.iter("{*}*")
@@ -114,11 +114,11 @@ class _Document:
                 colours.append(np.tile(colour, (len(piece), 1)))
         triangles = product(np.concatenate(pieces), pose[:3, :3].T) + pose[:3, 3]
         if determinant(pose[:3, :3]) < 0:
-            triangles = triangles[:, ::-1]  # mirrored, so faces would point inwards
+            triangles = triangles[:, ::-1]  # mirrored: faces would point inwards
         return Submesh((*names, *_names_of(geometry)), triangles, np.concatenate(colours))
 
     def _find_colour(self, symbol: str, instance: Element | None) -> Array:
-        """Return the diffuse colour (3,) of a material; NaN if it has a texture or no colour."""
+        """Return the diffuse colour (3,) of a material; NaN for a texture or no colour."""
         bound = [] if instance is None else instance.iterfind(".//{*}instance_material")
         names = [str(e.get("target")) for e in bound if e.get("symbol") == symbol]
         material = self.by_id.get(("material", (names or [symbol])[0].removeprefix("#")))
@@ -133,7 +133,7 @@ class _Document:
         return np.full(3, np.nan)
 
     def _triangles(self, element: Element) -> Iterator[Array]:
-        """Yield arrays of triangles (n, 3, 3) from one list of primitives."""
+        """Yield arrays (n, 3, 3) of the triangles in one list of primitives."""
         corners = _CORNERS.get(etree.QName(element).localname)
         inputs = list(element.iterfind("{*}input"))
         if corners is None or not inputs:
@@ -174,7 +174,7 @@ def _numbers(element: Element, kind: type) -> Array:
 
 
 def _fan(flat: Array, counts: Array | None) -> Array:
-    """Return the triangles of polygons, given their numbers of corners (None: one polygon)."""
+    """Return the triangles of polygons with ``counts`` corners each; None for a single polygon."""
     if counts is None:
         counts = np.array([len(flat)])
     starts = np.cumsum(counts) - counts
@@ -195,7 +195,7 @@ _CORNERS: Mapping[str, Callable[[Array, Array | None], Array]] = {
 
 
 def _transform(node: Element) -> Array:
-    """Return the transform (4, 4) from a node's frame to its parent's frame."""
+    """Return the transform (4, 4) from the frame of a node to its parent's frame."""
     pose = np.eye(4)
     for element in node.iterfind("{*}*"):
         tag = etree.QName(element).localname

@@ -1,4 +1,4 @@
-"""Reads a mesh file's faces and their colours."""
+"""Reads the faces of a mesh file, and their colours."""
 
 import logging
 from contextlib import suppress
@@ -16,16 +16,16 @@ from evoros.formats.strict_xml import list_names, shorten
 from evoros.geometry.shapes import MeshFile
 
 FORMATS = (".stl", ".obj", ".dae")
-MOST_MB = 500  # size of a file above which reading could fill the memory
+MOST_MB = 500  # maximum size [MB] of a file, because reading a larger one could fill the memory
 _TEXTS = {".stl": ("facet", "endsolid"), ".dae": ("<collada", "collada>")}
-"""Words, in lower case, near the start and near the end of a complete mesh file stored as text."""
-_SHORT = 10_000  # number of bytes searched at the start and at the end
-_NOWHERE = logging.NullHandler()  # suppresses tracebacks of failed attempts when logging is off
-_NO_MATERIAL = "material_0"  # name of trimesh's substitute for a missing material
+"""Lower-case words near the start and near the end of each kind of complete text file."""
+_SHORT = 10_000  # number of bytes searched at each end
+_NOWHERE = logging.NullHandler()  # discards tracebacks of failed attempts if logging is off
+_NO_MATERIAL = "material_0"  # name that trimesh gives a substitute for a missing material
 
 
 def read_content(path: Path) -> bytes:
-    """Return the content of a complete mesh file in a known format."""
+    """Return the content of a complete mesh file in a supported format."""
     if path.suffix.lower() not in FORMATS:
         known = ", ".join(FORMATS)
         raise InputError(f"{path}: must be a mesh in a known format ({known}); convert the mesh")
@@ -44,10 +44,10 @@ def read_content(path: Path) -> bytes:
 
 
 def _find_cut(suffix: str, content: bytes) -> str:
-    """Describe how a file is truncated; "" if it is complete or its format has no end mark."""
+    """Describe how a file is truncated; "" if complete, or if the format has no end mark."""
     begin, end = _TEXTS.get(suffix, ("", ""))
     is_text = begin.encode() in content[:_SHORT].lower()
-    if suffix == ".stl" and not is_text:  # a binary file states its number of faces
+    if suffix == ".stl" and not is_text:  # a binary file states the number of faces
         whole = 84 + 50 * int.from_bytes(content[80:84], "little")
         return f"the file has {len(content)} of {whole} bytes" if len(content) < whole else ""
     cut = is_text and end.encode() not in content[-_SHORT:].lower()
@@ -57,12 +57,12 @@ def _find_cut(suffix: str, content: bytes) -> str:
 def _to_utf8(content: bytes) -> bytes:
     try:
         return content.decode("utf-8-sig").encode()
-    except UnicodeDecodeError:  # another encoding, which only affects names
+    except UnicodeDecodeError:  # another encoding, which affects only names
         return content.decode("latin-1").encode()
 
 
 def read_faces(file: MeshFile, painted: bool = False) -> Submesh:
-    """Read the faces [m] of a mesh, with colours if ``painted``; negative scales mirror them."""
+    """Read the faces [m] of a mesh, with colours if ``painted``; negative scales mirror faces."""
     path, submesh = file.path, file.submesh
     is_dae = path.suffix.lower() == ".dae"
     parts = read_dae(path, file.up_axis) if is_dae else _read_with_trimesh(path, submesh, painted)
@@ -83,8 +83,8 @@ def read_faces(file: MeshFile, painted: bool = False) -> Submesh:
 
 
 def _read_with_trimesh(path: Path, submesh: str, painted: bool) -> list[Submesh]:
-    """Read an STL or OBJ file; a submesh of an OBJ file may be an object or a group."""
-    import trimesh  # import takes a second, which cached meshes avoid
+    """Read an STL or OBJ file; a submesh may be an object or group of an OBJ file."""
+    import trimesh  # takes a second, which cached meshes avoid
 
     class Resolver(trimesh.resolvers.FilePathResolver):  # reads material files
         def get(self, name: str) -> bytes:
@@ -103,7 +103,7 @@ def _read_with_trimesh(path: Path, submesh: str, painted: bool) -> list[Submesh]
             options |= {"skip_materials": not painted, split: True, "resolver": Resolver(str(path))}
         try:
             scene = trimesh.load_scene(BytesIO(content), file_type=kind, **options)
-        except Exception as error:  # trimesh raises errors of many types
+        except Exception as error:  # trimesh raises many types of errors
             reason = shorten(str(error).partition("\n")[0])
             problem = f"must be a valid {kind.upper()} mesh ({reason})"
             raise InputError(f"{path}: {problem}; export the mesh again") from error
@@ -120,8 +120,8 @@ def _blank(mesh: Any) -> Array:
 
 
 def _find_colours(mesh: Any) -> Array:
-    """Return the face colours (n, 3), from 0 to 1, of a trimesh mesh; NaN if it has none."""
-    with suppress(Exception):  # trimesh raises errors of many types, and colours are optional
+    """Return the face colours (n, 3), 0 to 1, of a trimesh mesh; NaN if it has none."""
+    with suppress(Exception):  # trimesh raises many types of errors, and colours are optional
         shown = mesh.visual
         if shown.kind == "texture":
             material = shown.material

@@ -1,4 +1,4 @@
-"""Collects missing files, models and packages of a description into one message."""
+"""Collects the missing files, models and packages of a description in one message."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,17 +7,17 @@ from evoros.base.checks import one_of
 from evoros.base.errors import InputError
 
 MISSING = ("error", "leave_out", "box")
-"""Options for missing models and meshes; ``box`` puts a box in place of a mesh of known size."""
+"""Options for missing models and meshes; ``box`` replaces a mesh of known size with a box."""
 MISSING_RULE = one_of(*MISSING)
 
 
 class MissingFileError(InputError):
-    """A mesh or an image that is missing or unreadable, and that may be left out."""
+    """A mesh or image is missing or unreadable, but can be left out."""
 
 
 @dataclass(frozen=True)
 class Remedy:
-    """Advice on getting a missing file; ``{}`` in ``text`` is the subject, such as a folder."""
+    """Advice on obtaining a missing file; ``{}`` in ``text`` is its subject, such as a folder."""
 
     text: str
     subject: str = ""
@@ -28,24 +28,24 @@ class Remedy:
 
 @dataclass(frozen=True)
 class Absence:
-    """A missing item: its name in the description, its place and the reason."""
+    """A missing item, with its name and location in the description, and the reason."""
 
-    kind: str  # package, file, model, mesh, or wheel for a mesh of a wheel
+    kind: str  # package, file, model, mesh, or wheel (the mesh of a wheel)
     name: str
     place: str  # file and line
-    sentence: str  # complete message, used if nothing else is missing
+    sentence: str  # the whole message if nothing else is missing
     remedy: Remedy
 
 
 class Absences:
-    """Collects everything that is missing in a description, called ``source`` in messages."""
+    """Collects all items missing in a description, which messages call ``source``."""
 
     def __init__(self, source: str) -> None:
         self._source = source
         self._absences: list[Absence] = []
 
     def names(self, kind: str = "") -> tuple[str, ...]:
-        """Return the distinct names of all missing items, or of one kind."""
+        """Return the distinct names of missing items, of all kinds or of one kind."""
         names = (absence.name for absence in self._absences if kind in ("", absence.kind))
         return tuple(dict.fromkeys(names))
 
@@ -54,7 +54,7 @@ class Absences:
         self._absences.append(absence)
 
     def require_none(self, choices: str) -> None:
-        """Raise an error if anything is missing; it also suggests ``choices``, if not empty."""
+        """Raise an error if anything is missing; it suggests ``choices`` unless empty."""
         if not self._absences:
             return
         first, names = self._absences[0], self.names()

@@ -1,4 +1,4 @@
-"""Readers' notes on omissions and assumptions: a line per kind on the terminal, all in the log."""
+"""Notes of readers on omissions and assumptions; the terminal shows one line per kind."""
 
 import logging
 import math
@@ -12,16 +12,16 @@ from lxml.etree import _Element as Element
 from evoros.formats.strict_xml import local_tag, locate, name_of, parse_number, walk_up
 
 WORLD_KEYS: ContextVar[str] = ContextVar("world_keys", default="world.NAME.")
-"""Replacement for ``world.NAME.`` in notes, which readers write without knowing the name."""
-_NAMED = 3  # maximum number of further names in a line
+"""Replacement for ``world.NAME.`` in notes, because readers do not know the name of the world."""
+_NAMED = 3  # maximum number of additional names per line
 
 
 class Notes:
-    """Collects notes about the input, which ``report`` logs kind by kind."""
+    """Collects notes about the input, logged by kind in ``report``."""
 
     def __init__(self, log: logging.Logger) -> None:
         self._log = log
-        self._kinds: dict[str, list[tuple[str, str]]] = {}  # lines and names by kind
+        self._kinds: dict[str, list[tuple[str, str]]] = {}  # lines and names of each kind
 
     def add(self, element: Element, problem: str, kind: str = "", name: str = "") -> None:
         """Note an omitted or completed element; ``problem`` is the predicate of the sentence.
@@ -34,17 +34,17 @@ class Notes:
         self._kinds.setdefault(kind, []).append(line)
 
     def add_line(self, text: str, kind: str, name: str) -> None:
-        """Add the line ``text`` about ``name``, unless the same line exists."""
+        """Add the line ``text`` about ``name``, unless it has been added before."""
         lines = self._kinds.setdefault(kind, [])
         if text not in (noted for noted, _ in lines):
             lines.append((text, name))
 
     def add_file(self, path: Path, remark: str) -> None:
-        """Note a file that is not XML; remarks that differ only in numbers share a kind."""
+        """Add a note about a file that is not XML; remarks equal up to numbers share a kind."""
         self.add_line(f"{path}: {remark}", re.sub(r"\d+", "N", remark), path.name)
 
     def report(self) -> None:
-        """Log one line per kind with an example, and all lines of the kind for the log file."""
+        """Log a line per kind with an example; write all lines to the log file."""
         for lines in self._kinds.values():
             names = _list([name for _, name in lines])
             more = f" (and {len(lines) - 1} more of this kind{names})" if len(lines) > 1 else ""
@@ -67,20 +67,20 @@ def _list(names: list[str]) -> str:
 
 
 def list_notes(names: Mapping[str, Sequence[str]]) -> list[str]:
-    """Return a line for each text with the names to which it applies, if there are any."""
+    """Return a line for each text that has names, followed by these names."""
     return [f"{text}: {', '.join(items)}" for text, items in names.items() if items]
 
 
 LARGEST_RAD = 2.0 * math.pi + 0.01
-"""A full turn with a margin for rounding; nobody writes larger angles in radians."""
-_LOOKS = ("gui", "light", "scene", "plugin")  # elements whose poses are not used
+"""A full turn with a margin for rounding; an angle above is unlikely to be in radians."""
+_LOOKS = ("gui", "light", "scene", "plugin")  # elements whose poses are ignored
 
 
 def note_degrees(root: Element, notes: Notes) -> None:
-    """Note each ``<origin>`` of URDF and ``<pose>`` of SDF that turns by more than 360 deg."""
+    """Note each URDF ``<origin>`` and SDF ``<pose>`` with an angle above 360 deg."""
     for element in root.iter("origin", "pose"):
         words = _list_angles(element)
-        # Words that are not numbers count as NaN, which does not exceed a full turn.
+        # Words that are not numbers become NaN, which is not above a full turn.
         exceeds = any(LARGEST_RAD < abs(parse_number(word)) < math.inf for word in words)
         if exceeds and not any(owner.tag in _LOOKS for owner in walk_up(element)):
             turn = f"rotates by {' '.join(words)} rad, more than a full turn"
@@ -88,7 +88,7 @@ def note_degrees(root: Element, notes: Notes) -> None:
 
 
 def _list_angles(element: Element) -> list[str]:
-    """Return an element's words for roll, pitch and yaw [rad]; empty if these are in degrees."""
+    """Return the words for roll, pitch and yaw [rad] of an element; empty if in degrees."""
     if element.tag == "origin":
         return str(element.get("rpy", "")).split()
     if element.get("degrees", "").strip() in ("true", "1") or element.get("rotation_format"):

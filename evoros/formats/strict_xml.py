@@ -1,8 +1,8 @@
-"""Reads XML strictly: anything that cannot be understood is an error with file, line and element.
+"""Reads XML strictly; errors name the file, line and element of anything not understood.
 
-``MEANINGS`` lists the numbers with a special meaning, such as no limit. The list follows SDFormat
-1.12 (up to 1.5, the defaults of limits are -1 and +-1e16), ``JointAxis.cc`` and ``parser_urdf.cc``
-of sdformat, and ``SurfaceParams.cc`` and ``Sensor.cc`` of Gazebo Classic.
+``MEANINGS`` lists numbers with a special meaning, such as no limit, from SDFormat 1.12 (up to 1.5,
+the defaults of limits are -1 and +-1e16), ``JointAxis.cc`` and ``parser_urdf.cc`` of sdformat, and
+``SurfaceParams.cc`` and ``Sensor.cc`` of Gazebo Classic.
 """
 
 import math
@@ -17,20 +17,21 @@ from evoros.base.errors import InputError, escape
 from evoros.geometry.shapes import Pose, normalize
 
 SOURCE = "{evoros}source"
-"""Attribute that holds the name of the file from which an element was taken."""
+"""Attribute with the name of the file from which an element was read."""
 _NUMBER = re.compile(r"[+-]?(([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[iI][nN][fF])")
 _DEFAULT_NAMESPACE = re.compile(rb"\sxmlns\s*=")
 _PLACE = re.compile(r", line \d+, column \d+( \(.*\))?$")
-MAX_NUMBER = 1e9  # maximum length, mass or angle, so that products of two do not overflow
-_MAX_QUOTED = 60  # maximum number of characters of a value in a message
-_MAX_NAMES = 1000  # maximum number of characters of a list of names in a message
+MAX_NUMBER = 1e9  # maximum length, mass or angle, which prevents overflow of products
+_MAX_QUOTED = 60  # maximum number of characters of a quoted value
+_MAX_NAMES = 1000  # maximum number of characters of a list of names
 _MAX_REASON = 200  # maximum number of characters of another library's reason
 
 
 def parse(content: bytes, source: str) -> Element:
     """Parse a document and return its root, without comments and processing instructions.
 
-    A default namespace is dropped. No other file is read. ``source`` names the file in errors.
+    The default namespace is dropped, and no other file is read. ``source`` names the file in
+    errors.
     """
     parser = etree.XMLParser(
         resolve_entities=False,
@@ -44,11 +45,11 @@ def parse(content: bytes, source: str) -> Element:
         root = etree.fromstring(content, parser, base_url=escape(source))
     except (etree.XMLSyntaxError, ValueError) as error:
         line = getattr(error, "lineno", None) or 1
-        reason = _PLACE.sub("", " ".join(str(error).split()))  # the message starts with the place
+        reason = _PLACE.sub("", " ".join(str(error).split()))  # the message starts with a location
         problem = f"not well-formed XML: {shorten(reason)}"
         raise InputError(f"{source}:{line}: {problem}; edit that line") from None
     if root.getroottree().docinfo.doctype:
-        # A DOCTYPE can define entities, which read files and grow without bound.
+        # A DOCTYPE can define entities, which can read files and grow without bound.
         line = content[: content.find(b"<!DOCTYPE") + 1].count(b"\n") + 1
         raise InputError(f"{source}:{line}: a DOCTYPE is not accepted; delete it")
     if _DEFAULT_NAMESPACE.search(content):  # ROS and Gazebo ignore it
@@ -60,24 +61,24 @@ def parse(content: bytes, source: str) -> Element:
 
 
 def element_error(element: Element, problem: str, fix: str) -> InputError:
-    """Return an error about an element, which is the subject of the sentence ``problem``."""
+    """Return an error about an element; ``problem`` is the predicate of its sentence."""
     return InputError(f"{locate(element)} {problem}; {fix}")
 
 
 def walk_up(element: Element) -> Iterator[Element]:
-    """Yield an element, its parent and so on, up to the root."""
+    """Yield an element and its ancestors, up to the root."""
     yield element
     yield from element.iterancestors()
 
 
 def source_of(element: Element) -> str:
-    """Return the name of the file that an element was read from."""
+    """Return the name of the file from which an element was read."""
     sources = (owner.get(SOURCE) for owner in walk_up(element))
     return str(next(filter(None, sources), element.getroottree().docinfo.URL))
 
 
 def locate(element: Element) -> str:
-    """Return an element's file, line and tag, and the names of the elements around it."""
+    """Return the file, line and tag of an element, with the names of enclosing elements."""
     owners = [
         f" of {local_tag(owner)} {quote(owner.get('name', ''))}"
         for owner in walk_up(element)
@@ -92,14 +93,14 @@ def place_of(element: Element) -> str:
 
 
 def name_of(element: Element) -> str:
-    """Return the quoted name of the nearest enclosing model or, without one, element."""
+    """Return the quoted name of the nearest enclosing model or, without one, of the element."""
     owners = [owner for owner in walk_up(element) if owner.get("name")]
     models = [owner for owner in owners if owner.tag == "model"]
     return quote(next((str(owner.get("name")) for owner in (*models, *owners)), ""))
 
 
 def local_tag(element: Element) -> str:
-    """Return the tag as written, with its prefix."""
+    """Return the tag of an element as written, including its prefix."""
     name = etree.QName(element).localname
     return f"{element.prefix}:{name}" if element.prefix else name
 
@@ -111,12 +112,12 @@ def shorten(reason: object, length: int = _MAX_REASON) -> str:
 
 
 def quote(text: str) -> str:
-    """Return a quoted value, on one line and shortened for a message."""
+    """Return a quoted value on one line, shortened for a message."""
     return repr(text if len(text) <= _MAX_QUOTED else text[: _MAX_QUOTED - 3] + "...")
 
 
 def list_names(names: Iterable[str]) -> str:
-    """Return names for a message, shortened if the list is too long."""
+    """Return a list of names for a message, shortened if too long."""
     return shorten(", ".join(names) or "none", _MAX_NAMES)
 
 
@@ -154,12 +155,12 @@ def read_name(element: Element) -> str:
 
 
 def parse_number(word: str) -> float:
-    """Return the number in a word as ROS and Gazebo read it (ASCII without ``_``), else NaN."""
+    """Return the number in a word as read by ROS and Gazebo (ASCII, without ``_``), or NaN."""
     return float(word) if _NUMBER.fullmatch(word) else math.nan
 
 
 def read_numbers(element: Element, *counts: int) -> tuple[float, ...]:
-    """Return an element's numbers, whose count must be one of ``counts``."""
+    """Return the numbers in an element; their count must be one of ``counts``."""
     words = read_text(element).split()
     if len(words) not in counts:
         expected = f"{' or '.join(map(str, counts))} number{'' if counts == (1,) else 's'}"
@@ -183,7 +184,7 @@ def read_number(element: Element, rule: str, holds: Callable[[float], bool]) -> 
 
 
 def read_positive(element: Element, *counts: int) -> tuple[float, ...]:
-    """Return the numbers in an element, all of which must be greater than 0."""
+    """Return the positive numbers in an element."""
     values = read_numbers(element, *counts)
     if min(values) <= 0:
         problem = f"must be greater than 0, not {' '.join(f'{value:g}' for value in values)}"
@@ -203,12 +204,12 @@ def read_flag(element: Element) -> bool:
 
 
 def is_set(element: Element, attribute: str) -> bool:
-    """Return True if an attribute is true; an invalid value counts as false, as in Gazebo."""
+    """Return True if an attribute is true; Gazebo treats invalid values as false."""
     return element.get(attribute, "").strip().lower() in ("true", "1")
 
 
 def read_flag_attribute(element: Element, attribute: str) -> bool:
-    """Return an attribute that is true or false; false if it is absent."""
+    """Return an attribute that must be true or false; false if absent."""
     return _parse_flag(element, element.get(attribute, "false"), f"must have {attribute}")
 
 
@@ -221,31 +222,31 @@ def _parse_flag(element: Element, text: str, subject: str) -> bool:
 
 
 HUGE = 1e9
-"""Magnitude from which a number means infinity, above any joint limit, range or friction."""
+"""Magnitude at which a number means infinity, larger than any limit, range or friction."""
 
 
 class Meaning(NamedTuple):
-    """The meaning of a negative number or 0 in a field; None: the number is taken literally."""
+    """The meaning of a negative number or of 0 in a field; None for the literal value."""
 
     negative: float | None = None
     zero: float | None = None
 
 
 MEANINGS: Mapping[str, Meaning] = {
-    # URDF requires effort and velocity, so exporters write -1 or 0 for unknown ones.
+    # URDF requires effort and velocity, so exporters write -1 or 0 if unknown.
     "limit/effort": Meaning(negative=math.inf, zero=math.inf),
     "limit/velocity": Meaning(negative=math.inf, zero=math.inf),
     "limit/lower": Meaning(),
     "limit/upper": Meaning(),
     "friction/mu": Meaning(negative=math.inf),
-    "sensor/update_rate": Meaning(negative=math.inf, zero=math.inf),  # measured at every step
+    "sensor/update_rate": Meaning(negative=math.inf, zero=math.inf),  # measured in every step
     "range/max": Meaning(),
 }
-"""Meanings of special numbers by field, as named in URDF and SDF; ``HUGE`` is always infinite."""
+"""Meanings of special numbers by field, named as in URDF and SDF; ``HUGE`` is always infinite."""
 
 
 def interpret(field: str, value: float) -> float:
-    """Return the interpreted value of a field in ``MEANINGS``; inf: no limit."""
+    """Return the meaning of a value of a field in ``MEANINGS``; infinity means no limit."""
     meaning = MEANINGS[field]
     if abs(value) >= HUGE:
         value = math.copysign(math.inf, value)
@@ -254,7 +255,7 @@ def interpret(field: str, value: float) -> float:
 
 
 def read_meaning(element: Element, field: str, text: str | None = None) -> float:
-    """Return the interpreted number in an element's content or in one of its attributes."""
+    """Return the meaning of the number in an element's content or in one of its attributes."""
     text = read_text(element) if text is None else text
     value = parse_number(text.strip())
     if math.isnan(value):
@@ -264,10 +265,10 @@ def read_meaning(element: Element, field: str, text: str | None = None) -> float
 
 
 def touches_nothing(collision: Element) -> bool:
-    """Return True if nothing collides with a ``<collision>``.
+    """Return True if nothing can collide with a ``<collision>``.
 
-    Such a collision allows no contacts, has a mask without any of the 16 bits that other collisions
-    have, or has no mask and sets ``collide_without_contact``.
+    This is so if it allows no contacts, if its mask contains none of the 16 bits of other
+    collisions, or if it has no mask and sets ``collide_without_contact``.
     """
     contacts, contact = collision.findtext("max_contacts"), collision.find("surface/contact")
     if contacts is not None and _read_bits(contacts) == 0:
@@ -282,7 +283,7 @@ def touches_nothing(collision: Element) -> bool:
 
 
 def _read_bits(text: str) -> int:
-    """Return the integer in a string, or an integer with all bits set if there is none."""
+    """Return the integer in a string, or -1 (all bits set) if there is none."""
     try:
         return int(text.strip(), 0)
     except ValueError:
@@ -290,7 +291,7 @@ def _read_bits(text: str) -> int:
 
 
 def parse_pose(element: Element) -> Pose:
-    """Read the content of a ``<pose>``; an empty one is the identity."""
+    """Read the content of a ``<pose>``; the identity if empty."""
     if not len(element) and not (element.text or "").strip():
         return Pose()
     form = element.get("rotation_format", "euler_rpy")

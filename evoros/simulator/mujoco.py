@@ -17,7 +17,7 @@ from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.world.model import World
 
 MAX_STEP_S = 0.025
-"""Maximum step [s] at which a rover moves within 1 % of its kinematics (docs/fidelity.md)."""
+"""Maximum step [s] for rover motion within 1 % of its kinematics (docs/fidelity.md)."""
 
 MOST_MOVABLE = 5000
 """Maximum number of movable bodies; MuJoCo compiles 5,000 in 5 s per design, 20,000 in 112 s."""
@@ -26,13 +26,13 @@ MOST_MOVABLE = 5000
 @dataclass(frozen=True)
 @checked
 class Mujoco(Simulator):
-    """The MuJoCo simulator; manoeuvres differ by at most 0.2 % from those with a step of 2.5 ms."""
+    """The MuJoCo simulator; manoeuvres are within 0.2 % of manoeuvres with a step of 2.5 ms."""
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.01  # [s]
-    wheel_friction: Annotated[float, POSITIVE] = 1.0  # multiplied by the ground's friction
+    wheel_friction: Annotated[float, POSITIVE] = 1.0  # factor of the ground's friction coefficient
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the steering servos
     slip_impedance: Annotated[float, number_between(0.5, 0.9)] = 0.8
-    """Impedance of the ground under wheels that slip in turns; lower if they hop."""
+    """Impedance of the ground under wheels that slip in turns; reduce it if they hop."""
     packages = ("mujoco-core",)
     measures = (RANGE, *SIGNAL_SIZES)
     max_robots = MAX_ROBOTS
@@ -44,7 +44,7 @@ class Mujoco(Simulator):
             raise _not_installed()
 
     def check_world(self, world: World) -> None:
-        """Reject worlds with too many movable bodies; there is no limit for fixed bodies."""
+        """Reject worlds with too many movable bodies; fixed bodies are not limited."""
         count = count_movable(world)
         if count > MOST_MOVABLE:
             raise InputError(
@@ -55,7 +55,7 @@ class Mujoco(Simulator):
 
     @contextmanager
     def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[MujocoSimulation]:
-        """Place each robot at its home pose."""
+        """Open a simulation with each robot at its home pose."""
         check_number(robots)
         settings = Settings(
             self.time_step, self.wheel_friction, self.steering_lag_s, self.slip_impedance
@@ -78,7 +78,7 @@ def _warnings() -> list[str]:
 
 @cache
 def import_mujoco() -> Any:
-    """Import the mujoco module; collect its warnings, which it would write to a file."""
+    """Import the mujoco module, and collect its warnings, which it would write to a file."""
     try:
         import mujoco
     except ImportError as error:

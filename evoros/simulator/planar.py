@@ -1,8 +1,8 @@
 """Wheeled robots on flat ground, simulated tens of thousands of times faster than real time.
 
-The rear axle's centre moves along arcs without slip (bicycle model). A robot stops at an obstacle
-or another robot, or pushes movable bodies in missions that continue after contact. Rays and shapes
-are as in rigid-body engines; ``docs/fidelity.md`` compares the simulators.
+The rear axle's centre moves along arcs without slip (bicycle model). A robot stops at obstacles and
+other robots, but pushes movable bodies in missions that continue after contact. Rays and shapes are
+as in rigid-body engines; ``docs/fidelity.md`` compares the simulators.
 """
 
 import math
@@ -37,12 +37,12 @@ from evoros.world.model import KEPT_WORLDS, World
 from evoros.world.standing import obstacle_arrays, sight_rows, world_arrays
 
 _Description: TypeAlias = tuple[str, tuple[str, ...], tuple[str, ...], frozenset[str]]
-"""A robot's XML, its wheel joints, its caster links, and its exposed links."""
+"""XML, wheel joints, caster links and exposed links of a robot."""
 
 
 def list_shapes(robots: Sequence[Robot]) -> tuple[Array, Array, list[int]]:
-    """Return the ray shapes of several robots, the shapes' faces, and the number per robot."""
-    if len(robots) == 1:  # robots do not see themselves
+    """Return the ray shapes of several robots, the shapes' faces, and the counts per robot."""
+    if len(robots) == 1:  # robots do not detect themselves
         return *sight_rows([])[:2], [0]
     return _list_shapes(tuple(map(_describe, robots)))
 
@@ -63,7 +63,7 @@ def _list_shapes(robots: tuple[_Description, ...]) -> tuple[Array, Array, list[i
 def _find_solids(
     text: str, wheels: tuple[str, ...], casters: tuple[str, ...], exposed: frozenset[str]
 ) -> list[tuple[Shape, Pose]]:
-    """Return the shapes that can touch obstacles, in the robot's frame, as engines load them."""
+    """Return the shapes that can touch obstacles, in the robot's frame, as loaded by engines."""
     elements = etree.fromstring(text.encode())
     root = etree.fromstring(merge_fixed_links(elements, casters).encode())
     urdf = read_tree(root, "robot")
@@ -79,7 +79,7 @@ def _find_solids(
 def lay_out(
     robots: Sequence[PlacedRobot], world: World, time_step: float, lags: tuple[float, float]
 ) -> tuple[Array, Array]:
-    """Return parameters and memory; ``lags`` are the time constants [s] of steering and drive."""
+    """Return the parameters and memory; ``lags`` are time constants [s] of steering and drive."""
     tallest = max(robot.height_m for robot, _ in robots)
     shapes, faces, counts = list_shapes([robot for robot, _ in robots])
     places, packed = [np.zeros(layout.PLACES)], []
@@ -157,17 +157,17 @@ def _measure_sight(beams: Array) -> float:
 
 
 MAX_STEP_S = 0.1
-"""Maximum step [s]; contact is tested after each step, and longer ones could cross a wall."""
+"""Maximum step [s]; contacts are tested after each step, so longer steps could cross walls."""
 
 
 @dataclass(frozen=True)
 @checked
 class Planar(RuleSimulator):
-    """The planar simulator: no wheel slip, servos that lag, and obstacles that stop the robot."""
+    """The planar simulator: wheels without slip, servos with lag, obstacles that stop the robot."""
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.02  # [s]
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the steering servos
-    drive_lag_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time constant of the drive speed
+    drive_lag_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time constant of the drive's speed
     packages = ("numba",)
     measures = (RANGE, *SIGNAL_SIZES)
     max_robots = MAX_ROBOTS
@@ -175,7 +175,7 @@ class Planar(RuleSimulator):
     weakens_wheels = True
 
     def choose_rules(self, world: World, robots: Sequence[Robot]) -> SimulationRules:
-        """Return the rules; pushing, walkers and sensors without rays take longer to compile."""
+        """Return the rules; pushing, walkers and sensors without rays compile more slowly."""
         measured = {sensor.measures for robot in robots for sensor in robot.mounted_sensors()}
         pushes = can_push(world) or CONTACT in measured
         among = planar_rules.advance_pushing if pushes else planar_rules.advance
@@ -186,7 +186,7 @@ class Planar(RuleSimulator):
         )
 
     def check_world(self, world: World) -> None:
-        """Reject worlds whose ground is not level."""
+        """Reject worlds without level ground."""
         if not _is_level(world):
             raise InputError(
                 "the ground is a height field or a tilted plane, but simulator=planar needs level "
@@ -195,7 +195,7 @@ class Planar(RuleSimulator):
 
     @contextmanager
     def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[RuleSimulation]:
-        """Place each robot at rest at its home pose."""
+        """Open a simulation with each robot at rest at its home pose."""
         self.check_world(world)  # a sampler may have drawn this world
         check_number(robots)
         rules = self.choose_rules(world, [robot for robot, _ in robots])

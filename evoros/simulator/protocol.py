@@ -1,4 +1,4 @@
-"""The base class of simulators, which open simulations of robots in a world."""
+"""The base class of simulators, and the simulations they open."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -20,30 +20,30 @@ Opened = TypeVar("Opened", bound="Simulation")
 
 
 class PlacedRobot(NamedTuple):
-    """A robot, and the pose of its base frame at the start: x, y, z [m] and yaw [rad]."""
+    """A robot and the initial pose of its base frame: x, y, z [m] and yaw [rad]."""
 
     robot: "Robot"
     home: tuple[float, float, float, float]
 
 
 class Simulation(Protocol):
-    """Robots in a world, a mission's only mutable object; arrays hold one robot after another."""
+    """Robots in a world, the only mutable object of a mission; arrays hold robot after robot."""
 
     def observe(self, state: Array) -> None:
         """Fill ``state`` (STATE_SIZE,) with the true state and any contact since the last call."""
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals`` (n,) of all robots, each laid out as in ``Robot.signal_layout``.
+        """Fill ``signals`` (n,) of all robots, each in the order of ``Robot.signal_layout``.
 
         The true range [m] of each beam comes first, within the sensor's limits.
         ``engines.rays.sensor_beams`` lists the beams, one per channel of a range sensor. A beam
-        reads its ``clear_range`` if no obstacle is nearer; ``rays.SteeredParts`` accounts for
-        steered wheels. The signals of all other sensors follow, each followed by a memory that the
-        simulator must not change.
+        reads its ``clear_range`` without nearer obstacles; ``rays.SteeredParts`` adds steered
+        wheels. The signals of all other sensors follow, each with a memory that the simulator must
+        not change.
         """
 
     def advance(self, command: Array, duration: float) -> None:
-        """Drive with ``command`` (COMMAND_SIZE,) for ``duration`` [s], a multiple of the time step.
+        """Apply ``command`` (COMMAND_SIZE,) for ``duration`` [s], a multiple of the time step.
 
         If wheels can fail (``weakens_wheels``), the command is followed by STRENGTH_SIZE values for
         each robot.
@@ -51,28 +51,28 @@ class Simulation(Protocol):
 
 
 class Simulator(ABC):
-    """A factory of simulations; it imports the engine's library only to open the first."""
+    """Opens simulations; imports the library of its engine only for the first."""
 
-    time_step: float  # physics step [s]; all sensor and controller periods are multiples of it
+    time_step: float  # [s]; sensor and controller periods must be multiples of this step
     packages: Sequence[str]
-    """pip names of the packages whose versions can change results, such as the engine's.
+    """Pip names of packages whose versions can change results, such as the engine's.
 
     A run's manifest records their versions.
     """
     versions: Mapping[str, str] = MappingProxyType({})
-    """Versions of libraries that pip does not know, by name, for the manifest."""
+    """Versions of libraries unknown to pip, by name, for the manifest."""
     measures: Collection[str] = (RANGE,)
-    """The quantities that the simulator provides; see ``evoros.sensor.protocol``."""
+    """The quantities that the simulator can measure; see ``evoros.sensor.protocol``."""
     max_robots: int = 1
-    """Maximum number of robots in a world; robots can sense and touch each other."""
+    """Maximum number of robots in a world; robots can detect and touch each other."""
     has_walkers: bool = False
-    """True if the simulator moves walkers (``evoros.walkers``), which robots can sense and touch.
+    """True if the simulator moves walkers (``evoros.walkers``), which robots detect and touch.
 
     The walkers are the ``crowd`` of a world. ``observe`` writes REPORT_SIZE values for each walker
     after the states of the robots.
     """
     weakens_wheels: bool = False
-    """True if the simulator models weakened wheels; otherwise missions reject wheel failures.
+    """True if the simulator models weakened wheels; if not, missions reject wheel failures.
 
     ``evoros.drive.protocol.find_targets`` computes the wheel rates.
     """
@@ -81,10 +81,10 @@ class Simulator(ABC):
     def open(
         self, robots: Sequence[PlacedRobot], world: "World"
     ) -> AbstractContextManager[Simulation]:
-        """Place robots and bodies; raise a SimulationError if the engine cannot simulate them."""
+        """Place robots and bodies; raise SimulationError if the engine cannot simulate them."""
 
     def check_world(self, world: "World") -> None:  # noqa: B027 - accepts any world
-        """Raise an InputError, without the world's name, for a world that cannot be simulated."""
+        """Raise an InputError, without the name of the world, if the world cannot be simulated."""
 
     def doubt_drive(self, drive: "Drive") -> str:
         """Return why the engine is inaccurate for a drive at any time step, or ""."""
@@ -96,7 +96,7 @@ def open_alone(
     robot: "Robot",
     world: "World",
 ) -> AbstractContextManager[Opened]:
-    """Open a simulation of one robot at its home pose; ``opener`` is a simulator's ``open``."""
+    """Open a simulation of one robot at its home pose; ``opener`` is ``open`` of a simulator."""
     return opener([PlacedRobot(robot, world.course.home)], world)
 
 
@@ -106,14 +106,14 @@ A_SIMULATOR = Rule(
 )
 
 
-# Parameters, memory, and the arguments of the method of ``Simulation``.
+# parameters, memory, and the arguments of the method of ``Simulation``
 ObserveRule: TypeAlias = Callable[[Array, Array, Array], None]
 SenseRule: TypeAlias = Callable[[Array, Array, Array], None]
 AdvanceRule: TypeAlias = Callable[[Array, Array, Array, float], None]
 
 
 class SimulationRules(NamedTuple):
-    """The three methods of a simulation as rules that can be compiled."""
+    """The three methods of a simulation as compilable rules."""
 
     observe: ObserveRule
     sense: SenseRule
@@ -122,7 +122,7 @@ class SimulationRules(NamedTuple):
 
 @dataclass(frozen=True)
 class RuleSimulation:
-    """A simulation made of rules, so that its missions can be compiled."""
+    """A simulation made of rules, which allows its missions to be compiled."""
 
     rules: SimulationRules
     parameters: Array
@@ -137,12 +137,12 @@ class RuleSimulation:
         self.rules.sense(self.parameters, self.memory, signals)
 
     def advance(self, command: Array, duration: float) -> None:
-        """Drive with ``command`` for ``duration`` [s]."""
+        """Apply ``command`` for ``duration`` [s]."""
         self.rules.advance(self.parameters, self.memory, command, duration)
 
 
 class RuleSimulator(Simulator):
-    """A simulator whose simulations are ``RuleSimulation``s."""
+    """A simulator that opens ``RuleSimulation`` objects."""
 
     @abstractmethod
     def choose_rules(self, world: "World", robots: Sequence["Robot"]) -> SimulationRules:

@@ -28,7 +28,7 @@ from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.world.model import World
 
 MAX_STEP_S = 0.025
-"""Maximum step [s] at which motion is within 1 % of the finest step's (docs/simulation.md)."""
+"""Maximum step [s] for motion within 1 % of the finest step (docs/simulation.md)."""
 
 IDLE: IdleEngines[pybullet_model.Engine] = IdleEngines()
 
@@ -36,11 +36,11 @@ IDLE: IdleEngines[pybullet_model.Engine] = IdleEngines()
 @dataclass(frozen=True)
 @checked
 class PyBullet(Simulator):
-    """The PyBullet simulator; manoeuvres differ by at most 2 % from much finer steps."""
+    """The PyBullet simulator; manoeuvres are within 2 % of manoeuvres with much finer steps."""
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.025  # [s]
     solver_iterations: Annotated[int, replace(COUNT, limit=10_000)] = 20
-    wheel_friction: Annotated[float, POSITIVE] = 1.0  # multiplied by the ground's friction
+    wheel_friction: Annotated[float, POSITIVE] = 1.0  # factor of the ground's friction coefficient
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the steering servos
     packages = ("pybullet",)
     measures = (RANGE, *SIGNAL_SIZES)
@@ -58,13 +58,13 @@ class PyBullet(Simulator):
 
     @contextmanager
     def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[PyBulletSimulation]:
-        """Place each robot at its home pose."""
+        """Open a simulation with each robot at its home pose."""
         check_number(robots)
         settings = pybullet_model.Settings(
             self.time_step, self.solver_iterations, self.wheel_friction, self.steering_lag_s
         )
         with IDLE.take(lambda: pybullet_model.Engine(pybullet_model.import_pybullet())) as engine:
-            # If only the robots have moved since the last mission, the model is reset, not rebuilt;
-            # results are bitwise equal.
+            # If only robots have moved since the last mission, the model is reset instead of
+            # rebuilt, with bitwise equal results.
             model, alone = engine.prepare(robots, world, settings), [robot for robot, _ in robots]
             yield PyBulletSimulation(engine, model, alone, settings, world.crowd)

@@ -1,4 +1,4 @@
-"""Archives of studies, read like folders; requested runs are unpacked for this process only."""
+"""Archives of studies, read like folders; runs are unpacked on request, for this process only."""
 
 import hashlib
 import json
@@ -22,13 +22,13 @@ from evoros.storage.layout import MARKS
 FORMAT = 1  # version of the archive format
 RECORD = "evoros-archive.json"  # member with the format version and the version of evoros
 CHECKSUMS = (
-    "checksums.sha256"  # member with the hashes of all others, in the format of ``sha256sum``
+    "checksums.sha256"  # member with the digests of all others, in the format of ``sha256sum``
 )
-RUNS, INPUTS = "runs", "inputs"  # folders of runs, and of the runs' input files
+RUNS, INPUTS = "runs", "inputs"  # folders of runs, and of their input files
 
 
 def open_folder(path: str | Path) -> Path:
-    """Return a folder, unpacked from an archive if the path is like ``study.zip/NAME``."""
+    """Return a folder; unpack it if the path leads into an archive, as in ``study.zip/NAME``."""
     path = expand_home(path)
     archive = find_archive(path)
     if archive is None:
@@ -41,7 +41,7 @@ def open_folder(path: str | Path) -> Path:
 
 
 def open_run(path: str | Path) -> Path:
-    """Return the folder of a run, unpacked if the run is in an archive."""
+    """Return the folder of a run; unpack it if the run is in an archive."""
     folder, archive = open_folder(path), find_archive(expand_home(path))
     if archive is not None and not is_run(folder):
         top = next(place for place in (folder, *folder.parents) if place.name == RUNS)
@@ -51,7 +51,7 @@ def open_run(path: str | Path) -> Path:
 
 
 def find_archive(path: Path) -> Path | None:
-    """Return the archive that a path names or that contains the path; None if there is none."""
+    """Return the archive at or above a path; None if there is none."""
     for place in (path, *path.parents):
         if place.is_file():
             return place if place.suffix == ".zip" or is_zipfile(place) else None
@@ -65,7 +65,7 @@ def is_run(folder: Path) -> bool:
     return any((folder / name).is_file() for name in MARKS)
 
 
-_FOLDERS: list[TemporaryDirectory[str]] = []  # deleted when the process ends
+_FOLDERS: list[TemporaryDirectory[str]] = []  # deleted when this process ends
 
 
 @cache
@@ -90,7 +90,7 @@ def _advise(archive: Path, names: Sequence[str]) -> str:
 
 
 def _descend(top: Path) -> Path:
-    """Return the study's folder in an archive: a run, or the first folder with several entries."""
+    """Return the folder of an archive's study: a run, or the first folder of several entries."""
     while not is_run(top):
         folders = [path for path in top.iterdir() if path.is_dir()]
         if len(folders) != 1:
@@ -100,7 +100,7 @@ def _descend(top: Path) -> Path:
 
 
 def unpack(path: Path, wanted: Callable[[str], bool], to: Path) -> None:
-    """Unpack the wanted members into a new folder, and verify their checksums."""
+    """Unpack the wanted members to a new folder, and verify their digests."""
     with open_zip(path) as (archive, members):
         for name in (RECORD, CHECKSUMS):
             if name not in members:
@@ -120,7 +120,7 @@ def unpack(path: Path, wanted: Callable[[str], bool], to: Path) -> None:
 
 
 def write_unpacked(path: Path, content: bytes) -> None:
-    """Write a new file and its parent folders."""
+    """Write a new file, and create its parent folders."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("xb") as file:
@@ -164,23 +164,23 @@ def _check_record(path: Path, content: bytes) -> None:
         )
 
 
-# Patterns for the surroundings of a path, so that no part of a longer name matches.
+# Patterns around a path, so that no part of a longer name matches.
 _BEFORE, _AFTER = r"(?<![\w.~-])", r"(?![\w-]|\.\w)"
 
 
 @dataclass(frozen=True)
 class Relocation:
-    """A mapping from full folder paths to their replacements."""
+    """A mapping from full folder paths to replacements."""
 
     places: Mapping[str, str] = field(default_factory=dict)
 
     def relocate(self, text: str) -> str:
-        """Replace the paths in a string; longer paths take precedence."""
+        """Replace all paths in a string, longest first."""
         named = any(path in text for path in self.places)
         return self._pattern.sub(self._replace, text) if named else text
 
     def relocate_bytes(self, content: bytes) -> bytes:
-        """Replace the paths in the content of a text file."""
+        """Replace all paths in the content of a text file."""
         if not any(os.fsencode(path) in content for path in self.places):
             return content
         text = content.decode(errors="surrogateescape")
@@ -193,9 +193,9 @@ class Relocation:
 
     def _replace(self, match: Match[str]) -> str:
         place = self.places[match[1]]
-        if place == ".":  # a relative path remains when the prefix is dropped
+        if place == ".":  # dropping the prefix leaves a relative path
             return "" if match[2] else place
         return place + (match[2] or "")
 
 
-NOWHERE = Relocation()  # leaves all paths as they are
+NOWHERE = Relocation()  # leaves all paths unchanged

@@ -1,4 +1,4 @@
-"""Design tables, and the files of a run's champions (``docs/run_folder.md``)."""
+"""Tables of designs, and the files of a run's champions (``docs/run_folder.md``)."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
@@ -14,13 +14,13 @@ _POSE_COLUMNS = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
 DESIGN_COLUMNS = ("design", "sensor", "type", "link", *_POSE_COLUMNS)
 GENE_COLUMNS = ("design", "gene", "key", "value")
 CHAMPION = "champion"
-CHAMPIONS = "champions"  # folder of the champions of a search that finds several
+CHAMPIONS = "champions"  # folder for the champions of a search that returns several
 ROBOT = "robot.urdf"  # original description
 SELF_SIGHT_COLUMNS = ("sensor", "seen_link", "distance_m", "hidden_share")
 
 
 def champion_files(champion: Champion) -> dict[str, bytes]:
-    """Return the champion's files by name, without trajectories; ``design.csv`` comes last."""
+    """Return the champion's files by name, except trajectories; ``design.csv`` comes last."""
     genes = gene_table({champion.id: champion.design}, champion.gene_names)
     files = {"certificate.json": champion.certificate.text.encode(), "genes.csv": genes.encode()}
     for robot_name, robot in champion.robots.items():
@@ -41,7 +41,7 @@ def track_file(world: str) -> str:
 
 
 def track_files(champion: Champion, trajectories: Mapping[str, Array]) -> dict[str, bytes]:
-    """Return the trajectory files by name, one for each world in ``trajectories``."""
+    """Return a trajectory file for each world in ``trajectories``, by name."""
     return {
         track_file(world): trajectory_table(trajectory, champion.columns[world]).encode()
         for world, trajectory in trajectories.items()
@@ -62,7 +62,7 @@ def champions_files(champions: Champions) -> dict[str, bytes]:
 
 
 def self_sight_table(robot: Robot) -> str:
-    """Return ``self_sight.csv``, with a row for each sensor that sees its own robot."""
+    """Return ``self_sight.csv``, with a row for each sensor that sees the robot itself."""
     rows = [
         [sight.name, sight.link, sight.distance_m, sight.hidden_share]
         for sight in find_self_sights(robot)
@@ -77,7 +77,7 @@ def design_table(designs: Mapping[int, Design]) -> str:
 
 
 def sensor_rows(design: Design) -> Iterator[list[object]]:
-    """Yield the cells of each sensor that follow the design's name; the robot's name is last."""
+    """Yield the cells of each sensor, from its number to the robot's name."""
     for robot, part in design.parts.items():
         for index, mount in enumerate(part.mounts):
             pose = (getattr(mount, name) for name in _POSE_COLUMNS)
@@ -89,14 +89,14 @@ def sensor_rows(design: Design) -> Iterator[list[object]]:
 def table_by_robot(
     columns: Sequence[str], rows: Sequence[Sequence[object]], designs: Iterable[Design]
 ) -> str:
-    """Return a table of designs; the last cell, the robot's name, is left out for single robots."""
+    """Return a table of designs, without the last cell, the robot, if there is only one robot."""
     if any(len(design.parts) > 1 for design in designs):
         return to_csv([(*columns, AGENT), *rows])
     return to_csv([columns, *(row[:-1] for row in rows)])
 
 
 def gene_table(designs: Mapping[int, Design], names: Mapping[str, Mapping[str, str]]) -> str:
-    """Return ``genes.csv`` for the evolved values; ``names`` maps robot and key to a gene name."""
+    """Return ``genes.csv`` for the evolved values; ``names`` maps robot and key to gene name."""
     rows = [
         [individual, names[robot][key], key, value, robot]
         for individual, design in designs.items()

@@ -1,4 +1,4 @@
-"""The circumstances of a run other than its configuration: code, packages, machine."""
+"""The circumstances of a run besides its configuration: code, packages, machine."""
 
 import platform
 import re
@@ -20,7 +20,7 @@ COMPUTING = ("evoros", "numpy", "numba")  # their versions can change missions i
 def describe_circumstances(
     packages: Iterable[str], programs: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """Return the manifest's fields about this process's code, packages, programs and machine."""
+    """Return manifest fields on the code, packages, programs and machine of this process."""
     origin = read_origin()
     names = sorted({OWN, *map(normalize, (*packages, *_list_required()))})
     return {
@@ -36,7 +36,7 @@ def describe_circumstances(
 
 
 def find_version(package: str) -> str | None:
-    """Return the version of a package; None if it is not installed."""
+    """Return the version of a package, or None if not installed."""
     return read_origin().version if package == OWN else _find_installed(package)
 
 
@@ -58,7 +58,7 @@ def _list_required() -> Sequence[str]:
     listed: Sequence[str] = ()
     try:
         listed = requires(OWN) or ()
-    except PackageNotFoundError:  # evoros is a clone that has not been installed
+    except PackageNotFoundError:  # evoros is a clone that is not installed
         with suppress(OSError):
             project = tomllib.loads(
                 (PACKAGE.parent / "pyproject.toml").read_text(encoding="utf-8")
@@ -75,7 +75,7 @@ def _operating_system() -> str:
 
 
 def processor() -> str:
-    """Return the model of the processor, or its architecture if the model is unknown."""
+    """Return the model of the processor or, if unknown, its architecture."""
     with suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]

@@ -1,4 +1,4 @@
-"""Atomic creation of a run folder."""
+"""Atomic creation of run folders."""
 
 import errno
 import os
@@ -14,7 +14,7 @@ from evoros.storage.layout import CONFIG, DIGESTS, LOG, MANIFEST, MISSIONS, resu
 
 
 def require_unused(path: Path) -> None:
-    """Require that the folder for a new run does not exist or is empty."""
+    """Check that the folder of a new run does not exist or is empty."""
     if not exists(path) or (path.is_dir() and not any(path.iterdir())):
         return
     require_whole(path)
@@ -27,7 +27,7 @@ def require_unused(path: Path) -> None:
 
 
 def require_whole(path: Path) -> None:
-    """Require a mission table or a log; a folder without them belongs to a killed process."""
+    """Raise an error for a configuration without mission table or log, left by a killed process."""
     begun = any((path / name).exists() for name in (MISSIONS, LOG))
     if (path / CONFIG).exists() and not begun:
         raise InputError(
@@ -37,10 +37,10 @@ def require_whole(path: Path) -> None:
 
 
 def create_folder(path: Path, files: Mapping[str, str]) -> None:
-    """Create a folder, or fill an empty one, with these files, CONFIG first and MISSIONS last.
+    """Create a folder, or fill an empty one, with ``files``, CONFIG first and MISSIONS last.
 
     DIGESTS covers all files except the sealed manifest. A new folder is created atomically; in an
-    existing one (it may be a mount point), the last file marks completion.
+    existing folder (such as a mount point), the last file marks completion.
     """
     try:
         _create_folder(path.resolve(), _add_digests(files))  # follows a symbolic link
@@ -64,7 +64,7 @@ def _create_folder(path: Path, files: Mapping[str, str]) -> None:
         _fill(path, files)
         return
     make_folder(path.parent)
-    # mkdtemp would ignore the umask and create a private folder.
+    # mkdtemp would ignore the umask and create a private folder
     draft = path.with_name(f".{path.name}.{token_hex(4)}")
     draft.mkdir()
     try:

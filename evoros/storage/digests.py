@@ -1,6 +1,6 @@
-"""The digests of the files in a run folder (``digests.csv``).
+"""The digests of files in a run folder (``digests.csv``).
 
-The last row of a file is valid; the row of a growing table covers the table's first line.
+The last row of each file is valid; the row of a growing table covers only its first line.
 """
 
 import csv
@@ -33,12 +33,12 @@ from evoros.storage.tables import to_csv
 
 @dataclass(frozen=True)
 class Repair:
-    """The repair of a file, which was missing if only ``path`` is set."""
+    """A repaired file; it was missing if only ``path`` is set."""
 
     path: Path
-    where: str = ""  # damaged lines if known, as in ": line 3, 7"
+    where: str = ""  # damaged lines if known, such as ": line 3, 7"
     kept: Path | None = None  # copy of the damaged content
-    problem: str = ""  # the problem, if the file is neither missing nor damaged
+    problem: str = ""  # the problem, if the file was neither missing nor damaged
 
 
 Report = Callable[[Repair], object]
@@ -56,7 +56,7 @@ class Entry(NamedTuple):
     """The digests of a file."""
 
     sha256: str  # empty for files that grow or are being replaced
-    lines: str  # four digits per line, to locate damaged lines
+    lines: str  # four digits per line, for locating damaged lines
 
 
 class Entries(NamedTuple):
@@ -64,11 +64,11 @@ class Entries(NamedTuple):
 
     by_name: dict[str, Entry]
     damaged: list[int]  # line numbers
-    complete: bool  # True if the content ends with a newline
+    complete: bool  # whether the content ends with a newline
 
 
 def describe_file(content: bytes, locate: bool = True) -> Entry:
-    """Return the digests of a file, with digests of its lines if ``locate``."""
+    """Return the digests of a file, with digests per line if ``locate``."""
     lines = split_lines(content) if locate else []
     shown = lines if len(lines) <= MAX_LINES else []
     return Entry(hashlib.sha256(content).hexdigest(), "".join(map(_check_line, shown)))
@@ -84,7 +84,7 @@ def _check_line(line: bytes) -> str:
 
 
 def find_line(content: bytes, entry: Entry) -> str:
-    """Return a message suffix such as ``: line 7`` for the first damaged line; empty if unknown."""
+    """Return the location of the first damaged line, such as ``: line 7``; empty if unknown."""
     lines = split_lines(content)
     known = [entry.lines[at : at + 4] for at in range(0, len(entry.lines), 4)]
     for index, check in enumerate(known):
@@ -94,7 +94,7 @@ def find_line(content: bytes, entry: Entry) -> str:
 
 
 def is_whole(content: bytes, entry: Entry) -> bool:
-    """Return True if a file is undamaged."""
+    """Return True if the content of a file is undamaged."""
     return hashlib.sha256(content).hexdigest() == entry.sha256
 
 
@@ -108,7 +108,7 @@ def _seal_entries(entries: Mapping[str, Entry]) -> bytes:
 
 
 def read_entries(content: bytes) -> Entries:
-    """Read all undamaged rows, except an incomplete last row."""
+    """Read all undamaged rows except an incomplete last row."""
     header, *lines = split_lines(content) or [b""]
     entries = Entries({}, [], content.endswith(b"\n"))
     if header != to_csv([HEADER]).encode():
@@ -127,7 +127,7 @@ def _read_entry(line: bytes) -> tuple[str, Entry] | None:
         return None
     try:
         name, sha256, lines, _ = next(csv.reader([line.decode()]))
-    except ValueError:  # wrong number of columns or encoding
+    except ValueError:  # wrong encoding or number of columns
         return None
     inside = not PurePath(name).is_absolute() and ".." not in PurePath(name).parts
     return (name, Entry(sha256, lines)) if inside else None
@@ -135,7 +135,7 @@ def _read_entry(line: bytes) -> tuple[str, Entry] | None:
 
 @dataclass
 class DigestLog:
-    """The file ``digests.csv`` of a folder that is open for writing."""
+    """The file ``digests.csv`` of a folder open for writing."""
 
     folder: Path
     report: Report
@@ -153,13 +153,13 @@ class DigestLog:
         sync(self._path)
 
     def discard(self, problem: str) -> None:
-        """Discard all entries because of a problem in the file, which is then written again."""
+        """Discard all entries because of a problem in the file, which is then rewritten."""
         self.entries, self._damaged, self._appendable = {}, [], False
         self.report(Repair(self._path, problem=problem))
 
     @property
     def damaged(self) -> bool:
-        """True if a row is damaged or the file was missing."""
+        """True if a row is damaged or if the file was missing."""
         return bool(self._damaged)
 
     def is_whole(self, name: str, content: bytes) -> bool:
@@ -177,11 +177,11 @@ class DigestLog:
         elif new:
             with self._path.open("ab") as file:
                 file.write(_seal_entries(new))
-            if replaces:  # the old entry must not outlive the old file
+            if replaces:  # an old entry must not outlive the old file
                 self.sync()
 
     def reopen(self, names: Iterable[str]) -> None:
-        """Mark files as being replaced, so that a killed process leaves no reported damage."""
+        """Mark files as being replaced, so that they do not count as damaged after a kill."""
         self.add({name: Entry("", "") for name in names if name in self.entries})
 
     def finish(self) -> None:
@@ -201,13 +201,13 @@ class DigestLog:
 
 
 FOREIGN = "from another run"
-_HASHES = {CONFIG: "configuration"}  # name of a file's hash in the manifest, if it differs
+_HASHES = {CONFIG: "configuration"}  # name of a file's digest in the manifest, if different
 
 
 def find_foreign(
     folder: Path, manifest: Mapping[str, Any], entries: Mapping[str, Entry]
 ) -> str | None:
-    """Return MANIFEST or DIGESTS if that file belongs to a different run, else None."""
+    """Return MANIFEST or DIGESTS if that file belongs to a different run, otherwise None."""
     hashes = manifest.get("sha256", {})
     for name in ORIGINALS:
         entry, recorded = entries.get(name), hashes.get(_HASHES.get(name, name))
@@ -220,7 +220,7 @@ def find_foreign(
 
 
 def require_origin(folder: Path, manifest: Mapping[str, Any], entries: Mapping[str, Entry]) -> None:
-    """Require that the manifest and the digests of a folder belong to its run."""
+    """Check that the manifest and the digests of a folder belong to its run."""
     foreign = find_foreign(folder, manifest, entries)
     if foreign is None:
         return
@@ -232,14 +232,14 @@ def require_origin(folder: Path, manifest: Mapping[str, Any], entries: Mapping[s
 
 
 def read_original(folder: Path, name: str, manifest: Mapping[str, Any]) -> bytes:
-    """Read a file that cannot be regenerated and has no seal."""
+    """Read a file that cannot be regenerated and is not sealed."""
     content = read_bytes(folder / name)
     known = read_bytes(folder / DIGESTS) if (folder / DIGESTS).is_file() else b""
     entries = read_entries(known).by_name
     foreign = find_foreign(folder, manifest, entries)
     if foreign == MANIFEST:
         require_origin(folder, manifest, entries)
-    entry = entries.get(name)  # callers compare the hash in the manifest if there is no entry
+    entry = entries.get(name)  # callers compare the digest in the manifest if there is no entry
     if entry is not None and foreign is None and not is_whole(content, entry):
         raise damaged(folder, name, find_line(content, entry))
     return content

@@ -1,4 +1,4 @@
-"""Warnings that the recorded missions tell little about the designs."""
+"""Warnings if the recorded missions say little about the designs."""
 
 import csv
 from collections import Counter
@@ -9,13 +9,13 @@ from pathlib import Path
 from evoros.mission.mission import NOT_RUN
 from evoros.storage.layout import MISSIONS
 
-STILL = 0.1  # a robot stands still up to this distance, relative to speed limit times duration
+STILL = 0.1  # maximum distance of a robot at rest, relative to speed limit times duration
 FIRST = 1000  # number of missions in which the distances of other robots are examined
 Row = Mapping[str, str]
 
 
 def warn_not_run(folder: Path) -> str:
-    """Return a warning if none of the recorded missions could be run; otherwise ''."""
+    """Return a warning if none of the recorded missions could be run, otherwise ""."""
     endings = Counter[tuple[str, str]]()
     for row in _read_missions(folder):
         if row["ended"] not in NOT_RUN:
@@ -31,7 +31,7 @@ def warn_not_run(folder: Path) -> str:
 
 
 def list_doubts(folder: Path) -> list[str]:
-    """Return warnings that no mission was run or completed, or that another robot did not move."""
+    """Return warnings if no mission was run or completed, or if another robot did not move."""
     failed = warn_not_run(folder)
     if failed:
         return [failed]
@@ -76,7 +76,7 @@ def _warn_standing(rows: Iterable[Row]) -> Iterator[str]:
 
 
 def _read_missions(folder: Path) -> Iterator[Row]:
-    """Yield the rows of ``missions.csv`` before an unreadable row, which other readers report."""
+    """Yield the rows of ``missions.csv`` up to an unreadable row, which other readers report."""
     try:
         with (folder / MISSIONS).open(newline="", encoding="utf-8") as file:
             for row in csv.DictReader(file):

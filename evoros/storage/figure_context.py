@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from evoros.evolution.experiment import Experiment
     from evoros.mission.member import Member
 
-_DRAWS = 20  # number of sampled draws whose filters are listed
+_DRAWS = 20  # number of sampled draws of which the filters are listed
 
 
 @dataclass(frozen=True)
@@ -38,14 +38,14 @@ class FailureContext:
     """The causes of failures in missions, and the effects of failures on readings."""
 
     drawn: bool = True  # True if random; the fractions of missions then estimate probabilities
-    always_intact: bool = False  # True if no sensor ever fails
-    intact: tuple[int, ...] = ()  # trials of a systematic failure in which no sensor fails
+    always_intact: bool = False  # whether no sensor ever fails
+    intact: tuple[int, ...] = ()  # trials of a systematic failure without failed sensors
     effects: Mapping[str, str] = field(default_factory=dict)
-    """Change in readings (``ends``, ``alters`` or ``grows``) by the name of the effect."""
+    """Change of readings (``ends``, ``alters`` or ``grows``) for each named effect."""
 
 
 class _Drawn(Exception):
-    """A failure model has requested random numbers."""
+    """A failure model requested random numbers."""
 
 
 class _NoGenerator:
@@ -86,44 +86,44 @@ def _list_filters(failure: Failure, channels: Channels) -> Iterator[Filter]:
 
 @dataclass(frozen=True)
 class Part:
-    """The area that one of the robot's shapes covers in top view."""
+    """The area in top view of one of the robot's shapes."""
 
     link: str
     vertices: tuple[Point, ...]  # [m], convex polygon in the robot frame: x forward, y left
-    radius_m: float  # distance from the polygon within which points belong to the part
-    top_m: float  # height above the ground
+    radius_m: float  # distance [m] up to which points around the polygon belong to the part
+    top_m: float  # height [m] above the ground
     wheel: bool
 
 
 @dataclass(frozen=True)
 class Beam:
-    """The field of view, range and period of a type of sensor."""
+    """The field of view, range and period of a sensor type."""
 
-    fov_deg: float  # full horizontal width; 0 for a single ray
+    fov_deg: float  # full horizontal angle; 0 for a single ray
     range_min_m: float
     range_max_m: float
     period_s: float  # sampling period
     bearings_deg: tuple[float, ...] = ()
-    """The bearing of each range in the sensor frame, left positive; empty for a single range."""
+    """Bearing of each range in the sensor frame, left positive; empty for a single range."""
     radiation: str = "ultrasound"  # radiation type in ROS messages
     price: float = 0.0
 
 
 @dataclass(frozen=True)
 class Signal:
-    """The readings of a type of sensor that casts no rays."""
+    """The readings of a sensor type without rays."""
 
     measures: str  # motion, wheels or contact
     channels: tuple[tuple[str, str], ...]  # (name, unit) of each value
     period_s: float  # sampling period
     width_m: float = 0.0  # width of a bumper's contact zone; 0 for other sensors
-    depth_m: float = 0.0  # distance of the back of the zone behind the mount
+    depth_m: float = 0.0  # distance from the mount to the back of the zone
     price: float = 0.0
 
 
 @dataclass(frozen=True)
 class Ring:
-    """The failure probability of sensors within a radius around the centre of damage."""
+    """The failure probability of sensors within a radius of the centre of damage."""
 
     radius_m: float
     probability: float
@@ -131,28 +131,28 @@ class Ring:
 
 @dataclass(frozen=True)
 class FigureContext:
-    """The description of an experiment that figures use."""
+    """The description of an experiment for figures."""
 
     robot: str
     parts: tuple[Part, ...]
     places: Mapping[str, tuple[float, float, float, float]]
-    """The links that can carry sensors: x, y, z [m] and yaw [rad] in the robot frame, by name."""
+    """Links that can carry sensors, by name: x, y, z [m] and yaw [rad] in the robot frame."""
     beams: Mapping[str, Beam]  # keyed by sensor type
     regions: Mapping[str, Area]
     mirrored: bool
-    rings: tuple[Ring, ...]  # rings of spatial damage, smallest first; empty if there is none
-    modes: tuple[str, ...]  # names of the modes, numbered from 1 in a trajectory's column ``mode``
+    rings: tuple[Ring, ...]  # rings of spatial damage, smallest first; empty without spatial damage
+    modes: tuple[str, ...]  # names of modes, counted from 1 in the column ``mode`` of trajectories
     courses: Mapping[str, Course]  # keyed by world
     drive: Mapping[str, float] = field(default_factory=dict)  # the drive as sent to programs
-    signals: Mapping[str, Signal] = field(default_factory=dict)  # keyed by type, without rays
+    signals: Mapping[str, Signal] = field(default_factory=dict)  # by sensor type; no rays
     types: tuple[str, ...] = ()  # sensor types in mounting order
-    fixed: tuple[Mount, ...] = ()  # sensors that every design has
+    fixed: tuple[Mount, ...] = ()  # sensors common to all designs
     failure: FailureContext = field(default_factory=FailureContext)
     fitness: FitnessName = field(default_factory=FitnessName)
     measures: Mapping[str, FitnessName] = field(default_factory=dict)
-    """Names of objectives and descriptors, by their columns in the generations' tables."""
+    """Names of objectives and descriptors, by column in the tables of generations."""
     genes: Mapping[str, str] = field(default_factory=dict)
-    """Key of the evolved value by gene, except for the genes of sensors."""
+    """Key of the evolved value of each gene, except genes of sensors."""
     agents: Mapping[str, "FigureContext"] = field(default_factory=dict)
     """Descriptions of the other robots, by name."""
 
@@ -163,7 +163,7 @@ class FigureContext:
 
     @classmethod
     def read(cls, folder: Path) -> Self:
-        """Read ``setting.json`` from a folder."""
+        """Read ``setting.json`` in a folder."""
         path = folder / SETTING
         try:
             context: Self = _convert(cls, parse_json(read_bytes(path)))
@@ -177,7 +177,7 @@ _get_types = cache(get_type_hints)
 
 
 def _convert(kind: Any, raw: Any) -> Any:
-    """Convert a JSON value; raise KeyError, TypeError or ValueError if it does not fit the type."""
+    """Convert a JSON value; raise KeyError, TypeError or ValueError if it does not fit."""
     inner = get_args(kind)
     if isinstance(kind, type) and is_dataclass(kind):
         types = _get_types(kind)
@@ -195,7 +195,7 @@ def _convert(kind: Any, raw: Any) -> Any:
 
 def describe_experiment(experiment: "Experiment") -> FigureContext:
     """Describe an experiment for figures."""
-    # The robots for confirmation are those that run the champion's missions.
+    # The champion's missions are run by the robots for confirmation.
     members = zip(experiment.members, experiment.confirming.members, strict=True)
     first, *others = (_describe(experiment, one, other.controller.modes) for one, other in members)
     agents = dict(zip(experiment.agents, others, strict=True))

@@ -1,7 +1,7 @@
-"""Run folders: file names, digests inside files, types of sealed fields, and reading.
+"""Run folders: file names, digests inside files, types of sealed fields, reading.
 
-Digests at the end of table rows, which include the run's key, and inside JSON files reveal damage.
-A last row without a newline was truncated by a kill or a power failure.
+Digests in table rows, which include the run's key, and in JSON files reveal damage. A last row
+without a newline was truncated by a kill or a power failure.
 """
 
 import csv
@@ -26,17 +26,17 @@ _BLANK = b"-" * SIZE
 
 
 def compute_digest(content: bytes, key: bytes = b"") -> str:
-    """Return 80 bits of BLAKE2b as 16 letters and digits that no program reads as a number."""
+    """Return 80 bits of BLAKE2b as 16 characters that no program reads as a number."""
     return b32encode(blake2b(content, digest_size=10, key=key).digest()).decode()
 
 
 def split_lines(content: bytes) -> list[bytes]:
-    """Return the lines with their line breaks, split only at newlines."""
+    """Return the lines, split only at newlines, with line breaks."""
     return io.BytesIO(content).readlines()
 
 
 def seal_rows(text: str, key: bytes = b"") -> bytes:
-    """Return CSV rows with a digest appended to each row as its last cell."""
+    """Return CSV rows with a digest appended to each row as the last cell."""
     lines = (line.encode() for line in text.split("\n")[:-1])
     return b"".join(b"%b,%b\n" % (line, compute_digest(line, key).encode()) for line in lines)
 
@@ -50,19 +50,19 @@ def is_sealed(line: bytes, key: bytes = b"") -> bool:
 
 
 def is_damaged(line: bytes, key: bytes = b"") -> bool:
-    """Return True if an unsealed line is damaged rather than the truncated end of a table."""
+    """Return True if an unsealed line is damaged, not just the truncated end of a table."""
     return line.endswith(b"\n") or is_sealed(line[:-1] + b"\n", key)
 
 
 def seal_json(name: str, content: Mapping[str, Any]) -> str:
-    """Return a JSON object with, as last field, a digest of its fields and the file's ``name``."""
+    """Return a JSON object whose last field is a digest of its other fields and ``name``."""
     text = json.dumps({**content, DIGEST: _BLANK.decode()}, indent=2) + "\n"
     head, _, tail = text.rpartition(_BLANK.decode())
     return f"{head}{compute_digest(text.encode(), name.encode())}{tail}"
 
 
 def unseal_json(name: str, content: bytes, others: Iterable[str] = ()) -> dict[str, Any]:
-    """Return the object in a sealed JSON file, without its digest; ValueError if it is damaged."""
+    """Return the object in a sealed JSON file, without digest; ValueError if damaged."""
     fields = parse_json(content)
     begin = content.rfind(b'"digest": "') + len(b'"digest": "')
     blank = content[:begin] + _BLANK + content[begin + SIZE :]
@@ -78,14 +78,14 @@ def unseal_json(name: str, content: bytes, others: Iterable[str] = ()) -> dict[s
 
 FORMAT_VERSION = 1
 RUN, EVALUATE = "evoros", "evoros evaluate"
-"""Commands that search for designs, and that evaluate given designs."""
+"""Commands that search for designs and that evaluate given designs."""
 CONFIG, MANIFEST, STATUS, MISSIONS = "config.yaml", "manifest.json", "status.json", "missions.csv"
 DESIGN_FILE, GENE_FILE = "designs_in.csv", "genes_in.csv"
 """Files with the given designs of an evaluation, complete and independent of their sources."""
 ORIGINALS = (CONFIG, DESIGN_FILE, GENE_FILE)
-"""Files that, with the manifest, determine all other files; a search has only the first."""
-ROBOT_AS_LOADED = "robot_as_loaded.urdf"  # loaded by engines, if not ``robot.urdf``
-SELF_SIGHT = "self_sight.csv"  # the champion's sensors that see the robot itself
+"""Files that determine, with the manifest, all other files; a search has only the first."""
+ROBOT_AS_LOADED = "robot_as_loaded.urdf"  # description loaded by engines, if not ``robot.urdf``
+SELF_SIGHT = "self_sight.csv"  # the champion's sensors that see the robot
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"  # states in ``status.json``
 LOG, LOST = "evoros.log", "lost"
 SETTING = "setting.json"
@@ -94,35 +94,35 @@ TRAJECTORIES = "trajectories"
 CONTROLS, EVALUATION = "controls", "evaluation"  # folder of a run's controls; evaluation in it
 SCORES, WORST_CASES = "designs.csv", "worst_cases.csv"
 REQUIREMENTS, JUNIT, SUMMARY = "requirements.csv", "junit.xml", "requirements.md"
-DAMAGED = "damaged"  # folder with copies of the damaged files that resuming has repaired
+DAMAGED = "damaged"  # folder for copies of damaged files that resuming has repaired
 # Fields of the manifest:
 OVERRIDES = "overrides"  # typed by the user
-CONFIG_DIR = "config_dir"  # the user's configuration folder; null if none was used
-SECRETS = "secrets"  # hashes of potentially secret values, by dotted key
-SWEEP = "sweep"  # the run's sweep folder; null for a single run
-COLUMNS = "columns"  # columns of ``missions.csv``, except the digest
-AGENTS = "agents"  # names of all robots except the first
+CONFIG_DIR = "config_dir"  # the user's configuration folder; null without one
+SECRETS = "secrets"  # digests of potentially secret values, by dotted key
+SWEEP = "sweep"  # sweep folder of the run; null for a single run
+COLUMNS = "columns"  # columns of ``missions.csv`` without the digest
+AGENTS = "agents"  # names of all robots but the first
 
 
 def resume_command(path: Path, config_dir: str | None = None) -> str:
-    """Return the command line that resumes a run, by default with its configuration folder."""
+    """Return the command that resumes a run, by default with its configuration folder."""
     return shell_line("evoros", "resume", str(path), *name_parts(path, config_dir))
 
 
 def name_parts(path: Path, config_dir: str | None = None) -> tuple[str, ...]:
-    """Return the command-line option for a run's configuration folder; empty if it has none."""
+    """Return the option for a run's configuration folder; empty if it has none."""
     folder = config_dir or read_json(path / MANIFEST).get(CONFIG_DIR)
     return ("--config-dir", str(folder)) if folder else ()
 
 
 def replay_command(path: Path, columns: Mapping[Any, object], option: Sequence[str]) -> str:
-    """Return the command line that replays a mission; ``option`` sets the configuration folder."""
+    """Return the command that replays a mission; ``option`` sets the configuration folder."""
     values = [f"{name}={value}" for name, value in columns.items()]
     return shell_line("evoros", "replay", str(path), *values, *option)
 
 
 def advise_finish(path: Path) -> str:
-    """Return advice on finishing an unfinished run; a killed run may have the state RUNNING."""
+    """Return advice on finishing a run; the state of a killed run may still be RUNNING."""
     if read_json(path / STATUS).get("state") == RUNNING:
         status = shell_line("evoros", "status", str(path))
         return f"wait until it ends; to see its state, type: {status}"
@@ -130,12 +130,12 @@ def advise_finish(path: Path) -> str:
 
 
 def evaluates(path: Path) -> bool:
-    """Return True if the run in a folder is an evaluation, and False if it is a search."""
+    """Return True if a folder holds an evaluation, False if a search."""
     return str(read_json(path / MANIFEST).get("command", RUN)) == EVALUATE
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read the object in a sealed JSON file; empty if the file is missing or damaged."""
+    """Read the object in a sealed JSON file; empty if missing or damaged."""
     try:
         return unseal(path.name, read_regular(path, SMALL))
     except (OSError, ValueError):
@@ -167,11 +167,11 @@ _MANIFEST = {
 }
 _NUMBERS = Rule("a list of numbers", lambda v: isinstance(v, list) and all(map(is_real, v)))
 _STATUS = {**dict.fromkeys(("state", "reason", "run", "updated"), _TEXT), "processor_s": _NUMBERS}
-"""Rules for fields of ``status.json``; all other fields are numbers or null."""
+"""Rules for the fields of ``status.json``; other fields are numbers or null."""
 
 
 def unseal(name: str, content: bytes) -> dict[str, Any]:
-    """Return the fields of a sealed file; raise a ValueError if it is damaged or mistyped."""
+    """Return the fields of a sealed file; ValueError if it is damaged or a type is wrong."""
     fields = unseal_json(name, content, (MANIFEST, STATUS))
     kinds, other = (_MANIFEST, None) if name == MANIFEST else (_STATUS, _NUMBER_OR_NULL)
     for key, value in fields.items():
@@ -182,11 +182,11 @@ def unseal(name: str, content: bytes) -> dict[str, Any]:
 
 
 MARKS = ("config.yaml", "manifest.json", "missions.csv")
-"""Files of which any marks a run folder, even a damaged one."""
+"""Files that mark a run folder, even if it is damaged; one is enough."""
 
 
 def folders_below(path: Path, skip: Callable[[str], object]) -> Iterator[Path]:
-    """Yield the run folders below ``path``, or ``path`` if it is one, in natural order of names."""
+    """Yield the run folders at or below ``path``, in natural order of names."""
 
     def explain(error: OSError) -> None:
         if explanation := explain_path(error):
@@ -200,14 +200,14 @@ def folders_below(path: Path, skip: Callable[[str], object]) -> Iterator[Path]:
 
 
 def natural_key(name: str) -> list[tuple[int, str]]:
-    """Return a sort key for natural order, in which numbers are compared by value."""
+    """Return a sort key for natural order, which compares numbers by value."""
     return [
         (int(part or -1), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)
     ]
 
 
 def read_bytes(path: Path, limit: int = LARGE) -> bytes:
-    """Read a file in a folder without verifying it."""
+    """Read a file in a folder without verification."""
     try:
         return read_regular(path, limit)
     except OSError as error:
@@ -215,7 +215,7 @@ def read_bytes(path: Path, limit: int = LARGE) -> bytes:
 
 
 def read_rows(path: Path) -> list[dict[str, str]]:
-    """Read the rows of a table in a folder, as mappings from column to cell."""
+    """Read the rows of a table in a folder, as mappings from columns to cells."""
     return list(csv.DictReader(read_bytes(path).decode().splitlines()))
 
 

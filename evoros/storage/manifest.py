@@ -1,4 +1,4 @@
-"""The manifest of a run: versions, machine, and hashes of all inputs, found by parsing sources."""
+"""The manifest of a run: versions, machine and digests of all inputs, found by parsing sources."""
 
 import ast
 import hashlib
@@ -40,10 +40,10 @@ def manifest(
     command: str = "evoros",
     files: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
-    """Return the content of ``manifest.json`` for a new folder with the YAML ``config``.
+    """Return the content of ``manifest.json`` of a new folder; ``config`` is the YAML.
 
-    ``values`` are resolved; ``choices`` holds the chosen file of each group; ``files`` maps the
-    names of further files in the folder to contents.
+    ``values`` are resolved. ``choices`` holds the option chosen in each group. ``files`` holds the
+    contents of other files in the folder, by name.
     """
     packages = (*mission_packages(experiment), *_collect_imports(_modules(values)).packages)
     return {
@@ -64,7 +64,7 @@ def manifest(
 
 
 def list_columns(experiment: Experiment, given: bool) -> list[str]:
-    """List the columns of ``missions.csv`` for an evaluation if ``given``, else for a search."""
+    """List the columns of ``missions.csv`` of an evaluation if ``given``, else of a search."""
     conditions = (OWN_CONDITION, *experiment.conditions.values())
     scenarios = map(experiment.scenario_under, conditions)
     further = dict.fromkeys(name for one in scenarios for name in tables.list_further_in(one))
@@ -80,10 +80,10 @@ def hash_sources(
     files: Mapping[str, str],
     places: Relocation = NOWHERE,
 ) -> dict[str, str]:
-    """Return the SHA-256 of all inputs of the experiment, by name.
+    """Return the SHA-256 digests of all inputs of the experiment, by name.
 
-    ``places`` replaces the paths of folders that differ between machines. All other arguments are
-    as in ``manifest``, with these paths already replaced.
+    ``places`` replaces folder paths that depend on the machine. The other arguments are as in
+    ``manifest``, with these paths replaced.
     """
     named = _modules(values)
     modules = _collect_imports(named).modules | {name: Path(_file(name) or "") for name in named}
@@ -123,7 +123,7 @@ def _program_versions(experiment: Experiment) -> dict[str, str]:
 
 
 def _library_versions(experiment: Experiment) -> dict[str, str]:
-    """Return the versions of simulator libraries that pip does not know, by name."""
+    """Return the versions of simulator libraries unknown to pip, by name."""
     return {**experiment.simulator.versions, **experiment.confirming.simulator.versions}
 
 
@@ -141,7 +141,7 @@ def _hash_controller_files(experiment: Experiment, places: Relocation) -> dict[s
 
 
 def check_unchanged(folder: Path, recorded: Mapping[str, Any], changes: Iterable[str]) -> None:
-    """Require that there are no ``changes`` to the inputs of a resumed run."""
+    """Raise an error if there are ``changes`` to the inputs of a resumed run."""
     if recorded.get("format_version") != layout.FORMAT_VERSION:
         raise InputError(
             f"{folder / 'manifest.json'}: format_version must be {layout.FORMAT_VERSION}, not "
@@ -162,7 +162,7 @@ def find_changes(
     files: Mapping[str, str],
     places: Relocation = NOWHERE,
 ) -> Iterator[str]:
-    """Yield the names of a run's changed inputs; see ``hash_sources``."""
+    """Yield the names of all inputs of a run that have changed; see ``hash_sources``."""
     now = hash_sources(experiment, config, values, files, places)
     then = {name: value for name, value in recorded.get("sha256", {}).items() if name != KEY}
     yield from (name for name, value in then.items() if now.get(name) != value)
@@ -170,7 +170,7 @@ def find_changes(
     yield from (f"configuration ({key})" for key in list_other_secrets(*secrets))
 
 
-_UNTIL_SCORED = {"fitness", "objectives", "descriptors"}  # affect only the tables, no mission
+_UNTIL_SCORED = {"fitness", "objectives", "descriptors"}  # keys that affect tables, not missions
 
 
 def _has_final_choice(missions: Path) -> bool:
@@ -182,7 +182,7 @@ def _has_final_choice(missions: Path) -> bool:
 
 
 def list_unrecorded(folder: Path) -> dict[str, Path]:
-    """Return the files of parts that have not affected any recorded result, by manifest key."""
+    """Return the source files of parts without effect on recorded results, by manifest key."""
     if layout.evaluates(folder) or not (folder / layout.MISSIONS).is_file():
         return {}
     free = set() if any((folder / GENERATIONS).glob("*.csv")) else set(_UNTIL_SCORED)
@@ -202,7 +202,7 @@ def list_unrecorded(folder: Path) -> dict[str, Path]:
 
 
 def record_modules(folder: Path, modules: Mapping[str, Path]) -> None:
-    """Record the hashes of changed modules; the run's key for row digests stays the same."""
+    """Record the digests of changed modules; the key for row digests is unchanged."""
     recorded = read_sealed(folder, layout.MANIFEST)
     hashes = {name: _sha256(path.read_bytes()) for name, path in modules.items()}
     content = {**recorded, "sha256": {**recorded["sha256"], **hashes}}
@@ -216,7 +216,7 @@ def _simulators(experiment: Experiment) -> list[str]:
 
 
 def mission_packages(experiment: Experiment) -> list[str]:
-    """List the packages whose versions can change missions or the search."""
+    """List packages whose versions can change missions or the search."""
     simulators = (experiment.simulator, experiment.confirming.simulator)
     named = [name for simulator in simulators for name in simulator.packages]
     return list(dict.fromkeys((*circumstances.COMPUTING, *named, *experiment.optimizer.packages)))
@@ -225,7 +225,7 @@ def mission_packages(experiment: Experiment) -> list[str]:
 def list_other_versions(
     recorded: Mapping[str, Any], experiment: Experiment, values: Mapping[str, Any]
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield (name, recorded version, current version) of each changed package or program."""
+    """Yield (name, recorded version, current version) of changed packages and programs."""
     imported = sorted(_collect_imports(_modules(values)).packages)
     for name in dict.fromkeys(
         map(circumstances.normalize, (*mission_packages(experiment), *imported))
@@ -240,7 +240,7 @@ def list_other_versions(
 
 
 def _modules(values: Any) -> set[str]:
-    """Return the user's modules that ``values`` names, except of the executor and observers."""
+    """Return the user's modules in ``values``, except modules of executor and observers."""
     if isinstance(values, list):
         return set().union(*map(_modules, values))
     if not isinstance(values, dict):
@@ -248,7 +248,7 @@ def _modules(values: Any) -> set[str]:
     inner = (_modules(value) for key, value in values.items() if key not in FREE)
     modules: set[str] = set().union(*inner)
     name = str(values.get("_target_", ""))
-    while name and name not in sys.modules:  # walks from the class up to its module
+    while name and name not in sys.modules:  # walk from the class up to its module
         name = name.rpartition(".")[0]
     if name.partition(".")[0] != "evoros" and _file(name):
         modules.add(name)
@@ -265,14 +265,14 @@ def _sha256(content: str | bytes) -> str:
 
 @dataclass
 class Imports:
-    """The packages and modules that some modules import."""
+    """The packages and modules imported by some modules."""
 
     packages: set[str] = field(default_factory=set)  # names of distributions
-    modules: dict[str, Path] = field(default_factory=dict)  # source files by module name
+    modules: dict[str, Path] = field(default_factory=dict)  # source file of each module
 
 
 def _collect_imports(modules: Iterable[str]) -> Imports:
-    """Collect the imports of modules, directly or through other modules outside packages."""
+    """Collect the imports of modules, also through other modules outside packages."""
     imports = Imports()
     pending = list(modules)
     seen: set[str] = set()
@@ -295,15 +295,15 @@ def _collect_imports(modules: Iterable[str]) -> Imports:
 
 
 def _find_spec(name: str) -> ModuleSpec | None:
-    # imports the parent packages, but not the module
+    # imports the parent packages but not the module
     try:
         return find_spec(name)
-    except Exception:  # importing a user's package may raise anything
+    except Exception:  # importing a user's package may raise any exception
         return None
 
 
 def _list_imported(spec: ModuleSpec, file: Path) -> Iterator[str]:
-    """Yield all names that a module imports, which may be modules or members of modules."""
+    """Yield all names that a module imports, either modules or members of modules."""
     if file.suffix != ".py":
         return
     package = spec.name if spec.submodule_search_locations else spec.parent
@@ -317,7 +317,7 @@ def _list_imported(spec: ModuleSpec, file: Path) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom):
             try:
                 base = resolve_name(f"{'.' * node.level}{node.module or ''}", package)
-            except ImportError:  # a relative import beyond the top-level package
+            except ImportError:  # a relative import above the top-level package
                 continue
             yield base
             yield from (f"{base}.{alias.name}" for alias in node.names if alias.name != "*")

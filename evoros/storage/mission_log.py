@@ -1,6 +1,7 @@
 """The folder of a run, created atomically and written by a single process.
 
-Missions are on disk before their outcomes are used, so a killed run resumes with the next.
+Outcomes are used only after their missions are on disk, so a killed run resumes with the next
+mission.
 """
 
 import errno
@@ -24,7 +25,7 @@ from evoros.storage.verification import has_all_digests
 
 CHANGED = "has changed since it was finished, although each row is undamaged"
 UNWANTED = "rows of missions that the run does not request"
-"""Problems of a mission table; the first is also a problem of digests."""
+"""Problems of mission tables; the first is also a problem of digests."""
 
 
 class MissionLog:
@@ -60,11 +61,11 @@ class MissionLog:
         self.table.close()
 
     def mend(self, setting: str) -> None:
-        """Remove damaged rows, whose missions then run again, and restore ``setting.json``."""
+        """Remove damaged rows, so that their missions run again, and restore ``setting.json``."""
         if self._has_lost_digests:
             self._report(digests.Repair(self.path / layout.DIGESTS, problem=CHANGED))
         damage = dict(self.table.damage)
-        if self._finished_hash():  # a kill cannot have truncated a finished table
+        if self._finished_hash():  # a kill cannot truncate a finished table
             damage |= self.table.cut
         if damage:
             lines = ", ".join(map(str, sorted(damage)))
@@ -84,7 +85,7 @@ class MissionLog:
                 self.digests.add({name: digests.describe_file(read_bytes(self.path / name))})
 
     def _finished_hash(self) -> str:
-        # empty if the table is unfinished
+        # empty for an unfinished table
         entry = self.digests.entries.get(layout.MISSIONS)
         return entry.sha256 if entry else ""
 
@@ -96,25 +97,25 @@ class MissionLog:
         return self.table.append(rows)
 
     def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
-        """Write the trajectory of a mission, before the mission's row is written."""
+        """Write the trajectory of a mission, before its row is written."""
         self.trajectories.keep(scenario, mission, trajectory)
 
     def finish(
         self, order: Callable[[Mapping[str, str]], tuple[int, ...]], unwanted: Collection[int] = ()
     ) -> None:
-        """Sort the mission rows by ``order``, and set the rows at ``unwanted`` offsets aside."""
+        """Sort the mission rows by ``order``; set aside the rows at ``unwanted`` offsets."""
         if unwanted:
             self.digests.add(self._growing)
             rows = self.table.take_out(unwanted)
             where = f": line {', '.join(map(str, rows))}"
             self._set_aside(layout.MISSIONS, b"".join(rows.values()), where, UNWANTED)
         self.table.sort(order)
-        self.table.sync()  # must precede the table's digest
+        self.table.sync()  # must precede the digest of the table
         self.digests.add({layout.MISSIONS: digests.Entry(self.table.hash(), "")})
         self.digests.finish()
 
     def write(self, name: str, content: bytes, locate: bool = True) -> None:
-        """Write a file and its digests (of lines, too, if ``locate``); set a damaged file aside."""
+        """Write a file and its digests (per line if ``locate``); set aside a damaged version."""
         path = self.path / name
         self.set_aside(name)
         self.make_folder(path.parent)
@@ -138,21 +139,21 @@ class MissionLog:
         self._report(digests.Repair(self.path / name, where, kept, problem))
 
     def write_once(self, name: str, content: str) -> None:
-        """Write a table derived from the missions, or require that the recorded one is equal."""
+        """Write a table derived from missions, or check that the recorded table is equal."""
         path, written = self.path / name, content.encode()
         entry = digests.describe_file(written)
         if path.exists() and read_bytes(path) == written:
             self.digests.add({name: entry})
         elif not path.exists() or self.digests.entries.get(name) == entry:
             self.write(name, written)
-        elif name not in self.digests.entries:  # the run has not written this file
+        elif name not in self.digests.entries:  # this run has not written the file
             self._set_aside(name, read_bytes(path), "")
             self.write(name, written)
         else:
             raise self.refuse(name, "replaying the run gives a table that differs from the record")
 
     def require_conditions(self, mission: Mission, recorded: str) -> None:
-        """Require that the draws and the case of a mission are as recorded."""
+        """Check that the draws and the case of a mission are as recorded."""
         if recorded != mission.conditions:
             raise self.refuse(
                 layout.MISSIONS,
@@ -161,31 +162,31 @@ class MissionLog:
             )
 
     def refuse(self, name: str, problem: str) -> InputError:
-        """Return the error for a file that differs from the content that evoros would write."""
+        """Return the error for a file whose content differs from what evoros would write."""
         return InputError(
             f"{self.path / name}: {problem}, because the folder was written by another version or "
             f"was edited; start a new run"
         )
 
     def make_folder(self, folder: Path) -> None:
-        """Create a folder inside this one; raise FileNotFoundError if this one is gone."""
+        """Create a folder inside this folder; FileNotFoundError if this one has been deleted."""
         if not self.table.path.exists():
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(self.table.path))
         make_folder(folder)
 
     def keep_log(self, mission: Mission, log: str) -> None:
-        """Save the controller's output from a lost mission for the user."""
+        """Save the controller's output in a lost mission for the user."""
         generation, design, world, trial = mission.key
         self.make_folder(self.path / layout.LOST)
         file = self.path / layout.LOST / f"{generation:05d}_{design}_{world}_{trial}.log"
         write_atomically(file, log)
 
     def write_status(self, status: Mapping[str, Any]) -> None:
-        """Write the status, the only file that is overwritten regularly."""
+        """Write the status, the only file that is regularly overwritten."""
         known = {**status, STATUS_KEY: read_status_key(self._manifest)}
         write_atomically(self.path / layout.STATUS, seal_json(layout.STATUS, known))
 
     def read_status(self) -> dict[str, Any]:
-        """Read the last status; empty if it is missing or belongs to a different run."""
+        """Read the last status; empty if missing or from a different run."""
         status = layout.read_json(self.path / layout.STATUS)
         return {} if is_foreign(status, self._manifest) else status

@@ -1,4 +1,4 @@
-"""A run's table of missions, open and locked, and the offsets of its rows."""
+"""The open, locked table of missions of a run, and the offsets of its rows."""
 
 import csv
 import hashlib
@@ -24,11 +24,11 @@ Row = TypeVar("Row")
 
 
 class MissionTable:
-    """The file ``missions.csv`` in a folder, locked against other writing processes.
+    """The file ``missions.csv`` of a folder, locked against other writing processes.
 
-    ``header`` holds the columns without the digest, and ``key`` is the run's key for digests of
-    rows. Once all rows have been read, ``damage`` holds the damaged lines by their number, counted
-    from 1, and ``cut`` the incomplete last line that was removed. ``report`` receives repairs.
+    ``header`` holds the columns without digest, and ``key`` is the run's key for row digests. After
+    all rows have been read, ``damage`` holds damaged lines by line number, counted from 1, and
+    ``cut`` the incomplete last line that was removed. ``report`` receives repairs.
     """
 
     def __init__(self, folder: Path, header: Sequence[str], key: bytes, report: Report) -> None:
@@ -36,7 +36,7 @@ class MissionTable:
         self.header = begin_table(self._columns).encode()  # first line
         self.damage: dict[int, bytes] = {}
         self.cut: dict[int, bytes] = {}
-        self._last = 1, b""  # number and content of the last row that was read
+        self._last = 1, b""  # number and content of the last row read
         self.place = 0  # offset of this row
         if not self.path.exists() and (folder / layout.LOG).is_file():
             report(Repair(self.path))
@@ -58,14 +58,15 @@ class MissionTable:
         return list(accumulate(lengths[:-1], initial=end))
 
     def sync(self) -> None:
-        """Flush the missions to the disk, so that they survive a power failure."""
+        """Flush the missions to disk, so that they survive a power failure."""
         self._file.flush()
         os.fsync(self._file.fileno())
 
     def read(self, parse: Callable[[Mapping[str, str]], Row]) -> Iterator[Row]:
         """Yield all undamaged rows; must be exhausted before rows are appended.
 
-        A truncated last row is removed. ``parse`` raises KeyError or ValueError for a foreign row.
+        A truncated last row is removed. ``parse`` raises KeyError or ValueError for a row of
+        another run.
         """
         self._file.seek(0)
         header, end = self._file.readline(LONGEST_LINE), 0
@@ -104,7 +105,7 @@ class MissionTable:
         return parse(self._split(line))
 
     def reject(self) -> None:
-        """Mark the row read last as damaged, so that its mission runs again."""
+        """Mark the last row read as damaged, so that its mission runs again."""
         line_number, line = self._last
         self.damage[line_number] = line
 
@@ -123,7 +124,7 @@ class MissionTable:
         return dict(zip(self._columns, cells[:-1], strict=True))
 
     def mend(self) -> None:
-        """Remove the damaged lines, so that their missions run again."""
+        """Remove all damaged lines, so that their missions run again."""
         self._file.seek(0)
         damage = {1, *self.damage}  # the header is rewritten as well
         whole = (line for count, line in enumerate(self._file, 1) if count not in damage)
@@ -131,7 +132,7 @@ class MissionTable:
         self.damage = {}
 
     def take_out(self, places: Collection[int]) -> dict[int, bytes]:
-        """Remove the rows at these offsets; return the rows by line number."""
+        """Remove the rows at given offsets; return them by line number."""
         self._file.seek(0)
         taken, at = dict[int, bytes](), 0
         for line_number, line in enumerate(self._read_lines(), 1):
@@ -143,7 +144,7 @@ class MissionTable:
         return taken
 
     def sort(self, order: Callable[[Mapping[str, str]], tuple[int, ...]]) -> None:
-        """Sort the rows by the keys that ``order`` returns, using about 60 bytes per row."""
+        """Sort the rows by the keys returned by ``order``; uses about 60 bytes per row."""
         self._file.seek(0)
         header = self._file.readline()
         offsets, keys = array("q"), array("q")
@@ -162,7 +163,7 @@ class MissionTable:
         return self._file.readline()
 
     def _replace(self, lines: Iterable[bytes]) -> None:
-        """Replace the table with a new file, which is locked before it is renamed to the table."""
+        """Replace the table with a new file, which is locked before it is renamed."""
         draft, file = create_draft(self.path)
         try:
             lock(file)
@@ -185,12 +186,12 @@ class MissionTable:
 
 
 def begin_table(columns: Sequence[str]) -> str:
-    """Return the first line of ``missions.csv``."""
+    """Return the header of ``missions.csv``."""
     return to_csv([[*columns, layout.DIGEST]])
 
 
 def open_locked(path: Path) -> BinaryIO:
-    """Open a mission table for reading and writing by this process alone."""
+    """Open a mission table for reading and writing by this process only."""
     if not all(os.access(place, os.R_OK | os.W_OK) for place in (path.parent, path)):
         raise InputError(
             f"{path.parent}: must be writable by this user, even to verify a finished run; "
@@ -214,14 +215,14 @@ def open_locked(path: Path) -> BinaryIO:
 
 
 Recorded = tuple[MissionKey, str, Outcomes]  # key, conditions and outcomes of a mission
-GENERATION, DESIGN = 0, 1  # indices in a mission's key by which rows are grouped
+GENERATION, DESIGN = 0, 1  # indices in a mission's key used for grouping rows
 
 
 class MissionRows:
-    """The offsets of mission rows, and the outcomes of the current group of rows.
+    """The offsets of mission rows, and the outcomes in the current group of rows.
 
-    Each mission uses 9 bytes of memory. A group has one value at the index ``group`` of its keys:
-    the generation in a search, the design in an evaluation.
+    Each mission uses 9 bytes of memory. The rows of a group have the same value at index ``group``
+    of the key: the generation in a search, the design in an evaluation.
     """
 
     def __init__(self, read_row: Callable[[int], Recorded], group: int = GENERATION) -> None:
@@ -229,7 +230,7 @@ class MissionRows:
         self.worlds: set[str] = set()  # names of worlds with missions
         self.trials = 0  # maximum number of missions in a world, without stated conditions
         self._places: dict[int, array[int]] = {}  # offsets by group
-        self._wanted: dict[int, bytearray] = {}  # 1 for each row that was requested
+        self._wanted: dict[int, bytearray] = {}  # 1 for each requested row
         self._in_use = -1  # current group
         self._outcomes: dict[MissionKey, tuple[str, Outcomes]] = {}  # rows of the current group
         self._ranks: dict[MissionKey, int] = {}  # positions of these rows
@@ -238,7 +239,7 @@ class MissionRows:
         return sum(map(len, self._places.values()))
 
     def find(self, key: MissionKey) -> tuple[str, Outcomes] | None:
-        """Return the conditions and the outcomes of a mission; None if it is not recorded."""
+        """Return the conditions and outcomes of a mission, or None if not recorded."""
         group = self._find_group(key)
         if group != self._in_use:
             rows = map(self._read_row, self._places.get(group, ()))
@@ -250,7 +251,7 @@ class MissionRows:
         return self._outcomes.get(key)
 
     def find_unwanted(self) -> Iterator[int]:
-        """Yield the offsets of rows that were not requested."""
+        """Yield the offsets of rows that have not been requested."""
         for group, places in self._places.items():
             wanted = self._wanted[group]
             yield from (place for place, asked in zip(places, wanted, strict=True) if not asked)
@@ -266,7 +267,7 @@ class MissionRows:
         self._wanted.setdefault(group, bytearray()).append(False)
 
     def add(self, rows: Sequence[Recorded], places: Sequence[int]) -> None:
-        """Add rows that have just been written at these offsets."""
+        """Add rows just written at the given offsets."""
         for (key, draws, outcomes), place in zip(rows, places, strict=True):
             self.note(key, place)
             group = self._find_group(key)

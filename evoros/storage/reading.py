@@ -23,23 +23,23 @@ SCORE_NUMBERS = ("fitness_mean", "fitness_sd", "trials")
 CANDIDATE_NUMBERS = ("generation", "id", "fitness", "validated_fitness")
 SENSOR_NUMBERS = ("design", "sensor", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
 RECORD_NUMBERS = ("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "mode", "visited", "contact")
-"""Required columns whose cells are numbers or empty."""
+"""Required columns with cells that are numbers or empty."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """The folder of a run or an evaluation, finished or not; see ``docs/run_folder.md``."""
+    """The folder of a run or evaluation, finished or not; see ``docs/run_folder.md``."""
 
     path: Path
 
     @cached_property
     def manifest(self) -> dict[str, Any]:
-        """Versions, machine and hashes of the run's inputs."""
+        """The versions, the machine and the digests of the run's inputs."""
         return read_sealed(self.path, layout.MANIFEST)
 
     @cached_property
     def status(self) -> dict[str, Any]:
-        """The progress of the run, with the ``state`` running, finished or stopped."""
+        """The progress of the run; its ``state`` is running, finished or stopped."""
         return read_sealed(self.path, layout.STATUS)
 
     @property
@@ -51,8 +51,8 @@ class Run:
     def missions(self) -> pd.DataFrame:
         """The finished missions, one per row, sorted by generation, design, world and trial.
 
-        The table of an evaluation has the columns ``source`` and ``design``, and keeps the file's
-        order.
+        The table of an evaluation has columns ``source`` and ``design``, and is in the order of the
+        file.
         """
         if self.evaluates:
             return read_table(self.path / layout.MISSIONS, MISSION_NUMBERS)
@@ -61,31 +61,31 @@ class Run:
 
     @cached_property
     def generations(self) -> pd.DataFrame:
-        """The candidates of all finished generations, one per row; empty if none is finished."""
+        """The candidates of all finished generations, one per row; may be empty."""
         self._require(evaluation=False)
         frames = [read_table(file, CANDIDATE_NUMBERS) for file in list_tables(self.path)]
         return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
 
     def champion_file(self, name: str, agent: str = "") -> Path:
-        """Return the path of one of the champion's files, or of an agent's."""
+        """Return the path of a file of the champion, or of the champion's agent."""
         folder = self.path / "champion"
         return (folder / "agents" / agent if agent else folder) / name
 
     @cached_property
     def champion(self) -> pd.DataFrame:
-        """The sensors of the champion, one per row; the run must be finished."""
+        """The sensors of the champion, one per row; requires a finished run."""
         self._require(evaluation=False)
         return read_table(self.champion_file("design.csv"), SENSOR_NUMBERS)
 
     @cached_property
     def genes(self) -> pd.DataFrame:
-        """The champion's evolved values except mounts, one per row; the run must be finished."""
+        """The champion's evolved values except mounts, one per row; requires a finished run."""
         self._require(evaluation=False)
         return read_table(self.champion_file("genes.csv"), ("value",))
 
     @cached_property
     def designs(self) -> pd.DataFrame:
-        """The designs of a finished evaluation with their scores, one per row."""
+        """The designs of a finished evaluation with scores, one per row."""
         self._require(evaluation=True)
         return read_table(self.path / layout.SCORES, SCORE_NUMBERS)
 
@@ -100,7 +100,7 @@ class Run:
             )
 
     def trajectory(self, world: str) -> pd.DataFrame:
-        """Read the trajectory of the champion's first mission in a world, if the run stored it."""
+        """Read the trajectory of the champion's first mission in a world, if stored."""
         self._require(evaluation=False)
         self.require_trajectories()
         return self._read_trajectory(f"champion/trajectory_{world}.csv")
@@ -135,9 +135,9 @@ class Run:
 
 
 def load_run(folder: str | Path) -> Run:
-    """Return the run or evaluation in a folder or an archive, whether or not it is finished.
+    """Return the run or evaluation in a folder or archive, finished or not.
 
-    No code of the run is executed. ``study.zip/NAME`` names one of several runs in an archive.
+    The run's code is not executed. ``study.zip/NAME`` names one of several runs in an archive.
 
     Raises:
         InputError: the folder has no run, or one of its files is damaged.
@@ -154,7 +154,7 @@ def load_run(folder: str | Path) -> Run:
 
 
 def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
-    """Read a CSV file except for an incomplete last row; columns ``numbers`` are numeric."""
+    """Read a CSV file except an incomplete last row; columns ``numbers`` are numeric."""
     try:
         complete, newline, _ = read_bytes(path).decode().rpartition("\n")
         frame = pd.read_csv(io.StringIO(complete + newline))
@@ -178,7 +178,7 @@ def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
 
 
 def read_worst_cases(folder: Path) -> pd.DataFrame | None:
-    """Read the failure cases that an evaluation has tried; None if it searched for none."""
+    """Read the failure cases tried in an evaluation; None if it searched for none."""
     path = folder / layout.WORST_CASES
     if not path.is_file():
         return None
@@ -193,7 +193,7 @@ def read_overrides(folder: Path) -> Sequence[str]:
 
 
 class ScoredDesigns(pd.DataFrame):
-    """A table of designs, one per row; ``missions`` is the table of the missions scored."""
+    """A table of designs, one per row; ``missions`` is the table of scored missions."""
 
     _metadata = ["missions"]  # noqa: RUF012 - pandas requires this list
     missions: pd.DataFrame

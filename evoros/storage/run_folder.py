@@ -1,4 +1,4 @@
-"""The run folder, the record of a search or an evaluation on disk."""
+"""The run folder, which records a search or an evaluation on disk."""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import count
@@ -22,15 +22,15 @@ from evoros.storage.mission_table import DESIGN, GENERATION, MissionRows, Record
 
 GENERATIONS = "generations"
 RESULTS = (layout.SCORES, layout.WORST_CASES, layout.REQUIREMENTS, layout.JUNIT, layout.SUMMARY)
-"""Files that an evaluation derives from all its missions."""
-DesignName = tuple[str, str]  # source of a given design, and its name there
+"""Files that an evaluation derives from all of its missions."""
+DesignName = tuple[str, str]  # source of a given design, and its name in the source
 
 
 class RunFolder(MissionLog):
     """An open run folder.
 
-    ``rows`` locates the finished missions. Rows of an evaluation contain names of designs; a
-    design's id is its index in ``designs_in.csv``.
+    ``rows`` locates the finished missions. Rows of an evaluation contain names of designs; the id
+    of a design is its index in ``designs_in.csv``.
     """
 
     def __init__(self, path: Path, report: Report = ignore) -> None:
@@ -41,7 +41,7 @@ class RunFolder(MissionLog):
         self._names = _read_names(path) if layout.evaluates(path) else []
         self._ids = {name: index for index, name in enumerate(self._names)}
         super().__init__(path, columns, report)
-        self.keeps_all = manifest.get("record") == ALL  # True if all trajectories are stored
+        self.keeps_all = manifest.get("record") == ALL  # whether all trajectories are stored
         self._agents: list[str] = manifest.get(layout.AGENTS, [])
         try:
             self.rows = self._locate(lambda row: self.read_mission(row)[0])
@@ -50,7 +50,7 @@ class RunFolder(MissionLog):
             raise
 
     def _locate(self, read: Callable[[Mapping[str, str]], MissionKey] | None = None) -> MissionRows:
-        """Locate the rows of all missions; repeated rows count as damaged."""
+        """Locate the rows of all missions; treat repeated rows as damaged."""
         group = DESIGN if self._names else GENERATION
         rows = MissionRows(lambda place: self.table.read_row(place, self.read_mission), group)
         known: set[MissionKey] = set()
@@ -68,7 +68,7 @@ class RunFolder(MissionLog):
         return 0, self._ids[row["source"], row["design"]], row["world"], int(row["trial"])
 
     def read_mission(self, row: Mapping[str, str]) -> Recorded:
-        """Read a mission from a row; raise ValueError or KeyError for a row of another version."""
+        """Read a mission from a row; ValueError or KeyError for a row of another version."""
         return (
             self._read_key(row),
             name_conditions(row["draws"], row.get(tables.CASE, "")),
@@ -84,7 +84,7 @@ class RunFolder(MissionLog):
         return [*key, *tables.outcome_cells(outcomes, self._further), *case]
 
     def mend(self, setting: str) -> None:
-        """Repair the folder; locate the rows again if the repair has moved them."""
+        """Repair the folder, and locate the rows again if they have moved."""
         moved = bool(self.table.damage)
         super().mend(setting)
         if moved:
@@ -133,12 +133,12 @@ class RunFolder(MissionLog):
         return True
 
     def has(self, mission: Mission) -> bool:
-        """Return True if the mission is recorded, including its trajectory if all are stored."""
+        """Return True if a mission is recorded, with its trajectory if all are stored."""
         recorded = self.find(mission) is not None
         return recorded and (self.trajectories.has(mission) or not self.keeps_all)
 
     def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
-        """Delete all other missions' trajectories; return the missions that lack one."""
+        """Delete the trajectories of all other missions; return the missions without one."""
         self.trajectories.retain(missions)
         return [mission for mission in missions if not self.trajectories.has(mission)]
 
@@ -156,7 +156,7 @@ class RunFolder(MissionLog):
         return outcomes
 
     def write_generation(self, generation: Generation) -> None:
-        """Write a generation's table, or compare it with the recorded one."""
+        """Write the table of a generation, or compare it with the recorded table."""
         self.write_once(_generation_file(generation.number), tables.generation_table(generation))
         self.table.sync()
         if self.keeps_all:
@@ -174,7 +174,7 @@ class RunFolder(MissionLog):
             row = self.table.read_row(place, dict)
             return row["purpose"] == SELECTION and int(row["generation"]) < generations
 
-        # Rows from an earlier or later end of an extended search are kept.
+        # keep rows from an earlier or later end of an extended search
         unwanted = set(self.rows.find_unwanted())
         self.finish(order, set(filter(selects, unwanted)) if extended else unwanted)
         self.rows = self._locate()
@@ -190,7 +190,7 @@ class RunFolder(MissionLog):
                 self.write(name, content)
 
     def has_champion(self, champion: Champion) -> bool:
-        """Return True if this champion and its stored trajectories are recorded."""
+        """Return True if this champion is recorded with its stored trajectories."""
         files = champion_files.champion_files(champion)
         whole = all(self._read(name) == content for name, content in files.items())
         if whole:  # restores digests, which may be damaged
@@ -203,7 +203,7 @@ class RunFolder(MissionLog):
         return read_bytes(path) if path.is_file() else b""
 
     def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
-        """Replace the champion's files; ``design.csv`` exists only while all other files do."""
+        """Replace the champion's files; ``design.csv`` exists only while all others do."""
         files = {
             **champion_files.track_files(champion, trajectories),
             **champion_files.champion_files(champion),
@@ -219,7 +219,7 @@ class RunFolder(MissionLog):
             self.write(name, content)
 
     def discard_results(self) -> None:
-        """Delete the results of an evaluation that goes on and writes them again at its end."""
+        """Delete the results of a continued evaluation, which writes them again at its end."""
         written = self.digests.entries.keys() & RESULTS
         names = [name for name in written if (self.path / name).is_file()]
         self.digests.reopen(names)
@@ -227,7 +227,7 @@ class RunFolder(MissionLog):
             (self.path / name).unlink()
 
     def count_generations(self) -> int:
-        """Return the number of consecutive generations, from the first, that have a table."""
+        """Return the number of consecutive generations, from the first, with tables."""
         return next(n for n in count() if _generation_file(n) not in self.digests.entries)
 
 

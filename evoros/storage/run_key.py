@@ -1,4 +1,4 @@
-"""The key of a run or an evaluation, in the digest of each row; rows of other runs never match."""
+"""The key of a run in the digests of its rows, so that rows of other runs never match."""
 
 import json
 import re
@@ -12,20 +12,20 @@ from evoros.mission.plan import GENERATIONS, find_growing
 from evoros.observers import protocol
 from evoros.storage.layout import DESIGN_FILE
 
-KEY, STATUS_KEY = "rows", "run"  # names of the key in the manifest's hashes and in ``status.json``
-FREE = (*protocol.FREE, "figures", "record")  # configuration keys that affect no mission row
-_OWN_HASHES = "configuration"  # prefix of the names of the hashes that include the executor
-# Calls of resolvers in recorded configurations are references to secrets.
+KEY, STATUS_KEY = "rows", "run"  # names of the key in the manifest's digests and in ``status.json``
+FREE = (*protocol.FREE, "figures", "record")  # configuration keys without effect on mission rows
+_OWN_HASHES = "configuration"  # prefix of the names of digests that include the executor
+# Calls of resolvers in a recorded configuration are references to secrets.
 _CALL = re.compile(r"(?<!\\)\$\{[\w.-]+:")
 
 
 def derive_key(values: Mapping[str, Any], hashes: Mapping[str, str]) -> str:
-    """Derive the key from the configuration, except its executor and size, and other hashes."""
+    """Derive the key from the configuration (without executor and size) and other digests."""
     tree = json.loads(json.dumps(values, default=str), parse_float=_read_number)
     for name in FREE:
         tree.pop(name, None)
     growing = [GENERATIONS]
-    if DESIGN_FILE in hashes:  # only an evaluation has this file
+    if DESIGN_FILE in hashes:  # only evaluations have this file
         growing.append(find_growing(tree))
     for key in growing:
         group, _, name = key.rpartition(".")
@@ -44,18 +44,18 @@ def conceal(values: Mapping[str, Any], config: str) -> Mapping[str, Any]:
 
 
 def hash_secrets(values: Mapping[str, Any], config: str) -> dict[str, str]:
-    """Return hashes of the secret values, which the YAML does not contain, by dotted key."""
+    """Return digests of the secret values, which the YAML lacks, by dotted key."""
     secrets = _list_secrets(_parse_sources(config), values)
     return {key: hash_secret(json.dumps(value, default=str)) for key, value in secrets}
 
 
 def list_other_secrets(one: Mapping[str, str], other: Mapping[str, str]) -> list[str]:
-    """List the keys whose secrets differ, provided that the same user has hashed both."""
+    """List the keys of differing secrets, if both were hashed by the same user."""
     return [key for key in one if is_other_secret(one[key], other.get(key, ""))]
 
 
 def _parse_sources(config: str) -> dict[str, Any]:
-    """Parse the configuration that affects rows; return {} without references to secrets."""
+    """Parse the part of a configuration that affects rows; {} without references to secrets."""
     tree = parse_yaml(config) if _CALL.search(config) else {}
     return {name: node for name, node in tree.items() if name not in FREE}
 
@@ -74,18 +74,18 @@ def _read_number(text: str) -> float | int:
 
 
 def is_foreign(status: Mapping[str, Any], manifest: Mapping[str, Any]) -> bool:
-    """Return True if ``status.json`` and the manifest belong to different runs."""
+    """Return True if ``status.json`` belongs to a different run than the manifest."""
     key = read_status_key(manifest)
     return bool(status.get(STATUS_KEY, key) != key)
 
 
 def read_status_key(manifest: Mapping[str, Any]) -> str:
-    """Return the manifest's key as it is written in ``status.json``."""
+    """Return the manifest's key as written in ``status.json``."""
     return read_key(manifest).decode(errors="replace")
 
 
 def read_key(manifest: Mapping[str, Any]) -> bytes:
-    """Return the manifest's key; empty if it has none."""
+    """Return the manifest's key; empty if missing."""
     hashes = manifest.get("sha256")
     recorded = hashes.get(KEY) if isinstance(hashes, dict) else None
-    return (recorded or "").encode()[:64]  # maximum of BLAKE2b; only forged keys are longer
+    return (recorded or "").encode()[:64]  # maximum length for BLAKE2b; only forged keys are longer

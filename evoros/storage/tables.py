@@ -1,6 +1,7 @@
-"""Converts missions, generations and trajectories to CSV, and missions from CSV.
+"""Converts missions to and from CSV, and generations and trajectories to CSV.
 
-Numbers have full precision (``repr``); unmeasured ones are empty; semicolons separate list items.
+Numbers have full precision (``repr``), unmeasured values are empty, and semicolons separate items
+of lists.
 """
 
 import csv
@@ -19,17 +20,17 @@ if TYPE_CHECKING:  # reading a table must not import the code of missions
 
 MISSION_COLUMNS = ("generation", "design", "world", "trial", "purpose", "draws")
 GIVEN_COLUMNS = ("source", "design", "world", "trial", "draws")
-"""First columns of ``missions.csv`` in a search, and in an evaluation."""
+"""First columns of ``missions.csv`` of a search and of an evaluation."""
 CANDIDATE_COLUMNS = ("generation", "id", "parents", "operator", "survived", "fitness", "trials")
 VALIDATED, SCREENED, LOSS = "validated_fitness", "screened_fitness", "loss"
-MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two need a confirmation
-AGENT = "agent"  # column with an agent's name
+MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two exist only with a confirmation
+AGENT = "agent"  # column with the name of an agent
 # integer columns of trajectories
 WHOLE_COLUMNS = ("mode", "visited", "contact", "touched_by")
 
 _TYPES = get_type_hints(Outcome)
 PART_COLUMNS = ("failed_parts", "parts_failed_at_s", "parts_failed_by")
-"""Additional columns of outcomes if parts other than sensors can fail."""
+"""Additional columns if parts other than sensors can fail."""
 TOUCHED = "touched_walkers"  # additional column if missions can have walkers
 SHORTEST = "shortest_m"  # additional column if a world states the length of its shortest path
 FURTHER_COLUMNS = (*PART_COLUMNS, TOUCHED, SHORTEST)
@@ -40,18 +41,18 @@ CASE = "case"  # last column if missions have stated failure cases
 
 
 def list_further(parts: bool, walkers: bool, shortest: bool) -> tuple[str, ...]:
-    """List a run's additional columns on failed parts, touched walkers and a shortest path."""
+    """List the additional columns on failed parts, touched walkers and the shortest path."""
     return (*PART_COLUMNS * parts, *[TOUCHED] * walkers, *[SHORTEST] * shortest)
 
 
 def list_further_in(scenario: "Scenario", parts: bool = False) -> tuple[str, ...]:
-    """List the additional columns of a scenario's missions; ``parts`` adds columns on parts."""
+    """List a scenario's additional columns of missions; ``parts`` forces columns on parts."""
     parts = parts or bool(scenario.failure.parts)
     return list_further(parts, scenario.any_walkers, scenario.states_shortest)
 
 
 def name_outcome_columns(agents: Iterable[str], further: Sequence[str] = ()) -> list[str]:
-    """Return the columns of all robots' outcomes, with ``further`` from ``list_further``."""
+    """Return the columns of all robots' outcomes; ``further`` comes from ``list_further``."""
     columns = (*OUTCOME_COLUMNS, *further)
     return [prefix + column for prefix in _prefixes(agents) for column in columns]
 
@@ -79,24 +80,24 @@ def cell(value: object) -> str:
 
 
 def mission_row(mission: Mission, outcomes: Outcomes, further: Sequence[str] = ()) -> list[object]:
-    """Return a mission's cells in ``missions.csv``, without a case."""
+    """Return the cells of a mission in ``missions.csv``, without a case."""
     return [*mission.key, mission.purpose, mission.draws, *outcome_cells(outcomes, further)]
 
 
 def outcome_cells(outcomes: Outcomes, further: Sequence[str] = ()) -> list[object]:
-    """Return the cells of all robots' outcomes."""
+    """Return the cells of the outcomes of all robots."""
     columns = (*OUTCOME_COLUMNS, *further)
     return [getattr(outcome, name) for outcome in outcomes for name in columns]
 
 
 def list_further_of(parts: bool, outcomes: Outcomes) -> tuple[str, ...]:
-    """List the additional columns of a mission's outcomes."""
+    """List the additional columns of the outcomes of a mission."""
     walkers = any(outcome.touched_walkers is not None for outcome in outcomes)
     return list_further(parts, walkers, any(one.shortest_m is not None for one in outcomes))
 
 
 def read_key(row: Mapping[str, str]) -> MissionKey:
-    """Read the key of a mission from a row."""
+    """Read a mission's key from a row."""
     return int(row["generation"]), int(row["design"]), row["world"], int(row["trial"])
 
 
@@ -116,7 +117,7 @@ def read_outcomes(row: Mapping[str, str], agents: Sequence[str] = ()) -> Outcome
 
 
 def are_recorded(outcomes: Outcomes, recorded: Outcomes, agents: Sequence[str]) -> bool:
-    """Return True if a mission's outcomes equal the recorded ones, after both are read."""
+    """Return True if outcomes equal the recorded outcomes once written and read."""
     further = list_further_of(True, outcomes)
     columns = name_outcome_columns(agents, further)
     cells = map(cell, outcome_cells(outcomes, further))
@@ -138,7 +139,7 @@ def _parse(content: str, kind: Any) -> Any:
 
 
 def generation_table(generation: "Generation") -> str:
-    """Return ``generations/NNNNN.csv``, with one row per candidate."""
+    """Return ``generations/NNNNN.csv``, with a row per candidate."""
     measured = {VALIDATED: generation.validated_fitness}
     if generation.screened_fitness:
         measured |= {SCREENED: generation.screened_fitness, LOSS: generation.losses}
@@ -156,12 +157,12 @@ def generation_table(generation: "Generation") -> str:
 
 
 def trajectory_table(trajectory: Array, columns: Sequence[str]) -> str:
-    """Return a trajectory as CSV with these columns."""
+    """Return a trajectory with these columns as CSV."""
     whole = {i for i, name in enumerate(columns) if name.rpartition(".")[2] in WHOLE_COLUMNS}
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(columns)
-    for row in trajectory.tolist():  # the fast writer formats floats and None like ``cell``
+    for row in trajectory.tolist():  # the fast writer formats floats and None as ``cell`` does
         numbers = [None if math.isnan(value) else value for value in row]
         writer.writerow(
             [int(v) if i in whole and v is not None else v for i, v in enumerate(numbers)]

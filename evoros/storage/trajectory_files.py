@@ -1,4 +1,4 @@
-"""Trajectory files, each written before its mission's row, and files of robots and worlds."""
+"""Trajectory files, written before the row of their mission, and files of robots and worlds."""
 
 import csv
 import io
@@ -24,35 +24,35 @@ if TYPE_CHECKING:  # reading must not import the code of missions
 
 ROBOTS, WORLDS = f"{TRAJECTORIES}/robots/", f"{TRAJECTORIES}/worlds/"
 
-_PARTS = {"robots": r"_.*$", "worlds": r"_\d+$"}  # what follows a name in the folder's file names
+_PARTS = {"robots": r"_.*$", "worlds": r"_\d+$"}  # suffix pattern of file names in each folder
 
 
 def trajectory_file(key: MissionKey) -> Path:
-    """Return the path of a mission's trajectory; alphabetical order is the order of keys."""
+    """Return the path of a mission's trajectory; paths sort like the keys of missions."""
     generation, design, world, trial = key
     return Path(TRAJECTORIES, f"{generation:05d}", f"{design:06d}_{world}_{trial:04d}.csv")
 
 
 def robot_file(design: int, agent: str = "") -> Path:
-    """Return the path of the URDF of the first robot, or of an agent, with a design's sensors."""
+    """Return the path of the URDF of the first robot or an agent with the sensors of a design."""
     return Path(ROBOTS, f"{design:06d}{agent and '_'}{agent}.urdf")
 
 
 def loaded_robot_file(design: int, agent: str = "") -> Path:
-    """Return the path of a design's robot as loaded by engines, if different from the original."""
+    """Return the path of a design's robot as loaded by engines, if it differs."""
     robot = robot_file(design, agent)
     return robot.with_name(f"{robot.stem}_as_loaded.urdf")
 
 
 def world_file(world: str, draws: str | None) -> Path:
-    """Return the path of a world; ``draws`` is the key of the mission's draws if it is sampled."""
+    """Return the path of a world; ``draws`` is the mission's key of draws if it is sampled."""
     name = world if draws is None else f"{world}_{draws.replace('/', '_')}"
     return Path(WORLDS, f"{name}.sdf")
 
 
 @dataclass
 class TrajectoryFiles:
-    """The trajectories in a folder; ``write`` gets name, content, and whether to hash lines."""
+    """The trajectories in a folder; ``write`` receives name, content, and whether to hash lines."""
 
     folder: Path
     digests: DigestLog
@@ -70,7 +70,7 @@ class TrajectoryFiles:
 
     @cached_property
     def _lost(self) -> set[str]:
-        # name prefixes of the robots and worlds of which a file is missing or damaged
+        # name prefixes of robots and worlds with a missing or damaged file
         folders = (self.folder / ROBOTS, self.folder / WORLDS)
         files = (file for folder in folders for file in folder.glob("[!.]*"))
         names = {str(file.relative_to(self.folder)) for file in files}
@@ -106,7 +106,7 @@ class TrajectoryFiles:
         self._write(trajectory_file(mission.key), table.encode())
 
     def read(self, mission: Mission) -> Array:
-        """Read a mission's trajectory (time steps, columns)."""
+        """Read a mission's trajectory (rows, columns)."""
         path = self.folder / trajectory_file(mission.key)
         try:
             header, *rows = csv.reader(io.StringIO(read_bytes(path).decode()))
@@ -122,8 +122,8 @@ class TrajectoryFiles:
         place = robot_file(mission.design_id)
         if self._is_kept(place, _name_robot(mission.design_id)):
             return
-        with suppress(InputError):  # a mission whose design was rejected was not run
-            # The first robot comes last, because its file marks that all are written.
+        with suppress(InputError):  # missions of rejected designs were not run
+            # The first robot comes last, because its file marks all as written.
             for member in reversed(scenario.equip(mission.design)):
                 robot = member.robot
                 if robot.engine_urdf is not None:

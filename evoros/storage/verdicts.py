@@ -1,4 +1,4 @@
-"""The verdicts on the requirements of an evaluation, as CSV, JUnit XML and Markdown."""
+"""The verdicts on an evaluation's requirements, as CSV, JUnit XML and Markdown."""
 
 import csv
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,7 +11,7 @@ from evoros.requirement.verdict import MET, Verdict
 from evoros.storage.layout import JUNIT, REQUIREMENTS, SUMMARY, read_rows
 from evoros.storage.tables import to_csv
 
-Row = Mapping[str, str]  # a row of ``requirements.csv``
+Row = Mapping[str, str]  # row of ``requirements.csv``
 COLUMNS = (
     *("source", "design", "requirement", "level", "claim", "result", "value", "low", "high"),
     *("confidence", "limit", "unit", "trials", "further_trials", "decided_by"),
@@ -22,7 +22,7 @@ COLUMNS = (
 def write_verdicts(
     requirements: Mapping[str, Requirement], judged: Mapping[tuple[str, str], Mapping[str, Judged]]
 ) -> dict[str, str]:
-    """Return the files with the verdicts on each requirement and design, by file name."""
+    """Return the files with the verdicts on all requirements and designs, by file name."""
     rows: list[Sequence[object]] = [COLUMNS]
     for design, verdicts in judged.items():
         for name, requirement in requirements.items():
@@ -43,8 +43,8 @@ def _list_numbers(verdict: Verdict) -> list[object]:
 
 
 def write_junit(rows: Sequence[Row]) -> bytes:
-    """Return the verdicts as JUnit XML, one suite per design; all except MET are failures."""
-    # Jenkins's junit-10.xsd and other consumers expect different elements for errors.
+    """Return the verdicts as JUnit XML with a suite per design; all but MET are failures."""
+    # Jenkins's junit-10.xsd and other consumers disagree on the elements for errors.
     root = ElementTree.Element("testsuites", _count(rows))
     for design in dict.fromkeys(_name_design(row) for row in rows):
         of_design = [row for row in rows if _name_design(row) == design]
@@ -76,7 +76,7 @@ def write_markdown(rows: Sequence[Row]) -> str:
 
 
 def describe(row: Row) -> str:
-    """Describe the numbers on which a verdict is based."""
+    """Describe the numbers that a verdict is based on."""
     bounds: dict[str, Any] = {
         key: float(row[key]) for key in ("value", "low", "high", "confidence", "limit")
     }
@@ -92,7 +92,7 @@ def describe(row: Row) -> str:
 
 
 def name_requirement(row: Row) -> str:
-    """Name a requirement or one of its levels, and describe the claim."""
+    """Return the name of a requirement, or of one of its levels, with the claim."""
     level = f" [{row['level']}]" if row["level"] else ""
     return f"{row['requirement']}{level}: {row['claim']}"
 

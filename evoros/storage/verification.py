@@ -1,4 +1,4 @@
-"""Verifies a run folder; a missing, damaged or unreadable file raises an InputError."""
+"""Verifies run folders; raises InputError for missing, damaged and unreadable files."""
 
 from collections.abc import Container, Mapping
 from pathlib import Path
@@ -10,15 +10,15 @@ from evoros.formats.sdf.writer import require_closed
 from evoros.storage import digests, layout
 from evoros.storage.run_key import is_foreign, read_key
 
-NEEDED = "generations/"  # folder of the generations' tables, all of which are required
-LARGE = (  # files that only some figures need
+NEEDED = "generations/"  # folder of the generations' tables, which are all required
+LARGE = (  # files that only some figures require
     f"{layout.TRAJECTORIES}/",
     *("champion/agents/", "champion/robot", "champion/trajectory_", "champion/world_"),
 )
 
 
 def verify_folder(folder: Path) -> None:
-    """Require that a folder's tables and inputs are undamaged, and that it contains no links."""
+    """Check that a folder contains no links, and that its tables and inputs are undamaged."""
     require_no_links(folder)
     manifest, status = (
         layout.read_sealed(folder, name) if (folder / name).is_file() else {}
@@ -36,7 +36,7 @@ def verify_folder(folder: Path) -> None:
 
 
 def is_complete(folder: Path) -> bool:
-    """Return True if a finished folder has all files that figures need, with unchanged digests."""
+    """Return True if a finished folder has all files for figures, with unchanged digests."""
     entries = _read_entries(folder).by_name
     places = [p for n in ("champion", layout.TRAJECTORIES) for p in (folder / n).rglob("[!.]*")]
     written = {str(path.relative_to(folder)) for path in places if path.is_file()}
@@ -65,14 +65,14 @@ def _has_generations(entries: Mapping[str, digests.Entry], status: Mapping[str, 
 
 
 def list_tables(folder: Path) -> list[Path]:
-    """List the generations' tables that the run has written, in order."""
+    """List the tables of generations that the run has written, in order."""
     names = _read_entries(folder).by_name
     return [folder / name for name in sorted(names) if name.startswith(NEEDED)]
 
 
 def list_strays(folder: Path) -> list[Path]:
-    """List the generations' tables that the run has not written."""
-    files = find_strays(folder, ())  # before digests are read, which a running process adds
+    """List the tables of generations that the run has not written."""
+    files = find_strays(folder, ())  # before reading digests, which a running process adds
     written = _read_entries(folder).by_name
     return [file for file in files if str(file.relative_to(folder)) not in written]
 
@@ -84,14 +84,14 @@ def find_strays(folder: Path, written: Container[str]) -> list[Path]:
 
 
 def verify_file(folder: Path, name: str) -> None:
-    """Require that a file listed in ``digests.csv`` is undamaged or missing."""
+    """Check that a file listed in ``digests.csv`` is undamaged or missing."""
     entries = _read_entries(folder)
     if name in entries.by_name and (folder / name).is_file():
         _verify(folder, name, entries)
 
 
 def verify_world(path: Path) -> None:
-    """Require that a world's SDF file, and the files that it needs, are undamaged."""
+    """Check that the SDF file of a world, and the files it refers to, are undamaged."""
     folder = _find_folder(path)
     begin = str(path.relative_to(folder).with_suffix(""))
     for name in _read_entries(folder).by_name:
@@ -136,7 +136,7 @@ def _verify(folder: Path, name: str, entries: digests.Entries) -> None:
 
 
 def _find_damage(folder: Path, name: str, entry: digests.Entry) -> str | None:
-    """Return a message suffix for the damage, such as ``: line 7`` or ""; None if undamaged."""
+    """Return the location of damage, such as ``: line 7`` or ""; None if undamaged."""
     if entry.sha256 and layout.hash_file(folder / name) == entry.sha256:
         return None
     content = layout.read_bytes(folder / name)

@@ -1,1 +1,1 @@
-"""Reading and writing of SDF worlds."""
+"""Readers and writers of SDF worlds."""

@@ -24,15 +24,15 @@ _DRIVES = re.compile(
 )
 _KINDS = ("revolute", "continuous", "prismatic", "screw", "universal", "ball", "gearbox",
           "revolute2", "hinge", "hinge2", "slider", "piston")  # fmt: skip
-_FREE_RAD = 100.0  # minimum range of a joint that counts as endless, such as a wheel's joint
+_FREE_RAD = 100.0  # minimum range [rad] of a joint that turns endlessly, such as a wheel's
 _WHEEL = re.compile(r"wheel|tire|tyre|roue|rad_|caster", re.IGNORECASE)
 _DOOR = re.compile(r"door|gate|hatch|window|drawer|elevator", re.IGNORECASE)
-_UPRIGHT = 0.8  # minimum cosine between the vertical and the axis of a door or of steering
-_THIN = 0.25  # maximum ratio of a panel's thickness to its second-smallest length
+_UPRIGHT = 0.8  # minimum cosine between the vertical and the axis of a door or steering joint
+_THIN = 0.25  # maximum ratio of a panel's thickness to its second-smallest side
 
 
 def settle_vehicles(container: Element, reading: Reading) -> set[str]:
-    """Remove or immobilize every model that would drive, and fix the joints of all other models.
+    """Remove or immobilize every model that could drive; fix the joints of all other models.
 
     Returns:
         The names of the models that are left out.
@@ -91,7 +91,7 @@ def _settle_vehicle(model: Element, reason: str, reading: Reading) -> None:
 
 
 def is_static(model: Element) -> bool:
-    """Return True if a model is static; Gazebo adds a second ``<static>``, so the last counts."""
+    """Return True if a model is static; Gazebo appends a second ``<static>``, so use the last."""
     flags = [xml.read_flag(element) for element in model.findall("static")]
     return bool(flags) and flags[-1]
 
@@ -138,7 +138,7 @@ def _turns_freely(joint: Element) -> bool:
 def _rolls(joint: Element) -> bool:
     """Return True if a joint turns a wheel: its axis is horizontal, and it carries no panel.
 
-    Doors turn about the vertical, and a horizontal hinge carries a thin box next to its axis.
+    Doors turn about a vertical axis; a horizontal hinge carries a thin box next to its axis.
     """
     owner, child = joint.getparent(), (joint.findtext("child") or "").strip()
     links = [] if owner is None else owner.findall("link")
@@ -156,7 +156,7 @@ def _rolls(joint: Element) -> bool:
         heights = [axis[2]]
     elif frame:
         heights = [_height_of(axis, named.get(frame))]
-    else:  # up to SDF 1.4, the axis is in the frame of the model, later in the joint frame
+    else:  # axes are in the model frame up to SDF 1.4, and in the joint frame since
         heights = [axis[2], _height_of(axis, link, joint)]
     return min(map(abs, heights)) <= _UPRIGHT * math.hypot(*axis)
 
@@ -171,14 +171,14 @@ def _height_of(axis: tuple[float, ...], *frames: Element | None) -> float:
 
 
 def _is_panel(link: Element | None) -> bool:
-    """Return True if one of a link's collisions is a thin box; others may be a door's handle."""
+    """Return True if any collision of a link is a thin box; others may be a door handle."""
     sizes = [] if link is None else link.iterfind("collision/geometry/box/size")
     lengths = (sorted(xml.read_positive(size, 3)) for size in sizes)
     return any(thin < _THIN * middle for thin, middle, _ in lengths)
 
 
 def _range(limit: Element) -> float:
-    """Return the range of a joint [rad]; a missing bound is infinite."""
+    """Return the range [rad] of a joint; infinite if a bound is missing."""
     low, high = (limit.find(tag) for tag in ("lower", "upper"))
     try:
         lower = -math.inf if low is None else xml.read_meaning(low, "limit/lower")
@@ -188,17 +188,17 @@ def _range(limit: Element) -> float:
     return upper - lower
 
 
-RADIUS_M, HEIGHT_M = 0.25, 1.7  # size assumed for every actor, since skins are not read
+RADIUS_M, HEIGHT_M = 0.25, 1.7  # size assumed for every actor, because skins are not read
 Point = tuple[float, float, float]  # x, y [m] and time [s]
 
 
 @dataclass(frozen=True)
 class Actor:
-    """An upright cylinder that walks from waypoint to waypoint at the times of a script."""
+    """An upright cylinder that walks between waypoints at the times of a script."""
 
     name: str
     points: tuple[Point, ...]
-    delay_s: float = 0.0  # pause before each round
+    delay_s: float = 0.0  # pause [s] before each round
     loops: bool = True
     radius_m: float = RADIUS_M
     height_m: float = HEIGHT_M
@@ -244,9 +244,9 @@ def _read_flag(script: Element, tag: str) -> bool:
 
 
 def _read_points(script: Element) -> Iterator[Point]:
-    """Yield the waypoints in order of time; of several with the same time, only the last.
+    """Yield waypoints in order of time; of several at the same time, only the last.
 
-    Gazebo also stores them in a map by time (gazebo/physics/Actor.cc, rendering/SceneManager.cc).
+    Gazebo also keys them by time (gazebo/physics/Actor.cc, rendering/SceneManager.cc).
     """
     last = -1.0
     for trajectory in script.findall("trajectory"):
@@ -255,7 +255,7 @@ def _read_points(script: Element) -> Iterator[Point]:
             element = xml.require_child(waypoint, "time")
             time = xml.read_number(element, "a non-negative time [s]", lambda value: value >= 0.0)
             places[time] = xml.parse_pose(xml.require_child(waypoint, "pose")).position
-        # The times of a later trajectory may start again.
+        # times of a later trajectory may start again
         shift = last if min(places, default=math.inf) <= last else 0.0
         for time in sorted(places):
             if time + shift > last:

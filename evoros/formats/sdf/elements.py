@@ -7,7 +7,7 @@ from lxml.etree import _Element as Element
 from evoros.formats.notes import Notes, note_degrees
 from evoros.formats.strict_xml import element_error, local_tag, parse_number
 
-# Only <gravity> of <physics> is used; the rest configures Gazebo's solver.
+# Only <gravity> of <physics> is used; other children configure Gazebo's solver.
 _USED = {
     "sdf": "world model",
     "world": "model frame state gravity physics include joint actor",
@@ -40,7 +40,7 @@ _USED = {
     "state/link": "pose",
 }
 
-# Elements that neither block a robot nor move anything; the children of <physics> are skipped
+# Elements that neither block robots nor move anything; children of <physics> are skipped.
 _IGNORED = {
     "sdf": "light",
     "world": "light scene gui audio wind atmosphere magnetic_field spherical_coordinates",
@@ -57,7 +57,7 @@ _IGNORED = {
     "state/link": "velocity acceleration wrench collision",
 }
 
-# Elements that evoros does not support; they are reported if they have an effect
+# Unsupported elements, reported if they have an effect.
 _REPORTED = {
     "link": "velocity_decay",
     "surface": "contact bounce soft_contact",
@@ -71,7 +71,7 @@ _LEFT_OUT = {
     "road": "is left out: robots neither touch nor see paint",
 }
 
-# Plugins that move nothing, because they configure Gazebo, publish, or feed sensors
+# Plugins that move nothing: they configure Gazebo, publish, or feed sensors.
 _HARMLESS = re.compile(
     r"sensor|camera|imu|laser|lidar|ray|gps|navsat|magnet|altimeter|physics|user[-_]?commands|"
     r"scene|broadcast|contact|ros_(init|factory|state|clock|api|link_attacher|p3d)|gui|"
@@ -84,7 +84,7 @@ _HARMLESS = re.compile(
 
 
 def check_elements(root: Element, notes: Notes) -> None:
-    """Add a note for each ignored element or plugin of a document that may matter."""
+    """Note each ignored element or plugin of a document that may matter."""
     _check(root, "sdf", notes)
     note_degrees(root, notes)
     _note_plugins(root, notes)
@@ -130,7 +130,7 @@ def _note_plugins(root: Element, notes: Notes) -> None:
 
 
 def _has_effect(element: Element) -> bool:
-    """Return True unless an element holds only zeros and false, or is a mu2 equal to mu."""
+    """Return False if an element holds only zeros and false, or is a mu2 equal to mu."""
     words = " ".join(str(text) for text in element.itertext()).split()
     if element.tag == "mu2":
         parent = element.getparent()

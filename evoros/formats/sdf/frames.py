@@ -1,6 +1,6 @@
-"""Resolves the relative poses of an SDF file to world poses.
+"""Resolves relative poses in an SDF file to world poses.
 
-A frame's path consists of the names of the enclosing models and the frame's name, such as
+The path of a frame consists of the names of the enclosing models and of the frame, such as
 ``("shelf", "board")``; the path of the world is empty.
 """
 
@@ -16,18 +16,18 @@ Path = tuple[str, ...]
 
 @dataclass(frozen=True)
 class RelativePose:
-    """A pose in the frame ``base``, or in the enclosing frame if ``base`` is empty."""
+    """A pose in the frame ``base`` or, if that is empty, in the enclosing frame."""
 
     pose: Pose
     base: str
-    element: Element  # source of the pose, for errors
+    element: Element  # origin of the pose, for errors
 
 
 @dataclass(frozen=True)
 class _Frame:
     relative: RelativePose
-    scope: Path  # path in which the base's name is looked up
-    placement: str = ""  # frame in the model to place at the pose, instead of the model's origin
+    scope: Path  # path in which the name of the base is looked up
+    placement: str = ""  # frame of the model placed at the pose; empty for the model's origin
 
 
 class Frames:
@@ -53,7 +53,7 @@ class Frames:
                 self._collect(element, path)
 
     def move(self, path: Path, pose: Pose) -> bool:
-        """Set the world pose of a frame; return False if there is no such frame."""
+        """Set the world pose of a frame; return False if the frame does not exist."""
         if path not in self._frames:
             return False
         frame = self._frames[path]
@@ -61,12 +61,12 @@ class Frames:
         return True
 
     def check(self) -> None:
-        """Check that all frames can be resolved, even unused ones."""
+        """Check that all frames can be resolved, including unused frames."""
         for path in self._frames:
             self.world_pose(path)
 
     def find(self, scope: Path, name: str, element: Element) -> Path:
-        """Return the path of the frame that ``element`` in ``scope`` calls ``name``."""
+        """Return the path of the frame that ``element`` calls ``name``, looked up in ``scope``."""
         if name == "__model__" and scope:
             return scope
         if name == "world" and not scope:
@@ -80,7 +80,7 @@ class Frames:
         raise element_error(element, f"refers to {quote(name)}, which is not in {owner}", fix)
 
     def world_pose(self, path: Path) -> Pose:
-        """Return the world pose of the frame with this path."""
+        """Return the world pose of the frame at a path."""
         open_paths: list[Path] = []
         while path not in self._poses:
             if path in open_paths:
@@ -102,7 +102,7 @@ class Frames:
         if not frame.placement:
             return frame.relative.pose
         element = frame.relative.element
-        # The placement frame is inside a model, but next to the frame of a merged model.
+        # The placement frame lies inside a model, but next to the frame of a merged model.
         inside = any(other[:-1] == path for other in self._frames)
         within = self.find(path if inside else path[:-1], frame.placement, element)
         pose, visited = Pose(), {path}
@@ -125,7 +125,7 @@ class Frames:
         return self.find(frame.scope, relative.base, relative.element)
 
     def resolve(self, element: Element, link: Path) -> Pose:
-        """Return the world pose of a collision or inertia of the link with this path."""
+        """Return the world pose of a collision or inertia of the link at a path."""
         relative = read_pose(element)
         if not relative.base:
             return self.world_pose(link) @ relative.pose

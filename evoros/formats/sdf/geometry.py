@@ -25,10 +25,10 @@ from evoros.geometry.shapes import MeshFile, Pose, Shape, Vector
 from evoros.terminal.activity import announce
 
 _MINUTE = 1.2e7
-"""Work on meshes (see ``divide_mesh``) that takes about a minute on one core."""
+"""Work on meshes (see ``divide_mesh``) that takes one core about a minute."""
 REACH_M = 30.0
-"""Distance [m] from the course beyond which meshes stay coarse; ``mesh_effort`` extends it."""
-HIGH_M = 0.6  # height above which few robots reach or look
+"""Distance [m] from the course beyond which meshes stay coarse, times ``mesh_effort`` above 1."""
+HIGH_M = 0.6  # height [m] above which few robots reach or see
 
 
 _KINDS = (
@@ -42,8 +42,8 @@ _SIZES_M: Mapping[str, Mapping[str, tuple[float, ...]]] = {
     "cone": {"radius": (0.5,), "length": (1.0,)},
     "ellipsoid": {"radii": (1.0, 1.0, 1.0)},
 }
-"""The lengths of each kind, with the defaults of SDF."""
-_SIDES = 24  # sides of the polygons that replace circles
+"""Lengths of each kind of solid, with SDF's defaults."""
+_SIDES = 24  # number of sides of the polygons that replace circles
 
 
 def read_geometry(geometry: Element, reading: Reading) -> tuple[Shape, ...]:
@@ -88,7 +88,7 @@ def _read_sizes(solid: Element, reading: Reading) -> tuple[float, ...]:
 
 def _read_plane(plane: Element) -> tuple[Shape, ...]:
     size, normal = xml.find_child(plane, "size"), xml.find_child(plane, "normal")
-    if size is not None:  # only used for drawing, since a plane is unbounded
+    if size is not None:  # affects only the drawing of the unbounded plane
         xml.read_numbers(size, 2)
     if normal is None:
         return (Shape("plane", (0.0, 0.0, 1.0)),)
@@ -128,11 +128,11 @@ _MAKERS: Mapping[str, Callable[..., tuple[Shape, ...]]] = {
     "ellipsoid": _make_ellipsoid,
     "cone": _make_cone,
 }
-"""Functions that build a solid of each kind from its sizes [m]."""
+"""Functions that build a solid of each kind from its lengths [m]."""
 
 
 def _read_polylines(polylines: list[Element]) -> tuple[Shape, ...]:
-    """Read prisms that stand on z = 0; a polyline inside another one is a hole in it."""
+    """Read prisms that stand on z = 0; a polyline inside another polyline is a hole."""
     rings: list[list[tuple[float, float]]] = []
     for polyline in polylines:
         points = (xml.read_numbers(point, 2) for point in polyline.findall("point"))
@@ -190,12 +190,12 @@ def _read_parts(mesh: Element, file: MeshFile, work: float, uses: int = 1) -> Me
 def divide_meshes(
     placed: Iterable[tuple[Element, Pose]], course: Array | None, reading: Reading
 ) -> None:
-    """Divide meshes at their world poses, those nearest to the ``course`` (n, 2) [m] first.
+    """Divide meshes at their world poses into convex parts, nearest to the ``course`` first.
 
-    Meshes above ``HIGH_M``, such as items on desks, come last. A mesh keeps its coarse convex parts
-    if they fit well enough, if it is out of reach of the course, or once the effort for the world
-    is used up, to which each use of a mesh adds the handling of its parts. Without a course, every
-    mesh is in reach, and the origin takes its place.
+    ``course`` is (n, 2) [m]; without it, distances are from the origin, and all meshes are in
+    reach. Meshes above ``HIGH_M``, such as items on desks, come last. A mesh keeps its coarse parts
+    if these fit well, if the mesh is out of reach of the course, or once the effort for the world
+    is spent. Each use of a mesh adds work for handling its parts.
     """
     effort = reading.options.mesh_effort
     reach = math.inf if course is None else REACH_M * max(effort, 1.0)
@@ -205,7 +205,7 @@ def divide_meshes(
     uses: Counter[MeshFile] = Counter()
     elements: dict[MeshFile, Element] = {}
     for mesh, pose in placed:
-        with suppress(InputError):  # the body's reader raises the error or leaves the mesh out
+        with suppress(InputError):  # the reader of the body raises the error or omits the mesh
             use = _identify_mesh(mesh, reading)
             if 0.0 in use.scale:
                 continue
@@ -218,7 +218,7 @@ def divide_meshes(
     left = effort * _MINUTE
     for index, use in enumerate(sorted(places, key=places.__getitem__), 1):
         is_far, _, distance, _ = places[use]
-        # Work is halved until it is within the limit, because the parts are cached for each amount.
+        # Halve the work until it is within the limit, because parts are cached for each amount.
         limits = (effort * WORK / 2**i for i in range(7))
         wanted, work = 10 * effort, next((limit for limit in limits if limit <= left), 0.0)
         remark = "the mesh is divided coarsely to save time"
@@ -266,7 +266,7 @@ def _read_scale(scale: Element) -> tuple[float, ...]:
 
 
 def scale_model(model: Element, scale: Element, reading: Reading) -> None:
-    """Apply a state's ``<scale>`` to a model's sizes, not to poses; it replaces a mesh's scale."""
+    """Apply a state's ``<scale>`` to a model's sizes, not to its poses; meshes lose their scale."""
     x, y, z = _read_scale(scale)
     if (x, y, z) == (1.0, 1.0, 1.0):
         return

@@ -1,4 +1,4 @@
-"""Height fields of SDF files, as Gazebo builds them from images."""
+"""Height fields of SDF files, built from images as Gazebo does."""
 
 import struct
 from pathlib import Path
@@ -37,7 +37,7 @@ def read_heightmap(heightmap: Element, reading: Reading) -> Shape:
 
 
 def is_geotiff(content: bytes) -> bool:
-    """Return True if a file is a TIFF with map coordinates, as elevation models are."""
+    """Return True if a file is a TIFF with map coordinates, as digital elevation models are."""
     order = {b"II*\0": "<", b"MM\0*": ">"}.get(content[:4])
     if order is None:
         return False

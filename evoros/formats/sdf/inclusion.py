@@ -1,4 +1,4 @@
-"""Replaces every ``<include>`` of an SDF document with the model that it names."""
+"""Replaces each ``<include>`` in an SDF document with the model that it names."""
 
 import itertools
 import re
@@ -18,7 +18,7 @@ CHOICES = (
 
 
 def require_files(container: Element, reading: Reading) -> None:
-    """Check that all named models, meshes and images exist, unless ``missing`` permits absence."""
+    """Check that all named models, meshes and images exist, unless ``missing`` allows gaps."""
     if reading.options.missing != "error":
         return
     for collision in container.iter("collision"):
@@ -30,7 +30,7 @@ def require_files(container: Element, reading: Reading) -> None:
 
 
 def drop_loose_joints(reading: Reading) -> None:
-    """Leave out joints that connect parts of an included model that is missing."""
+    """Remove joints to parts of missing included models."""
     for model in reading.incomplete:
         names = {part.get("name") for part in model.iter("model", "link", "frame", "joint")}
         for joint in [*model.iter("joint")]:
@@ -45,13 +45,13 @@ def drop_loose_joints(reading: Reading) -> None:
 
 
 def find_uri(shape: Element) -> Element | None:
-    """Return the element that names the file of a mesh or height map."""
+    """Return the element that holds the file name of a mesh or height map."""
     uri = xml.find_child(shape, "uri")
     return xml.find_child(shape, "filename") if uri is None else uri
 
 
 def add_absence(element: Element, uri: str, reading: Reading) -> None:
-    """Record that nothing exists at an address that an element names."""
+    """Record that the address in an element leads nowhere."""
     problem, remedy = reading.addresses.explain(uri, reading.folder_of(element))
     kind = "model" if element.tag == "include" else "mesh"
     sentence = f"{xml.locate(element)} {problem}"
@@ -59,7 +59,7 @@ def add_absence(element: Element, uri: str, reading: Reading) -> None:
 
 
 def require_file(uri: Element, reading: Reading) -> Path:
-    """Return the file that the element ``uri`` names, or raise a MissingFileError."""
+    """Return the file named in the element ``uri``; raise MissingFileError if not found."""
     place = _find(uri, reading)
     if place is None:
         problem, remedy = reading.addresses.explain(xml.read_text(uri), reading.folder_of(uri))
@@ -81,7 +81,7 @@ _NEWEST = 12
 
 
 def expand_includes(container: Element, reading: Reading, chain: tuple[Path, ...] = ()) -> None:
-    """Replace the includes of a world or model, and of all models inside it."""
+    """Replace the includes of a world or model, and of the models inside."""
     for model in container.findall("model"):
         expand_includes(model, reading, chain)
     for include in container.findall("include"):
@@ -123,7 +123,7 @@ def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Elemen
 
 
 def _find_model(uri: str, beside: Path, reading: Reading) -> Path | None:
-    """Return the SDF file at an address; ``x.model`` of SDF 1.0 may be ``x`` in later versions."""
+    """Return the SDF file at an address; ``x.model`` in SDF 1.0 may be called ``x`` since."""
     old = re.fullmatch(r"([^/]+)\.(model|light)", uri)
     for address in (uri, f"model://{old[1]}") if old else (uri,):
         place = reading.addresses.find(address, beside, lambda p: _find_sdf(p, reading) is not None)
@@ -207,7 +207,7 @@ def _adapt(include: Element, model: Element) -> None:
 
 
 def _merge(include: Element, model: Element, container: Element) -> None:
-    """Move the parts of a model into the model around the include, at the same poses."""
+    """Move the parts of a model to the model that includes it, with the same poses."""
     source = str(model.get(xml.SOURCE))
     name = f"_merged_{xml.read_name(model)}"
     frame = etree.Element("frame", {"name": name, xml.SOURCE: source})
@@ -230,7 +230,7 @@ def _merge(include: Element, model: Element, container: Element) -> None:
 
 
 def _anchor(child: Element, frame: str) -> None:
-    """Make a merged part's pose relative to the frame that replaces the model."""
+    """Make the pose of a merged part relative to the frame that replaces the model."""
     for element in child.iter("pose", "parent", "child"):
         for attribute in ("relative_to", "frame"):
             if element.get(attribute) == "__model__":
@@ -251,7 +251,7 @@ def _anchor(child: Element, frame: str) -> None:
 
 
 def _rename_duplicates(container: Element, reading: Reading) -> None:
-    """Rename elements with a taken name: number them as Gazebo does, or add ``_joint``."""
+    """Rename elements with a name in use: add a number, as Gazebo does, or ``_joint``."""
     taken: dict[str, str] = {}
     parts = container.iterchildren("model", "link", "frame", "joint", "collision")
     for element in sorted(parts, key=lambda part: part.tag == "joint"):

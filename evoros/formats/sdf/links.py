@@ -26,11 +26,11 @@ _ASSUMED = "the inertia of homogeneous shapes is assumed"
 
 @dataclass(frozen=True, eq=False)
 class Inertia:
-    """The inertia of a link; ``pose`` is at its centre of mass, in the world frame."""
+    """The inertia of a link; ``pose`` is at the centre of mass, in the world frame."""
 
     mass: float  # [kg]
     pose: Pose
-    moments: Array | None  # (3, 3) [kg m2] about the axes of ``pose``; None: not given
+    moments: Array | None  # (3, 3) [kg m2] about the axes of ``pose``; None if not given
 
 
 Weights = Iterable[tuple[Shape, Pose, float]]
@@ -40,7 +40,7 @@ Weights = Iterable[tuple[Shape, Pose, float]]
 def read_inertia(
     link: Element, path: Path, frames: Frames, weights: Weights, notes: Notes
 ) -> Inertia:
-    """Read the inertia of a link; impossible masses and moments are replaced and noted."""
+    """Read the inertia of a link; replace impossible masses and moments, with a note."""
     inertial = xml.find_child(link, "inertial")
     if inertial is None:
         return Inertia(1.0, frames.world_pose(path), None)
@@ -57,7 +57,7 @@ def read_inertia(
 
 
 def is_auto(link: Element) -> bool:
-    """Return True if a link's inertia is computed from its collisions."""
+    """Return True if the inertia of a link is computed from its collisions."""
     inertial = link.find("inertial")
     return inertial is not None and xml.is_set(inertial, "auto")
 
@@ -111,7 +111,7 @@ class Solid:
 
     @property
     def bottom(self) -> float:
-        """The height [m] of the lowest point."""
+        """The height [m] of the lowest point of the shapes."""
         return min(bottom_height(shape, self.place(shape)) for shape in self.shapes)
 
 
@@ -123,11 +123,11 @@ class Link:
     element: Element
     solids: tuple[Solid, ...]
     inertia: Inertia | None  # None: static
-    held: bool = False  # whether a link of a movable model cannot move
+    held: bool = False  # whether a link of a movable model is immobile
 
 
 def read_link(element: Element, path: Path, frames: Frames, static: bool, reading: Reading) -> Link:
-    """Read a link; ``static`` marks a link of a static model."""
+    """Read a link; ``static`` is whether its model is static."""
     names: set[str] = set()
     solids: list[Solid] = []
     for collision in element.findall("collision"):
@@ -178,7 +178,7 @@ def _is_held(link: Element, solids: Sequence[Solid], reading: Reading) -> bool:
 def _read_shapes(
     collision: Element, link: Element, pose: Pose, path: Path, frames: Frames, reading: Reading
 ) -> tuple[Shape, ...]:
-    """Return the shapes of a collision in its frame, which has the world pose ``pose``."""
+    """Return the shapes of a collision in its own frame; ``pose`` is its world pose."""
     if xml.touches_nothing(collision):
         problem = "is left out: its <contact> or <max_contacts> lets everything pass through it"
         reading.notes.add(collision, problem, "passable")
@@ -203,7 +203,7 @@ def _read_shapes(
 
 
 def _read_friction(collision: Element) -> float:
-    """Read the friction coefficient mu of ODE or else Bullet, or return SDF's default of 1."""
+    """Read the friction coefficient mu for ODE, else for Bullet, else return SDF's default of 1."""
     surface = xml.find_child(collision, "surface")
     friction = None if surface is None else xml.find_child(surface, "friction")
     if friction is None:
@@ -213,7 +213,7 @@ def _read_friction(collision: Element) -> float:
         element = xml.find_child(friction, engine)
         if element is not None:
             coefficients += _read_coefficient(xml.find_child(element, tag))
-    _read_coefficient(friction.find("ode/mu2"))  # only checked: mu applies in all directions
+    _read_coefficient(friction.find("ode/mu2"))  # checked only: mu applies in all directions
     return coefficients[0] if coefficients else 1.0
 
 
@@ -224,7 +224,7 @@ def _read_coefficient(element: Element | None) -> list[float]:
 
 
 def _read_density(collision: Element, link: Element) -> float:
-    """Return a collision's density [kg/m3], by default its link's or, without one, water's."""
+    """Return the density [kg/m3] of a collision: its own, its link's, or water's."""
     for element in (collision.find("density"), link.find("inertial/density")):
         if element is not None:
             return xml.read_positive(element, 1)[0]
@@ -234,8 +234,8 @@ def _read_density(collision: Element, link: Element) -> float:
 def _substitute_box(
     link: Element, path: Path, frames: Frames, reading: Reading
 ) -> tuple[Shape, Pose, str] | None:
-    """Return a box that replaces a link's mesh, its world pose, and its origin."""
-    silent = copy(reading)  # notes on the visual do not matter
+    """Return a box that replaces the mesh of a link, its world pose, and the origin of its size."""
+    silent = copy(reading)  # notes on visuals are irrelevant
     silent.notes = Notes(LOG)
     for visual in link.findall("visual"):
         geometry, box = visual.find("geometry"), None
@@ -274,7 +274,7 @@ def _corners(shape: Shape) -> tuple[Vector, ...]:
 
 
 def _equivalent_box(inertia: Inertia) -> Vector | None:
-    """Return the edges [m] of the axis-aligned homogeneous box with these moments, if any."""
+    """Return the edges [m] of a homogeneous box with these moments, or None if impossible."""
     if inertia.moments is None:
         return None
     moments = inertia.moments.diagonal()

@@ -1,4 +1,4 @@
-"""Converts SDF 1.0, the format of Gazebo 1.0 (2012), to the elements of later versions.
+"""Converts SDF 1.0, used by Gazebo 1.0 (2012), to elements of later versions.
 
 The table follows sdformat's ``1_0.convert``; files in the later form stay unchanged.
 """
@@ -35,7 +35,7 @@ _TO_TEXT = {"gravity": "xyz", "parent": "link", "child": "link"}
 
 
 def modernize(root: Element, notes: Notes) -> None:
-    """Convert a document of SDF 1.0 or 1.1 in place; leave others unchanged."""
+    """Convert a document of SDF 1.0 or 1.1 in place; leave other versions unchanged."""
     if root.get("version", "").strip() not in ("1.0", "1.1"):
         return
     rewritten = sum(_rewrite(element) for element in [*root.iter(etree.Element)])

@@ -1,9 +1,9 @@
-"""Reads the bodies of an SDF file (versions 1.0 to 1.12) with a ``<world>`` or only models.
+"""Reads the bodies in an SDF file (versions 1.0 to 1.12) with a ``<world>`` or only models.
 
-The reader accepts files that Gazebo accepts. No element that may matter is dropped silently:
+The reader accepts all files that Gazebo accepts. No element that may matter is dropped silently:
 omissions and assumptions are warnings of the logger ``evoros.sdf``. A ``<state>`` moves models and
-links to world poses, as in Gazebo. Links connected by joints become one body. A link without mass
-gets 1 kg, the default of SDF.
+links to world poses, as in Gazebo. Links connected by joints become one body. A link without a mass
+has 1 kg, the default of SDF.
 """
 
 import hashlib
@@ -32,7 +32,7 @@ from evoros.geometry.shapes import Body, Pose, Vector
 
 
 def build_fixed_bodies(links: Sequence[Link]) -> list[Body]:
-    """Build one body for each collision of static links, so that each keeps its friction."""
+    """Build a body for each collision of static links, so that each has its own friction."""
     solids = [(link.path, solid) for link in links for solid in link.solids]
     names = [path[0] if len(solids) == 1 else "::".join((*path, s.name)) for path, s in solids]
     return [
@@ -42,10 +42,10 @@ def build_fixed_bodies(links: Sequence[Link]) -> list[Body]:
 
 
 def build_movable_body(links: Sequence[Link], alone: bool, notes: Notes) -> list[Body]:
-    """Build the body of links that move as one; none if nothing can touch it.
+    """Build the body of links that move as one; none if it has no collisions.
 
-    A body that is ``alone`` in its model may have the model's name. If the collisions differ in
-    friction, the lowest one's is used, because it touches the ground.
+    A body that is ``alone`` in its model may have the name of the model. If collisions differ in
+    friction, the value of the lowest collision is used, because it touches the ground.
     """
     first = links[0]
     solids = [solid for link in links for solid in link.solids]
@@ -70,7 +70,7 @@ def build_movable_body(links: Sequence[Link], alone: bool, notes: Notes) -> list
 
 
 def combine_inertias(parts: Sequence[Inertia]) -> tuple[float, Pose, Vector | None]:
-    """Return mass, principal frame in the world and principal moments of rigidly joined parts."""
+    """Return the mass, principal frame in the world and principal moments of joined parts."""
     moments = parts[0].moments
     if len(parts) == 1 and moments is None:
         return parts[0].mass, parts[0].pose, None
@@ -104,10 +104,10 @@ _VERSIONS = "1.0 to 1.12"
 class SdfWorld:
     """The content of an SDF file."""
 
-    bodies: tuple[Body, ...]  # same order as in the file
+    bodies: tuple[Body, ...]  # ordered as in the file
     gravity_mps2: float  # downwards
     actors: tuple[Actor, ...]
-    sha256: str  # hash of all files that were read
+    sha256: str  # digest of all files read
 
 
 def read_sdf(
@@ -117,9 +117,10 @@ def read_sdf(
     file: FilePath | None = None,
     course: Array | None = None,
 ) -> SdfWorld:
-    """Read the content of an SDF file, called ``source`` in errors.
+    """Read the content of an SDF file, which errors call ``source``.
 
-    Its files are searched for around ``file``. Meshes near ``course`` (n, 2) [m] are divided first.
+    Other files are searched for around ``file``. Meshes near ``course`` (n, 2) [m] are divided
+    first.
     """
     reading = Reading(file or FilePath(source).absolute(), options or SdfOptions(), source)
     root = parse_leniently(content, source)
@@ -244,9 +245,9 @@ def _place_meshes(models: Sequence[Element], frames: Frames) -> Iterator[tuple[E
 
 
 def _build_bodies(model: Element, frames: Frames, reading: Reading) -> list[Body]:
-    """Build the bodies of a top-level model; links that joints connect form one body."""
+    """Build the bodies of a top-level model; links connected by joints form one body."""
     links: list[Link] = []
-    # Each link points towards the one that represents its body; () represents the ground.
+    # Each link points to the link that represents its body; () is the ground.
     parents: dict[Path, Path] = {}
     models = list(_walk_models(model, (), False))
     for path, element, static in models:
@@ -255,7 +256,7 @@ def _build_bodies(model: Element, frames: Frames, reading: Reading) -> list[Body
             links.append(link)
             parents[link.path] = () if static or link.held else link.path
     for path, element, static in models:
-        # Joints do not move the links of a static model.
+        # joints do not move links of static models
         for joint in () if static else element.findall("joint"):
             _join(joint, path, frames, parents)
     groups: dict[Path, list[Link]] = {}
@@ -281,14 +282,14 @@ def _join(joint: Element, scope: Path, frames: Frames, parents: dict[Path, Path]
     for tag in ("parent", "child"):
         end = xml.require_child(joint, tag)
         name = xml.read_text(end)
-        # A link joined to the world is fixed to the ground.
+        # a link joined to the world is fixed to the ground
         path = () if name == "world" else frames.find(scope, name, end)
         if path and path not in parents:
             raise xml.element_error(
                 end, f"names {xml.quote(name)}, which is not a link", "name a link"
             )
         roots.append(_find_root(parents, path))
-    # The ground, (), stays at the end of the chain.
+    # keep the ground, (), at the end of the chain
     first, last = roots if roots[0] else roots[::-1]
     if first:
         parents[first] = last

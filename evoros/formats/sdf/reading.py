@@ -1,7 +1,7 @@
-"""The options and the state of an SDF reader, and the location of the files that SDF names.
+"""The options and the state of an SDF reader, and the lookup of files named in SDF.
 
-Files are named by model://, package://, file://, a Fuel address or a path; models of Gazebo Fuel
-are looked up in Fuel's local cache.
+A file may be given by model://, package://, file://, a Fuel address or a path; models of Gazebo
+Fuel are looked up in Fuel's local cache.
 """
 
 import hashlib
@@ -37,12 +37,12 @@ _VARIABLES = (
     "SDF_PATH",
 )
 _FIND = re.compile(r"^(?:file://)?\$\(find(?:-pkg-share)? +([^)\s]+)\)")
-_LEVELS_UP = 4  # number of folders above the file that are searched
+_LEVELS_UP = 4  # number of parent folders searched
 _SCHEMES = ("model://", "package://", "file://")
 
 
 class Addresses:
-    """Locates the files that a world refers to; ``declared`` are the folders of ``model_paths``."""
+    """Locates files named in a world; ``declared`` are the folders of ``model_paths``."""
 
     def __init__(self, file: Path, declared: Sequence[Path], notes: Notes) -> None:
         self._file = file
@@ -54,9 +54,9 @@ class Addresses:
     def find(
         self, uri: str, beside: Path, accepts: Callable[[Path], bool] = Path.exists
     ) -> Path | None:
-        """Return the file or folder at an address in a file of the given folder, or None.
+        """Return what an address in a file in folder ``beside`` points to, or None.
 
-        The result is the first path that ``accepts`` approves; other letter cases are tried last.
+        The result is the first path for which ``accepts`` is true; other letter case is tried last.
         """
         key = (uri, beside, accepts)
         if key not in self._places:
@@ -84,7 +84,7 @@ class Addresses:
         return place
 
     def explain(self, uri: str, beside: Path) -> tuple[str, Remedy]:
-        """Return the problem with an address that leads nowhere, and its remedy."""
+        """Return why an address leads nowhere, and the remedy."""
         if (uri, beside) not in self._explained:
             self._explained[uri, beside] = self._explain(_normalize(uri), beside)
         return self._explained[uri, beside]
@@ -150,7 +150,7 @@ class Addresses:
 
 
 def _around(start: Path, path: str, first: str, rest: str) -> Iterator[Path]:
-    """Yield candidate paths of a named file in the folders above, and in their model folders."""
+    """Yield candidate paths of a file in the parent folders and in their model folders."""
     for folder in [start, *start.parents][: _LEVELS_UP + 1]:
         if len(folder.parts) <= 1:
             return
@@ -161,7 +161,7 @@ def _around(start: Path, path: str, first: str, rest: str) -> Iterator[Path]:
 
 
 def _normalize(uri: str) -> str:
-    """Return an address with ROS's ``$(find NAME)/`` written as ``package://NAME/``."""
+    """Return an address with ROS's ``$(find NAME)/`` replaced by ``package://NAME/``."""
     return _FIND.sub(r"package://\1", uri.strip())
 
 
@@ -176,7 +176,7 @@ _ADDRESS = re.compile(
     re.IGNORECASE,
 )
 _CACHES = {"GZ_FUEL_CACHE_PATH": "~/.gz/fuel", "IGN_FUEL_CACHE_PATH": "~/.ignition/fuel"}
-# The server has two names, and a cache may use either for a model.
+# Two names of one server; a cache may use either.
 _HOSTS = ("fuel.gazebosim.org", "fuel.ignitionrobotics.org")
 
 
@@ -186,8 +186,8 @@ class _FuelAddress:
     owner: str
     kind: str
     name: str
-    version: str  # number; empty for the newest
-    inner: str  # path inside the model's folder; empty for the folder
+    version: str  # version number; empty for the newest
+    inner: str  # path inside the folder of the model; empty for the folder
 
 
 def _parse_address(uri: str) -> _FuelAddress | None:
@@ -208,7 +208,7 @@ def _find_in_cache(address: _FuelAddress, declared: Sequence[Path]) -> Path | No
 
 
 def _where_to_get(address: _FuelAddress, uri: str) -> tuple[str, Remedy]:
-    """Return the problem with a missing item, with the expected path, and the command to get it."""
+    """Return why an item is missing, with its expected path, and the command to download it."""
     cache = next(_cache_folders())
     expected = cache / address.host / address.owner.lower() / address.kind / address.name.lower()
     kind = f"/{address.kind}/"
@@ -225,7 +225,7 @@ def _cache_folders() -> Iterator[Path]:
 
 
 def _cached_folders(address: _FuelAddress) -> Iterator[Path]:
-    """Yield the folders of the model's versions in the caches, newest first."""
+    """Yield the version folders of the model in all caches, newest first."""
     hosts = dict.fromkeys([address.host, *(_HOSTS if address.host.lower() in _HOSTS else ())])
     for cache in _cache_folders():
         for host in hosts:
@@ -263,11 +263,11 @@ class SdfOptions:
     """Options for reading an SDF file.
 
     Meshes within 30 m of the course are divided into convex parts in about ``mesh_effort`` minutes;
-    more than one minute extends the 30 m in proportion.
+    with more than one minute, the distance grows in proportion.
     """
 
-    model_paths: Annotated[tuple[str, ...], FOLDERS] = ()  # folders that hold models or meshes
-    world_name: Annotated[str, WORLD_NAME] = ""  # selects one of several worlds
+    model_paths: Annotated[tuple[str, ...], FOLDERS] = ()  # folders with models or meshes
+    world_name: Annotated[str, WORLD_NAME] = ""  # name of the world to read if there are several
     missing: Annotated[str, MISSING_RULE] = "error"  # treatment of missing models and meshes
     vehicles: Annotated[str, one_of("leave_out", "hold_still")] = "leave_out"
     mesh_up_axis: Annotated[str, one_of("ignore", "apply")] = "ignore"  # <up_axis> of DAE files
@@ -286,11 +286,11 @@ class SdfOptions:
 
 @dataclass(eq=False)
 class Reading:
-    """The state of reading one world: options, files read so far, and notes for the user."""
+    """The state of reading one world: options, files read so far, and notes."""
 
-    file: Path  # path of the world
+    file: Path  # path of the world file
     options: SdfOptions
-    source: str  # name of the world in messages
+    source: str  # name of the world file in messages
     notes: Notes = field(default_factory=lambda: Notes(LOG))
     digests: dict[Path, bytes] = field(default_factory=dict)  # all files except the world's
     # keyed by address and folder
@@ -300,11 +300,11 @@ class Reading:
     def __post_init__(self) -> None:
         self._roots: dict[Path, Element] = {}
         self.absences = Absences(self.source)
-        self.incomplete: list[Element] = []  # models that lack an included model
+        self.incomplete: list[Element] = []  # models without a missing included model
         self.addresses = Addresses(self.file, self.options.folders(), self.notes)
 
     def read(self, path: Path) -> bytes:
-        """Return the content of a file, of which only the digest is kept."""
+        """Return the content of a file, and record its digest."""
         real = path.resolve()
         content = read_file(real)
         self.digests[real] = hashlib.sha256(content).digest()
@@ -314,13 +314,13 @@ class Reading:
         """Return the root of an XML file, which the caller may modify."""
         if path not in self._roots:
             root = parse_leniently(self.read(path), str(path))
-            root.set(SOURCE, str(path))  # a copied element loses its file's name
+            root.set(SOURCE, str(path))  # copied elements lose the name of their file
             modernize(root, self.notes)
             self._roots[path] = root
         return deepcopy(self._roots[path])
 
     def folder_of(self, element: Element) -> Path:
-        """Return the folder of the file that an element was read from."""
+        """Return the folder of the file from which an element was read."""
         sources = (str(owner.get(SOURCE, "")) for owner in walk_up(element))
         source = next((source for source in sources if source.startswith("/")), self.file)
         return Path(source).parent

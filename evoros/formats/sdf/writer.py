@@ -1,7 +1,8 @@
-"""Writes bodies as an SDF file that this package's reader and Gazebo can read.
+"""Writes bodies as an SDF file that Gazebo and this package can read.
 
-Lengths and angles are rounded to nine decimals, so that a file that was read is written unchanged.
-SDF cannot contain polyhedra and height fields: the former go to one OBJ file, the latter to images.
+Lengths and angles are rounded to nine decimals, so that reading and writing leave a file unchanged.
+SDF cannot contain polyhedra and height fields: polyhedra are written to an OBJ file, height fields
+to images.
 """
 
 import math
@@ -22,9 +23,9 @@ from evoros.geometry.polyhedron import convex_polyhedron
 from evoros.geometry.shapes import Body, Pose, Shape
 
 _WHITE = 65535  # maximum level of 16 bits
-_GREY_16 = (16, 0, 0, 0, 0)  # depth, colour type, compression, filter, interlacing of a PNG
-_PART = "part_{}"  # name of a polyhedron in the OBJ file, by its number from 1
-_GRAVITY_MPS2 = 9.81  # gravity of a file that states none
+_GREY_16 = (16, 0, 0, 0, 0)  # bit depth, colour type, compression, filter and interlacing of a PNG
+_PART = "part_{}"  # name in the OBJ file of a polyhedron, counted from 1
+_GRAVITY_MPS2 = 9.81  # gravity of a file without <gravity>
 _FRAME = """<?xml version="1.0"?>
 {comment}<sdf version="1.9">
   <world name={name}>
@@ -74,10 +75,10 @@ def write_sdf(
     gravity_mps2: float = _GRAVITY_MPS2,
     stem: str = "",
 ) -> str:
-    """Return the content of an SDF file with a world of these bodies, each as a model.
+    """Return an SDF file with a world that contains each body as a model.
 
-    The file begins with ``comment``, in which XML does not allow ``--``. The content names the
-    files that ``write_surfaces`` returns for the same ``stem``, which is ``name`` by default.
+    The file starts with ``comment``, which must not contain ``--``. It names the files that
+    ``write_surfaces`` returns for the same ``stem`` (default: ``name``).
     """
     note = f"<!-- {comment} -->\n" if comment else ""
     gravity = ""
@@ -90,7 +91,7 @@ def write_sdf(
 
 
 def write_surfaces(stem: str, bodies: Sequence[Body]) -> dict[str, bytes]:
-    """Return the contents of the files that ``write_sdf`` names, by file name."""
+    """Return the files named in the result of ``write_sdf``, by file name."""
     parts = list(_find("convex", bodies))
     files = {f"{stem}.obj": _format_obj(parts).encode()} if parts else {}
     fields = enumerate(_find("heightfield", bodies), start=1)
@@ -102,7 +103,7 @@ def _find(kind: str, bodies: Sequence[Body]) -> Iterator[Shape]:
 
 
 def _name_files(bodies: Sequence[Body], stem: str) -> dict[int, str]:
-    """Return the XML that names a geometry's file, by the ``id`` of its shape."""
+    """Return the XML that names the file of each geometry, by the ``id`` of its shape."""
     geometries = {
         id(shape): _MESH.format(file=escape(f"{stem}.obj"), part=_PART.format(i))
         for i, shape in enumerate(_find("convex", bodies), start=1)
@@ -113,7 +114,7 @@ def _name_files(bodies: Sequence[Body], stem: str) -> dict[int, str]:
             file=escape(f"{stem}_{i}.png"),
             x=_format_rounded(shape.size[0]),
             y=_format_rounded(shape.size[1]),
-            z=_format_rounded(high - low if high > low else 1.0),  # height of white; 1 m if level
+            z=_format_rounded(high - low if high > low else 1.0),  # height of white [m]; 1 if level
             bottom=_format_rounded(low),
         )
     return geometries
@@ -151,7 +152,7 @@ def _compute_angles(pose: Pose) -> tuple[float, float, float]:
     m = pose.rotation.tolist()
     flat = math.hypot(m[0][0], m[1][0])
     pitch = elementary.atan2(-m[2][0], flat)
-    if flat < 1e-6:  # nose straight up or down: roll and yaw turn about the same axis
+    if flat < 1e-6:  # nose straight up or down: roll and yaw have the same axis
         return 0.0, pitch, elementary.atan2(-m[0][1], m[1][1])
     return elementary.atan2(m[2][1], m[2][2]), pitch, elementary.atan2(m[1][0], m[0][0])
 
@@ -165,7 +166,7 @@ def _format_exact(value: float) -> str:
 
 
 def _format_obj(shapes: Iterable[Shape]) -> str:
-    """Return an OBJ file with one object per polyhedron, in the polyhedron's frame."""
+    """Return an OBJ file with an object per polyhedron, in its own frame."""
     lines = ["# convex parts, in metres"]
     first = 1
     for count, shape in enumerate(shapes, start=1):
@@ -183,11 +184,11 @@ def _height_range(shape: Shape) -> tuple[float, float]:
 
 
 def _encode_heights(shape: Shape) -> bytes:
-    """Return the heights as a 16-bit grey PNG, from black to white, with the maximum y on top."""
+    """Return heights as a 16-bit greyscale PNG, black to white; the first row is at maximum y."""
     low, high = _height_range(shape)
     levels = (np.array(shape.heights) - low) * (_WHITE / (high - low) if high > low else 0.0)
     rows = np.rint(levels[::-1]).astype(">u2")
-    lines = b"".join(b"\0" + row.tobytes() for row in rows)  # 0: this row has no filter
+    lines = b"".join(b"\0" + row.tobytes() for row in rows)  # 0: unfiltered row
     height, width = rows.shape
     chunks = (
         (b"IHDR", struct.pack(">IIBBBBB", width, height, *_GREY_16)),
@@ -206,7 +207,7 @@ _NAME = re.compile(r"[\w-][\w.-]*")
 
 
 def require_closed(path: Path) -> None:
-    """Check that an SDF file has no xacro and no includes, and names only files in its folder."""
+    """Check that an SDF file has no xacro or includes, and names only files in its own folder."""
     content = path.read_bytes()
     problems = ["contains xacro, which is code"] if is_xacro(path, content) else []
     for element in () if problems else parse(content, str(path)).iter():

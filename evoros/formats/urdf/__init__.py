@@ -1,1 +1,1 @@
-"""Reads URDF and xacro robot descriptions, and merges fixed links."""
+"""Reads robot descriptions in URDF and xacro, and merges fixed links."""

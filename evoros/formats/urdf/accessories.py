@@ -1,4 +1,4 @@
-"""Parts of a description that can be left out because their packages are missing or ignored."""
+"""Parts of a description that can be omitted if their packages are missing or ignored."""
 
 import logging
 import re
@@ -16,14 +16,14 @@ _SENSOR = re.compile(
     re.IGNORECASE,
 )
 _DECORATION = frozenset(("visual", "material", "gazebo", "transmission", "ros2_control"))
-"""Elements that do not affect mass, shape or motion."""
+"""Elements without effect on mass, shape or motion."""
 
 
 def is_needed(text: str, absent: Sequence[str], calls: Sequence[str]) -> bool:
-    """Return True if an expanded description needs packages that are missing.
+    """Return True if an expanded description requires the missing packages.
 
-    Decorations need none. If the description calls macros of the missing packages, either these
-    packages or the macros must all be named like sensors, which designs replace.
+    Decorations do not. If the description calls macros of missing packages, all these packages or
+    all these macros must have sensor names, because designs replace sensors.
     """
     if calls and not any(all(map(_SENSOR.search, names)) for names in (absent, calls)):
         return True
@@ -34,12 +34,12 @@ def is_needed(text: str, absent: Sequence[str], calls: Sequence[str]) -> bool:
 
 
 def names_sensor(link: Element) -> bool:
-    """Return True if a link is named like a sensor."""
+    """Return True if the name of a link is a sensor name."""
     return bool(_SENSOR.search(str(link.get("name"))))
 
 
 def _names_absent(element: Element) -> bool:
-    """Return True if an element names a file of a missing package, except in a decoration."""
+    """Return True if an element, unless a decoration, names a file of a missing package."""
     if element.tag in _DECORATION:
         return False
     words = (element.text or "", *map(str, element.attrib.values()))
@@ -47,7 +47,7 @@ def _names_absent(element: Element) -> bool:
 
 
 def leave_out_loose(root: Element, source: str) -> None:
-    """Leave out joints to links missing from a ``<robot>``, and parts that only they connect."""
+    """Remove joints to links that a ``<robot>`` lacks, and all parts connected only by these."""
     parents: dict[str, str] = {}
     names = dict.fromkeys(map(str, root.xpath("link/@name")))
     loose: list[str] = []

@@ -1,4 +1,4 @@
-"""Builds and modifies URDF elements: completes inertias and merges rigid links."""
+"""Builds and modifies URDF elements: completes inertias, and merges rigidly connected links."""
 
 import math
 from collections.abc import Collection, Iterable, Sequence
@@ -26,7 +26,7 @@ def set_origin(element: Element, pose: Pose) -> None:
     if abs(rotation[2, 0]) < 1.0 - 1e-12:
         roll = elementary.atan2(rotation[2, 1], rotation[2, 2])
         yaw = elementary.atan2(rotation[1, 0], rotation[0, 0])
-    else:  # roll and yaw rotate about the same axis
+    else:  # roll and yaw have the same axis
         roll, yaw = 0.0, elementary.atan2(-rotation[0, 1], rotation[1, 1])
     xyz = " ".join(repr(float(coordinate)) for coordinate in pose.position)
     rpy = f"{roll!r} {pitch!r} {yaw!r}"
@@ -34,7 +34,7 @@ def set_origin(element: Element, pose: Pose) -> None:
 
 
 def build_collision(shape: Shape) -> Element:
-    """Build the ``<collision>`` of a shape; only this package reads a ``<convex>`` in it."""
+    """Build the ``<collision>`` of a shape; only this package reads ``<convex>`` elements."""
     collision = etree.Element("collision")
     geometry = SubElement(collision, "geometry")
     numbers = [repr(float(length)) for length in shape.size]
@@ -58,7 +58,7 @@ def set_collisions(link: Element, shapes: Sequence[Shape]) -> None:
 
 
 def set_inertial(link: Element, mass: float, centre: Array, tensor: Array) -> None:
-    """Replace the ``<inertial>`` of a link: mass [kg], centre (3,) [m], tensor (3, 3) [kg m2]."""
+    """Set the ``<inertial>`` of a link: mass [kg], centre (3,) [m] and tensor (3, 3) [kg m2]."""
     for inertial in link.findall("inertial"):
         link.remove(inertial)
     moments, axes = principal_axes(tensor)
@@ -81,7 +81,7 @@ def set_motor(joint: Element, kind: str, axis: Array, effort: float, velocity: f
 
 
 def add_fixed_joint(root: Element, name: str, parent: str, child: str, pose: Pose) -> None:
-    """Fix a link to another; ``pose`` is the child's frame in the parent's."""
+    """Fix one link to another; ``pose`` is the child frame in the parent frame."""
     joint = SubElement(root, "joint", name=name, type="fixed")
     SubElement(joint, "parent", link=parent)
     SubElement(joint, "child", link=child)
@@ -96,16 +96,17 @@ def add_fixed_link(root: Element, name: str, parent: str, pose: Pose) -> Element
 
 
 def require_limit(joint: Element) -> Element:
-    """Return the ``<limit>`` of a joint, adding one if necessary."""
+    """Return the ``<limit>`` of a joint, added if missing."""
     limit = joint.find("limit")
     return SubElement(joint, "limit") if limit is None else limit
 
 
 def merge_fixed_links(root: Element, kept: Collection[str] = ()) -> str:
-    """Merge every outermost link on a fixed joint into its parent; return the XML.
+    """Merge links on fixed joints into their parents, outermost first; return the XML.
 
-    Links in ``kept`` stay separate, for example because their friction differs. Visual elements and
-    elements for other simulators are removed. ``root``, a ``<robot>``, is modified in place.
+    Links in ``kept`` stay separate, for example because of their friction. Visual elements and
+    elements for other simulators are removed. The ``<robot>`` element ``root`` is modified in
+    place.
     """
     etree.strip_elements(root, "visual", "gazebo", "material", "transmission")
     links = {str(link.get("name")): link for link in root.findall("link")}
@@ -125,7 +126,7 @@ def merge_fixed_links(root: Element, kept: Collection[str] = ()) -> str:
 
 
 def _merge_inner(root: Element, links: dict[str, Element], kept: Collection[str]) -> None:
-    """Merge the remaining fixed links, which carry links that move or are kept."""
+    """Merge the remaining fixed links, which carry movable or kept links."""
     for joint in root.findall("joint"):
         if joint.get("type") != "fixed" or _end(joint, "child") in kept:
             continue
@@ -144,7 +145,7 @@ def _end(joint: Element, tag: str) -> str:
 
 
 def _merge(parent: Element, child: Element, pose: Pose) -> None:
-    """Merge a child into its parent; ``pose`` is the child's frame in the parent's."""
+    """Merge a child link into its parent; ``pose`` is the child frame in the parent frame."""
     for collision in child.findall("collision"):
         set_origin(collision, pose @ read_origin(collision))
         parent.append(collision)
@@ -163,7 +164,7 @@ def _merge(parent: Element, child: Element, pose: Pose) -> None:
 
 
 def _read_inertia(link: Element, pose: Pose) -> tuple[float, Array, Array]:
-    """Return the mass [kg], centre of mass (3,) [m] and tensor (3, 3) [kg m2] of a placed link."""
+    """Return the mass [kg], centre (3,) [m] and tensor (3, 3) [kg m2] of a placed link."""
     inertial = require_child(link, "inertial")
     frame = pose @ read_origin(inertial)
     rotation = frame.rotation
@@ -173,9 +174,9 @@ def _read_inertia(link: Element, pose: Pose) -> tuple[float, Array, Array]:
 
 
 DENSITY_KG_M3 = 500.0
-"""Density assumed for parts without a mass, between foam and plastic, as for hollow parts."""
+"""Density assumed for parts without a mass: hollow parts, between foam and plastic."""
 _MIN_GYRATION_M = 1e-4
-_DEFAULT_GYRATION_M = 0.02  # default for a link without shapes
+_DEFAULT_GYRATION_M = 0.02  # radius of gyration [m] of a link without shapes
 _NAMED = 6  # maximum number of links named in a message
 
 
@@ -183,7 +184,7 @@ def correct_inertias(robot: Element, extent_m: float) -> list[str]:
     """Replace impossible inertias; return one line per kind of problem.
 
     A link without a mass becomes a frame. A tensor is impossible if no body of positive density can
-    have it, or if it requires mass beyond the robot's extent [m].
+    have it, or if it implies mass outside the robot's extent [m].
     """
     massless, replaced, beyond = [], [], []
     for link in robot.findall("link"):
@@ -245,14 +246,14 @@ def _assume_tensor(link: Element, mass: float) -> Array:
 
 
 def box_tensor(mass: float, size: Array) -> Array:
-    """Return the inertia tensor (3, 3) [kg m2] of a homogeneous box of this size (3,) [m]."""
+    """Return the inertia tensor (3, 3) [kg m2] of a homogeneous box of ``size`` (3,) [m]."""
     squares = np.maximum(size, 1e-3) ** 2
     return np.asarray(mass / 12.0 * np.diag(squares.sum() - squares))
 
 
 def bounds_of(shapes: Iterable[tuple[Shape, Pose]]) -> tuple[Array, Array]:
-    """Return the lower and upper corners (3,) [m] of the bounding box of placed shapes."""
-    turns = (  # rotations of x, y and z to the vertical
+    """Return the minimum and maximum corner (3,) [m] of the bounding box of placed shapes."""
+    turns = (  # rotations that make x, y and z vertical
         Pose.from_rpy((0.0, 0.0, 0.0), 0.0, -math.pi / 2, 0.0),
         Pose.from_rpy((0.0, 0.0, 0.0), math.pi / 2, 0.0, 0.0),
         Pose(),
@@ -264,7 +265,7 @@ def bounds_of(shapes: Iterable[tuple[Shape, Pose]]) -> tuple[Array, Array]:
 
 
 def give_mass(link: Element, shapes: Sequence[tuple[Shape, Pose]]) -> float:
-    """Give a link the mass of its shapes' bounding box, in its frame; return the mass [kg]."""
+    """Give a link the mass of the bounding box of its shapes; return the mass [kg]."""
     low, high = bounds_of(shapes)
     mass = DENSITY_KG_M3 * float(np.prod(np.maximum(high - low, 1e-3)))
     set_inertial(link, mass, (low + high) / 2, box_tensor(mass, high - low))

@@ -26,16 +26,15 @@ _LOG = logging.getLogger(__name__)
 _XACRO = re.compile(xacro_child.NAMESPACE)
 _PLACEHOLDER = re.compile(r"\$\{(\w+)\}")
 _LEGACY = ("property[@name]", "macro[@name]", "include[@filename]")
-"""Elements of xacro from before 2014, which needed no namespace declaration."""
+"""Elements of xacro before 2014, which required no namespace declaration."""
 _WITHOUT_LINKS = ("material", "gazebo", "transmission")
 _PREFIX = re.compile(r"(robot_?)?(namespace|ns|prefix)|tf_prefix")
 
 
 def read(name: str, options: ReadOptions | None = None) -> tuple[Path, Element]:
-    """Return the file and the root element of a URDF or an expanded xacro file.
+    """Return the file and root element of a URDF, or of an expanded xacro file.
 
-    In the result, existing files are named by address (``file:///...``); a missing file keeps its
-    name.
+    In the result, files are named by address (``file:///...``) if they exist, otherwise as before.
     """
     options = options or ReadOptions()
     file = find_file(name, "robots")
@@ -81,7 +80,7 @@ def _check_robot(root: Element, file: Path) -> None:
 def _fill_placeholders(
     text: str, file: Path, arguments: Mapping[str, object], root: Element
 ) -> Element:
-    """Return the root with ``${NAME}`` replaced, as launch files do in a URDF without xacro."""
+    """Return the root with ``${NAME}`` replaced, as launch files do in URDF without xacro."""
     names = sorted(set(_PLACEHOLDER.findall(text)))
     unknown = sorted(set(arguments) - set(names))
     if unknown:
@@ -108,14 +107,14 @@ def _fill_placeholders(
 
 
 EXPANDED = " (expanded)"
-"""Suffix of the name of a description whose line numbers differ from its file's."""
+"""Suffix of the name of a description whose line numbers are not its file's."""
 _MESH_SCHEMES = ("package://", "model://", "file://")
 
 
 def resolve_files(root: Element, file: Path, packages: PackageIndex) -> None:
-    """Replace the names of existing meshes and textures with addresses (``file:///...``).
+    """Replace the names of existing meshes and textures by addresses (``file:///...``).
 
-    Visual and collision elements that name a file of an ignored package are removed.
+    Visual and collision elements with a file in an ignored package are removed.
     """
     left_out: list[str] = []
     notes = Notes(_LOG)
@@ -138,7 +137,7 @@ def resolve_files(root: Element, file: Path, packages: PackageIndex) -> None:
 
 
 def list_named_files(root: Element) -> Iterator[Element]:
-    """Yield the elements of a ``<robot>`` that name files, except SDF inside ``<gazebo>``."""
+    """Yield the elements of a ``<robot>`` that name files, except SDF in ``<gazebo>``."""
     for child in root:
         if child.tag != "gazebo":
             yield from child.iter("mesh", "texture")
@@ -147,8 +146,8 @@ def list_named_files(root: Element) -> Iterator[Element]:
 def collect_absent_meshes(root: Element, absences: Absences, packages: PackageIndex) -> None:
     """Collect the missing meshes of collision elements.
 
-    If any mesh or package is missing, visual meshes of links without collisions are included: they
-    are needed if the link is a wheel or the body.
+    If any mesh or package is missing, visual meshes of links without collisions are collected as
+    well, because wheels and the body require them.
     """
     links, turning = root.findall("link"), find_turning(root)
     bare = [link for link in links if link.find("collision") is None]

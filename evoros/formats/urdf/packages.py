@@ -1,9 +1,9 @@
 """Locates ROS packages in declared folders, the environment, and folders around a file.
 
-This module also finds files that are not where a description says. ``$(find NAME)/x`` is a path in
-the installed package, which ``install(DIRECTORY description/x DESTINATION share/NAME)`` in
-CMakeLists.txt fills from another folder. People also write names with different letter case, such
-as ``Barrel.DAE`` for ``barrel.dae``, on case-insensitive systems.
+This module also finds files that have moved: ``$(find NAME)/x`` is a path in the installed package,
+which ``install(DIRECTORY description/x DESTINATION share/NAME)`` in CMakeLists.txt fills from
+another folder. On case-insensitive systems, names are often written with different letter case,
+such as ``Barrel.DAE`` for ``barrel.dae``.
 """
 
 import os
@@ -16,38 +16,36 @@ from pathlib import Path, PurePosixPath
 from evoros.base.errors import InputError
 from evoros.files.resources import bundled_folder, expand_home
 
-_LEVELS_UP = 3  # number of folders above the file's package that are searched; more in a workspace
+_LEVELS_UP = 3  # number of folders searched above the file's package; more in a workspace
 _LEVELS_DOWN = 4  # number of folder levels searched below each folder
 _MAX_FOLDERS = 5_000  # maximum number of folders searched
 _SKIPPED = ("build", "install", "log", "node_modules", "site-packages")
 _MANIFESTS = ("package.xml", "manifest.xml")
-"""Manifest files of a package; the older file, from before 2012, does not state the name."""
+"""Manifest files of a package; the older, from before 2012, does not state the package name."""
 _IGNORED = {"COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE"}
-_SPACES = ("src", "install", "devel")  # folders of a workspace that contain packages
+_SPACES = ("src", "install", "devel")  # folders of packages in a workspace
 _INDEX = "ament_index/resource_index/packages"
-"""The folder in ``share`` with an empty file for each installed package."""
+"""Folder in ``share`` with an empty file for each installed package."""
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 
 
 @dataclass(frozen=True)
 class PackageIndex:
-    """Locations of the packages that a robot's file may name, and the folders that may be read."""
+    """Locations of the packages that a robot's file may name, and folders that may be read."""
 
-    roots: tuple[Path, ...]  # folders that hold files or packages; the bundled robots come last
-    folders: Mapping[
-        str, Path
-    ]  # packages by stated name; the nearest of several with the same name
-    ignored: frozenset[str] = frozenset()  # packages to leave out
+    roots: tuple[Path, ...]  # folders that hold files or packages; bundled robots come last
+    folders: Mapping[str, Path]  # packages by stated name; the nearest of several with one name
+    ignored: frozenset[str] = frozenset()  # packages to be left out
 
     def find(self, name: str) -> Path | None:
-        """Return the folder of a package by stated name, or else by folder name."""
+        """Return the folder of a package by stated name or, failing that, by folder name."""
         beside = (folder for root in self.roots for folder in (root, root / name))
         bearing = (folder for folder in beside if folder.name == name and folder.is_dir())
         return self.folders.get(name) or next(bearing, None)
 
     def allows(self, real: Path) -> bool:
-        """Return True if a resolved path lies in a declared folder or a package."""
+        """Return True if a resolved path is inside a declared folder or a package."""
         allowed = (*self.roots, *self.folders.values())
         return any(real.is_relative_to(root.resolve()) for root in allowed)
 
@@ -55,12 +53,12 @@ class PackageIndex:
 def index_packages(
     file: Path, declared: Sequence[str], ignored: Sequence[str] = ()
 ) -> PackageIndex:
-    """Return the packages that ``file`` may name, by the name stated in package.xml.
+    """Return the packages that ``file`` may name, keyed by the name in package.xml.
 
-    Packages are found in the declared folders, in ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``,
-    and in the folders above the package that contains the file, up to ``_LEVELS_UP`` levels or the
-    root of the workspace. Installed packages come last. For a file in no package, only its folder
-    and a workspace are searched.
+    Packages are searched for in the declared folders, in ``ROS_PACKAGE_PATH`` and
+    ``AMENT_PREFIX_PATH``, and in folders above the package that contains the file, up to
+    ``_LEVELS_UP`` levels or the root of the workspace. Installed packages come last. For a file
+    outside any package, only its folder and a workspace are searched.
     """
     around = [f for f in file.parents if any((f / name).is_file() for name in _MANIFESTS)][:1]
     given = list(map(_require_folder, declared))
@@ -84,7 +82,7 @@ def _require_folder(name: str) -> Path:
 
 
 def _climb(start: Path, levels: int) -> Iterator[Path]:
-    """Yield ``levels`` folders above a path, and further ones up to the root of a workspace."""
+    """Yield ``levels`` folders above a path, and further folders up to the root of a workspace."""
     above = list(start.parents)
     tops = [level for level, folder in enumerate(above, 1) if folder.name in _SPACES]
     for folder in above[: max([levels, *(top + 1 for top in tops)])]:
@@ -100,16 +98,16 @@ def _environment_folders() -> Iterator[Path]:
 
 
 class _Search:
-    """Collects packages by name; keeps the first of several with the same name."""
+    """Collects packages by name; keeps the first of several with one name."""
 
     def __init__(self, given: Sequence[Path]) -> None:
-        self.stated: dict[str, Path] = {}  # keyed by name in package.xml or in an index
+        self.stated: dict[str, Path] = {}  # keyed by the name in package.xml or in an index
         self.bearing: dict[str, Path] = {}  # keyed by folder name
-        self._given = given  # folders whose subfolders need no package.xml
+        self._given = given  # folders with subfolders that need no package.xml
         self._seen: set[Path] = set()
 
     def look_into(self, here: Path, place: Path) -> list[Path]:
-        """Collect ``here`` if it is a package, and return the folders to search next."""
+        """Collect ``here`` if it is a package; return the folders to search next."""
         if here in self._seen or len(self._seen) >= _MAX_FOLDERS:
             return []
         self._seen.add(here)
@@ -155,7 +153,7 @@ _SHARE = ("share/{}", "${{CATKIN_PACKAGE_SHARE_DESTINATION}}", "${{CMAKE_INSTALL
 
 
 def find_installed(package: Path, inner: str) -> Path | None:
-    """Return the source of the file or folder at ``inner`` in an installed package."""
+    """Return the source file or folder that is installed as ``inner`` of a package."""
     for place, source in _read_rules(package):
         if place == "." or inner == place or inner.startswith(f"{place}/"):
             rest = inner if place == "." else inner[len(place) :].lstrip("/")
@@ -166,7 +164,7 @@ def find_installed(package: Path, inner: str) -> Path | None:
 
 
 def locate(path: Path, packages: Iterable[Path]) -> Path | None:
-    """Return an existing path, or the source from which one of the packages installs it."""
+    """Return an existing path, or the source from which a package installs it."""
     if path.exists():
         return path
     for package in packages:
@@ -178,7 +176,7 @@ def locate(path: Path, packages: Iterable[Path]) -> Path | None:
 
 
 def find_in_any_case(path: Path) -> Path | None:
-    """Return the only existing path that differs from ``path`` only in letter case, or None."""
+    """Return the only existing path that equals ``path`` up to letter case, or None."""
     here = Path(path.anchor)
     for part in path.parts[1:]:
         if not (here / part).exists():
@@ -219,7 +217,7 @@ def _read_rule(arguments: str, name: str) -> Iterator[tuple[str, str]]:
         return
     folder = PurePosixPath(destination[len(share) :].lstrip("/"))
     for source in words[1 : words.index("DESTINATION")]:
-        if source.isupper():  # a keyword, such as PATTERN
+        if source.isupper():  # keyword, such as PATTERN
             return
         contents = words[0] == "DIRECTORY" and source.endswith("/")
         yield str(folder if contents else folder / PurePosixPath(source).name), source

@@ -1,4 +1,4 @@
-"""Reads and checks the elements of a URDF: joints, inertias and shapes."""
+"""Reads and checks elements of a URDF: joints, inertias and shapes."""
 
 import math
 from collections.abc import Collection
@@ -19,14 +19,14 @@ LIMITED_TYPES = ("revolute", "prismatic")
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint at its zero position."""
+    """A joint in its zero position."""
 
     name: str
     type: str  # one of JOINT_TYPES
     parent: str
     child: str
     origin: Pose  # parent link frame
-    axis: Array  # (3,) unit vector in the frame of the child link
+    axis: Array  # (3,) unit vector in the child link's frame
     lower: float  # [rad or m]; -inf: no limit
     upper: float  # [rad or m]; inf: no limit
     effort: float  # maximum torque or force [Nm or N]; inf: no limit
@@ -36,7 +36,7 @@ class Joint:
 def read_values(
     element: Element, attribute: str, count: int, default: str | None = None
 ) -> list[float]:
-    """Return the finite numbers in an attribute."""
+    """Return the finite numbers in an attribute, ``count`` in all."""
     text = element.get(attribute, default)
     if text is None:
         raise xml.element_error(element, f"must have the attribute {attribute}", "add it")
@@ -44,7 +44,7 @@ def read_values(
 
 
 def parse_numbers(element: Element, text: str, count: int, place: str = "") -> list[float]:
-    """Return the finite numbers in an element's string; ``place`` describes its position."""
+    """Return the finite numbers in an element's string; ``place`` says where, for errors."""
     numbers = [xml.parse_number(word) for word in text.split()]
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
         expected = f"{count} finite number{'s' * (count > 1)}"
@@ -59,7 +59,7 @@ def read_value(element: Element, attribute: str, default: str | None = None) -> 
 
 
 def read_lengths(solid: Element, attribute: str, count: int = 1) -> list[float]:
-    """Return the lengths [m] of a solid, limited so that their products do not overflow."""
+    """Return the lengths [m] of a solid, limited so that products cannot overflow."""
     lengths = read_values(solid, attribute, count)
     if max(lengths) > xml.MAX_NUMBER:
         problem = f"must have lengths of at most {xml.MAX_NUMBER:g} m in {attribute}, not {lengths}"
@@ -68,7 +68,7 @@ def read_lengths(solid: Element, attribute: str, count: int = 1) -> list[float]:
 
 
 def read_origin(element: Element) -> Pose:
-    """Read the pose in an element's ``<origin>``: xyz [m], and rpy [rad] about fixed axes."""
+    """Read the ``<origin>`` of an element: xyz [m], and rpy [rad] about fixed axes."""
     origin = element.find("origin")
     if origin is None:
         return Pose()
@@ -91,7 +91,7 @@ def read_tensor(inertia: Element) -> Array:
 
 
 def read_joint(element: Element, links: Collection[str]) -> Joint:
-    """Read a ``<joint>``; both its links must be among ``links``."""
+    """Read a ``<joint>``; both of its links must be in ``links``."""
     kind = element.get("type", "")
     if kind not in JOINT_TYPES:
         problem = f"must be of type {', '.join(JOINT_TYPES)}, not {xml.quote(kind)}"
@@ -131,7 +131,7 @@ def _read_axis(joint: Element) -> Array:
 
 
 def _read_limit(joint: Element, kind: str) -> tuple[float, float, float, float]:
-    """Read the lower and upper bounds, effort and velocity; infinite without a ``<limit>``."""
+    """Return the lower and upper bounds, effort and velocity; infinite without ``<limit>``."""
     limit = joint.find("limit")
     if limit is None:
         return -math.inf, math.inf, math.inf, math.inf
@@ -141,7 +141,7 @@ def _read_limit(joint: Element, kind: str) -> tuple[float, float, float, float]:
     )
     if kind not in LIMITED_TYPES:
         return -math.inf, math.inf, effort, velocity
-    if kind == "revolute" and lower > upper:  # swapped, as in sdformat
+    if kind == "revolute" and lower > upper:  # swap, as sdformat does
         lower, upper = upper, lower
     return lower, upper, effort, velocity
 
@@ -152,10 +152,10 @@ def read_shapes(link: Element) -> tuple[Shape, ...]:
 
 
 def read_visuals(link: Element) -> tuple[Shape, ...]:
-    """Read a link's visual shapes; if there are none, or a mesh, read its collision shapes."""
+    """Read the visual shapes of a link; without any, or with a mesh, its collision shapes."""
     try:
         return tuple(map(read_shape, link.findall("visual"))) or read_shapes(link)
-    except InputError:  # an invalid visual is no reason to reject a robot
+    except InputError:  # an unusable visual is no reason to reject a robot
         return read_shapes(link)
 
 
@@ -167,7 +167,7 @@ def read_shape(element: Element) -> Shape:
         problem = f"must contain one box, cylinder or sphere, not {content}"
         raise xml.element_error(geometry, problem, "build the part from such collision shapes")
     solid = geometry[0]
-    if solid.tag == "convex":  # this package writes it to replace a mesh
+    if solid.tag == "convex":  # written by this package in place of a mesh
         numbers = iter([float(word) for word in solid.get("corners", "").split()])
         corners = tuple(zip(numbers, numbers, numbers, strict=True))
         return Shape("convex", (), read_origin(element), corners=corners)

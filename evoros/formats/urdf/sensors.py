@@ -1,4 +1,4 @@
-"""Reads the Gazebo sensors in a robot's description, with their noise."""
+"""Reads the Gazebo sensors of a robot's description, with their noise."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -23,19 +23,19 @@ _QUANTITIES = {
     "rate": ("angular_velocity", "rate"),
     "acceleration": ("linear_acceleration", "accel"),
 }
-"""XML elements of an IMU quantity in new and old files, keyed by the prefix of filter names."""
+"""Elements of an IMU quantity in new and old files, keyed by the prefix of filter names."""
 _AXES = ("x", "y", "z")
 
 
 class Noise(NamedTuple):
-    """A sensor type's filter settings, keyed ``filter.field``, and notes on unsupported values."""
+    """Filter settings of a sensor type, keyed ``filter.field``, and notes on unsupported values."""
 
     settings: Mapping[str, float]
     notes: tuple[str, ...]
 
 
 def read_ray_noise(*elements: Element) -> Noise:
-    """Read the Gaussian noise of ranges from the first of several elements that has noise."""
+    """Read Gaussian noise of ranges from the first of several elements that has noise."""
     noises = (xml.find_child(element, "noise") for element in elements)
     noise = next((element for element in noises if element is not None), None)
     if noise is None:
@@ -47,7 +47,7 @@ def read_ray_noise(*elements: Element) -> Noise:
 
 
 def read_imu_noise(sensor: Element) -> Noise:
-    """Read the noise and the biases of an IMU; the noisiest axis stands for all three."""
+    """Read the noise and biases of an IMU; the noisiest axis represents all three."""
     imu = xml.find_child(sensor, "imu")
     settings: dict[str, float] = {}
     notes: tuple[str, ...] = ()
@@ -85,7 +85,7 @@ def _find_axes(imu: Element, now: str, before: str) -> Iterator[Element | None]:
 
 
 def _read_values(noise: Element | None) -> tuple[dict[str, float], list[str]]:
-    """Return the supported values of a noise element, and the names of all other values."""
+    """Return the supported values of a noise element, and the names of other values."""
     if noise is None:
         return {}, []
     kind = xml.find_child(noise, "type")
@@ -110,31 +110,31 @@ def _tell(lost: Iterable[str], where: str) -> tuple[str, ...]:
 
 
 LIDAR, SONAR, BUMPER, IMU = "lidar", "sonar", "bumper", "imu"
-RANGE_FINDER = "multizone"  # sensor type of a single-beam range finder: one zone with one ray
+RANGE_FINDER = "multizone"  # sensor type of a range finder with a single ray (one zone)
 _RAYS = ("ray", "gpu_ray", "lidar", "gpu_lidar")
 _KINDS = {"contact": BUMPER, "imu": IMU, "sonar": SONAR}
 _RANGE_PLUGIN = "range"
-"""Part of the file name of ROS's plugin that publishes the nearest of all rays as one distance."""
+"""Part of the file name of the ROS plugin that publishes the nearest of all rays."""
 _FULL_TURN = 2.0 * math.pi
 _LEAST_FIELD = 1e-8  # width [rad] below which a scan is a single ray
 
 
 @dataclass(frozen=True)
 class DescribedSensor:
-    """A sensor in a robot's description, with evoros's names for its type and values."""
+    """A sensor in a robot's description, with evoros's names of type and values."""
 
     name: str
     kind: str  # LIDAR, RANGE_FINDER, SONAR, BUMPER or IMU
     link: str
     pose: Pose  # link frame
     settings: Mapping[str, float]
-    """Values stated in the description, by field, such as ``range_max_m`` or ``noise.sigma_m``."""
+    """Values in the description by field, such as ``range_max_m`` or ``noise.sigma_m``."""
     notes: tuple[str, ...] = ()  # differences from the description
     place: str = ""  # file and line
 
 
 class SensorsRead(NamedTuple):
-    """The sensors read from a description, and notes on sensors left out."""
+    """The sensors read from a description, and notes on omitted sensors."""
 
     sensors: Sequence[DescribedSensor]
     left_out: Sequence[str]  # one line per sensor, with the reason
@@ -176,14 +176,14 @@ def _read_sensor(element: Element, link: str) -> DescribedSensor:
 
 
 def _read_period(element: Element) -> dict[str, float]:
-    """Return ``period_s`` in a dictionary, which is empty if Gazebo measures at each step."""
+    """Return ``period_s`` in a dictionary, empty if Gazebo measures in every step."""
     rate = xml.find_child(element, "update_rate")
     hertz = math.inf if rate is None else xml.read_meaning(rate, "sensor/update_rate")
     return {"period_s": 1.0 / hertz} if math.isfinite(hertz) else {}
 
 
 def _read_cone(cone: Element) -> dict[str, float]:
-    """Read a ``<sonar>``; its ``radius`` is the radius of the cone at the maximum range."""
+    """Read a ``<sonar>``; ``radius`` is the radius of its cone at the maximum range."""
     low, high, radius = (
         xml.read_positive(xml.require_child(cone, name), 1)[0] for name in ("min", "max", "radius")
     )
@@ -193,7 +193,7 @@ def _read_cone(cone: Element) -> dict[str, float]:
 
 
 def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
-    """Read a ray sensor: a lidar, or a sonar if only its nearest hit is published."""
+    """Read a ray sensor: a lidar, or a sonar if only the nearest hit is published."""
     rays = next((child for tag in ("lidar", "ray") for child in element.iterfind(tag)), None)
     if rays is None:
         raise xml.element_error(element, "must have a <ray> or <lidar>", "add it")
@@ -206,7 +206,7 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
     if "range_max_m" not in settings:
         told += ("states no maximum range, so the default of the sensor type applies",)
     single = beams == 1 or high - low < _LEAST_FIELD
-    # Gazebo Classic ignores the scan angles of a single-beam ``ray`` sensor.
+    # Gazebo Classic ignores the scan angles of a ``ray`` sensor with a single beam.
     ahead = beams == 1 and element.get("type") == "ray"
     middle = 0.0 if ahead else (low + high) / 2.0
     pose = sensor.pose @ Pose.from_rpy((0.0, 0.0, 0.0), 0.0, 0.0, middle)
@@ -227,7 +227,7 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
 
 
 def _read_fan(fan: Element) -> tuple[int, float, float, tuple[str, ...]]:
-    """Return the number of ranges, edges [rad] and notes of a ``<horizontal>`` (or vertical)."""
+    """Return the number of ranges, edges [rad] and notes of a ``<horizontal>`` or vertical fan."""
     # Gazebo interpolates to ``<samples>`` times ``<resolution>`` ranges, rounded down.
     samples = max(1, round(xml.read_positive(xml.require_child(fan, "samples"), 1)[0]))
     resolution = xml.find_child(fan, "resolution")

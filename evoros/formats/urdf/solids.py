@@ -30,12 +30,12 @@ _LOG = logging.getLogger(__name__)
 
 _PRIMITIVES = ("box", "cylinder", "sphere", "convex")
 _SOLIDS = (*_PRIMITIVES, "mesh", "capsule", "ellipsoid")
-_MAX_PARTS = 64  # maximum number of convex parts of a mesh, beyond which its hull is used
+_MAX_PARTS = 64  # maximum number of convex parts of a mesh, above which its hull is used
 _MAX_CORNERS = (
-    256  # maximum number of corners of a convex part, beyond which only extreme ones are kept
+    256  # maximum number of corners of a convex part, above which only extreme corners are kept
 )
 _ELLIPSOID_RINGS = 9
-_LARGEST_M = 20.0  # maximum plausible size of a robot's mesh
+_LARGEST_M = 20.0  # maximum plausible size [m] of a robot's mesh
 _KINDS = _EMPTY, _STRANGE, _BOXES, _ROUND, _ABSENT = (
     "shapes without a size are left out of the links",
     "invalid elements of <geometry> are left out:",
@@ -43,16 +43,16 @@ _KINDS = _EMPTY, _STRANGE, _BOXES, _ROUND, _ABSENT = (
     "missing meshes of links that turn are replaced with cylinders:",
     "missing meshes are left out:",
 )
-"""Kinds of notes on solids; names follow each note."""
+"""Kinds of notes on solids; each note ends with names."""
 
 
 class SolidsReader:
-    """Reads the solids of one description, and records the assumptions made."""
+    """Reads the solids of a description, and records the assumptions made."""
 
     def __init__(self, missing: str) -> None:
         self.missing = missing
         self.empty: dict[str, InputError] = {}
-        """The errors of shapes of size 0, by link, in case the link needs them."""
+        """Errors of shapes of size 0, by link, in case a link requires the shape."""
         self.mesh_notes = Notes(_LOG)
         self._turning: set[str] = set()
         self._divided = 0
@@ -61,7 +61,7 @@ class SolidsReader:
 
     @property
     def lacks_meshes(self) -> bool:
-        """True if a mesh is missing."""
+        """True if any mesh is missing."""
         return any(self._names[kind] for kind in (_BOXES, _ROUND, _ABSENT))
 
     def rewrite_collisions(self, robot: Element) -> None:
@@ -78,7 +78,7 @@ class SolidsReader:
                     link.extend([build_collision(shape) for shape in shapes])
 
     def _keep_solid(self, link: Element, part: Element) -> None:
-        """Remove other elements, such as misplaced origins, from a geometry with a solid."""
+        """Remove misplaced elements, such as origins, from a geometry that contains a solid."""
         geometry = part.find("geometry")
         if geometry is None or not any(child.tag in _SOLIDS for child in geometry):
             return
@@ -87,7 +87,7 @@ class SolidsReader:
             self._names[_STRANGE].append(f"<{child.tag!s}> of {link.get('name')}")
 
     def read(self, link: Element, part: Element, hull: bool = True) -> tuple[Shape, ...]:
-        """Read the solids of a ``<collision>`` or ``<visual>``, in the link's frame."""
+        """Read the solids of a ``<collision>`` or ``<visual>`` in the link's frame."""
         geometry = part.find("geometry")
         if geometry is None or not len(geometry):
             self._names[_EMPTY].append(str(link.get("name")))
@@ -144,8 +144,8 @@ class SolidsReader:
         return () if shape is None else (shape,)
 
     def _read_file(self, path: Path, scale: Vector, hull: bool) -> tuple[Shape, ...]:
-        """Read a mesh as its hull or as convex parts, few enough for an engine."""
-        from evoros.formats.mesh import (  # its libraries load slowly
+        """Read a mesh as its hull, or as a number of convex parts that suits an engine."""
+        from evoros.formats.mesh import (  # slow: imports scipy
             TOLD_M,
             find_hull_gap,
             hull_of,
@@ -186,7 +186,7 @@ class SolidsReader:
 
 
 def simplify(shape: Shape) -> Shape:
-    """Reduce a shape with too many corners to those farthest out in evenly spread directions."""
+    """Reduce a shape with too many corners to the farthest ones in evenly spread directions."""
     if len(shape.corners) <= _MAX_CORNERS:
         return shape
     corners = np.array(shape.corners)
@@ -199,7 +199,7 @@ def simplify(shape: Shape) -> Shape:
 
 
 def _is_empty(solid: Element) -> bool:
-    """Return True if a length of a solid is 0; some authors thus disable collisions."""
+    """Return True if a length of a solid is 0, which some authors use to disable collisions."""
     words = " ".join(solid.get(name, "") for name in ("size", "radius", "length")).split()
     return any(parse_number(word) == 0.0 for word in words)
 
@@ -218,12 +218,12 @@ def _ellipsoid(radii: list[float]) -> tuple[Vector, ...]:
 
 
 def find_turning(robot: Element) -> set[str]:
-    """Return the links that turn endlessly about their joint, as wheels do."""
+    """Return the links that turn endlessly about their joints, as wheels do."""
     return {str(child.get("link")) for child in robot.iterfind("joint[@type='continuous']/child")}
 
 
 def _match_inertia(link: Element, turns: bool) -> Shape | None:
-    """Return the box, or the wheel if the link ``turns``, with the inertia that a link states."""
+    """Return the box (or wheel, if the link ``turns``) with the stated inertia of a link."""
     inertial = link.find("inertial")
     if inertial is None:
         return None
@@ -243,7 +243,7 @@ def _match_inertia(link: Element, turns: bool) -> Shape | None:
 
 
 def read_visual_solids(robot: Element, missing: str) -> dict[str, tuple[Shape, ...]]:
-    """Read the visual solids of each link, in the link's frame; a mesh becomes convex parts."""
+    """Read the visual solids of each link in its frame; meshes become convex parts."""
     reader = SolidsReader(missing)
     return {
         str(link.get("name")): tuple(

@@ -1,4 +1,4 @@
-"""The tree of a URDF's links and joints, at zero joint positions."""
+"""The links and joints of a URDF as a tree, in the zero position of all joints."""
 
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
@@ -16,22 +16,22 @@ from evoros.geometry.shapes import Pose, Shape
 
 _COEFFICIENTS = ("mu", "mu1", "mu2")
 _NO_SURFACES = ("plugin", "sensor")
-"""Children of ``<gazebo>`` with freely chosen keys, which may coincide with surface settings."""
+"""Children of ``<gazebo>`` with arbitrary keys, which may look like surface settings."""
 
 
 @dataclass(frozen=True)
 class Plugin:
-    """A Gazebo plugin: its file and class, and the content of its children by tag."""
+    """A Gazebo plugin: its file and class, and the content of its child elements by tag."""
 
     name: str
     texts: Mapping[str, tuple[str, ...]]
 
 
 class FrictionAxis(NamedTuple):
-    """The direction of a link's first coefficient of friction."""
+    """The direction of the first friction coefficient of a link."""
 
     direction: tuple[float, ...]  # x, y, z
-    frame: str  # link that defines the frame; empty: the link itself
+    frame: str  # link that defines the frame; empty for the link itself
 
 
 def read_plugins(robot: Element) -> tuple[Plugin, ...]:
@@ -48,7 +48,7 @@ def read_plugins(robot: Element) -> tuple[Plugin, ...]:
 
 
 def read_friction(robot: Element) -> tuple[dict[str, FrictionAxis], frozenset[str]]:
-    """Return the ``<fdir1>`` of the links that have one, and the links without friction."""
+    """Return the ``<fdir1>`` of each link that has one, and the frictionless links."""
     axes = {}
     coefficients: dict[str, list[float]] = {}
     for gazebo in robot.iterfind("gazebo[@reference]"):
@@ -71,7 +71,7 @@ def read_friction(robot: Element) -> tuple[dict[str, FrictionAxis], frozenset[st
 
 
 def _read_text(element: Element) -> str:
-    """Return the attribute ``value`` or the element's content, as Gazebo does."""
+    """Return the attribute ``value`` or the content of an element, as Gazebo does."""
     return str(element.get("value") or element.text or "").strip()
 
 
@@ -83,21 +83,21 @@ class Urdf:
     name: str
     root: str
     joints: Mapping[str, Joint]  # keyed by joint name
-    poses: Mapping[str, Pose]  # link poses in the root's frame
-    shapes: Mapping[str, tuple[Shape, ...]]  # collision shapes by link, in the link's frame
-    visuals: Mapping[str, tuple[Shape, ...]]  # visual shapes by link, in the link's frame
+    poses: Mapping[str, Pose]  # link poses in the root frame
+    shapes: Mapping[str, tuple[Shape, ...]]  # collision shapes of each link in its frame
+    visuals: Mapping[str, tuple[Shape, ...]]  # visual shapes of each link in its frame
     plugins: tuple[Plugin, ...] = ()  # Gazebo plugins
-    actuated: frozenset[str] = frozenset()  # joints of transmissions and of ros2_control
-    meshes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # file names by link
+    actuated: frozenset[str] = frozenset()  # joints of transmissions and ros2_control
+    meshes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # file names of each link
     friction_axes: Mapping[str, FrictionAxis] = field(default_factory=dict)  # one per link
     slippery: frozenset[str] = frozenset()  # links without friction
 
     def error(self, problem: str, fix: str) -> InputError:
-        """Create the error for a part of this description, which the caller raises."""
+        """Return the error for a part of this description."""
         return InputError(f"{self.source}: {problem}; {fix}")
 
     def find_joint(self, name: str, *types: str) -> Joint:
-        """Return the joint of this name, which must be of one of the ``types``."""
+        """Return the joint ``name``, which must have one of the ``types``."""
         joint = self.joints.get(name)
         if joint is None:
             known = list_names(sorted(self.joints))
@@ -108,16 +108,16 @@ class Urdf:
         return joint
 
     def axis_of(self, joint: Joint) -> Array:
-        """Return the joint's axis (3,) in the root's frame."""
+        """Return the axis (3,) of a joint in the root frame."""
         axis: Array = product(self.poses[joint.child].rotation, joint.axis)
         return axis
 
     def children_of(self, link: str) -> list[Joint]:
-        """Return the joints whose parent is this link."""
+        """Return the joints that have a link as their parent."""
         return [joint for joint in self.joints.values() if joint.parent == link]
 
     def rigid_group(self, link: str) -> dict[str, Pose]:
-        """Return a link and the descendants rigidly fixed to it, with poses in its frame."""
+        """Return a link and all descendants fixed to it, with poses in its frame."""
         group, frontier = {link: Pose()}, [link]
         while frontier:
             here = frontier.pop()
@@ -128,7 +128,7 @@ class Urdf:
         return group
 
     def joints_above(self, link: str) -> Iterator[Joint]:
-        """Yield the joints on the path from a link up to the root."""
+        """Yield the joints from a link up to the root."""
         by_child = {joint.child: joint for joint in self.joints.values()}
         while link != self.root:
             yield by_child[link]
@@ -136,7 +136,7 @@ class Urdf:
 
 
 def read_tree(robot: Element, source: str) -> Urdf:
-    """Read the links and joints of a ``<robot>``; ``source`` is the file's name in errors."""
+    """Read the links and joints of a ``<robot>``, which errors call ``source``."""
     links = _find_by_name(robot, "link")
     elements = _find_by_name(robot, "joint")
     joints = {name: read_joint(element, links) for name, element in elements.items()}
@@ -169,7 +169,7 @@ def read_tree(robot: Element, source: str) -> Urdf:
 
 
 def read_frames(robot: Element, source: str) -> Urdf:
-    """Read the links and joints of a ``<robot>`` without its shapes, which may be of any kind."""
+    """Read the links and joints of a ``<robot>``, without shapes, which may be of any kind."""
     bare = deepcopy(robot)
     for link in bare.findall("link"):
         for shape in [*link.findall("collision"), *link.findall("visual")]:
@@ -224,7 +224,7 @@ def _compute_poses(
 
 
 class UrdfDocument:
-    """The immutable XML of a ``<robot>``, which can be pickled, and its elements."""
+    """The immutable XML of a ``<robot>`` and its elements; can be pickled."""
 
     def __init__(self, text: str, root: Element | None = None) -> None:
         self.text = text

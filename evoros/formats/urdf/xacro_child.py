@@ -1,10 +1,10 @@
-"""Expands one xacro file, in a separate program that ``xacro_expansion`` starts.
+"""A program that expands one xacro file; ``xacro_expansion`` starts it.
 
-The program reads a request (JSON) from standard input and answers in JSON on standard output. A
-xacro file is code, because its expressions can run Python. The limits set here and an environment
-without the user's variables keep a faulty file, but not a hostile one, from harming the run. Up to
-ROS Indigo (2014), the tags of xacro needed no prefix, a macro could be called without one, and
-properties and macros could be used before their definitions; such files are converted.
+The program reads a request (JSON) from standard input and writes the answer (JSON) to standard
+output. A xacro file is code, because its expressions can run Python. Resource limits and an
+environment without the user's variables protect the run from faulty files, but not from hostile
+ones. Up to ROS Indigo (2014), xacro's tags and macro calls required no prefix, and properties and
+macros could be used before their definitions; such files are converted.
 """
 
 import contextlib
@@ -36,11 +36,11 @@ _URDF = (
     *("contact", "verbose"),
 )
 _FOREIGN = ("gazebo", "transmission", "ros2_control", "sensor")
-"""Elements with children that are neither URDF nor xacro."""
+"""Elements whose children are neither URDF nor xacro."""
 
 
 def add_prefixes(root: Any) -> Iterator[str]:
-    """Add ``xacro:`` to the tags of a document that lack it; yield each such tag."""
+    """Add ``xacro:`` to the tags of a document that lack it; yield these tags."""
     for tag, attributes in LEGACY_TAGS.items():
         for element in root.getElementsByTagName(tag):
             if all(map(element.hasAttribute, attributes)):
@@ -77,11 +77,11 @@ def calls_macro(element: Any, macros: Any) -> bool:
 
 MEMORY_BYTES = 1 << 30
 OUTPUT_CHARACTERS = 1 << 24
-NAMESPACE = r"ros\.org/(wiki/)?xacro"  # part of every address that xacro has used
+NAMESPACE = r"ros\.org/(wiki/)?xacro"  # part of every address used for xacro
 
 
 class _Arguments(dict[str, str]):
-    """The arguments of the request; records the names that the file asks for."""
+    """The arguments of a request, which record the names requested by the file."""
 
     def __init__(self, arguments: dict[str, str]) -> None:
         super().__init__(arguments)
@@ -106,12 +106,12 @@ def _limit_resources(seconds: int) -> None:
     for kind, limit in limits.items():
         hard = resource.getrlimit(kind)[1]
         allowed = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
-        with contextlib.suppress(ValueError, OSError):  # not every system has every limit
+        with contextlib.suppress(ValueError, OSError):  # some systems lack some limits
             resource.setrlimit(kind, (allowed, allowed))
 
 
 def _patch_xacro(packages: Any, request: dict[str, Any]) -> Any:
-    """Import xacro, limit it to allowed files without a DOCTYPE, and let it read old tags."""
+    """Import xacro, restrict it to allowed files without DOCTYPE, and make it accept old tags."""
     import xacro  # type: ignore[import-untyped, unused-ignore]
     from xacro import substitution_args
 
@@ -143,8 +143,9 @@ def _patch_xacro(packages: Any, request: dict[str, Any]) -> Any:
     def find(name: str) -> str:
         return str(packages.find(name, xacro.filestack[-1]))
 
-    # xacro looks packages up in ROS unless $(find ...) is replaced, and $(env ...) must name the
-    # key to set. xacro has no other hook than these names. This process runs nothing else.
+    # xacro looks up packages in ROS unless $(find ...) is replaced, and $(env ...) must name the
+    # key to set. Replacing these functions is xacro's only hook, and is safe because this process
+    # runs nothing else.
     for name, function in (("find", find), ("env", read_variable)):
         setattr(substitution_args, f"_eval_{name}", function)
         substitution_args._eval_dict[name] = function
@@ -153,7 +154,7 @@ def _patch_xacro(packages: Any, request: dict[str, Any]) -> Any:
 
 
 def _skip_absent(xacro: Any, packages: Any) -> None:
-    """Make xacro skip files of ignored or missing packages, and calls to macros of those files."""
+    """Make xacro skip files of ignored or missing packages, and calls to their macros."""
     process_include, handle_macro_call = xacro.process_include, xacro.handle_macro_call
 
     def include(node: Any, macros: Any, symbols: Any, func: Any) -> None:
@@ -183,7 +184,7 @@ def _skip_absent(xacro: Any, packages: Any) -> None:
 
 
 def _rename_prefix(root: Any) -> None:
-    """Rename a different prefix bound to xacro to ``xacro:``, the only one that xacro knows."""
+    """Rename a different prefix bound to xacro to ``xacro:``, the only prefix it accepts."""
 
     prefixes = [
         name.partition(":")[2]
@@ -215,7 +216,7 @@ def _expand(request: dict[str, Any]) -> dict[str, Any]:
         return {"error": str(error), "file": file, "absent": absent}
     except MemoryError:
         return {"error": f"it needs more than {MEMORY_BYTES >> 20} MiB", "file": file}
-    except Exception as error:  # the expressions of the file may raise anything
+    except Exception as error:  # expressions of the file may raise any exception
         current = (xacro.filestack or [file])[-1] or file
         reason = " ".join(str(error).split())
         line = getattr(error, "lineno", None) or _find_line(current, str(error))
@@ -251,7 +252,7 @@ def main() -> None:
     request = json.load(sys.stdin)
     sys.path[:] = request["path"]
     _limit_resources(request["seconds"])
-    answer, sys.stdout = sys.stdout, sys.stderr  # output of the file must not mix with the answer
+    answer, sys.stdout = sys.stdout, sys.stderr  # keeps output of the file out of the answer
     json.dump(_expand(request), answer)
 
 

@@ -29,16 +29,16 @@ _LOG = logging.getLogger(__name__)
 _UNDEFINED = re.compile(r"is not defined|unknown macro name|Undefined block")
 """Matches errors in files from before 2014, when xacro read all definitions first."""
 
-_ALIKE = 0.7  # minimum similarity of names that may mean the same file
+_ALIKE = 0.7  # minimum similarity of names that may denote the same file
 
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """Options for reading a description: xacro's input, and the locations of named files."""
+    """Options for reading a description: xacro's input, and folders of named files."""
 
     arguments: Mapping[str, object] = field(default_factory=dict)  # xacro arguments
     packages: Sequence[str] = ()  # folders that are or contain packages
-    ignored_packages: Sequence[str] = ()  # packages with files to leave out
+    ignored_packages: Sequence[str] = ()  # packages whose files are left out
     environment: Mapping[str, object] = field(default_factory=dict)  # $(env) and $(optenv)
     missing: str = "error"  # treatment of missing meshes: error, leave_out or box
     packages_key: str = "robot.packages"  # configuration key of ``packages``, for messages
@@ -91,7 +91,7 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
 
 
 def choose_instead(absences: Absences, options: ReadOptions) -> str:
-    """Return the keys that can be set instead of providing the missing items."""
+    """Return the keys to set as an alternative to providing missing items."""
     if options.packages_key != ReadOptions.packages_key:  # worlds have no ignored packages
         return "delete the elements that name them"
     packages = absences.names("package")
@@ -99,7 +99,7 @@ def choose_instead(absences: Absences, options: ReadOptions) -> str:
     if packages:
         ignored = ",".join([*options.ignored_packages, *packages])
         choices.append(f"type 'robot.ignored_packages=[{ignored}]' if only accessories need it")
-    if absences.names("wheel"):  # a robot needs its wheels
+    if absences.names("wheel"):  # a robot requires its wheels
         choices.append("set robot.missing=box for meshes")
     elif absences.names("mesh"):
         choices.append("set robot.missing=leave_out or robot.missing=box for meshes")
@@ -121,7 +121,7 @@ def _collect_absences(
 
 
 def _find_renamed(name: str, place: str) -> Remedy:
-    """Return how to get a missing file, which may merely have a different name in its folder."""
+    """Return how to obtain a missing file, which may only be named differently in its folder."""
     path = Path(place.rpartition(":")[0] or place).parent / name
     files = {_stem(file): str(file) for file in path.parent.glob(f"*{path.suffix}")}
     for other in get_close_matches(_stem(path), files, 1, _ALIKE):
@@ -135,10 +135,10 @@ def _stem(path: Path) -> str:
 
 
 def _explain_error(answer: Mapping[str, Any], options: ReadOptions) -> str:
-    """Explain xacro's error, which may be due to packages and files that were left out."""
+    """Explain an error of xacro, which may result from packages and files left out."""
     place = f"{answer['file']}:{answer['line']}" if answer.get("line") else answer["file"]
     reason = str(answer["error"])
-    if "; " in reason:  # the reason states the fix
+    if "; " in reason:  # the reason includes the fix
         return f"{place}: {reason}"
     argument = re.search(r"Undefined substitution argument (\w+)", reason)
     fix = f"add ++robot.arguments.{argument[1]}=VALUE" if argument else "edit the file"
@@ -186,10 +186,10 @@ def _request_expansion(
 
 
 def _run_child(request: str, folder: Path, patience_s: float) -> tuple[int, str, str]:
-    """Run the child process and return its status, output and messages.
+    """Run the child process; return its status, output and messages.
 
-    The child may share the processor with others, so ``patience_s`` [s] exceeds its time limit. On
-    a timeout, all its processes end, because they would keep the pipes open.
+    The child may share the processor, so ``patience_s`` [s] exceeds its time limit. On a timeout,
+    all its processes are ended, because they would keep the pipes open.
     """
     with subprocess.Popen(
         [sys.executable, "-I", xacro_child.__file__],
@@ -211,7 +211,7 @@ def _run_child(request: str, folder: Path, patience_s: float) -> tuple[int, str,
 
 
 def format_argument(file: Path, name: str, value: object) -> str:
-    """Return an argument as xacro expects it."""
+    """Return an argument in xacro's notation."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str | int | float):

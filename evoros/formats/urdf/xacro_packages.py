@@ -1,4 +1,4 @@
-"""The packages and files that a xacro file may name, and a record of the missing ones."""
+"""The packages and files that a xacro file may name, with a record of missing ones."""
 
 import io
 import re
@@ -8,29 +8,29 @@ from typing import Any, BinaryIO
 
 from evoros.formats.urdf.packages import PackageIndex, find_in_any_case, locate
 
-IGNORED = "/ignored-package"  # folder that $(find) returns for an ignored or missing package
+IGNORED = "/ignored-package"  # folder returned by $(find) for ignored and missing packages
 _FIND = re.compile(r"\$\(find(?:-pkg-share)? +([^)$\s]+)\)")
 _WILDCARD = re.compile(r"[*?[]")
 
 
 class OutsideError(Exception):
-    """A description names a file outside the declared folders, or one that does not exist."""
+    """A description names a file that does not exist or is outside the declared folders."""
 
 
 @dataclass
 class Packages:
-    """The request's packages, and the parts left out because packages are ignored or missing."""
+    """The packages of a request, and the parts left out with ignored or missing packages."""
 
     index: PackageIndex
-    skipped: list[str] = field(default_factory=list)  # left-out includes and macros
-    absent: dict[str, str] = field(default_factory=dict)  # missing packages, with their places
-    files: dict[str, str] = field(default_factory=dict)  # missing included files, with their places
+    skipped: list[str] = field(default_factory=list)  # omitted includes and macros
+    absent: dict[str, str] = field(default_factory=dict)  # missing packages, with their locations
+    files: dict[str, str] = field(default_factory=dict)  # missing included files, with locations
     read: list[str] = field(default_factory=list)  # files read so far
     unlike: list[str] = field(default_factory=list)  # files found with different letter case
-    legacy: list[str] = field(default_factory=list)  # tags that got the prefix xacro:
+    legacy: list[str] = field(default_factory=list)  # tags to which the prefix xacro: was added
 
     def find(self, name: str, file: str) -> str:
-        """Return the folder of a package, and record the package if it is missing."""
+        """Return the folder of a package, and record it if missing."""
         if name in self.index.ignored:
             return f"{IGNORED}/{name}"
         folder = self.index.find(name)
@@ -40,7 +40,7 @@ class Packages:
         return f"{IGNORED}/{name}"
 
     def include(self, node: Any, file: str, evaluate: Any) -> str:
-        """Return the file that an ``<include>`` in ``file`` names; "" if the file is left out."""
+        """Return the file named in an ``<include>`` of ``file``; "" if left out."""
         written = node.getAttribute("filename")
         name = str(evaluate(written)).removeprefix("file://")
         if name.startswith(IGNORED):
@@ -53,7 +53,7 @@ class Packages:
         return ""
 
     def open(self, name: str) -> BinaryIO:
-        """Open an included or loaded file, which must lie in a declared folder."""
+        """Open an included or loaded file, which must be inside a declared folder."""
         path = self._locate(Path(name).absolute())
         if path is None:
             raise OutsideError(f"{name} does not exist; correct the name")
@@ -63,7 +63,7 @@ class Packages:
             roots = ", ".join(map(str, self.index.roots))
             raise OutsideError(f"{name} must lie inside {roots}; {fix}")
         self.read.append(str(real))
-        # XML allows no comments or blank lines before the declaration.
+        # XML allows no comments or blank lines before the declaration, so remove them.
         content = re.sub(rb"\A(\s|<!--.*?-->)+(?=<\?xml )", b"", real.read_bytes(), flags=re.DOTALL)
         return io.BytesIO(content)
 

@@ -1,4 +1,4 @@
-"""A process's idle engines, kept for later simulations."""
+"""Caches the idle engines of a process for later simulations."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -15,7 +15,7 @@ E = TypeVar("E", bound=_Engine)
 
 
 class IdleEngines(Generic[E]):
-    """Engines that wait for their next mission, in this process but not in forked ones."""
+    """Engines that wait for the next mission; forked processes do not inherit them."""
 
     def __init__(self) -> None:
         self._idle: list[E] = []
@@ -28,7 +28,7 @@ class IdleEngines(Generic[E]):
 
     @contextmanager
     def take(self, make: Callable[[], E]) -> Iterator[E]:
-        """Yield an idle or a new engine; close the engine if the simulation fails."""
+        """Yield an idle or new engine; close the engine if the simulation fails."""
         idle = self._list()
         engine = idle.pop() if idle else make()
         try:
@@ -39,7 +39,7 @@ class IdleEngines(Generic[E]):
         idle.append(engine)
 
     def forget(self) -> None:
-        """Make the next mission rebuild its model, as for a new design."""
+        """Discard the models of all idle engines, as for a new design."""
         for engine in self._list():
             engine.forget()
 

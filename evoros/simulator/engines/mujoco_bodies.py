@@ -1,4 +1,4 @@
-"""The bodies of a world in MuJoCo, and which pairs of bodies can touch."""
+"""The bodies of a world in MuJoCo, and the pairs of bodies that can collide."""
 
 from collections.abc import Iterable
 from itertools import product
@@ -12,32 +12,32 @@ from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.simulator.engines.teams import MAX_FRICTION
 from evoros.world.model import World
 
-# Groups of shapes in the engine, which determine what rays see.
+# groups of shapes in the engine, which determine what rays detect
 GROUND, FIXED, MOVABLE, ROBOT, HIDDEN = range(5)
 VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
 
 # Two shapes can collide if the type bits (contype) of one overlap the other's collision bits
-# (conaffinity). All contacts with the ground are explicit pairs, because only a pair can have a
+# (conaffinity). Contacts with the ground are explicit pairs, because only a pair can have a
 # separate friction coefficient. The ground still has collision bits, for a type that no shape has,
 # because rays can miss a fixed shape that collides with nothing.
 MEETS: dict[int, tuple[int, int]] = {GROUND: (0, 4), FIXED: (0, 3), MOVABLE: (2, 3), ROBOT: (1, 0)}
 """(contype, conaffinity) of each group."""
 MEETS_ROBOTS = (0, 1)  # contype and conaffinity of the walkers
-ROBOT_BIT = 8  # type bit of the first of several robots; each further robot uses the next bit
+ROBOT_BIT = 8  # type bit of the first of several robots; each further robot has the next bit
 
 BELOW_M = 1.0  # depth [m] of solid below the lowest point of a height field
 
 CENTRED: dict[str, Any] = {"ipos": [0, 0, 0], "iquat": [1, 0, 0, 0], "explicitinertial": True}
-"""An inertia in the frame of its body, whose position the engine would otherwise add twice."""
+"""Inertia in the frame of the body; otherwise, the engine would add the body's position twice."""
 
 
 SLIDING = (0.1, 1.0)
 """Time constant [s] and damping ratio with which friction stops sliding bodies.
 
 The engine lifts a sliding body in proportion to its speed and in inverse proportion to this time
-constant. With two steps, as for other contacts, a box pushed at 0.3 m/s would hover 12 mm above the
-ground, or hop. Wheels roll and need the two steps: with 0.1 s, a rover would lose 1 cm at every
-start.
+constant. With the two steps used for other contacts, a box pushed at 0.3 m/s would hover 12 mm
+above the ground, or hop. Wheels roll and need the two steps: with 0.1 s, a rover would lose 1 cm at
+each start.
 """
 
 
@@ -45,7 +45,7 @@ class Sole(NamedTuple):
     """A shape that touches the ground."""
 
     shape: str
-    friction: float  # factor of the ground's friction coefficient; 0: frictionless
+    friction: float  # factor of the ground's friction coefficient; 0 is frictionless
     rolls: bool = False
 
 
@@ -69,7 +69,7 @@ def add_bodies(spec: Any, library: Any, world: World) -> list[Sole]:
 
 
 def add_walkers(spec: Any, library: Any, sizes: Iterable[tuple[float, float]]) -> None:
-    """Add a walker for each (radius, height) [m]; only the caller moves the walkers."""
+    """Add a walker per (radius, height) [m]; the caller moves the walkers."""
     for index, (radius, height) in enumerate(sizes):
         walker = spec.worldbody.add_body(name=name_walker(index), mocap=True)
         posed = [(Pose(), Shape("cylinder", (radius, height)))]
@@ -78,7 +78,7 @@ def add_walkers(spec: Any, library: Any, sizes: Iterable[tuple[float, float]]) -
 
 
 def name_walker(index: int) -> str:
-    """Return the engine's name of a walker."""
+    """Return the name of a walker in the engine."""
     return f"walker {index}"
 
 
@@ -157,7 +157,7 @@ def _add_polyhedron(spec: Any, library: Any, name: str, shape: Shape) -> str:
 
 
 def _add_field(spec: Any, name: str, shape: Shape) -> str:
-    """Add a height field, with heights normalized to 0..1 that the engine scales back to metres."""
+    """Add a height field; its heights are normalized to 0..1, which the engine scales to metres."""
     heights = np.array(shape.heights)
     rows, columns = heights.shape
     extent = max(float(np.ptp(heights)), 1e-9)
@@ -177,8 +177,9 @@ def add_ground_pairs(
 ) -> None:
     """Let shapes collide with the ground.
 
-    Friction is the product of both coefficients, as in PyBullet, because wheels would grip on ice
-    with the larger one. ``slides`` and ``rolls`` are contact parameters of such shapes.
+    Friction is the product of both coefficients, as in PyBullet, because with the larger one,
+    wheels would grip on ice. ``slides`` and ``rolls`` are contact parameters of sliding and of
+    rolling shapes.
     """
     grounds = [geom for geom in spec.geoms if geom.group == GROUND]
     for sole, ground in product(soles, grounds):
@@ -193,6 +194,6 @@ def add_ground_pairs(
 
 
 def scalar_first(pose: Pose) -> list[float]:
-    """Return the quaternion of a pose in the engine's order: w, x, y, z."""
+    """Return the quaternion of a pose as w, x, y, z, the engine's order."""
     x, y, z, w = pose.quaternion
     return [w, x, y, z]

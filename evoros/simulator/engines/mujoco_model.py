@@ -1,4 +1,4 @@
-"""Compiles models of robots in a world for MuJoCo, and caches the most recent ones."""
+"""Compiles MuJoCo models of robots in a world, and caches the most recent models."""
 
 from collections import OrderedDict
 from collections.abc import Sequence
@@ -19,31 +19,31 @@ from evoros.simulator.engines.walking import GAP_M
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
-KEPT = 4  # number of cached models; each trial runs one design in every world
+KEPT = 4  # number of cached models; each trial simulates one design in every world
 
 IMPEDANCE = (0.999, 0.9999, 1e-4, 0.5, 2.0)
 """Impedance of contacts and motors (``solimp``).
 
-Value at zero depth, value at full depth, full depth [m], midpoint and power of the curve. With the
-engine's default (0.9, 0.95), a rover would sink by 1 mm and roll 0.2 % too slowly.
+Values at zero and at full depth, full depth [m], midpoint and power of the curve. With the engine's
+default (0.9, 0.95), a rover would sink by 1 mm and roll 0.2 % too slowly.
 """
 
 SKIDDING = (0.2, 1.0)
-"""Time constant [s] and damping ratio with which friction stops slip of skid-steer wheels.
+"""Time constant [s] and damping ratio of the friction on slipping skid-steer wheels.
 
-Firm friction stops a slipping wheel within one step and lifts it. The robot then hops between pairs
-of wheels; its turns are up to a half too small or a third too large. The friction set here grows
-with slip speed up to 0.2 m/s, which keeps the wheels on the ground. As a side effect, the robot
-creeps at 1 cm/s on a slope of 0.1 rad.
+Stiff friction stops a slipping wheel within one step and lifts it. The robot then hops between
+pairs of wheels, and its turns are up to a half too small or a third too large. The friction set
+here grows with slip speed up to 0.2 m/s, which keeps the wheels on the ground. As a side effect,
+the robot creeps at 1 cm/s on a slope of 0.1 rad.
 """
 
-TOLERANCE = 1e-12  # tolerance of the solver, relative to a mean inertia that rotors dominate
+TOLERANCE = 1e-12  # tolerance of the solver, relative to a mean inertia dominated by the rotors
 
 FEW_MOVABLE = 1000
-"""Maximum number of movable bodies for the default memory reserve of 1.8 GB (6.4 GB for 2,000)."""
+"""Maximum number of movable bodies with the engine's default memory, 1.8 GB (6.4 GB for 2,000)."""
 
 MEMORY, MEMORY_PER_BODY, MEMORY_PER_PAIR = 1 << 26, 1 << 16, 8
-"""Terms of evoros's smaller reserve [bytes]; boxes at rest use 8,000 per body and 4 per pair."""
+"""Terms of the smaller memory set here [bytes]; boxes at rest use 8,000 per body and 4 per pair."""
 
 
 class Settings(NamedTuple):
@@ -52,44 +52,44 @@ class Settings(NamedTuple):
     time_step: float  # [s]
     wheel_friction: float
     steering_lag_s: float
-    slip_impedance: float = 0.8  # ground under wheels that slip in turns
+    slip_impedance: float = 0.8  # impedance of the ground under wheels that slip in turns
 
 
 class Parts(NamedTuple):
-    """Indices of a robot's parts in a model and in the model's state."""
+    """Indices of the parts of a robot in a model and in its state."""
 
-    root: tuple[int, int]  # first index of the root link in ``qpos`` and in ``qvel``
+    root: tuple[int, int]  # first index of the root link in ``qpos`` and ``qvel``
     servos: NDArray[np.intp]  # steering servos in ``ctrl``
     rotors: NDArray[np.intp]  # wheel rotors in ``qvel``
     wheels: NDArray[np.intp]  # wheel angles in ``qpos``
     steering: NDArray[np.intp]  # steering angles in ``qpos``
-    visible: NDArray[np.intp]  # shapes that other robots' sensors see
+    visible: NDArray[np.intp]  # shapes that the sensors of other robots detect
 
 
 @dataclass(frozen=True)
 class Model:
-    """A compiled model, its state, and its robots."""
+    """A compiled model with its state and its robots."""
 
     library: Any
     model: Any
     data: Any
     robots: tuple[Parts, ...]
-    walkers: NDArray[np.intp]  # indices of the walkers' shapes
+    walkers: NDArray[np.intp]  # indices of the shapes of walkers
 
     def place_walkers(self, places: Array) -> None:
-        """Move the walkers to positions (2 n,) [m], in the crowd's order."""
+        """Move the walkers to positions (2 n,) [m], in the order of the crowd."""
         self.data.mocap_pos[:, :2] = places.reshape(-1, 2)
 
 
 class Models:
-    """A cache of the most recently used models."""
+    """Caches the most recently used models."""
 
     def __init__(self, library: Any) -> None:
         self._library = library
         self._kept: OrderedDict[tuple[Any, ...], Model] = OrderedDict()
 
     def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Model:
-        """Return the model in the state in which a mission starts."""
+        """Return the model in its state at the start of a mission."""
         described = tuple(describe_for_engine(robot) for robot, _ in robots)
         sizes = () if world.crowd is None else world.crowd.sizes
         source = (described, world.bodies, world.gravity_mps2, settings, sizes)
@@ -186,9 +186,9 @@ def _set_options(spec: Any, library: Any, world: World, settings: Settings) -> N
     option.timestep = settings.time_step
     option.gravity = [0.0, 0.0, -world.gravity_mps2]
     option.tolerance = TOLERANCE
-    # The elliptic cone makes friction isotropic, so the motion does not depend on the heading.
+    # The elliptic cone makes friction isotropic, so that motion does not depend on the heading.
     option.cone = library.mjtCone.mjCONE_ELLIPTIC
     option.integrator = library.mjtIntegrator.mjINT_EULER
-    # Bodies at rest cost no time until the robot comes near.
+    # Bodies at rest cost no time until a robot comes near.
     option.enableflags |= library.mjtEnableBit.mjENBL_SLEEP
     option.disableflags |= library.mjtDisableBit.mjDSBL_AUTORESET

@@ -1,4 +1,4 @@
-"""The rays of a robot's sensors in MuJoCo."""
+"""Casts the rays of a robot's sensors in MuJoCo."""
 
 from typing import Any, NamedTuple
 
@@ -14,7 +14,7 @@ from evoros.simulator.engines.rays import Beam, SteeredParts, sensor_beams
 
 
 class Sensor(NamedTuple):
-    """A range sensor's rays, and the prepared arguments for the call that casts them."""
+    """The rays of a range sensor, with prepared arguments for the ray-casting call."""
 
     rays: slice
     arguments: tuple[Any, ...]
@@ -65,7 +65,7 @@ class MujocoRays:
         return Sensor(rays, arguments)
 
     def cast(self, pose: Array, ranges: Array) -> None:
-        """Fill ``ranges`` (n,) with each beam's nearest hit [m]; ``pose`` is the root link's."""
+        """Fill ``ranges`` (n,) with each beam's nearest hit [m]; ``pose`` is of the root link."""
         if not self._sensors:
             return
         self._place(pose, self._origins, self._directions, self._starts, self._turned)
@@ -90,7 +90,7 @@ class MujocoRays:
 def place_rays(
     pose: Array, origins: Array, directions: Array, starts: Array, turned: Array
 ) -> None:
-    """Write ray origins and directions (n, 3) in the world frame for the root's ``pose``."""
+    """Write ray origins and directions (n, 3) in the world for a ``pose`` of the root link."""
     rotation = rotation_entries(pose[3], pose[4], pose[5], pose[6])
     for row in range(len(origins)):
         _turn(rotation, origins[row], starts[row])
@@ -110,7 +110,7 @@ def _turn(rotation: tuple[float, ...], vector: Array, turned: Array) -> None:
 
 
 def leaves_shape(turned: Array, normals: Array) -> bool:
-    """Return True if a ray hits a shape from inside; ``normals`` (n, 3) point out (0: no hit)."""
+    """Return True if a ray hits a shape from inside; ``normals`` (n, 3) are outward (0: no hit)."""
     for row in range(len(turned)):
         along = 0.0
         for axis in range(3):
@@ -121,7 +121,7 @@ def leaves_shape(turned: Array, normals: Array) -> bool:
 
 
 def read_hits(hits: Array, ends: Array, low: Array, high: Array, ranges: Array) -> None:
-    """Write each beam's nearest hit [m]; beam i starts at ray ``ends[i]``, misses are < 0."""
+    """Write the nearest hit [m] of each beam; beam i starts at ray ``ends[i]``; misses are < 0."""
     for beam in range(len(ranges)):
         nearest = high[beam]
         for ray in range(int(ends[beam]), int(ends[beam + 1])):
@@ -132,7 +132,7 @@ def read_hits(hits: Array, ends: Array, low: Array, high: Array, ranges: Array) 
 
 @compilable
 def rotation_entries(w: float, i: float, j: float, k: float) -> tuple[float, ...]:
-    """Return the rotation matrix of a unit quaternion, row by row."""
+    """Return the entries of a unit quaternion's rotation matrix, row by row."""
     return (
         1 - 2 * (j * j + k * k),
         2 * (i * j - k * w),
@@ -153,7 +153,7 @@ def root_frame(pose: Array) -> tuple[Array, Array]:
 
 
 class MujocoSight:
-    """The range sensors of a robot, which sees the other robots but not itself."""
+    """The range sensors of a robot, which detect other robots but not their own."""
 
     def __init__(self, model: Model, robot: Robot, index: int) -> None:
         self._groups, self._data = model.model.geom_group, model.data
@@ -165,7 +165,7 @@ class MujocoSight:
         self._others = np.concatenate([np.zeros(0, dtype=int), *rest])  # shapes of the other robots
 
     def cast(self, ranges: Array) -> None:
-        """Fill ``ranges`` (n,) [m], given that the engine has updated the shapes' poses."""
+        """Fill ``ranges`` (n,) [m]; the engine must have updated the poses of the shapes."""
         self._groups[self._others] = MOVABLE
         self._rays.cast(self._pose, ranges)
         if self._rays.parts.exist:

@@ -1,4 +1,4 @@
-"""A robot in MuJoCo: its links, joints and motors."""
+"""A robot in MuJoCo: links, joints and motors."""
 
 import math
 from collections.abc import Collection, Sequence
@@ -18,8 +18,8 @@ from evoros.robot.model import Robot
 from evoros.simulator.engines import mujoco_bodies
 from evoros.simulator.engines.teams import CHASSIS_FRICTION
 
-MOTOR_INERTIA = 1e6  # [kg m2] of a motor's rotor, so that loads do not affect the rotor's rate
-ROOT_JOINT = "evoros root"  # name of the root link's free joint
+MOTOR_INERTIA = 1e6  # [kg m2] of a motor's rotor, so large that loads do not affect its rate
+ROOT_JOINT = "evoros root"  # name of the free joint of the root link
 
 
 class Making(NamedTuple):
@@ -27,9 +27,9 @@ class Making(NamedTuple):
 
     wheel_friction: float
     gain: float  # fraction of the steering error corrected per step
-    bond: dict[str, Any]  # contact parameters of the coupling between motors and joints
-    prefix: str = ""  # prefix of the robot's names
-    # contype and conaffinity of the links that collide with obstacles
+    bond: dict[str, Any]  # contact parameters that couple joints to motors
+    prefix: str = ""  # prefix of all names of the robot
+    # contype and conaffinity of links that collide with obstacles
     masks: tuple[int, int] = mujoco_bodies.MEETS[mujoco_bodies.ROBOT]
 
 
@@ -80,7 +80,7 @@ def _add_tree(
 
 def _set_inertia(body: Any, inertial: Element | None) -> None:
     body.explicitinertial = True
-    if inertial is None:  # a massless frame, rigidly attached to its parent link
+    if inertial is None:  # a massless frame, rigidly attached to the parent link
         body.mass, body.inertia, body.ipos = 0.0, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
         return
     frame = read_origin(inertial)
@@ -112,15 +112,15 @@ def _add_rotor(spec: Any, library: Any, joint: str) -> str:
 
 
 def rotor_of(joint: str) -> str:
-    """Return the name of the rotor's joint that a driven joint follows."""
+    """Return the name of the rotor joint that a driven joint follows."""
     return f"{joint} rotor"
 
 
 def _add_wheel_motor(
     spec: Any, library: Any, joint: str, effort: float, bond: dict[str, Any]
 ) -> None:
-    """Make a joint follow its rotor, with a torque of at most ``effort`` [N m]."""
-    # Friction transmits the torque; an actuator would oscillate at its torque limit.
+    """Couple a joint to its rotor, with a torque of at most ``effort`` [N m]."""
+    # Friction transmits the torque, because an actuator would oscillate at its torque limit.
     friction = {"solref_friction": bond["solref"], "solimp_friction": bond["solimp"]}
     tendon = spec.add_tendon(name=joint, frictionloss=effort, **friction)
     tendon.wrap_joint(joint, 1.0)
@@ -128,7 +128,7 @@ def _add_wheel_motor(
 
 
 def _add_servo(spec: Any, library: Any, joint: str, gain: float, bond: dict[str, Any]) -> None:
-    """Make a joint follow its rotor, which turns by ``gain * (target - angle)`` in each step."""
+    """Couple a joint to its rotor, which turns by ``gain * (target - angle)`` per step."""
     rotor = _add_rotor(spec, library, joint)
     spec.add_equality(
         name=joint,
@@ -142,7 +142,7 @@ def _add_servo(spec: Any, library: Any, joint: str, gain: float, bond: dict[str,
     step = spec.option.timestep
     stiffness = MOTOR_INERTIA * gain / (step * step)
     actuator = spec.add_actuator(name=joint, target=rotor, trntype=library.mjtTrn.mjTRN_JOINT)
-    # This explicit damping cancels the previous rate, so that only the error moves the rotor.
+    # The explicit damping cancels the previous rate, so that only the error moves the rotor.
     actuator.set_to_position(kp=stiffness, kv=MOTOR_INERTIA / step)
 
 
@@ -156,7 +156,7 @@ def _add_link(
 ) -> list[str]:
     """Add the collision shapes of a link; return the names of those that can touch the ground.
 
-    Exposed wheels have each shape twice, to tell the ground from obstacles.
+    Exposed wheels have each shape twice, to distinguish contacts with the ground from obstacles.
     """
     posed = [(shape.pose, shape) for shape in shapes]
     if not posed:
@@ -166,12 +166,12 @@ def _add_link(
         names = mujoco_bodies.add_shapes(spec, library, body, body.name, mujoco_bodies.ROBOT, posed)
         for name in names:
             spec.geom(name).contype, spec.geom(name).conaffinity = masks
-            spec.add_sensor(  # detects the contacts of a shape
+            spec.add_sensor(  # detects contacts of a shape
                 name=name,
                 type=library.mjtSensor.mjSENS_CONTACT,
                 objtype=library.mjtObj.mjOBJ_GEOM,
                 objname=name,
-                intprm=[1, 0, 1],  # report whether there is any contact
+                intprm=[1, 0, 1],  # report only whether there is a contact
             )
     if rolls:
         name, group = f"{body.name} rolling", mujoco_bodies.ROBOT

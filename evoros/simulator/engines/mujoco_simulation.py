@@ -20,13 +20,13 @@ from evoros.walkers.crowd import Crowd
 
 
 class MujocoSignals(RigidSignals):
-    """The signals of one robot of a MuJoCo model."""
+    """The signals of a robot in a MuJoCo model."""
 
     def __init__(self, model: Model, robot: Robot, index: int) -> None:
         engine, data, parts = model.model, model.data, model.robots[index]
         super().__init__(robot, -float(engine.opt.gravity[2]))
         self._data = data
-        # Contacts with the ground and between parts of the same robot do not count.
+        # Contacts with the ground and between parts of one robot are ignored.
         self._ours = np.isin(np.arange(engine.ngeom), parts.visible)
         self._theirs = (engine.geom_group != mujoco_bodies.GROUND) & ~self._ours
         position, rate = parts.root
@@ -37,7 +37,7 @@ class MujocoSignals(RigidSignals):
         """Write all signals into their slices of ``signals``."""
         if self.exist:
             rotation, position = root_frame(self._pose)
-            # angular velocity is in link axes
+            # angular velocity in link axes
             motion = Motion(position, rotation, self._rates[:3], product(rotation, self._rates[3:]))
             self.fill(signals, motion, self._data.qpos[self._angles])
 
@@ -55,16 +55,16 @@ class MujocoSignals(RigidSignals):
 
 
 HARMLESS = "Linesearch"
-"""First word of warnings about a truncated solver step, which the next step makes up for."""
+"""First word of warnings about a truncated solver step, which the next step corrects."""
 _PLACE = re.compile(r" at DOF (\d+)")
-"""Matches the index of the degree of freedom that a warning names."""
+"""Matches the degree of freedom named in a warning."""
 
 GROUND, OBSTACLE, WALKER = -1, -2, -3
-"""Owners of shapes that do not belong to a robot; the walkers' numbers are -3, -4, -5 ..."""
+"""Owners of shapes that belong to no robot; walkers are numbered -3, -4, -5, and so on."""
 
 
 class MujocoSimulation:
-    """The robots of a MuJoCo model in their world."""
+    """The robots of a MuJoCo model in a world."""
 
     def __init__(
         self,
@@ -76,7 +76,7 @@ class MujocoSimulation:
     ) -> None:
         library, engine = model.library, model.model
         self._model, self._robots, self._time_step = model, robots, settings.time_step
-        self._warnings = warnings  # the engine appends to this list
+        self._warnings = warnings  # list to which the engine appends
         self._step, self._place = library.mj_step, library.mj_kinematics
         self._list_touches = model.data.sensordata.tolist
         self._vehicles = [_Vehicle(model, robot, i) for i, robot in enumerate(robots)]
@@ -92,7 +92,7 @@ class MujocoSimulation:
             model.place_walkers(self._walkers.places)
 
     def observe(self, state: Array) -> None:
-        """Fill ``state`` with the base links' true states, and any contact since the last call."""
+        """Fill ``state`` with the base links' true states, and contacts since the last call."""
         grave = [line for line in self._warnings if not line.startswith(HARMLESS)]
         if grave:
             raise SimulationError(self._name_place(f"MuJoCo: {' '.join(grave[0].split())}"))
@@ -110,14 +110,14 @@ class MujocoSimulation:
         return f"{name_robot(index, self._robots[index])}: {warning}" if index >= 0 else warning
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals``; robots see each other but not themselves."""
+        """Fill ``signals``; range sensors detect other robots but not their own."""
         engine, data = self._model.model, self._model.data
         self._place(engine, data)
         for vehicle, share in self._turns:
             vehicle.sense(signals[share.signals])
 
     def advance(self, command: Array, duration: float) -> None:
-        """Drive with ``command`` for ``duration`` [s]; contacts are checked after each step."""
+        """Apply ``command`` for ``duration`` [s], checking contacts after each step."""
         for vehicle, share in self._turns:
             vehicle.set_motors(read_command(command, share))
         step, engine, data = self._step, self._model.model, self._model.data
@@ -153,13 +153,13 @@ class _Vehicle:
         self._all_rates = data.qvel
         self._wheel_rates: tuple[float, ...] = (0.0,) * len(self._parts.rotors)
         self._command: tuple[float, ...] | None = None
-        self.touched = False  # True after a contact since the last observation
+        self.touched = False  # whether a contact has occurred since the last observation
         self._sight, self._ranges = MujocoSight(model, robot, index), robot.beam_count
         self._signals = MujocoSignals(model, robot, index)
 
     def observe(self, state: Array) -> None:
         x, y, _, qw, qx, qy, qz = self._pose.tolist()
-        vx, vy, _, wx, wy, wz = self._rates.tolist()  # angular velocity is in link axes
+        vx, vy, _, wx, wy, wz = self._rates.tolist()  # angular velocity in link axes
         yaw_rate = (
             2.0 * (qx * qz - qw * qy) * wx
             + 2.0 * (qy * qz + qw * qx) * wy
@@ -170,7 +170,7 @@ class _Vehicle:
         self.touched = False
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals``, given that the engine has updated the shapes' poses."""
+        """Fill ``signals``; the engine must have updated the poses of the shapes."""
         self._sight.cast(signals[: self._ranges])
         self._signals.read(signals)
 
@@ -180,7 +180,7 @@ class _Vehicle:
             self._signals.feel()
 
     def set_motors(self, command: tuple[float, ...]) -> None:
-        """Set the motor targets for a command, before each control period."""
+        """Set the motor targets of a command, before each control period."""
         if self._command != command:
             self._command = command
             angles, self._wheel_rates = find_targets(self._drive, *command)

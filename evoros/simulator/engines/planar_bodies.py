@@ -1,4 +1,4 @@
-"""Movable bodies and walkers in the plane: parameters, and poses during a mission."""
+"""Movable bodies and walkers in the plane: parameters, and poses in a mission."""
 
 import math
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from evoros.geometry.shapes import Body, Pose
 from evoros.world.model import KEPT_WORLDS, World
 from evoros.world.standing import GAP_M, Part, place_parts, sight_rows, standing_obstacles
 
-OVERLAP_M = 1e-3  # overlap [m] in top view beyond which one body counts as carrying the other
+OVERLAP_M = 1e-3  # minimum overlap [m] in top view at which one body carries another
 
 
 class Pushable(NamedTuple):
@@ -30,7 +30,7 @@ class Pushable(NamedTuple):
 
 
 def split_obstacles(world: World, height_m: float) -> tuple[tuple[Body, ...], tuple[Pushable, ...]]:
-    """Return the fixed obstacles, and the bodies that a robot of this height [m] can push."""
+    """Return the fixed obstacles, and the bodies that a robot of ``height_m`` can push."""
     bodies = standing_obstacles(world)
     parts = [place_parts(body, height_m) for body in bodies]
     fixed, pushable = [], []
@@ -70,7 +70,8 @@ def _describe(body: Body, parts: tuple[Part, ...]) -> Pushable:
 def _friction_arm(areas: Sequence[footprint.Footprint], centre: Array) -> float:
     """Return the mean distance [m] from a body's supports to its centre of mass.
 
-    It is the ratio of maximum friction moment to force for equally loaded corners, as in engines.
+    This is the ratio of maximum friction moment to maximum force if all corners carry the same
+    load, as in engines.
     """
     arms = [np.linalg.norm(area.vertices - centre, axis=1) for area in areas]
     rims = [area.radius for area in areas]
@@ -81,31 +82,30 @@ def _friction_arm(areas: Sequence[footprint.Footprint], centre: Array) -> float:
 START_X, START_Y, BODY_RADIUS, ARM_SQUARED, FRICTION, LOAD, FIRST_PART, END_PART = range(8)
 """Columns of a body.
 
-Initial centre of mass [m]; radius [m] about it; square of the friction arm [m2]; friction
-coefficient; friction coefficient times mass [kg]; index of the first part; end index of the parts.
+Initial centre of mass [m]; radius about it [m]; squared friction arm [m2]; friction coefficient;
+friction coefficient times mass [kg]; index of the first part; index after the last part.
 """
 BODY_SIZE = 8
 RADIUS, START, END, BOTTOM, TOP = range(5)
 """Columns of a part.
 
-Radius around its corners [m], index of its first corner, end index of its corners, lowest and
-highest point [m].
+Radius around the corners [m], index of the first corner, index after the last corner, heights of
+the lowest and the highest point [m].
 """
 PART_SIZE = 5
 FIXED_BOTTOM, FIXED_TOP = footprint.FOOTPRINT_SIZE, footprint.FOOTPRINT_SIZE + 1
-"""Columns of a fixed shape after its footprint (``evoros.geometry.footprint``): height range [m].
-"""
+"""Columns of a fixed shape after its footprint: heights of its lowest and highest point [m]."""
 FIXED_SIZE = footprint.FOOTPRINT_SIZE + 2
 
 BODY_X, BODY_Y, BODY_COS, BODY_SIN = range(4)
 """Columns of a body's pose.
 
-Centre of mass [m], and the cosine and sine of its rotation since the start.
+Centre of mass [m]; cosine and sine of the rotation since the start.
 """
 POSE_SIZE = 4
 
 PlanarPose: TypeAlias = tuple[float, float, float, float]
-"""x, y [m], and the cosine and sine of the heading."""
+"""x, y [m]; cosine and sine of the heading."""
 
 MAX_FRICTION = 1.0  # friction coefficient of PyBullet's chassis
 
@@ -114,40 +114,40 @@ class Movables(NamedTuple):
     """The bodies that can be pushed, the obstacles that stop them, and the walkers."""
 
     bodies: Matrix  # (b, BODY_SIZE)
-    parts: Matrix  # (s, PART_SIZE), the shapes of the bodies
-    corners: Matrix  # (c, 2) [m], corners of the parts, relative to their body's centre of mass
-    sights: Matrix  # (s, OBSTACLE_SIZE), the parts for rays, about their body's centre of mass
+    parts: Matrix  # (s, PART_SIZE), shapes of the bodies
+    corners: Matrix  # (c, 2) [m], corners of the parts, relative to the body's centre of mass
+    sights: Matrix  # (s, OBSTACLE_SIZE), parts for rays, relative to their body's centre of mass
     faces: Matrix  # faces of polyhedra, see evoros.geometry.ray
     grid: Array  # see evoros.geometry.grid
     starts: Array  # index of the first entry of each grid cell
-    entries: Array  # rows of ``fixed`` that bodies in a cell can reach
-    fixed: Matrix  # (f, FIXED_SIZE), the immovable obstacles
-    fixed_corners: Matrix  # (c, 2) [m] of ``fixed``
+    entries: Array  # rows of ``fixed`` within reach of bodies in a cell
+    fixed: Matrix  # (f, FIXED_SIZE), immovable obstacles
+    fixed_corners: Matrix  # (c, 2) [m], corners of ``fixed``
     walk: Array = NO_VALUES  # a packed Walk
 
 
 class Placed(NamedTuple):
-    """The poses of the bodies and the walkers during a mission."""
+    """The poses of bodies and walkers in a mission."""
 
     poses: Matrix  # (b, POSE_SIZE)
-    saved: Matrix  # (b, POSE_SIZE), before the step
-    levels: Array  # (b,) rank in the chain of pushed bodies, from 1 at the robot; 0: not pushed
-    corners: Matrix  # (c, 2) [m] of the parts, in the world
-    sights: Matrix  # (s, OBSTACLE_SIZE), the parts and then the walkers for rays, in the world
-    robots: Matrix  # (r, 4), robot poses to which the walkers react
+    saved: Matrix  # (b, POSE_SIZE), poses before the step
+    levels: Array  # (b,) rank in the chain of pushed bodies, 1 next to the robot, 0 if not pushed
+    corners: Matrix  # (c, 2) [m], corners of the parts in the world
+    sights: Matrix  # (s, OBSTACLE_SIZE), parts and walkers for ray casting in the world
+    robots: Matrix  # (r, 4), poses of robots to which walkers react
     walking: Array = NO_VALUES  # a packed Walking
 
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def can_push(world: World) -> bool:
-    """Return True if a world has movable bodies, and its missions continue after contact."""
+    """Return True if a world has movable bodies and its missions continue after a contact."""
     movable = any(body.mass is not None for body in world.obstacles)
     return movable and not world.course.end_on_collision
 
 
 @lru_cache(maxsize=64)
 def find_movables(world: World, tallest: float) -> tuple[tuple[Body, ...], Movables]:
-    """Return the immovable obstacles, and the bodies that a robot of this height [m] can push."""
+    """Return the immovable obstacles, and the bodies that robots up to ``tallest`` can push."""
     fixed, pushable = split_obstacles(world, tallest) if can_push(world) else ((), ())
     if not pushable:
         nothing = np.zeros((0, BODY_SIZE)), np.zeros((0, PART_SIZE)), np.zeros((0, 2))
@@ -200,7 +200,7 @@ def place_bodies(movables: Movables) -> Placed:
 
 @compilable
 def place_body(movables: Movables, placed: Placed, index: int) -> None:
-    """Move a body's corners and ray shapes to its current pose."""
+    """Move the corners and ray shapes of a body to its current pose."""
     x, y, cos, sin = pose_of(placed, index)
     body = movables.bodies[index]
     for i in range(int(body[FIRST_PART]), int(body[END_PART])):

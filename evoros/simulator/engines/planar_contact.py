@@ -15,18 +15,18 @@ from evoros.simulator.engines.planar_layout import ZONE, Memory, Plane, hull_of,
 from evoros.simulator.engines.planar_pushing import TOLERANCE_M, is_near
 from evoros.simulator.engines.rays import Zone, crosses_zone
 
-SKIN_M = 1e-3  # maximum gap [m] at which a robot still touches the body that it has pushed away
+SKIN_M = 1e-3  # maximum gap [m] at which a robot still touches a body that it has pushed
 
 
 class Outline(NamedTuple):
-    """The outline of a robot, in a class because compiled code must not return bare views."""
+    """The outline of a robot, in a class because compiled functions must not return plain views."""
 
     corners: Matrix  # (k, 2) [m]
 
 
 @compilable
 def outline_of(parameters: Array, memory: Array, index: int) -> Outline:
-    """Return the outline of a robot where it was last placed."""
+    """Return the outline of a robot at its last placement."""
     places = unpack(Plane, parameters).places
     first, end = int(places[index, layout.CORNERS]), int(places[index + 1, layout.CORNERS])
     return Outline(unpack(Memory, memory).outlines[first:end])
@@ -34,7 +34,7 @@ def outline_of(parameters: Array, memory: Array, index: int) -> Outline:
 
 @compilable
 def place_outline(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> Outline:
-    """Move the stored outline of a robot to a pose, and return it."""
+    """Place the outline of a robot at a pose, and return it."""
     x, y, cos, sin = pose
     outline = outline_of(parameters, memory, index)
     transform_polygon(hull_of(parameters, index).outline, x, y, cos, sin, outline.corners)
@@ -43,7 +43,7 @@ def place_outline(parameters: Array, memory: Array, index: int, pose: PlanarPose
 
 @compilable
 def touches(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> bool:
-    """Return True if a robot overlaps a fixed obstacle or another robot; record that contact."""
+    """Return True if a robot overlaps a fixed obstacle or a robot; record the other's contact."""
     motions = unpack(Memory, memory).motions
     touched = False
     for other in range(len(motions)):
@@ -72,7 +72,7 @@ def touches(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> b
 
 @compilable
 def is_far(footprint: Array, radius: float, x: float, y: float) -> bool:
-    """Return True if a footprint is too far from a robot at (x, y) [m] for contact."""
+    """Return True if a footprint is too far from a robot at (x, y) [m] to touch it."""
     dx = footprint[CENTRE_X] - x
     dy = footprint[CENTRE_Y] - y
     near = radius + footprint[CIRCLE]
@@ -83,7 +83,7 @@ def is_far(footprint: Array, radius: float, x: float, y: float) -> bool:
 def overlaps_robot(
     parameters: Array, memory: Array, index: int, pose: PlanarPose, other: int
 ) -> bool:
-    """Return True if a robot at a pose overlaps another; both outlines are then placed."""
+    """Return True if a robot at a pose overlaps another robot; place both outlines."""
     there = pose_of(memory, other)
     dx = there[0] - pose[0]
     dy = there[1] - pose[1]
@@ -97,7 +97,7 @@ def overlaps_robot(
 
 @compilable
 def feel_robots(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> None:
-    """Count touches for the contact sensors of a robot and of the robots that overlap it."""
+    """Count touches of contact sensors of a robot, and of all robots that overlap it."""
     for other in range(len(unpack(Memory, memory).motions)):
         if other != index and overlaps_robot(parameters, memory, index, pose, other):
             outline = outline_of(parameters, memory, index).corners
@@ -108,7 +108,7 @@ def feel_robots(parameters: Array, memory: Array, index: int, pose: PlanarPose) 
 
 @compilable
 def feel_pressed(parameters: Array, memory: Array, index: int) -> bool:
-    """Return True if bodies pushed by a robot overlap other robots; record their contacts."""
+    """Return True if bodies pushed by a robot overlap other robots; record these contacts."""
     movables = unpack(Movables, unpack(Plane, parameters).movables)
     placed = unpack(Placed, unpack(Memory, memory).movables)
     pressed = False
@@ -138,7 +138,7 @@ def feel_pressed(parameters: Array, memory: Array, index: int) -> bool:
 
 @compilable
 def feel(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> None:
-    """Count a touch for each contact zone that touches an obstacle or a pushable body."""
+    """Count a touch for each contact zone that an obstacle or pushable body touches."""
     probes = probes_of(parameters, index).contact
     place_outline(parameters, memory, index, pose)
     touched = int(unpack(Plane, parameters).places[index, layout.TOUCHES])
@@ -154,7 +154,7 @@ def feel(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> None
 def feel_polygon(
     parameters: Array, memory: Array, index: int, pose: PlanarPose, polygon: Array, radius: float
 ) -> None:
-    """Count a touch for each contact zone in which a rounded polygon overlaps a robot at a pose."""
+    """Count a touch for each contact zone of a robot at a pose that a rounded polygon overlaps."""
     probes = probes_of(parameters, index).contact
     touched = int(unpack(Plane, parameters).places[index, layout.TOUCHES])
     outline = outline_of(parameters, memory, index).corners
@@ -173,7 +173,7 @@ def zone_of(probe: Array) -> Zone:
 
 @compilable
 def feels_fixed(parameters: Array, memory: Array, index: int, pose: PlanarPose, zone: Zone) -> bool:
-    """Return True if the outline overlaps a fixed obstacle within a contact zone."""
+    """Return True if a fixed obstacle overlaps the outline within a contact zone."""
     robot = hull_of(parameters, index)
     cell = cell_at(robot.grid, pose[0], pose[1])
     if cell < 0:
@@ -213,12 +213,12 @@ def feels_bodies(
 def lies_in_zone(
     contact: tuple[float, float, float, float, float, float], zone: Zone, pose: PlanarPose
 ) -> bool:
-    """Return True if a contact of a robot at a pose is inside a contact zone."""
+    """Return True if a contact of a robot at a pose lies in a contact zone."""
     depth, nx, ny, along, low, high = contact
     if depth <= 0.0:
         return False
     x, y, cos, sin = pose
-    # End points of the contact relative to the robot's origin, along the world's axes.
+    # End points of the contact relative to the robot's origin, along the world axes.
     ax = along * nx - low * ny - x
     ay = along * ny + low * nx - y
     bx = along * nx - high * ny - x

@@ -1,4 +1,4 @@
-"""Array layouts for the planar simulator: its parameters, and the memory of a mission."""
+"""Array layouts of the planar simulator, for its parameters and for the memory of a mission."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -17,27 +17,27 @@ from evoros.sensor.protocol import CONTACT, MOTION, WHEELS
 from evoros.simulator.engines.planar_bodies import PlanarPose
 from evoros.simulator.engines.rays import ZONE_SIZE, Beam, find_zones
 
-PLACE = 0  # first column of every probe: the index of its signal
+PLACE = 0  # first column of every probe, the index of its signal
 FRAME, GRAVITY = 1, 8
 """Columns of a motion probe.
 
-The frame's position (3,) [m] and quaternion (4,), and the gravity [m/s2].
+Position (3,) [m] and quaternion (4,) of the frame; gravity [m/s2].
 """
 MOTION_PROBE_SIZE = 9
-ZONE = 1  # first column of a contact probe's zone
+ZONE = 1  # first column of the zone of a contact probe
 CONTACT_PROBE_SIZE = ZONE + ZONE_SIZE
 
 
 class Probes(NamedTuple):
-    """A robot's sensors without rays, as arrays."""
+    """The sensors without rays of a robot, as arrays."""
 
     motion: Matrix  # (p, MOTION_PROBE_SIZE)
-    wheels: Array  # indices of the wheel signals
+    wheels: Array  # indices of wheel signals
     contact: Matrix  # (p, CONTACT_PROBE_SIZE)
 
 
 def list_probes(robot: Robot, gravity: float) -> Probes:
-    """Return the probes of a robot in a world with this gravity [m/s2]."""
+    """Return the probes of a robot in a world with a gravity [m/s2]."""
     motion, wheels, contact, zones = [], [], [], find_zones(robot)
     for index, sensor in enumerate(robot.mounted_sensors()):
         place = float(robot.signal_layout[index].start)
@@ -56,45 +56,45 @@ def list_probes(robot: Robot, gravity: float) -> Probes:
 
 
 def _face(yaw: float, pitch: float) -> tuple[float, float, float, float]:
-    """Return the quaternion (w, x, y, z) of a yaw to the left followed by a nose-up pitch [rad]."""
+    """Return the quaternion (w, x, y, z) of a yaw left followed by a nose-up pitch [rad]."""
     sy, cy = elementary.sin_cos(yaw / 2)
     sp, cp = elementary.sin_cos(pitch / 2)
     return cy * cp, sy * sp, -cy * sp, sy * cp
 
 
-# A beam, that is, a channel of a sensor, is a row of BEAMS with these columns.
+# A row of BEAMS with these columns is a beam, the rays of one channel of a sensor.
 ORIGIN, MIN_RANGE, FREE_RANGE, FIRST_RAY, END_RAY, LEFT_EDGE, RIGHT_EDGE = 0, 3, 4, 5, 6, 7, 9
 """Columns of BEAMS.
 
-Origin (3,) [m]; minimum range [m]; reading without obstacles [m]; first ray; end of its rays;
-outward unit normals (2,) of the beam's left and right edge, or 0 without edges.
+Origin (3,) [m]; minimum range [m]; reading without obstacles [m]; index of the first ray and after
+the last; outward unit normals (2,) of the left and right edges, 0 without edges.
 """
 BEAM_SIZE = 11
 
-# A group of beams is a row of GROUPS with these columns.
+# A row of GROUPS with these columns is a group of beams.
 FIRST_BEAM, END_BEAM, BEARING, SPACING, REACH = range(5)
 """Columns of GROUPS.
 
-First beam; end of its beams; bearing of the first beam and spacing [rad], positive to the left, or
-zeros unless the beams are single, evenly spaced rays from one origin; maximum range without
-obstacles [m].
+Index of the first beam and after the last; bearing of the first beam and spacing [rad], left
+positive, or zeros unless the beams are single, evenly spaced rays from one origin; maximum range
+without obstacles [m].
 """
 GROUP_SIZE = 5
 _UNEVEN_RAD = 1e-9
 
 STEERING_ANGLE, CURVATURE, ROLLED, TURNED, COS, SIN = range(STATE_SIZE, STATE_SIZE + 6)
-"""Columns of a robot's motion after its state.
+"""Columns of the motion of a robot after its state.
 
-Steering angle [rad], curvature [1/m], distance [m] and rotation [rad] of its rear axle since the
-start, and cosine and sine of its yaw.
+Steering angle [rad], curvature [1/m], distance [m] and rotation [rad] of the rear axle since the
+start, cosine and sine of the yaw.
 """
 MOTION_SIZE = STATE_SIZE + 6
 
 HULL, SIGHT, PROBES, SIGNALS, CORNERS, TOUCHES, SHAPES = range(7)
 """Columns of ``places``.
 
-Start indices of a robot's values in ``hulls``, ``sights`` and ``probes``, and of its signals,
-outline corners, touches and shapes.
+Start indices of a robot in ``hulls``, ``sights`` and ``probes``, and of its signals, outline
+corners, touches and shapes.
 """
 PLACES = 7
 
@@ -104,10 +104,10 @@ class Drive(NamedTuple):
 
     steering_gain: float  # fraction of the steering error corrected per step
     speed_gain: float  # fraction of the speed error corrected per step
-    steering_mean: float  # mean curvature over a step, from 0 (initial value) to 1 (final value)
-    speed_mean: float  # mean speed over a step, on the same scale
+    steering_mean: float  # mean curvature over a step: 0 is the initial, 1 the final value
+    speed_mean: float  # mean speed over a step, in the same form
     max_speed: float  # [m/s]
-    # [m], lateral distance from the rear axle's centre to the point with the speed limit
+    # [m], lateral distance from the rear axle's centre to the point that limits the speed
     speed_limit_offset: float
     steering_limit: float  # [rad]
     wheelbase: float  # [m]
@@ -115,54 +115,54 @@ class Drive(NamedTuple):
 
 
 class Hull(NamedTuple):
-    """A robot's body and the obstacles that it may touch, in the order of ``obstacle_arrays``."""
+    """The body of a robot and obstacles that it may touch, ordered as in ``obstacle_arrays``."""
 
-    radius: float  # [m], from the origin to the farthest corner of the outline
+    radius: float  # [m], distance from the origin to the farthest corner
     height: float  # [m]
     mass: float  # [kg], including sensors
-    outline: Matrix  # (k, 2) corners [m]
+    outline: Matrix  # (k, 2) [m], corners
     grid: Array
     starts: Array  # index of the first entry of each grid cell
-    entries: Array  # rows of the footprints that an outline in a cell can reach
+    entries: Array  # rows of footprints within reach of an outline in a cell
     footprints: Matrix
-    corners: Matrix  # (c, 2) [m] of the footprints
+    corners: Matrix  # (c, 2) [m], corners of the footprints
 
 
 class Sight(NamedTuple):
-    """The range sensors of a robot, and the obstacles that they may see."""
+    """The range sensors of a robot, and obstacles that they may detect."""
 
     beams: Matrix  # (n, BEAM_SIZE)
     groups: Matrix  # (g, GROUP_SIZE)
-    rays: Matrix  # (m, 3) unit vectors, in the robot's frame
-    steered: Array  # a packed ``SteeredSight``; empty if no sensor can see a steered wheel
+    rays: Matrix  # (m, 3), unit vectors in the robot's frame
+    steered: Array  # a packed ``SteeredSight``; empty if no sensor can detect a steered wheel
     grid: Array
     starts: Array  # index of the first entry of each grid cell
-    entries: Array  # rows of the obstacles that sensors in a cell can reach
+    entries: Array  # rows of obstacles within reach of sensors in a cell
     obstacles: Matrix
     faces: Matrix  # faces of polyhedra
 
 
 class Plane(NamedTuple):
-    """Parameters of the planar simulator's rules for robots in a world."""
+    """The parameters of the planar simulator's rules for robots in a world."""
 
     time_step: float  # [s]
-    drives: Matrix  # a Drive for each robot
-    places: Matrix  # (robots + 1, PLACES); the last row has the end indices
-    hulls: Array  # a packed Hull for each robot
-    sights: Array  # a packed Sight for each robot
-    probes: Array  # packed Probes for each robot
-    shapes: Matrix  # (s, OBSTACLE_SIZE), each robot's shapes in its frame, as other robots see them
+    drives: Matrix  # (robots, ...), a Drive per row
+    places: Matrix  # (robots + 1, PLACES), the last row holds end indices
+    hulls: Array  # a packed Hull per robot
+    sights: Array  # a packed Sight per robot
+    probes: Array  # packed Probes per robot
+    shapes: Matrix  # (s, OBSTACLE_SIZE), robots as detected by other robots, in their own frames
     faces: Matrix  # faces of polyhedra among the shapes
     movables: Array  # packed Movables
 
 
 class Memory(NamedTuple):
-    """The memory of a mission; each array holds the values of one robot after another."""
+    """The memory of a mission; arrays hold the values of one robot after another."""
 
     motions: Matrix  # (robots, MOTION_SIZE)
-    outlines: Matrix  # (k, 2) [m], corners of the outlines where they were last placed
+    outlines: Matrix  # (k, 2) [m], corners of the outlines as last placed
     touches: Array  # number of touches of each contact probe
-    shapes: Matrix  # (s, OBSTACLE_SIZE) at the robots' poses
+    shapes: Matrix  # (s, OBSTACLE_SIZE), shapes at the poses of the robots
     movables: Array  # packed Placed
 
 
@@ -175,7 +175,7 @@ def hull_of(parameters: Array, index: int) -> Hull:
 
 @inlined
 def sight_of(parameters: Array, index: int) -> Sight:
-    """Return the range sensors of a robot, and the obstacles that they may see."""
+    """Return the range sensors of a robot, and obstacles that they may detect."""
     plane = unpack(Plane, parameters)
     return unpack(Sight, plane.sights[int(plane.places[index, SIGHT]) :])
 
@@ -201,7 +201,7 @@ def place_robot(memory: Memory, index: int, x: float, y: float, yaw: float) -> N
 
 
 def beam_rows(robot: Robot, frames: Array, beams: Sequence[Beam], rays: Array) -> Array:
-    """Return BEAMS from one frame per mount and the rays of all beams."""
+    """Return BEAMS for one frame per mount and the rays of all beams."""
     rows = np.zeros((len(beams), BEAM_SIZE))
     if not len(beams):
         return rows
@@ -218,7 +218,7 @@ def beam_rows(robot: Robot, frames: Array, beams: Sequence[Beam], rays: Array) -
 
 
 def _facing(robot: Robot, frames: Array, sums: Array) -> Iterator[float]:
-    """Yield each beam's yaw [rad]: the sensor's or, with several channels, the mean ray's."""
+    """Yield the yaw [rad] of each beam: the sensor's or, with several channels, the mean ray's."""
     for part, frame in zip(robot.beam_layout, frames, strict=True):
         if part.stop - part.start == 1:
             yield elementary.atan2(frame[1, 0], frame[0, 0])
@@ -227,14 +227,14 @@ def _facing(robot: Robot, frames: Array, sums: Array) -> Iterator[float]:
 
 
 def _free_ranges(height: Array, slopes: Array, first: NDArray[np.int64], farthest: Array) -> Array:
-    """Return the readings [m] without obstacles: the distance to the ground, or ``farthest``."""
+    """Return the readings [m] without obstacles: the distance to the ground, up to ``farthest``."""
     drop = -np.minimum.reduceat(slopes, first)
     seen = drop * farthest > height
     return np.where(seen, height / np.where(seen, drop, 1.0), farthest)
 
 
 def _edges(rays: Array, first: NDArray[np.int64], yaws: Array) -> Array:
-    """Return the outward unit normals (n, 4) of each beam's edges; zeros if it is no wedge."""
+    """Return the outward normals (n, 4) of the edges of each beam; zeros unless a wedge."""
     x, y = rays[:, 0], rays[:, 1]
     angles = atan2_all(y, x) - np.repeat(yaws, np.diff([*first, len(rays)]))
     angles = atan2_all(sin_all(angles), cos_all(angles))
@@ -247,7 +247,7 @@ def _edges(rays: Array, first: NDArray[np.int64], yaws: Array) -> Array:
 
 
 def group_rows(robot: Robot, rows: Array, rays: Array) -> Array:
-    """Return GROUPS, one for each evenly spaced sensor and one for each run of other sensors."""
+    """Return GROUPS: one per evenly spaced sensor, and one per series of other sensors."""
     groups: list[tuple[float, float, float, float, float]] = []
     for part in robot.beam_layout:
         bearing, spacing = _measure_spacing(rows[part], rays)
@@ -260,7 +260,7 @@ def group_rows(robot: Robot, rows: Array, rays: Array) -> Array:
 
 
 def _measure_spacing(rows: Array, rays: Array) -> tuple[float, float]:
-    """Return the first beam's bearing and the spacing [rad]; zeros if unevenly spaced."""
+    """Return the first bearing and the spacing [rad] of the beams; zeros if uneven."""
     single = rows[:, END_RAY] - rows[:, FIRST_RAY] == 1.0
     if len(rows) < 2 or not single.all():
         return 0.0, 0.0

@@ -1,4 +1,4 @@
-"""Pushing of movable bodies by a robot in the plane.
+"""Pushing of movable bodies by robots in the plane.
 
 The motion is quasi-static, without inertia; overlapping bodies are pushed apart contact by contact.
 Ground friction follows its limit surface (Goyal, Ruina and Papadopoulos, Wear 143, 1991),
@@ -20,7 +20,7 @@ from evoros.geometry.polygon import polygon_contact
 from evoros.simulator.engines import planar_bodies as bodies
 from evoros.simulator.engines.planar_bodies import Movables, Placed, PlanarPose, place_body, pose_of
 
-MAX_TURN = 0.3  # [rad], maximum rotation of a body by one contact in a sweep
+MAX_TURN = 0.3  # [rad], maximum rotation of a body by one contact per sweep
 
 
 class Push(NamedTuple):
@@ -29,7 +29,7 @@ class Push(NamedTuple):
     depth: float  # [m], required displacement along the normal
     nx: float  # normal
     ny: float
-    along: float  # [m], position of the contact along the normal
+    along: float  # [m], position along the normal
     side: float  # [m], position along the left-hand perpendicular of the normal
     drag: float  # [m], displacement along the perpendicular if the contact sticks
     friction: float  # coefficient
@@ -37,9 +37,9 @@ class Push(NamedTuple):
 
 @compilable
 def move_body(movables: Movables, placed: Placed, index: int, push: Push) -> None:
-    """Displace a body at a contact by the push, and rotate the body accordingly."""
+    """Displace a body at a contact by a push, and rotate the body accordingly."""
     x, y, cos, sin = pose_of(placed, index)
-    # The moment arms of unit forces, along the perpendicular and along the normal.
+    # moment arms of unit forces along the perpendicular and along the normal
     arm = push.along - (x * push.nx + y * push.ny)
     lever = -(push.side - (y * push.nx - x * push.ny))
     squared = max(movables.bodies[index, bodies.ARM_SQUARED], 1e-6)
@@ -59,7 +59,7 @@ def move_body(movables: Movables, placed: Placed, index: int, push: Push) -> Non
 
 @compilable
 def solve_contact(push: Push, arm: float, lever: float, squared: float) -> tuple[float, float]:
-    """Return the displacement [m] of a contact point along the contact normal and across it."""
+    """Return the displacement [m] of a contact point along the normal and across it."""
     nn = 1.0 + lever * lever / squared
     nt = lever * arm / squared
     tt = 1.0 + arm * arm / squared
@@ -80,7 +80,7 @@ def solve_contact(push: Push, arm: float, lever: float, squared: float) -> tuple
 
 
 UNTOUCHED, PUSHED, BLOCKED = range(3)
-SWEEPS = 40  # maximum number of passes over all contacts; overlaps that remain then block the robot
+SWEEPS = 40  # maximum number of passes over all contacts; any overlap then left blocks the robot
 TOLERANCE_M = 1e-5  # tolerated overlap
 
 Contact: TypeAlias = tuple[float, float, float, float, float, float]
@@ -88,12 +88,12 @@ Contact: TypeAlias = tuple[float, float, float, float, float, float]
 
 
 class Pusher(NamedTuple):
-    """A robot that pushes bodies in a step."""
+    """A robot that pushes bodies during a step."""
 
-    mass: float  # [kg]; the robot can overcome the friction of this mass at a coefficient of 1
+    mass: float  # [kg], mass whose friction at a coefficient of 1 the robot can overcome
     height: float  # [m]
-    radius: float  # [m], outline about the robot's origin
-    outline: Array  # (k, 2) [m], at the pose after the step
+    radius: float  # [m], radius of the outline about the robot's origin
+    outline: Array  # (k, 2) [m], corners at the pose after the step
     pose: PlanarPose  # after the step
     before: PlanarPose
 
@@ -132,7 +132,7 @@ def push_bodies(movables: Movables, placed: Placed, robot: Pusher) -> int:
 
 @compilable
 def put_back(movables: Movables, placed: Placed) -> None:
-    """Return the bodies to their poses before the last push."""
+    """Restore the poses of all bodies before the last push."""
     for i in range(len(placed.levels)):
         if placed.levels[i] > 0.0:
             for k in range(bodies.POSE_SIZE):
@@ -142,7 +142,7 @@ def put_back(movables: Movables, placed: Placed) -> None:
 
 @compilable
 def push_by_robot(movables: Movables, placed: Placed, robot: Pusher, slip: float) -> bool:
-    """Push bodies out of a robot's outline, dragged if ``slip`` is 1; return True if any."""
+    """Push bodies out of a robot's outline, with drag if ``slip`` is 1; return True if any."""
     x, y, _, _ = robot.pose
     overlaps = False
     for i in range(len(placed.levels)):
@@ -169,11 +169,11 @@ def push_by_robot(movables: Movables, placed: Placed, robot: Pusher, slip: float
 
 @compilable
 def drag_along(robot: Pusher, contact: Contact, side: float) -> float:
-    """Return the robot's motion [m] across the contact normal at the position ``side`` [m]."""
+    """Return the robot's motion [m] across the contact normal at position ``side`` [m]."""
     _, nx, ny, along, _, _ = contact
     x, y, cos, sin = robot.pose
     old_x, old_y, old_cos, old_sin = robot.before
-    # The contact point relative to the robot, and the robot's displacement at this point.
+    # contact point relative to the robot, and the robot's displacement there
     px = along * nx - side * ny - x
     py = along * ny + side * nx - y
     ahead = cos * px + sin * py
@@ -185,7 +185,7 @@ def drag_along(robot: Pusher, contact: Contact, side: float) -> float:
 
 @compilable
 def is_near(placed: Placed, index: int, x: float, y: float, distance: float) -> bool:
-    """Return True if a body is within a distance [m] of (x, y); False if the distance is NaN."""
+    """Return True if a body is within a distance [m] of (x, y); False if this is NaN."""
     dx = placed.poses[index, bodies.BODY_X] - x
     dy = placed.poses[index, bodies.BODY_Y] - y
     return bool(dx * dx + dy * dy <= distance * distance)
@@ -193,14 +193,14 @@ def is_near(placed: Placed, index: int, x: float, y: float, distance: float) -> 
 
 @compilable
 def middle_of(placed: Placed, index: int, contact: Contact) -> float:
-    """Return the position [m] across the normal of the contact point nearest to a body."""
+    """Return the position [m] across the normal of the contact point nearest to the body."""
     _, nx, ny, _, low, high = contact
     x, y, _, _ = pose_of(placed, index)
     return min(max(y * nx - x * ny, low), high)
 
 
 class Wall(NamedTuple):
-    """A rounded polygon that pushes bodies away."""
+    """A rounded polygon out of which bodies are pushed."""
 
     corners: Array  # (k, 2) [m]
     radius: float  # [m]
@@ -210,7 +210,7 @@ class Wall(NamedTuple):
 
 @compilable
 def push_off(movables: Movables, placed: Placed, index: int, wall: Wall) -> bool:
-    """Push a body out of a wall without friction; return True if it overlapped the wall."""
+    """Push a body out of a wall without friction; return True if the two overlapped."""
     body = movables.bodies[index]
     overlaps = False
     for p in range(int(body[bodies.FIRST_PART]), int(body[bodies.END_PART])):
@@ -229,7 +229,7 @@ def push_off(movables: Movables, placed: Placed, index: int, wall: Wall) -> bool
 
 @compilable
 def push_by_fixed(movables: Movables, placed: Placed, index: int) -> bool:
-    """Push a body out of the fixed obstacles; return True if it overlapped one."""
+    """Push a body out of fixed obstacles; return True if it overlapped any."""
     radius = movables.bodies[index, bodies.BODY_RADIUS]
     pose = placed.poses[index]
     cell = cell_at(movables.grid, pose[bodies.BODY_X], pose[bodies.BODY_Y])
@@ -249,7 +249,7 @@ def push_by_fixed(movables: Movables, placed: Placed, index: int) -> bool:
 
 @compilable
 def push_by_body(movables: Movables, placed: Placed, index: int) -> bool:
-    """Push all bodies farther from the robot out of this body; return True if any overlapped it."""
+    """Push bodies farther from the robot out of this body; return True if any overlapped."""
     levels = placed.levels
     overlaps = False
     for j in range(len(levels)):
@@ -266,7 +266,7 @@ def push_by_body(movables: Movables, placed: Placed, index: int) -> bool:
 
 @compilable
 def push_body_by_body(movables: Movables, placed: Placed, index: int, other: int) -> bool:
-    """Push another body out of a body; return True if the two overlapped."""
+    """Push another body out of this body; return True if the two overlapped."""
     body, pose = movables.bodies[index], placed.poses[index]
     reach = body[bodies.BODY_RADIUS] + movables.bodies[other, bodies.BODY_RADIUS]
     if not is_near(placed, other, pose[bodies.BODY_X], pose[bodies.BODY_Y], reach):

@@ -1,6 +1,7 @@
 """The motion rules of the planar simulator, on the arrays of ``planar_layout``.
 
-Robots move one after another, and stop if a step would end inside another's present outline.
+Robots move one after another, and stop if a step would end inside the current outline of another
+robot.
 """
 
 import math
@@ -37,7 +38,7 @@ from evoros.walkers.layout import Walk, Walking
 from evoros.walkers.motion import walk
 from evoros.world.standing import sight_rows
 
-NEAR_M = 1.0  # upper bound [m] on the distance that a robot moves in a step
+NEAR_M = 1.0  # maximum distance [m] that a robot moves in a step
 
 
 def place_crowd(placed: Placed, crowd: Crowd, robots: int) -> Placed:
@@ -54,7 +55,7 @@ def place_crowd(placed: Placed, crowd: Crowd, robots: int) -> Placed:
 
 @compilable
 def place_walkers(now: Walking, shapes: Array) -> None:
-    """Move the walkers' shapes for rays, the last rows of ``shapes``, to the walkers' positions."""
+    """Move the walkers' ray shapes, the last rows of ``shapes``, to the walkers."""
     first = len(shapes) - len(now.places)
     for i in range(len(now.places)):
         shapes[first + i, ray.AT_X] = now.places[i, 0]
@@ -63,7 +64,7 @@ def place_walkers(now: Walking, shapes: Array) -> None:
 
 @compilable
 def move_walkers(parameters: Array, memory: Array) -> None:
-    """Move all walkers by one step, given the robots' present poses."""
+    """Move all walkers by one step, given the current poses of the robots."""
     plane = unpack(Plane, parameters)
     placed = unpack(Placed, unpack(Memory, memory).movables)
     for i in range(len(placed.robots)):
@@ -79,7 +80,7 @@ def move_walkers(parameters: Array, memory: Array) -> None:
 
 @compilable
 def meet_walkers(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> int:
-    """Return UNTOUCHED, PUSHED or BLOCKED for a robot among walkers at a pose; record touches."""
+    """Return UNTOUCHED, PUSHED or BLOCKED for a robot at a pose among walkers; record touches."""
     movables = unpack(Movables, unpack(Plane, parameters).movables)
     placed = unpack(Placed, unpack(Memory, memory).movables)
     walkers, walking = unpack(Walk, movables.walk).walkers, unpack(Walking, placed.walking)
@@ -121,16 +122,16 @@ FULL_TURN = 2.0 * math.pi
 
 
 class Stride(NamedTuple):
-    """The motion of a robot in a step unless something blocks the robot."""
+    """The motion of an unblocked robot in a step."""
 
-    rolled: float  # [m], of the rear axle's centre
+    rolled: float  # [m], distance of the rear axle's centre
     turned: float  # [rad]
-    yaw: float  # [rad], after the step
+    yaw: float  # [rad], yaw after the step
     pose: PlanarPose  # after the step
 
 
 def observe(parameters: Array, memory: Array, states: Array) -> None:
-    """Copy the states with any contact since the last call, then report on the walkers."""
+    """Copy the states, with any contact since the last call, and the reports of the walkers."""
     motions = unpack(Memory, memory).motions
     for i in range(len(motions)):
         for k in range(STATE_SIZE):
@@ -142,7 +143,7 @@ def observe(parameters: Array, memory: Array, states: Array) -> None:
 
 
 def advance(parameters: Array, memory: Array, commands: Array, duration: float) -> None:
-    """Drive for ``duration`` [s]; a robot that would hit something stops instead."""
+    """Drive for ``duration`` [s]; a robot stops instead of hitting something."""
     for _ in range(round(duration / unpack(Plane, parameters).time_step)):
         for i in range(len(unpack(Memory, memory).motions)):
             stride = predict(parameters, memory, i, commands)
@@ -151,9 +152,9 @@ def advance(parameters: Array, memory: Array, commands: Array, duration: float) 
 
 
 def advance_pushing(parameters: Array, memory: Array, commands: Array, duration: float) -> None:
-    """Drive like ``advance``, but also push bodies and count the touches of contact sensors.
+    """Drive as in ``advance``, but also push bodies and count touches of contact sensors.
 
-    Without either, ``advance`` gives equal results and compiles in a quarter of the time.
+    In worlds without either, ``advance`` gives equal results and compiles in a quarter of the time.
     """
     for _ in range(round(duration / unpack(Plane, parameters).time_step)):
         for i in range(len(unpack(Memory, memory).motions)):
@@ -172,7 +173,7 @@ def advance_pushing(parameters: Array, memory: Array, commands: Array, duration:
 def advance_among_walkers(
     parameters: Array, memory: Array, commands: Array, duration: float
 ) -> None:
-    """Drive like ``advance_pushing``, among walkers, which move first in each step."""
+    """Drive as in ``advance_pushing``, among walkers, which move first in each step."""
     for _ in range(round(duration / unpack(Plane, parameters).time_step)):
         move_walkers(parameters, memory)
         for i in range(len(unpack(Memory, memory).motions)):
@@ -193,12 +194,12 @@ def advance_among_walkers(
 
 @compilable
 def predict(parameters: Array, memory: Array, index: int, commands: Array) -> Stride:
-    """Return a robot's motion in a step, after updating its steering and speed."""
+    """Update a robot's steering and speed, and return its motion in the next step."""
     plane = unpack(Plane, parameters)
     drive, step = unpack(Drive, plane.drives[index]), plane.time_step
     motions = unpack(Memory, memory).motions
     speed, rate = roll(drive, motions, index, commands)
-    # The chord of the rear axle's arc deviates from the heading by half the rotation.
+    # The chord of the arc driven by the rear axle deviates from the heading by half the rotation.
     half = 0.5 * rate * step
     chord = speed * step
     half_sin, half_cos = elementary.sin_cos(half)
@@ -219,8 +220,8 @@ def predict(parameters: Array, memory: Array, index: int, commands: Array) -> St
 
 @inlined
 def roll(drive: Drive, motions: Matrix, index: int, commands: Array) -> tuple[float, float]:
-    """Let steering and speed follow a command; return the mean speed [m/s] and yaw rate [rad/s]."""
-    # Means over the step make the motion second-order accurate in the step.
+    """Let steering and speed follow a command; return mean speed [m/s] and yaw rate [rad/s]."""
+    # Means over the step make the motion second-order accurate.
     motion, command = motions[index], commands[index * COMMAND_SIZE :]
     wanted = min(max(command[arrays.STEERING], -drive.steering_limit), drive.steering_limit)
     motion[layout.STEERING_ANGLE] += drive.steering_gain * (wanted - motion[layout.STEERING_ANGLE])
@@ -250,7 +251,7 @@ def roll(drive: Drive, motions: Matrix, index: int, commands: Array) -> tuple[fl
 def roll_unevenly(
     drive: Drive, motion: Array, target: float, curvature: float, left: float, right: float
 ) -> None:
-    """Let speed and yaw rate follow the wheels if one side is weakened; see ``find_targets``."""
+    """Let speed and yaw rate follow wheels weakened on one side; see ``find_targets``."""
     half, gain = drive.speed_limit_offset, drive.speed_gain
     left *= target * (1.0 - curvature * half)
     right *= target * (1.0 + curvature * half)
@@ -260,7 +261,7 @@ def roll_unevenly(
 
 @compilable
 def move(parameters: Array, memory: Array, index: int, stride: Stride, blocked: bool) -> None:
-    """Move a robot as predicted, or stop it if it is blocked."""
+    """Move a robot as predicted, or stop it if blocked."""
     motion = unpack(Memory, memory).motions[index]
     if blocked:
         motion[CONTACT] = 1.0
@@ -275,7 +276,7 @@ def move(parameters: Array, memory: Array, index: int, stride: Stride, blocked: 
 
 @compilable
 def push(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> int:
-    """Push the bodies in a robot's way, unless into other robots; see ``push_bodies``."""
+    """Push bodies in the way of a robot, but not into other robots; see ``push_bodies``."""
     robot = hull_of(parameters, index)
     outline = contact.place_outline(parameters, memory, index, pose).corners
     before = pose_of(memory, index)

@@ -18,12 +18,12 @@ from evoros.simulator.engines.rays import see_parts_at
 FULL_TURN = 2.0 * math.pi
 
 UNSURE_RAD = 1e-4
-"""Angle by which ``find_span`` widens a circle; more than its errors and uneven spacing."""
+"""Angle by which ``find_span`` widens a circle, larger than its errors and uneven spacing."""
 
 
 @compilable
 def fill_signals(parameters: Array, memory: Array, index: int, signals: Array) -> None:
-    """Write the signal of each of a robot's probes."""
+    """Write the signals of all probes of a robot."""
     probes, now = layout.probes_of(parameters, index), unpack(layout.Memory, memory)
     motion = now.motions[index]
     for i in range(len(probes.motion)):
@@ -40,7 +40,7 @@ def fill_signals(parameters: Array, memory: Array, index: int, signals: Array) -
 
 @compilable
 def fill_motion(parameters: Array, memory: Array, index: int, probe: Array, signals: Array) -> None:
-    """Write the motion of a probe's frame on a robot."""
+    """Write the motion of the frame of a probe on a robot."""
     motion = unpack(layout.Memory, memory).motions[index]
     drive = unpack(layout.Drive, unpack(layout.Plane, parameters).drives[index])
     x, y, cos, sin = layout.pose_of(memory, index)
@@ -50,7 +50,7 @@ def fill_motion(parameters: Array, memory: Array, index: int, probe: Array, sign
     signals[signal.POSITION] = x + cos * px - sin * py
     signals[signal.POSITION + 1] = y + sin * px + cos * py
     signals[signal.POSITION + 2] = probe[layout.FRAME + 2]
-    # The robot's yaw rotation times the sensor's mounting rotation.
+    # yaw rotation of the robot times mounting rotation of the sensor
     z, w = elementary.sin_cos(0.5 * motion[YAW])
     qw = probe[layout.FRAME + 3]
     qx = probe[layout.FRAME + 4]
@@ -60,7 +60,7 @@ def fill_motion(parameters: Array, memory: Array, index: int, probe: Array, sign
     signals[signal.ORIENTATION + 1] = w * qx - z * qy
     signals[signal.ORIENTATION + 2] = w * qy + z * qx
     signals[signal.ORIENTATION + 3] = w * qz + z * qw
-    # The rear axle moves along the robot's heading.
+    # the rear axle moves along the robot's heading
     ahead = motion[SPEED] - motion[YAW_RATE] * py
     aside = motion[YAW_RATE] * (px - drive.rear_axle_x)
     signals[signal.VELOCITY] = cos * ahead - sin * aside
@@ -73,13 +73,13 @@ def fill_motion(parameters: Array, memory: Array, index: int, probe: Array, sign
 
 
 class Sensors(NamedTuple):
-    """A robot's sensors and pose, and the ranges found so far."""
+    """The sensors and pose of a robot, and the ranges found so far."""
 
     beams: Matrix
     groups: Matrix
     rays: Matrix
     pose: PlanarPose
-    ranges: Array  # [m], one per beam; obstacles shorten them
+    ranges: Array  # [m], one per beam, shortened by obstacles
 
 
 @compilable
@@ -92,7 +92,7 @@ def sense(parameters: Array, memory: Array, signals: Array) -> None:
 
 
 def sense_signals(parameters: Array, memory: Array, signals: Array) -> None:
-    """Fill ``signals`` like ``sense``, which compiles faster, but also for sensors without rays."""
+    """Fill ``signals`` as ``sense`` does, which compiles faster, but for all sensors."""
     sense(parameters, memory, signals)
     places = unpack(layout.Plane, parameters).places
     for i in range(len(places) - 1):
@@ -101,7 +101,7 @@ def sense_signals(parameters: Array, memory: Array, signals: Array) -> None:
 
 @compilable
 def place_shapes(parameters: Array, memory: Array) -> None:
-    """Move the shapes of the robots to the robots' poses."""
+    """Move the shapes of robots to the current poses."""
     plane, placed = unpack(layout.Plane, parameters), unpack(layout.Memory, memory).shapes
     for i in range(len(plane.drives)):
         x, y, cos, sin = layout.pose_of(memory, i)
@@ -142,7 +142,7 @@ def see(parameters: Array, memory: Array, index: int, ranges: Array) -> None:
 
 @compilable
 def detect(obstacles: Matrix, entries: Array, faces: Array, sensors: Sensors, group: int) -> None:
-    """Shorten a group's beams that see obstacles, in the rows ``entries`` or, if empty, in all."""
+    """Shorten a group's beams that hit obstacles, in rows ``entries`` or, if empty, in all rows."""
     fan = fan_of(sensors, group)
     x, y, cos, sin = sensors.pose
     for entry in range(len(entries) if len(entries) > 0 else len(obstacles)):
@@ -158,15 +158,15 @@ def detect(obstacles: Matrix, entries: Array, faces: Array, sensors: Sensors, gr
 
 
 class Fan(NamedTuple):
-    """A group's values that do not depend on the obstacle."""
+    """The values of a group that do not depend on the obstacle."""
 
     first_beam: int
     end_beam: int
-    bearing: float  # [rad], of the first beam
-    spacing: float  # [rad]; 0 if uneven
+    bearing: float  # [rad], bearing of the first beam
+    spacing: float  # [rad], 0 if uneven
     reach: float  # [m]
     first_ray: int
-    origin: Point  # [m], of the first beam
+    origin: Point  # [m], origin of the first beam
 
 
 @inlined
@@ -193,7 +193,7 @@ def fan_of(sensors: Sensors, group: int) -> Fan:
 def cast_fan(
     obstacles: Matrix, row: int, faces: Array, sensors: Sensors, fan: Fan, centre: Point
 ) -> None:
-    """Shorten the ranges of an even group's beams; ``centre`` is relative to the robot."""
+    """Shorten the ranges of an evenly spaced group; ``centre`` is relative to the robot."""
     px = centre[0] - fan.origin[0]
     py = centre[1] - fan.origin[1]
     pz = centre[2] - fan.origin[2]
@@ -215,16 +215,17 @@ def cast_fan(
 
 @compilable
 def find_span(fan: Fan, x: float, y: float, radius: float) -> tuple[float, float]:
-    """Return the index range of an even group's beams that may hit a circle.
+    """Return the index range of the beams in an evenly spaced group that may hit a circle.
 
-    (x, y) [m] is its centre from the beams' origin. The range may be shifted by a full turn.
+    (x, y) [m] is the centre relative to the origin of the beams. The range may be shifted by a full
+    turn.
     """
     squared = x * x + y * y
     if squared <= radius * radius:
         return 0.0, float(fan.end_beam - fan.first_beam)
     sine = radius / math.sqrt(squared)
     square = sine * sine
-    # Two terms of the arcsine's series, and a third that bounds the sum of all further ones.
+    # Two terms of the arcsine series, and a term that bounds the sum of all further terms.
     half = sine * (1.0 + square * (1.0 / 6.0 + square * (math.pi / 2.0 - 7.0 / 6.0)))
     middle = estimate_bearing(x, y) - fan.bearing
     if middle < 0.0:
@@ -257,14 +258,14 @@ def estimate_bearing(x: float, y: float) -> float:
 def cast_beams(
     obstacles: Matrix, row: int, faces: Array, sensors: Sensors, fan: Fan, centre: Point
 ) -> None:
-    """Shorten the ranges of an unevenly spaced group's beams; see ``cast_fan``."""
+    """Shorten the ranges of an unevenly spaced group; see ``cast_fan``."""
     _, _, cos, sin = sensors.pose
     ranges, beams, bound = sensors.ranges, sensors.beams, obstacles[row, ray.BOUND]
     x, y, z = centre
     for i in range(fan.first_beam, fan.end_beam):
         px = x - beams[i, layout.ORIGIN]
         py = y - beams[i, layout.ORIGIN + 1]
-        # Skip the rays if the circle around the obstacle is out of range or outside the beam.
+        # Skip rays if the circle around the obstacle is out of range or outside the beam.
         far = ranges[i] + bound
         if px * px + py * py >= far * far:
             continue

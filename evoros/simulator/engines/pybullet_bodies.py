@@ -1,4 +1,4 @@
-"""The bodies of a world in PyBullet; a polyhedron among other shapes needs a temporary file."""
+"""The bodies of a world in PyBullet; compounds with polyhedra require temporary files."""
 
 import math
 import tempfile
@@ -21,8 +21,9 @@ from evoros.world.standing import GAP_M
 def split_body(body: Body) -> Iterator[tuple[Pose, tuple[Shape, ...]]]:
     """Yield the world pose and the shapes of each engine body that represents a world body.
 
-    Each polyhedron of a fixed body becomes an engine body, which needs no file, as does a height
-    field, whose origin is midway between its lowest and highest point.
+    Each polyhedron of a fixed body becomes a separate engine body, which requires no file. So does
+    each height field, because the engine puts its origin midway between its lowest and highest
+    point.
     """
     kinds = {shape.kind for shape in body.shapes}
     if body.mass is not None or not kinds & {"convex", "heightfield"}:
@@ -36,7 +37,7 @@ def split_body(body: Body) -> Iterator[tuple[Pose, tuple[Shape, ...]]]:
 
 
 def create_shape(bullet: Any, shapes: Sequence[Shape]) -> int:
-    """Create one collision shape, a compound if there are several shapes; return its id."""
+    """Create a collision shape, a compound for several shapes; return its id."""
     if len(shapes) == 1 and shapes[0].kind in ("plane", "convex", "heightfield"):
         return _create_single(bullet, shapes[0])
     with tempfile.TemporaryDirectory() as folder:
@@ -68,7 +69,7 @@ def _create_single(bullet: Any, shape: Shape) -> int:
             bullet.GEOM_HEIGHTFIELD,
             meshScale=[shape.size[0] / (columns - 1), shape.size[1] / (rows - 1), 1.0],
             heightfieldData=heights.ravel().tolist(),
-            numHeightfieldRows=columns,  # the engine's grid is column-major
+            numHeightfieldRows=columns,  # the grid of the engine is column-major
             numHeightfieldColumns=rows,
         )
     return int(shape_id)
@@ -106,7 +107,7 @@ def _format_obj(corners: tuple[Vector, ...]) -> str:
 
 
 def load_urdf(bullet: Any, urdf: str, frame: Frame, flags: int) -> int:
-    """Load a robot at a frame; return the body's id. PyBullet reads URDF only from files."""
+    """Load a robot at a frame and return its body id; PyBullet reads URDF only from files."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "robot.urdf"
         path.write_text(_format_urdf(urdf, Path(folder)), encoding="utf-8")
@@ -114,9 +115,9 @@ def load_urdf(bullet: Any, urdf: str, frame: Frame, flags: int) -> int:
 
 
 def _format_urdf(urdf: str, folder: Path) -> str:
-    """Return a robot's URDF in the form that the engine reads.
+    """Return the URDF of a robot in the form that the engine reads.
 
-    ``<convex corners=...>`` become files in ``folder``; lines stay short of 8,191 characters.
+    ``<convex corners=...>`` elements become files in ``folder``; lines stay below 8,191 characters.
     """
     root = etree.fromstring(urdf.encode())
     for index, element in enumerate(root.iter("convex")):
@@ -130,7 +131,7 @@ def _format_urdf(urdf: str, folder: Path) -> str:
     return etree.tostring(root, encoding="unicode")
 
 
-# Collision groups. The engine casts rays in group 1, so no body is in that group. Wheels and
+# Collision groups. The engine casts rays in group 1, so no body is in this group. Wheels and
 # casters covered by the chassis collide only with the ground. A robot never collides with itself.
 # Fixed bodies never collide with each other, because checking such pairs costs time wherever walls
 # touch.
@@ -138,18 +139,19 @@ RAY, ROBOT, GROUND, FIXED, MOVABLE = 1, 2, 4, 8, 16
 VISIBLE = GROUND | FIXED | MOVABLE
 MOVING = RAY | ROBOT | MOVABLE
 ROBOT_BIT = 32
-"""Group of the first of several robots, which collide with one another; the others' bits follow."""
+"""Group of the first of several robots, which collide with one another; further bits follow."""
 
 MARGIN_M = 1e-4
 """Collision margin [m] of fixed polyhedra.
 
-Rays miss polyhedra with less; with the default, 1 mm, grazing rays hit floors centimetres early.
+With a smaller margin, rays miss polyhedra; with the default, 1 mm, grazing rays hit floors several
+centimetres early.
 """
-UPWARDS = 0.1  # minimum upward component of the normal at a contact that supports a body
+UPWARDS = 0.1  # minimum upward component of the contact normal for a supporting contact
 
 
 def add_body(bullet: Any, body: Body) -> list[int]:
-    """Add a body of the world, asleep if movable; return the ids of its engine bodies."""
+    """Add a body of the world, asleep if movable; return the ids of the engine bodies."""
     # Maximal coordinates are faster than reduced coordinates, the default.
     group, meets = (GROUND if body.is_ground else FIXED), MOVING
     if body.mass is not None:
@@ -186,7 +188,7 @@ def add_walker(bullet: Any, radius: float, height: float) -> int:
 
 
 def _create_look(bullet: Any, shapes: Sequence[Shape]) -> int:
-    """Return the id of a tiny visual if the default, -1 (the collision shape), needs files."""
+    """Return the id of a tiny visual shape if the default (the collision shape) requires files."""
     if len(shapes) == 1 or all(shape.kind != "convex" for shape in shapes):
         return -1
     return int(bullet.createVisualShape(bullet.GEOM_SPHERE, radius=0.01))
@@ -197,7 +199,7 @@ def _make_movable(bullet: Any, body_id: int, body: Body) -> None:
     if inertia is None and any(shape.kind == "convex" for shape in body.shapes):
         inertia = joint_moments(body.shapes, body.mass or 0.0)
     if inertia is not None:
-        bullet.changeDynamics(  # if no inertia were given, the engine would set the mass to 0
+        bullet.changeDynamics(  # otherwise, the engine would set the mass to 0
             body_id, -1, mass=body.mass, localInertiaDiagonal=inertia
         )
     asleep = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_SLEEP
@@ -205,7 +207,7 @@ def _make_movable(bullet: Any, body_id: int, body: Body) -> None:
 
 
 def find_falling(bullet: Any, world: World, movable: dict[int, Body]) -> tuple[int, ...]:
-    """Return the ids of the unsupported movable bodies."""
+    """Return the ids of movable bodies without support."""
     return tuple(
         body_id
         for body_id, body in movable.items()
@@ -218,7 +220,7 @@ def _is_carried(bullet: Any, body_id: int) -> bool:
     low = (low[0], low[1], low[2] - GAP_M)
     near = bullet.getOverlappingObjects(low, high) or ()
     return any(
-        point[7][2] > UPWARDS  # contact normal, pointing to this body
+        point[7][2] > UPWARDS  # contact normal, towards this body
         for other in dict.fromkeys(other for other, _ in near)
         if other != body_id
         for point in bullet.getClosestPoints(body_id, other, GAP_M)
@@ -226,7 +228,7 @@ def _is_carried(bullet: Any, body_id: int) -> bool:
 
 
 def measure_radius(bullet: Any, body_id: int) -> float:
-    """Return the radius [m] of a sphere about a body's centre of mass that contains the body."""
+    """Return the radius [m] of a sphere about the centre of mass that contains a body."""
     low, high = bullet.getAABB(body_id, -1)
     centre, _ = bullet.getBasePositionAndOrientation(body_id)
     middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
@@ -234,6 +236,6 @@ def measure_radius(bullet: Any, body_id: int) -> float:
 
 
 def wake(bullet: Any, body_id: int) -> None:
-    """Wake a body, which sleeps again once it is at rest."""
+    """Wake a body, which sleeps again when it comes to rest."""
     awake = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_WAKE_UP
     bullet.changeDynamics(body_id, -1, activationState=awake)

@@ -1,4 +1,4 @@
-"""A PyBullet client that builds or resets the model of robots in a world."""
+"""A PyBullet client that builds or resets models of robots in a world."""
 
 import ctypes
 import os
@@ -20,7 +20,7 @@ from evoros.world.model import World
 
 @cache
 def import_pybullet() -> Any:
-    """Import the pybullet module with its start-up message suppressed."""
+    """Import the pybullet module without its start-up message."""
     try:
         with quiet():
             import pybullet
@@ -30,7 +30,7 @@ def import_pybullet() -> Any:
 
 
 class Client:
-    """A connection to PyBullet, with the library's functions bound to it."""
+    """A connection to PyBullet, with the module's functions bound to it."""
 
     def __init__(self, library: Any) -> None:
         self._library, self._id = library, library.connect(library.DIRECT)
@@ -39,7 +39,7 @@ class Client:
         attribute = getattr(self._library, name)
         if isroutine(attribute):
             attribute = partial(attribute, physicsClientId=self._id)
-        setattr(self, name, attribute)  # look each function up only once
+        setattr(self, name, attribute)  # looks each function up only once
         return attribute
 
 
@@ -54,7 +54,7 @@ def not_installed() -> InputError:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Suppress all terminal output, including that from C code."""
+    """Suppress all terminal output, including output of C code."""
     libc = ctypes.CDLL(None)
     libc.fflush(None)
     saved = [(os.dup(descriptor), descriptor) for descriptor in (1, 2)]
@@ -71,7 +71,7 @@ def quiet() -> Iterator[None]:
         os.close(null)
 
 
-LIFT_M = 1000.0  # height [m] at which robots are far from everything else
+LIFT_M = 1000.0  # height [m] at which robots are far from all bodies
 AT_REST = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))  # linear and angular velocity of a body
 
 
@@ -90,10 +90,10 @@ class Model:
 
     robots: tuple[LoadedRobot, ...]
     ground: frozenset[int]  # ids of bodies that are not obstacles
-    movable: Mapping[int, Frame]  # initial frames of the movable bodies, by id
-    falling: tuple[int, ...]  # ids of unsupported movable bodies
-    watched: Mapping[int, float]  # bounding radii [m] of the bodies that require finer steps, by id
-    walkers: Mapping[int, int]  # walkers' indices in the crowd, by id
+    movable: Mapping[int, Frame]  # initial frame of each movable body, by id
+    falling: tuple[int, ...]  # ids of movable bodies without support
+    watched: Mapping[int, float]  # radius [m] of each body that requires fine steps, by id
+    walkers: Mapping[int, int]  # index in the crowd of each walker, by id
 
 
 class Engine:
@@ -105,7 +105,7 @@ class Engine:
         self._model: Model | None = None
 
     def close(self) -> None:
-        """Disconnect from PyBullet; the engine is then unusable."""
+        """Disconnect from PyBullet, after which the engine is unusable."""
         self.bullet.disconnect()
 
     def forget(self) -> None:
@@ -113,7 +113,7 @@ class Engine:
         self._built_from = None
 
     def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Model:
-        """Return the model in its initial state: reset if possible, otherwise rebuilt."""
+        """Return the model in its initial state, reset if possible, otherwise rebuilt."""
         described = tuple((*describe_for_engine(robot), home) for robot, home in robots)
         surroundings = world.bodies, world.gravity_mps2, world.course.end_on_collision
         source = described, surroundings, settings, _list_sizes(world)
@@ -127,14 +127,14 @@ class Engine:
                     f"simulator=mujoco"
                 ) from error
             self._built_from = source
-        self.bullet.setTimeStep(settings.time_step)  # a mission may have reduced the time step
+        self.bullet.setTimeStep(settings.time_step)  # a mission may have reduced it
         self._reset(self._model.robots)
         for body in self._model.falling:
             bodies.wake(self.bullet, body)
         return self._model
 
     def _disturbed(self, model: Model) -> bool:
-        """Return True if a body has moved since the build, even by itself, or is unsupported."""
+        """Return True if any body is unsupported or has moved since the model was built."""
         bullet = self.bullet
         return bool(model.falling) or any(
             bullet.getBasePositionAndOrientation(body) != frame
@@ -143,9 +143,9 @@ class Engine:
         )
 
     def _reset(self, robots: Sequence[LoadedRobot]) -> None:
-        """Put the robots at rest at their home poses.
+        """Place the robots at rest at their home poses.
 
-        Even new models are reset. The engine retains contacts of bodies near each other, so it
+        This applies even to new models. The engine retains contacts of neighbouring bodies, so it
         first simulates one step with the robots at different heights far above the ground.
         """
         for index, robot in enumerate(robots):
@@ -171,17 +171,17 @@ class Engine:
             numSolverIterations=settings.solver_iterations,
             enableFileCaching=0,  # cached files would load an old geometry
             deterministicOverlappingPairs=1,
-            collisionFilterMode=0,  # otherwise, one permitting mask suffices for a collision
+            collisionFilterMode=0,  # otherwise, the mask of one body suffices for a collision
         )
         if any(skids(robot.drive) for robot, _ in robots):
-            # The engine's default friction on a sliding wheel does not act against the slip.
+            # The default friction of the engine on a sliding wheel does not oppose the slip.
             bullet.setPhysicsEngineParameter(enableConeFriction=0)
         added = [(i, body) for body in world.bodies for i in bodies.add_body(bullet, body)]
         movable = {body_id: body for body_id, body in added if body.mass is not None}
         frames = {body_id: bullet.getBasePositionAndOrientation(body_id) for body_id in movable}
         ground = frozenset(body_id for body_id, body in added if body.is_ground)
         falling = bodies.find_falling(bullet, world, movable)
-        # A mission that ends at the first contact pushes nothing.
+        # A mission that ends at its first contact pushes nothing.
         pushing = falling or not world.course.end_on_collision
         watched = {i: bodies.measure_radius(bullet, i) for i in movable if pushing}
         loaded = tuple(self._load(robots, index, world, settings) for index in range(len(robots)))

@@ -1,4 +1,4 @@
-"""A robot in PyBullet: its colliding links and its motor-driven joints."""
+"""A robot in PyBullet: its colliding links and its driven joints."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,35 +17,35 @@ UNDAMPED = {"linearDamping": 0, "angularDamping": 0, "jointDamping": 0}
 
 @dataclass(frozen=True)
 class LoadedRobot:
-    """A robot as a body of the engine, with the engine's indices of its links and joints."""
+    """A robot as an engine body, with the engine's indices of links and joints."""
 
     body: int
     touching: tuple[int, ...]  # links that can touch obstacles
-    joints: tuple[int, ...]  # all joints that are not fixed
+    joints: tuple[int, ...]  # all joints except fixed joints
     steering: tuple[int, ...]  # steering joints
     steering_forces: tuple[float, ...]  # [N m]
     wheels: tuple[int, ...]  # wheel joints
     wheel_forces: tuple[float, ...]  # [N m]
-    start: Frame  # frame of the centre of mass when a mission starts
-    to_base: Frame  # frame of the base link, relative to the centre of mass
-    seen: int  # collision groups that the robot's sensors see
+    start: Frame  # frame of the centre of mass at the start of a mission
+    to_base: Frame  # frame of the base link relative to the centre of mass
+    seen: int  # collision groups that the robot's sensors detect
 
 
 class Groups(NamedTuple):
-    """The collision groups of one of several robots; all 0 if the robot is alone."""
+    """The collision groups of a robot among several; all 0 for a single robot."""
 
     bit: int = 0  # the robot's group
     others: int = 0  # groups of the other robots
 
 
 class _Joint(NamedTuple):
-    """A joint and its child link, which share an index in the engine."""
+    """A joint and its child link, which have the same index in the engine."""
 
     joint_id: int
     name: str
     link: str
     fixed: bool
-    force: float  # [N m], maximum torque of the motor
+    force: float  # [N m], maximum motor torque
 
 
 def load_robot(
@@ -57,7 +57,7 @@ def load_robot(
 ) -> LoadedRobot:
     """Load the robot with its base link at ``frame``."""
     drive = robot.drive
-    # URDF_MERGE_FIXED_LINKS would lose the origin of the chassis's inertia.
+    # URDF_MERGE_FIXED_LINKS would lose the origin of the chassis inertia.
     flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_IGNORE_VISUAL_SHAPES
     elements = robot.urdf_elements()
     if _rolls_on_cylinders(elements, drive):
@@ -67,7 +67,7 @@ def load_robot(
     joints = _read_joints(bullet, body)
     steering, steering_forces = _motors(joints, drive.steering_joints)
     wheels, wheel_forces = _motors(joints, drive.wheel_joints)
-    for joint in joints:  # otherwise, the engine's default motors brake the undriven joints
+    for joint in joints:  # otherwise, default motors of the engine brake undriven joints
         if not joint.fixed and joint.joint_id not in (*steering, *wheels):
             bullet.setJointMotorControl2(body, joint.joint_id, bullet.VELOCITY_CONTROL, force=0)
     center = bullet.getDynamicsInfo(body, -1)[3:5]
@@ -86,9 +86,10 @@ def load_robot(
 
 
 def _rolls_on_cylinders(elements: Element, drive: Drive) -> bool:
-    """Return True if wheels should be exact cylinders: they are cylinders and do not slip.
+    """Return True if wheels should be exact cylinders: cylindrical, and without slip.
 
-    A prism, the default, is up to 4 % too fast, but more accurate if wheels slip sideways.
+    The default, a prism, drives up to 4 % too fast, but is more accurate for wheels that slip
+    sideways.
     """
     if skids(drive):
         return False

@@ -18,11 +18,11 @@ from evoros.simulator.engines.teams import Frame, read_command, share_arrays
 from evoros.simulator.engines.walking import GAP_M, EngineWalkers
 from evoros.walkers.crowd import Crowd
 
-MAX_RAYS = 16_383  # maximum number of rays in one call of ``rayTestBatch``
+MAX_RAYS = 16_383  # maximum number of rays per call of ``rayTestBatch``
 
 
 class Span(NamedTuple):
-    """The rays of one beam within a batch."""
+    """The rays of a beam within a batch."""
 
     first: int
     end: int  # index after the last ray
@@ -32,7 +32,7 @@ class Span(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Rays for one call of the engine, in the frame of the chassis' centre of mass."""
+    """Rays for one call of the engine, relative to the chassis' centre of mass."""
 
     starts: list[list[float]]  # (k, 3) [m]
     ends: list[list[float]]  # (k, 3) [m]
@@ -40,7 +40,7 @@ class Batch(NamedTuple):
 
 
 class BulletRays:
-    """The rays of all range sensors of a robot; the engine moves them with the robot."""
+    """The rays of all range sensors of a robot, which the engine moves with the robot."""
 
     def __init__(self, bullet: Any, loaded: LoadedRobot, robot: Robot) -> None:
         self._bullet, self._body = bullet, loaded.body
@@ -49,7 +49,7 @@ class BulletRays:
         self._low = np.array([span.range_min for batch in self._batches for span in batch.spans])
 
     def cast(self, ranges: Array) -> None:
-        """Fill ``ranges`` (n,) with the nearest hit [m] of each beam, within the sensor's range."""
+        """Fill ``ranges`` (n,) with the nearest hit [m] of each beam, within the sensor limits."""
         beam = 0
         for starts, ends, spans in self._batches:
             fractions = [hit[2] for hit in self._cast(starts, ends)]
@@ -65,7 +65,7 @@ class BulletRays:
             np.maximum(ranges, self._low, out=ranges)
 
     def _cast(self, starts: Sequence[Any], ends: Sequence[Any], rank: int = -1) -> Sequence[Any]:
-        """Return each ray's nearest hit or, if ``rank`` is given, one of its unordered hits."""
+        """Return the nearest hit of each ray or, with ``rank``, one of its unordered hits."""
         hits: Sequence[Any] = self._bullet.rayTestBatch(
             starts,
             ends,
@@ -79,7 +79,7 @@ class BulletRays:
     def _look_beyond(
         self, starts: Sequence[Any], ends: Sequence[Any], fractions: list[float]
     ) -> None:
-        """Correct the fractions of rays that the engine ends in the shape around their origin."""
+        """Correct the hits of rays that end in the shape in which they start."""
         inside = [ray for ray, fraction in enumerate(fractions) if fraction == 0.0]
         starts, ends = [starts[ray] for ray in inside], [ends[ray] for ray in inside]
         nearest, rank, left = [1.0] * len(inside), 0, True
@@ -109,7 +109,7 @@ def _batches(robot: Robot, bullet: Any, to_base: Frame) -> list[Batch]:
 
 
 def _turn_rays(robot: Robot, rotation: Array) -> Iterator[Array]:
-    """Yield the directions (k, 3) of each beam after a rotation, with a single rounding."""
+    """Yield the directions (k, 3) of each beam after a rotation, rounded only once."""
     for mount, frame in zip(robot.mounts, robot.sensor_frames, strict=True):
         if mount.sensor in robot.sorted_rays:
             rays, ends = robot.sorted_rays[mount.sensor]
@@ -119,7 +119,7 @@ def _turn_rays(robot: Robot, rotation: Array) -> Iterator[Array]:
 
 
 class BulletSignals(RigidSignals):
-    """The signals of one robot of a PyBullet model."""
+    """The signals of a robot in a PyBullet model."""
 
     def __init__(self, bullet: Any, model: Model, robot: Robot, index: int) -> None:
         self._bullet = bullet
@@ -157,7 +157,7 @@ class BulletSignals(RigidSignals):
 def find_touches(
     bullet: Any, robot: LoadedRobot, ground: Collection[int]
 ) -> Iterator[tuple[int, Any]]:
-    """Yield (link, contact point) where a force or an overlap shows contact with an obstacle."""
+    """Yield (link, contact point) for each contact with an obstacle: a force or an overlap."""
     for link in robot.touching:
         for point in bullet.getContactPoints(robot.body, -1, link, -2):
             if point[2] not in ground and (point[8] <= 0.0 or point[9] > 0.0):
@@ -165,19 +165,19 @@ def find_touches(
 
 
 FINE_STEP_S = 0.0025
-"""Time step [s] while a movable body moves.
+"""Time step [s] while a movable body is moving.
 
 The engine finds one contact with a plane per step, and keeps it until the body has slid by 2 % of
-its size. With longer steps, a contact is lost as soon as it is found, so a body rests on one corner
+its size. With longer steps, contacts are lost as soon as found, so that a body rests on one corner
 at a time and sinks.
 """
 
 NEAR_STEPS = 2.0
-"""Distance from a body within which steps are fine, in lengths of a step at full speed."""
+"""Distance from a body at which fine steps begin, in lengths of a step at full speed."""
 
 
 class PyBulletSimulation:
-    """The robots of a PyBullet model in their world, which advance together."""
+    """The simulated robots of a PyBullet model in a world."""
 
     def __init__(
         self,
@@ -189,7 +189,7 @@ class PyBulletSimulation:
     ) -> None:
         self._bullet, self._model = engine.bullet, model
         self._time_step = settings.time_step
-        # Number of fine steps per normal step.
+        # number of fine steps per normal step
         self._finer = math.ceil(settings.time_step / FINE_STEP_S - 1e-9)
         self._substeps = 1
         self._vehicles = [
@@ -202,19 +202,19 @@ class PyBulletSimulation:
             self._place(self._walkers, self._walkers.places.ravel())
 
     def observe(self, state: Array) -> None:
-        """Fill ``state`` with the true states, and any contact since the last call."""
+        """Fill ``state`` with the true states, and contacts since the last call."""
         for vehicle, share in self._turns:
             vehicle.observe(state[share.state])
         if self._walkers is not None:
             self._walkers.observe(state)
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals``; robots see each other but not themselves."""
+        """Fill ``signals``; range sensors detect other robots but not their own."""
         for vehicle, share in self._turns:
             vehicle.sense(signals[share.signals])
 
     def advance(self, command: Array, duration: float) -> None:
-        """Drive with ``command`` for ``duration`` [s]; contacts are checked after each step."""
+        """Apply ``command`` for ``duration`` [s], checking contacts after each step."""
         for vehicle, share in self._turns:
             vehicle.take(read_command(command, share))
         step, vehicles, walkers = self._bullet.stepSimulation, self._vehicles, self._walkers
@@ -268,7 +268,7 @@ class _Vehicle:
         self._gap = NEAR_STEPS * robot.drive.max_speed_mps * settings.time_step
         self._reach = self._gap + 2.0 * float(np.linalg.norm(robot.outline, axis=1).max())
         self._command: tuple[float, ...] | None = None
-        self._touched = False  # True after a contact since the last observation
+        self._touched = False  # whether a contact has occurred since the last observation
         self._rays, self._ranges = BulletRays(bullet, self._robot, robot), robot.beam_count
         self._signals = BulletSignals(bullet, model, robot, index)
 
@@ -297,13 +297,13 @@ class _Vehicle:
             self._signals.feel()
 
     def adapt_gain(self, step: float) -> None:
-        """Adapt the motors to a new time step [s], because their gains are per step."""
+        """Adapt the motors, whose gains are per step, to a new time step [s]."""
         self._step = step
         if self._command is not None:
             self._set_motors(self._command)
 
     def disturbs(self, body: int) -> bool:
-        """Return True if a movable body is moving, or a robot may reach one in this step."""
+        """Return True if a movable body is moving, or if the robot may reach one in this step."""
         bullet, robot = self._bullet, self._robot.body
         if bullet.getBaseVelocity(body) != AT_REST:
             return True
@@ -318,7 +318,8 @@ class _Vehicle:
         bullet, robot = self._bullet, self._robot
         angles, rates = find_targets(self._drive, *command)
         if angles:
-            # The engine's default gain is constant, so the lag would be ten steps of any length.
+            # The default gain of the engine is constant, so the lag would be ten steps of any
+            # length.
             gain = lag_gain(self._step, self._lag)
             bullet.setJointMotorControlArray(
                 robot.body,

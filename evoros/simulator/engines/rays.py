@@ -1,4 +1,4 @@
-"""Beams of range sensors, contact zones, and steered parts that beams see, for all engines."""
+"""Beams of range sensors, contact zones, and steered parts in view, for all engines."""
 
 import math
 from typing import NamedTuple
@@ -19,17 +19,17 @@ from evoros.sensor.protocol import feels, sees
 
 
 class Beam(NamedTuple):
-    """The rays of one channel of a mounted sensor, whose range is the nearest hit."""
+    """The rays of one channel of a mounted sensor; its range is the nearest hit."""
 
     origin: Array  # (3,) [m]
     directions: Array  # (k, 3) unit vectors
     range_min: float  # [m]
     range_max: float  # [m]
-    clear_range: float  # [m] without obstacles: range_max, or the distance to the robot itself
+    clear_range: float  # [m], reading without obstacles: range_max, or the distance to the robot
 
 
 def sensor_beams(robot: Robot) -> list[Beam]:
-    """Return the beam of each channel of range sensors, in the order of the true ranges."""
+    """Return a beam for each channel of range sensors, in the order of the true ranges."""
     rows, starts = robot.ray_table
     lowest = [
         sensor.range_min_m
@@ -57,7 +57,7 @@ class Zone(NamedTuple):
 
     x: float  # [m], position of the mount
     y: float
-    cos: float  # cosine of the direction that the sensor faces
+    cos: float  # cosine of the direction the sensor faces
     sin: float
     depth: float  # [m]
     width: float  # [m]
@@ -67,12 +67,12 @@ ZONE_SIZE = len(Zone._fields)
 
 
 def find_zones(robot: Robot) -> dict[int, Zone]:
-    """Return the contact zones of a robot by mount index."""
+    """Return the contact zones of a robot, by mount index."""
     zones, frames = {}, robot.sensor_frames
     for index, sensor in enumerate(robot.mounted_sensors()):
         if feels(sensor):
             x, y, across = float(frames[index, 0, 3]), float(frames[index, 1, 3]), frames[index]
-            # The mount's left axis stays level when the mount is pitched.
+            # The left axis of the mount stays level under pitch.
             cos, sin = float(across[1, 1]), -float(across[0, 1])
             zones[index] = Zone(x, y, cos, sin, float(sensor.depth_m), float(sensor.width_m))
     return zones
@@ -80,7 +80,7 @@ def find_zones(robot: Robot) -> dict[int, Zone]:
 
 @compilable
 def crosses_zone(zone: Zone, ax: float, ay: float, bx: float, by: float) -> bool:
-    """Return True if the segment from a to b, in the robot's frame [m], intersects a zone."""
+    """Return True if the segment from a to b [m], in the robot's frame, intersects a zone."""
     x, y, cos, sin, depth, width = zone
     start = 0.0
     end = 1.0
@@ -90,7 +90,7 @@ def crosses_zone(zone: Zone, ax: float, ay: float, bx: float, by: float) -> bool
     leftward = cos * (by - ay) - sin * (bx - ax)
     half = 0.5 * width
     for side in range(3):
-        # Distance of the segment's start inside an edge, and its change along the segment.
+        # distance of the start inside an edge, and its change along the segment
         if side == 0:
             inside = ahead
             gain = forward
@@ -113,28 +113,27 @@ def crosses_zone(zone: Zone, ax: float, ay: float, bx: float, by: float) -> bool
 JOINT, PIVOT, NARROWING, INSIDE, ROLLS, SHAPE = 0, 1, 3, 4, 5, 6
 """Columns of a steered part.
 
-Index of its steering joint; x, y [m] of the joint's vertical axis; ``narrowing_of(drive, joint)``;
-``inside`` and ``rolls`` of the part in ``OccluderRows``; the part's row for rays, relative to the
-axis.
+Index of the steering joint; x, y [m] of the joint's vertical axis; ``narrowing_of(drive, joint)``;
+``inside`` and ``rolls`` as in ``OccluderRows``; row for ray casting, relative to the axis.
 """
 PART_SIZE = SHAPE + OBSTACLE_SIZE
 PART, BEAM, FIRST_RAY, END_RAY = range(4)
-"""Columns of a beam that may see a part: indices of the part, beam, first ray, and end of rays."""
+"""Columns of a beam that may hit a part: part, beam, first ray, index after the last ray."""
 PAIR_SIZE = 4
 
 
 class SteeredSight(NamedTuple):
-    """The steered parts of a robot that its sensors may see."""
+    """The steered parts of a robot that its sensors may detect."""
 
     parts: Matrix  # (p, PART_SIZE)
     pairs: Matrix  # (q, PAIR_SIZE)
     rays: Matrix  # (r, RAY_SIZE)
-    backward: Matrix  # (r, 3), reversed directions of the rays
+    backward: Matrix  # (r, 3), reversed ray directions
     faces: Matrix  # (f, FACE_SIZE)
 
 
 def lay_out_steered_sight(robot: Robot, clear_ranges: Array) -> Array:
-    """Return the array ``sight`` of a robot; ``clear_ranges`` (n,) [m] has one value per beam."""
+    """Return ``sight`` of a robot; ``clear_ranges`` (n,) [m] has one value per beam."""
     steered, (rays, starts) = robot.occluders.steered, robot.ray_table
     if not len(steered.rows) or not len(rays):
         return np.zeros(0)
@@ -161,16 +160,17 @@ def _lay_out_part(robot: Robot, index: int) -> Array:
 
 
 def narrowing_of(drive: Drive, joint: int) -> float:
-    """Return ``k`` in ``cot(angle) = cot(steering) - k``, the law of a steering joint.
+    """Return ``k`` in ``cot(angle) = cot(steering) - k``, which relates a joint to the steering.
 
-    It is half the joints' track over the wheelbase (left positive), or 0 for parallel steering.
+    This is half the track of the joints over the wheelbase (left positive), or 0 for parallel
+    steering.
     """
     angles, _ = drive.targets(0.0, drive.steering_limit)
     return 1.0 / elementary.tan(drive.steering_limit) - 1.0 / elementary.tan(angles[joint])
 
 
 class SteeredParts:
-    """Shortens the ranges of beams that see a robot's steered parts, for rigid-body engines."""
+    """Shortens the ranges of beams that hit steered parts of the robot, for rigid-body engines."""
 
     def __init__(self, robot: Robot) -> None:
         self._sight = lay_out_steered_sight(robot, measure_clear_ranges(robot))
@@ -178,14 +178,14 @@ class SteeredParts:
         self._see = compile_rule(see_parts, NOTHING(A1, A1, A1)) if self.exist else None
 
     def lower(self, angles: Array, ranges: Array) -> None:
-        """Shorten the range [m] of each beam that sees a part; ``angles`` as in ``see_parts``."""
+        """Shorten the range [m] of each beam that hits a part; ``angles`` as in ``see_parts``."""
         if self._see is not None:
             self._see(self._sight, angles, ranges)
 
 
 @compilable
 def see_parts_at(sight: Array, steering: float, ranges: Array) -> None:
-    """Shorten the range [m] of each beam that sees a part, given a bicycle-model angle [rad]."""
+    """Shorten the range [m] of each beam that hits a part; ``steering`` is a bicycle model's."""
     parts = unpack(SteeredSight, sight).parts
     tangent = elementary.tan(steering)
     for index in range(len(parts)):
@@ -195,7 +195,7 @@ def see_parts_at(sight: Array, steering: float, ranges: Array) -> None:
 
 
 def see_parts(sight: Array, angles: Array, ranges: Array) -> None:
-    """Shorten the range [m] of each beam that sees a part, given the joints' ``angles`` [rad]."""
+    """Shorten the range [m] of each beam that hits a part, at joint ``angles`` [rad]."""
     parts = unpack(SteeredSight, sight).parts
     for index in range(len(parts)):
         sin, cos = elementary.sin_cos(angles[int(parts[index, JOINT])])
@@ -204,11 +204,11 @@ def see_parts(sight: Array, angles: Array, ranges: Array) -> None:
 
 @compilable
 def see_part(sight: Array, index: int, cos: float, sin: float, ranges: Array) -> None:
-    """Shorten the range [m] of each beam that sees a part turned by an angle."""
+    """Shorten the range [m] of each beam that hits a part rotated by an angle."""
     parts, pairs, rays, backward, faces = unpack(SteeredSight, sight)
     part = parts[index]
     row = part[SHAPE:]
-    # The part's frame is rotated by the angle, so the rays are rotated back.
+    # The rays are rotated back instead of rotating the part.
     frame = turn_frame(row, cos, -sin)
     x = part[PIVOT] + cos * row[AT_X] - sin * row[AT_Y]
     y = part[PIVOT + 1] + sin * row[AT_X] + cos * row[AT_Y]

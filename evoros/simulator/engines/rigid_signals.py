@@ -1,4 +1,4 @@
-"""Signals of sensors without rays, computed from a rigid-body engine's state."""
+"""Signals of sensors without rays, computed from the state of a rigid-body engine."""
 
 from collections.abc import Iterable, Sequence
 from itertools import combinations
@@ -20,13 +20,13 @@ class Motion(NamedTuple):
     """The motion of a robot's root link, in world axes."""
 
     position: Array  # (3,) [m]
-    rotation: Array  # (3, 3), from link axes to world axes
-    velocity: Array  # (3,) [m/s], of the link's origin
+    rotation: Array  # (3, 3), from link to world axes
+    velocity: Array  # (3,) [m/s], velocity of the link's origin
     turning: Array  # (3,) [rad/s], angular velocity
 
 
 class RigidSignals:
-    """The signals of one robot in one mission, computed from the engine's motion and contacts."""
+    """The signals of a robot, computed from its motion and contacts in the engine."""
 
     def __init__(self, robot: Robot, gravity: float) -> None:
         starts = [part.start for part in robot.signal_layout]
@@ -35,15 +35,15 @@ class RigidSignals:
         self.exist = any(kind in SIGNAL_SIZES for kind in kinds)
         self._gravity = gravity
         self._zones = {starts[index]: zone for index, zone in find_zones(robot).items()}
-        self.feels = bool(self._zones)  # True if the engine must report contacts
+        self.feels = bool(self._zones)  # whether the engine must report contacts
         self._touches = dict.fromkeys(self._zones, 0.0)
         self._frames = {start: frame for start, kind, frame in mounted if kind == MOTION}
         self._wheels = [start for start, kind, _ in mounted if kind == WHEELS]
         self._rolling = solve_rolling(robot.drive) if self._wheels else np.zeros((2, 0))
 
     def touch(self, contacts: Iterable[Array]) -> None:
-        """Count a step for touched zones; contacts are points (k, 2) [m] in the robot's frame."""
-        # Engines report only the corners of a contact, which extends over their hull.
+        """Count this step for each touched zone; contacts are points (k, 2) [m] on the robot."""
+        # Engines report only the corners of a contact, which covers their hull.
         pieces = [
             (*a, *b)
             for points in contacts
@@ -54,7 +54,7 @@ class RigidSignals:
                 self._touches[start] += 1.0
 
     def fill(self, signals: Array, motion: Motion, angles: Sequence[float]) -> None:
-        """Write all signals, given the ``angles`` [rad] of the drive's wheel joints."""
+        """Write all signals; ``angles`` [rad] belong to the drive's wheel joints."""
         for start, frame in self._frames.items():
             self._fill_motion(signals[start:], motion, frame)
         for start in self._wheels:
@@ -82,7 +82,7 @@ def fill_state(
     velocity: Sequence[float],
     yaw_rate: float,
 ) -> None:
-    """Write a base link's motion in the world, in [m], (x, y, z, w), [m/s] and [rad/s]."""
+    """Write the motion of a base link in the world, in [m], (x, y, z, w), [m/s] and [rad/s]."""
     qx, qy, qz, qw = quaternion
     yaw = elementary.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
     sin, cos = elementary.sin_cos(yaw)
@@ -91,9 +91,9 @@ def fill_state(
 
 
 def solve_rolling(drive: Drive) -> Array:
-    """Return the matrix (2, wheels) that maps wheel angles to the WHEELS signal.
+    """Return the matrix (2, wheels) from wheel angles to the WHEELS signal.
 
-    It is the pseudo-inverse of the unsteered wheels' rates, with zeros for steered wheels.
+    It is the pseudo-inverse of the rates of unsteered wheels, with zeros for steered wheels.
     """
     speed, steering = 0.1 * drive.max_speed_mps, 0.5 * drive.steering_limit
     ahead, left, right = (

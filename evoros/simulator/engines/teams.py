@@ -1,4 +1,4 @@
-"""The robots of a simulation: number, names, home frames, and slices of the arrays."""
+"""The robots of a simulation: number, names, home frames and array slices."""
 
 import math
 from collections.abc import Sequence
@@ -17,20 +17,20 @@ from evoros.world.floors import ground_height
 from evoros.world.model import World
 
 Frame = tuple[tuple[float, ...], tuple[float, ...]]  # position [m], quaternion (x, y, z, w)
-MAX_ROBOTS = 16  # maximum number of robots; each uses one bit of an engine's collision masks
+MAX_ROBOTS = 16  # one robot per bit in an engine's collision masks
 
 
 class Share(NamedTuple):
-    """One robot's slice of each array."""
+    """The slice of each array that belongs to one robot."""
 
     state: slice
     command: slice
-    strength: slice  # empty unless the simulator supports weak wheels
+    strength: slice  # empty unless the simulator supports weakened wheels
     signals: slice
 
 
 def share_arrays(robots: Sequence[Robot]) -> list[Share]:
-    """Return each robot's slice of each array, in order."""
+    """Return the array slices of each robot, in order."""
     shares, end = [], 0
     for i, robot in enumerate(robots):
         start, end = end, end + robot.signal_count
@@ -43,37 +43,37 @@ def share_arrays(robots: Sequence[Robot]) -> list[Share]:
 
 
 def read_command(commands: Array, share: Share) -> tuple[float, ...]:
-    """Return the speed [m/s], steering angle [rad] and, if wheels can fail, the wheel strengths."""
+    """Return speed [m/s], steering angle [rad] and, if wheels can fail, wheel strengths."""
     return (*commands[share.command].tolist(), *commands[share.strength].tolist())
 
 
 def sum_others(bit: int, index: int, count: int) -> int:
-    """Return the sum of the bits of all robots except one; ``bit`` is the first robot's."""
+    """Return the sum of the bits of all robots but one; ``bit`` belongs to the first robot."""
     return sum(bit << other for other in range(count) if other != index)
 
 
 def check_number(robots: Sequence[PlacedRobot]) -> None:
-    """Require a number of robots that engines can simulate."""
+    """Check that engines can simulate this number of robots."""
     if not 1 <= len(robots) <= MAX_ROBOTS:
         raise SimulationError(f"a world can have 1 to {MAX_ROBOTS} robots, not {len(robots)}")
 
 
 def doubt_skidding(engine: str, drive: Drive) -> str:
-    """Return why an engine with a friction pyramid is inaccurate for a drive, or ""."""
+    """Return why a friction pyramid makes an engine inaccurate for a drive, or ""."""
     cause = f"{engine} limits friction along the world's x and y axes"
     effect = "the turn rate of a skid-steer robot depends on its heading"
     return f"{cause}, so {effect}" if skids(drive) else ""
 
 
 def describe_for_engine(robot: Robot) -> tuple[Any, ...]:
-    """Return everything on which an engine's model of a robot depends."""
+    """Return everything that determines the model of a robot in an engine."""
     drive = robot.drive
     joints = (drive.steering_joints, drive.wheel_joints, drive.caster_links)
     return robot.urdf, robot.engine_text, joints, robot.exposed_links
 
 
 def name_robots(robots: Sequence[PlacedRobot]) -> str:
-    """Return the robots' names for a message; with several robots, each name has an index."""
+    """Return the names of robots for a message, with indices if there are several."""
     if len(robots) == 1:
         return robots[0].robot.name
     return " and ".join(name_robot(i, placed.robot) for i, placed in enumerate(robots))
@@ -84,20 +84,20 @@ def name_robot(index: int, robot: Robot) -> str:
     return f"robot {index} ({robot.name})"
 
 
-CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
+CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot has tipped over
 MAX_FRICTION = 1.0
 """Maximum friction coefficient of a body.
 
-Many worlds have coefficients of 100, which have no effect in Gazebo, because Gazebo uses the
-smaller of two coefficients. In other engines, wheels would grip far too well.
+Many worlds have coefficients of 100. In Gazebo these have no effect, because it uses the smaller of
+two coefficients; in other engines, wheels would grip far too well.
 """
-MAX_POINTS = 12  # maximum number of outline points at which the ground's slope is sampled
+MAX_POINTS = 12  # maximum number of outline points at which the slope is sampled
 
 
 def home_frame(robot: Robot, home: tuple[float, float, float, float], world: World) -> Frame:
-    """Return the frame of the base link at a home: x, y, z [m] and yaw [rad].
+    """Return the frame of the base link at a home pose: x, y, z [m] and yaw [rad].
 
-    On uneven ground, the robot is tilted like the ground below its outline, and lifted above it.
+    On uneven ground, the robot is tilted like the ground below its outline and lifted clear of it.
     """
     x, y, z, yaw = home
     sin, cos = elementary.sin_cos(yaw)

@@ -1,4 +1,4 @@
-"""The walkers of a mission in a rigid-body engine, which moves them as their rule says."""
+"""The walkers of a mission in a rigid-body engine, moved by their rule."""
 
 from collections.abc import Sequence
 
@@ -15,11 +15,11 @@ from evoros.walkers.motion import walk
 
 _PLAN = NOTHING(A1, A1, A2, F8, A2)
 _REPORT = NOTHING(A1, A1)
-GAP_M = 1e-3  # gap [m] between walkers and the ground
+GAP_M = 1e-3  # gap [m] between walkers and ground
 
 
 class EngineWalkers:
-    """Walkers that move in each step, and react to the robots' poses at the start of a period."""
+    """Walkers that move in each step, and react to robot poses at the start of a control period."""
 
     def __init__(self, crowd: Crowd, robots: Sequence[Robot], time_step: float) -> None:
         self._parameters, self._memory = crowd.parameters, crowd.memory.copy()
@@ -30,11 +30,11 @@ class EngineWalkers:
 
     @property
     def places(self) -> Array:
-        """Positions of the walkers, (n, 2) [m]."""
+        """The positions (n, 2) [m] of the walkers."""
         return unpack(Walking, self._memory).places
 
     def observe(self, states: Array) -> None:
-        """Read the robots' poses from ``states``, and write the walkers' reports after them."""
+        """Read the robot poses in ``states``, and write the reports of the walkers after them."""
         for robot in range(self._robots):
             state = states[STATE_SIZE * robot :]
             sin, cos = elementary.sin_cos(float(state[YAW]))
@@ -42,13 +42,13 @@ class EngineWalkers:
         self._report(self._memory, states[STATE_SIZE * self._robots :])
 
     def move(self, steps: int) -> Array:
-        """Move the walkers; return their positions (steps, 2 n) [m] after each of ``steps``."""
+        """Move the walkers; return their positions (steps, 2 n) [m] after each step."""
         ways = np.zeros((steps, 2 * len(self.sizes)))
         self._plan(self._parameters, self._memory, self._poses, self._time_step, ways)
         return ways
 
     def touch(self, walker: int, robot: int) -> None:
-        """Record that a walker touches a robot."""
+        """Record that a walker has touched a robot."""
         note_touch(unpack(Walking, self._memory), walker, robot)
 
 
@@ -63,5 +63,5 @@ def plan(parameters: Array, memory: Array, robots: Array, step: float, ways: Arr
 
 
 def report(memory: Array, reports: Array) -> None:
-    """Write the reports on the walkers."""
+    """Write the reports of the walkers."""
     report_walkers(unpack(Walking, memory), reports)
