@@ -20,11 +20,16 @@ class Sensor(NamedTuple):
     arguments: tuple[Any, ...]
 
 
-class MujocoRays:
-    """The rays of all range sensors of a robot in a MuJoCo model."""
+class MujocoSight:
+    """The range sensors of a robot, which detect other robots but not their own."""
 
-    def __init__(self, model: Model, robot: Robot) -> None:
-        self._engine = model.model
+    def __init__(self, model: Model, robot: Robot, index: int) -> None:
+        self._groups, self._data = model.model.geom_group, model.data
+        placed = model.robots[index]
+        first, _ = placed.root
+        self._pose, self._steering = model.data.qpos[first : first + 7], placed.steering
+        rest = [other.visible for i, other in enumerate(model.robots) if i != index]
+        self._others = np.concatenate([np.zeros(0, dtype=int), *rest])  # shapes of the other robots
         self._call = model.library.mj_multiRay
         self._place = compile_rule(place_rays, NOTHING(A1, A2, A2, A2, A2))
         self._leave = compile_rule(leaves_shape, TRUTH(A2, A2))
@@ -35,9 +40,9 @@ class MujocoRays:
         self._origins = np.array([beams[part.start].origin for part in parts]).reshape(-1, 3)
         self._directions = np.concatenate([np.zeros((0, 3)), *(b.directions for b in beams)])
         self._ends = ends.astype(float)
-        self.low = np.array([beam.range_min for beam in beams])
+        self._low = np.array([beam.range_min for beam in beams])
         self._high = np.array([beam.clear_range for beam in beams])
-        self.parts = SteeredParts(robot)
+        self._parts = SteeredParts(robot)
         self._hits = np.zeros(ends[-1])
         self._seen = np.zeros(ends[-1], dtype=np.int32)
         self._normals = np.zeros((ends[-1], 3))  # outward surface normals; 0 without a hit
@@ -64,21 +69,26 @@ class MujocoRays:
         )
         return Sensor(rays, arguments)
 
-    def cast(self, pose: Array, ranges: Array) -> None:
-        """Fill ``ranges`` (n,) with each beam's nearest hit [m]; ``pose`` is of the root link."""
+    def cast(self, ranges: Array) -> None:
+        """Fill ``ranges`` (n,) [m]; the engine must have updated the poses of the shapes."""
         if not self._sensors:
             return
-        self._place(pose, self._origins, self._directions, self._starts, self._turned)
+        self._groups[self._others] = MOVABLE
+        self._place(self._pose, self._origins, self._directions, self._starts, self._turned)
         call, surfaces = self._call, (self._turned, self._normals)
         for _, arguments in self._sensors:
             call(*arguments)
         if self._leave(*surfaces):
             for sensor in self._sensors:
                 self._cast_from_inside(sensor)
-        self._read(self._hits, self._ends, self.low, self._high, ranges)
+        self._read(self._hits, self._ends, self._low, self._high, ranges)
+        if self._parts.exist:
+            self._parts.lower(self._data.qpos[self._steering], ranges)
+            np.maximum(ranges, self._low, out=ranges)
+        self._groups[self._others] = ROBOT
 
     def _cast_from_inside(self, sensor: Sensor) -> None:
-        rays, groups = sensor.rays, self._engine.geom_group
+        rays, groups = sensor.rays, self._groups
         before = groups.copy()
         turned, normals = self._turned[rays], self._normals[rays]
         while (leaving := (turned * normals).sum(axis=1) > 0.0).any():
@@ -150,25 +160,3 @@ def root_frame(pose: Array) -> tuple[Array, Array]:
     """Return the rotation (3, 3) and position (3,) [m] of the root link."""
     x, y, z, *quaternion = pose.tolist()
     return np.array(rotation_entries(*quaternion)).reshape(3, 3), np.array([x, y, z])
-
-
-class MujocoSight:
-    """The range sensors of a robot, which detect other robots but not their own."""
-
-    def __init__(self, model: Model, robot: Robot, index: int) -> None:
-        self._groups, self._data = model.model.geom_group, model.data
-        parts = model.robots[index]
-        self._steering, (first, _) = parts.steering, parts.root
-        self._pose = model.data.qpos[first : first + 7]
-        self._rays = MujocoRays(model, robot)
-        rest = [other.visible for i, other in enumerate(model.robots) if i != index]
-        self._others = np.concatenate([np.zeros(0, dtype=int), *rest])  # shapes of the other robots
-
-    def cast(self, ranges: Array) -> None:
-        """Fill ``ranges`` (n,) [m]; the engine must have updated the poses of the shapes."""
-        self._groups[self._others] = MOVABLE
-        self._rays.cast(self._pose, ranges)
-        if self._rays.parts.exist:
-            self._rays.parts.lower(self._data.qpos[self._steering], ranges)
-            np.maximum(ranges, self._rays.low, out=ranges)
-        self._groups[self._others] = ROBOT
