@@ -1,12 +1,15 @@
 """Proposes changes with which a robot moves as commanded; each was tried in a short drive."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from dataclasses import is_dataclass, replace
 from importlib.util import find_spec
+from itertools import chain
 from typing import Any
 
 from evoros.base import elementary
+from evoros.base.checks import LEAST_STEP_S
 from evoros.base.errors import SimulationError
+from evoros.drive.ackermann import Ackermann
 from evoros.drive.protocol import skids
 from evoros.drive.skid_steer import SkidSteer
 from evoros.formats.urdf.tree import UrdfDocument
@@ -15,26 +18,45 @@ from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.protocol import Simulator
 
 FIRM_GRIP_MPS2 = 8.0  # lateral acceleration above which wheels slip on common ground
+MAX_HALVINGS = 5
+FINE_ITERATIONS = 50  # minimum number of solver iterations at finer steps
 RIGHT = ", in which the robot moves as commanded"
 SOFT = (0.6, 0.5)
 """Impedances of softer ground, which keeps the wheels of most hopping robots down."""
 
+Change = tuple[str, Setting, Simulator]
+"""Advice, and the robot and the engine that it results in."""
+
 
 def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) -> str:
-    """Suggest a change if no finer step helps; ``trial`` used the configured step."""
+    """Suggest a change with which the robot moves as commanded; ``trial`` shows that it does not.
+
+    What costs least is tried first: somewhat finer steps and other settings of the engine, then
+    much finer steps, then changes of the robot, then both kinds together.
+    """
     drive, speed = setting.robot.drive, setting.speed
     shares = {move: 1.0 if move.lock else share for move, share in trial.shares.items()}
-    if not setting.describe(trial._replace(shares=shares)):  # deviates only in turns
-        push = speed * speed * elementary.tan(drive.steering_limit) / drive.wheelbase_m
-        if push > FIRM_GRIP_MPS2:
-            return (
-                f"the tightest turn at {speed:g} m/s needs more friction than wheels provide; "
-                f"lower speed_mps of the controller or robot.drive.steering_limit_rad"
-            )
-        changes = (*_list_changes(key, simulator, setting, trial), *_strengthen(setting, simulator))
-        for words, changed, engine in changes:
-            if moves_right(changed, engine, trial):
-                return f"{words}, with which the robot moves as commanded"
+    only_turns = not setting.describe(trial._replace(shares=shares))
+    push = speed * speed * elementary.tan(drive.steering_limit) / drive.wheelbase_m
+    steps = [(f"set {_settings(key, finer)}", setting, finer) for finer in _refine(simulator)]
+    changes: Iterable[Change] = steps
+    if only_turns and push <= FIRM_GRIP_MPS2:
+        soft = _soften(key, simulator, setting, trial)
+        engines = (("", setting, simulator), *_list_soft(key, simulator, setting), *steps[:2])
+        changes = chain(steps[:2], soft, steps[2:], *map(_change_robot, engines))
+    for words, changed, engine in changes:
+        if moves_right(changed, engine, trial):
+            return f"{words}, with which the robot moves as commanded"
+    finest = steps[-1][2] if steps else simulator
+    return f"no time step down to {finest.time_step:g} s corrects that; " + (
+        f"the tightest turn at {speed:g} m/s needs more friction than wheels provide; "
+        f"lower speed_mps of the controller or robot.drive.steering_limit_rad"
+        if only_turns and push > FIRM_GRIP_MPS2
+        else _advise_check(key, simulator, setting)
+    )
+
+
+def _advise_check(key: str, simulator: Simulator, setting: Setting) -> str:
     advice = "" if isinstance(simulator, Mujoco) else advise_mujoco([key], setting, simulator)
     if advice.endswith(RIGHT):
         return advice
@@ -44,29 +66,45 @@ def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) 
     )
 
 
-Change = tuple[str, Setting, Simulator]
-"""Advice, and the robot and the engine that it results in."""
+def _refine(simulator: Any) -> Iterator[Simulator]:
+    """Yield the simulator with repeatedly halved steps; each step divides all periods."""
+    if not is_dataclass(simulator):
+        return
+    part: Any = simulator
+    changes = {}
+    if isinstance(iterations := getattr(part, "solver_iterations", None), int):
+        changes["solver_iterations"] = max(iterations, FINE_ITERATIONS)
+    for halvings in range(1, MAX_HALVINGS + 1):
+        step = part.time_step / 2**halvings
+        if step >= LEAST_STEP_S:
+            yield replace(part, time_step=step, **changes)
 
 
-def _list_changes(
+def _settings(key: str, simulator: Any) -> str:
+    names = ("time_step", "solver_iterations")
+    values = {name: getattr(simulator, name, None) for name in names}
+    return " ".join(f"{key}.{name}={value:.10g}" for name, value in values.items() if value)
+
+
+def _soften(
     key: str, simulator: Simulator, setting: Setting, trial: TrialDrive
 ) -> Iterator[Change]:
-    """Yield changes with which a skid-steer robot may turn as commanded."""
-    drive = setting.robot.drive
-    if not isinstance(drive, SkidSteer):
+    """Yield resistances to turning and softer grounds with which wheels that skid may do so."""
+    if not skids(setting.robot.drive):
         return
-    if skids(drive):
-        yield from _list_resistances("set", simulator, setting, trial)
-    softens = skids(drive) and isinstance(simulator, Mujoco)
-    for value in SOFT if softens else ():
-        softer = replace(simulator, slip_impedance=value)  # type: ignore[type-var]
-        words = f"set {key}.slip_impedance={value}"
+    yield from _list_resistances("set", simulator, setting, trial)
+    for words, _, softer in _list_soft(key, simulator, setting):
         yield words, setting, softer
         yield from _list_resistances(words, softer, setting, setting.in_engine(softer).run())
-    for share in (0.75, 0.5):
-        limit = float(f"{share * drive.steering_limit:.2g}")
-        changed = setting.with_drive(steering_limit_rad=limit)
-        yield f"set robot.drive.steering_limit_rad={limit:g}", changed, simulator
+
+
+def _list_soft(key: str, simulator: Simulator, setting: Setting) -> list[Change]:
+    if not (skids(setting.robot.drive) and isinstance(simulator, Mujoco)):
+        return []
+    return [
+        (f"set {key}.slip_impedance={value}", setting, replace(simulator, slip_impedance=value))
+        for value in SOFT
+    ]
 
 
 def _list_resistances(
@@ -84,20 +122,29 @@ def _list_resistances(
         yield f"{words} robot.drive.turning_resistance={value:g}", changed, simulator
 
 
-def _strengthen(setting: Setting, simulator: Simulator) -> Iterator[Change]:
-    """Yield the change that raises the wheels' effort limits."""
-    robot = setting.robot
-    for factor in (2.0, 4.0):
-        elements, efforts = (robot.engine_urdf or robot.base_urdf).copy_elements(), []
-        for limit in elements.xpath("joint/limit"):
-            name = limit.getparent().get("name")
-            if name in robot.drive.wheel_joints:
-                effort = factor * float(limit.get("effort"))
-                limit.set("effort", repr(effort))
-                efforts.append(f"{effort:.3g} N m for {name}")
+def _change_robot(change: Change) -> Iterator[Change]:
+    """Yield changes of the robot, in addition to another change: limits of steering and effort."""
+    words, setting, simulator = change
+    robot, drive = setting.robot, setting.robot.drive
+    if isinstance(drive, Ackermann | SkidSteer):
+        for share in (0.75, 0.5):
+            limit = float(f"{share * drive.steering_limit_rad:.2g}")
+            changed = setting.with_drive(steering_limit_rad=limit)
+            yield f"{words or 'set'} robot.drive.steering_limit_rad={limit:g}", changed, simulator
+    for factor in (2.0, 4.0, 8.0, 16.0):
+        elements = (robot.engine_urdf or robot.base_urdf).copy_elements()
+        efforts: dict[str, list[str]] = {}
+        for stated in elements.xpath("joint/limit"):
+            name = stated.getparent().get("name")
+            if name in drive.wheel_joints:
+                effort = factor * float(stated.get("effort"))
+                stated.set("effort", repr(effort))
+                efforts.setdefault(f"{effort:.3g} N m for ", []).append(name)
         stronger = replace(robot, engine_urdf=UrdfDocument.from_elements(elements))
-        words = f"the motors are too weak for turns: raise <limit effort> to {', '.join(efforts)}"
-        yield words, setting._replace(robot=stronger), simulator
+        raised = ", ".join(effort + ", ".join(names) for effort, names in efforts.items())
+        more = f", and {words}" if words else ""
+        weak = f"the motors are too weak for turns: raise <limit effort> to {raised}{more}"
+        yield weak, setting._replace(robot=stronger), simulator
 
 
 def choose(key: str, name: str) -> str:

@@ -5,16 +5,14 @@ import logging
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import CancelledError
-from typing import Any
 
-from evoros.base.checks import LEAST_STEP_S
 from evoros.base.errors import SimulationError, single_line
 from evoros.evolution.experiment import Experiment
 from evoros.executor.protocol import Pool
 from evoros.mission.member import Member
 from evoros.preflight.advice import advise, advise_mujoco
 from evoros.preflight.scene import Subject, find_values, list_subjects
-from evoros.preflight.trial_drive import TOLERANCE, Setting, find_turning_point, moves_right
+from evoros.preflight.trial_drive import TOLERANCE, Setting, find_turning_point
 from evoros.robot.model import Robot
 from evoros.simulator.protocol import RuleSimulator, Simulator
 from evoros.world.course import Course
@@ -22,9 +20,6 @@ from evoros.world.floors import GROUND
 from evoros.world.model import World
 
 _LOG = logging.getLogger(__name__)
-
-MAX_HALVINGS = 5
-FINE_ITERATIONS = 50  # minimum number of solver iterations at finer steps
 
 
 def report_drive(experiment: Experiment, pool: Pool) -> None:
@@ -108,15 +103,7 @@ def _check(key: str, simulator: Simulator, setting: Setting) -> Iterator[str]:
     if not faults:
         yield from _check_turning_point(key, simulator, *setting)
         return
-    finest = simulator
-    for finer in _refine(simulator):
-        finest = finer
-        if moves_right(setting, finer, trial):
-            fix = f"set {_settings(key, finer)}, with which the robot moves as commanded"
-            break
-    else:
-        fix = f"no time step down to {finest.time_step:g} s corrects that; "
-        fix += advise(key, simulator, setting, trial)
+    fix = advise(key, simulator, setting, trial)
     yield f"{key}: at time_step={simulator.time_step:g}, {setting.robot.name} {faults}; {fix}"
 
 
@@ -144,23 +131,3 @@ def empty_world(world: World) -> World:
     return World(
         "empty level ground", (ground,), course, "preflight", "", gravity_mps2=world.gravity_mps2
     )
-
-
-def _refine(simulator: Any) -> Iterator[Simulator]:
-    """Yield the simulator with repeatedly halved steps; each step divides all periods."""
-    if not dataclasses.is_dataclass(simulator):
-        return
-    part: Any = simulator
-    changes = {}
-    if isinstance(iterations := getattr(part, "solver_iterations", None), int):
-        changes["solver_iterations"] = max(iterations, FINE_ITERATIONS)
-    for halvings in range(1, MAX_HALVINGS + 1):
-        step = part.time_step / 2**halvings
-        if step >= LEAST_STEP_S:
-            yield dataclasses.replace(part, time_step=step, **changes)
-
-
-def _settings(key: str, simulator: Any) -> str:
-    names = ("time_step", "solver_iterations")
-    values = {name: getattr(simulator, name, None) for name in names}
-    return " ".join(f"{key}.{name}={value:.10g}" for name, value in values.items() if value)

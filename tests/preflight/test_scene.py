@@ -119,15 +119,20 @@ def test_wheels_that_hop_in_turns_turn_right_on_softer_ground(tmp_path: Path) ->
     assert warn_of_turns(file, "simulator=mujoco", *typed) == ""
 
 
-def test_motors_too_weak_for_wide_heavy_wheels_are_named_with_a_limit_that_helps(
-    tmp_path: Path,
+@pytest.mark.parametrize(
+    ("axles", "mass", "effort"), [({-0.1: 0.23}, 110.0, 30), ({0.23: 0.235, -0.23: 0.235}, 3.0, 2)]
+)
+def test_motors_too_weak_for_turns_are_named_with_a_limit_that_helps(
+    axles: dict[float, float], mass: float, effort: int, tmp_path: Path
 ) -> None:
-    file = write_robot(tmp_path, {-0.1: 0.23}, width=0.06, mass=110.0)
+    """Where wheels hop as well, softer ground is proposed in addition."""
+    file = write_robot(tmp_path, axles, width=0.06, mass=mass, effort=effort)
     line = warn_of_turns(file, "simulator=mujoco")
-    raised = dict(re.findall(r"([\d.]+) N m for (\w+)", line)[::-1])
-    (effort,) = raised
-    file.write_text(file.read_text().replace('effort="30"', f'effort="{effort}"'))
-    assert warn_of_turns(file, "simulator=mujoco") == ""
+    (raised,) = re.findall(r"raise <limit effort> to ([\d.]+) N m for w0l_joint", line)
+    file.write_text(file.read_text().replace(f'effort="{effort}"', f'effort="{raised}"'))
+    typed = re.findall(r"and set (\S+),", line)
+    assert len(typed) == len(axles) - 1
+    assert warn_of_turns(file, "simulator=mujoco", *typed) == ""
 
 
 @pytest.mark.parametrize("key", ["simulator", "simulator@confirmation.simulator"])

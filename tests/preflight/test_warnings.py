@@ -293,7 +293,7 @@ def test_a_body_above_home_is_told_if_the_robot_does_not_fit_under_it_or_if_it_f
     with pytest.raises(InputError, match=r"touches an obstacle at home \(0, 0\): 'plate', its und"):
         list(check_home(alone(plate(height - 0.01))))
     (line,) = check_home(alone(plate(height + 0.04)))
-    assert "starts 0.08 m above the ground at home (0, 0), in 'plate'" in line
+    assert "starts 0.08 m above the ground at home (0, 0), inside 'plate'" in line
     assert list(check_home(alone(plate(height + 0.09)))) == []
 
 
