@@ -1,1 +1,1 @@
-"""Basics for all packages: errors, checks, arrays, random draws, messages and compiled rules."""
+"""Basics for all packages: errors, checks, arrays, random numbers, messages, compiled rules."""

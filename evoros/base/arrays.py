@@ -1,14 +1,14 @@
-"""The arrays that parts exchange, and bitwise reproducible products of small matrices.
+"""The arrays that parts exchange, and reproducible products of small matrices.
 
 Parts (robots, worlds, filters, controllers ...) are frozen descriptions. Their ``start()`` or
-``open()`` creates the mutable state of one mission. During a mission, *rules* run: plain functions
+``open()`` creates the mutable state of a mission. During the mission, *rules* run: plain functions
 of arrays, with parameters and memory in named tuples of numbers and float64 arrays. A rule never
-allocates, never raises and stores nothing outside its arrays, so the same source can be
-interpreted or compiled. Write ``x * x`` in rules, because ``x ** 2`` and numpy reductions give
-different bits when compiled.
+allocates, never raises and stores nothing outside its arrays, so the same source can be interpreted
+or compiled. Write ``x * x`` in rules, because ``x ** 2`` and numpy reductions give different bits
+when compiled.
 
-Units are SI: metres, seconds, radians, kilograms; a name that ends in ``_deg`` is in degrees.
-World frame: z up. Robot frame: x forward, y left, yaw positive to the left.
+Units are SI: metres, seconds, radians, kilograms; a name that ends in ``_deg`` is in degrees. World
+frame: z up. Robot frame: x forward, y left, yaw positive to the left.
 """
 
 import math
@@ -28,9 +28,9 @@ NO_VALUES: Array = np.zeros(0)
 
 # The state of the robot: a float64 array of STATE_SIZE values, world frame.
 X, Y, YAW, SPEED, YAW_RATE, CONTACT = range(6)
-"""x [m], y [m], yaw [rad], forward speed [m/s], yaw rate [rad/s], 1 if touching an obstacle."""
+"""x [m], y [m], yaw [rad], forward speed [m/s], yaw rate [rad/s], 1 while touching an obstacle."""
 STATE_SIZE = 6
-POSE_SIZE = 4  # a localized pose has x, y, yaw and speed
+POSE_SIZE = 4  # x, y, yaw and speed of a localized pose
 
 # The current leg of the route: a float64 array of LEG_SIZE values [m].
 FROM_X, FROM_Y, TO_X, TO_Y = range(4)
@@ -42,8 +42,8 @@ DRIVE_SPEED, STEERING = range(2)
 COMMAND_SIZE = 2
 
 # The strengths of a robot's wheels: a float64 array of STRENGTH_SIZE values. If wheels can fail,
-# all robots' strengths come after their drive commands.
-LEFT_WHEELS, RIGHT_WHEELS = range(2)  # fraction of the commanded wheel speed on each side, 0 to 1
+# the strengths of all robots follow their drive commands.
+LEFT_WHEELS, RIGHT_WHEELS = range(2)  # fraction of the commanded wheel speed per side, 0 to 1
 STRENGTH_SIZE = 2
 
 
@@ -55,7 +55,7 @@ def copy_values(source: Array, target: Array) -> None:
         target[i] = source[i]
 
 
-_SWEEPS = 30  # maximum number of sweeps; Jacobi's method usually needs five
+_SWEEPS = 30  # maximum number of sweeps; Jacobi's method usually converges in five
 
 
 def product(a: Array, b: Array) -> Array:
@@ -85,7 +85,7 @@ def determinant(matrices: Array) -> Array:
 
 
 def principal_axes(tensor: Array) -> tuple[Array, Array]:
-    """Return a symmetric matrix's eigenvalues (3,), ascending, and right-handed eigenvectors."""
+    """Return eigenvalues (3,), ascending, and right-handed eigenvectors of a symmetric matrix."""
     a = np.array(tensor, dtype=np.float64).tolist()
     axes = np.eye(3).tolist()
     for _ in range(_SWEEPS):
@@ -102,7 +102,7 @@ def principal_axes(tensor: Array) -> tuple[Array, Array]:
 
 
 def _rotate(a: "list[list[float]]", axes: "list[list[float]]", p: int, q: int) -> None:
-    """Rotate ``a`` and ``axes`` so that the element (p, q) becomes zero."""
+    """Rotate ``a`` and ``axes`` to make element (p, q) zero."""
     across = a[p][q]
     if abs(across) <= 1e-18 * math.sqrt(abs(a[p][p] * a[q][q])):
         a[p][q] = a[q][p] = 0.0

@@ -1,4 +1,4 @@
-"""Rules that combine a design's trial scores into one fitness."""
+"""Rules that combine the trial scores of a design into a fitness."""
 
 import math
 from collections.abc import Sequence
@@ -6,28 +6,29 @@ from typing import Protocol
 
 
 class Combine(Protocol):
-    """Computes a design's fitness from the scores of one or more trials.
+    """Computes the fitness of a design from the scores of one or more trials.
 
-    If ``trials`` is given, the result is the fitness expected from that number of scores drawn at
-    random without replacement (all scores if there are fewer), so that designs with different
-    numbers of trials are comparable."""
+    With ``trials``, the result is the expected fitness of that number of scores drawn at random
+    without replacement (of all scores if there are fewer), which makes designs with different
+    numbers of trials comparable.
+    """
 
     def __call__(self, scores: Sequence[float], trials: int | None = None) -> float:
         """Return the fitness."""
 
 
 def mean(scores: Sequence[float], trials: int | None = None) -> float:
-    """Return the mean of one or more scores, which does not depend on ``trials``."""
+    """Return the mean of the scores, which does not depend on ``trials``."""
     return sum(scores) / len(scores)
 
 
 def mean_lowest(scores: Sequence[float], share: float, trials: int | None = None) -> float:
-    """Return the mean of the lowest ``share`` of the scores, but of at least one score.
+    """Return the mean of the lowest ``share`` of the scores, and at least of one score.
 
     The share is exact: the last score has a fractional weight (conditional value at risk:
     Rockafellar and Uryasev, Conditional value-at-risk for general loss distributions, Journal of
-    Banking & Finance 26, 2002, proposition 8). With ``trials``, the result is
-    averaged over all subsets of ``trials`` scores.
+    Banking & Finance 26, 2002, proposition 8). With ``trials``, the result is the average over all
+    subsets of that size.
     """
     ordered = sorted(scores)
     drawn = min(trials or len(ordered), len(ordered))
@@ -38,7 +39,7 @@ def mean_lowest(scores: Sequence[float], share: float, trials: int | None = None
 
 
 def _expect_rank(ordered: Sequence[float], drawn: int, rank: int) -> float:
-    """Return the expected score at ``rank`` in a random sample of ``drawn`` ordered scores."""
+    """Return the expected score at ``rank`` in a sample of ``drawn`` out of ``ordered`` scores."""
     size = len(ordered)
     if drawn == size:
         return ordered[rank]

@@ -1,4 +1,4 @@
-"""Errors shown to users, and the commands that fix them."""
+"""Errors with messages for users, and the commands that fix them."""
 
 import errno
 import os
@@ -13,47 +13,47 @@ PATH_REMEDIES = {
     errno.ENAMETOOLONG: "choose a shorter name",
     errno.ELOOP: "remove one of the symbolic links that form a loop",
 }
-"""Fixes for errors in path operations, keyed by error number."""
+"""Fixes for errors of path operations, keyed by error number."""
 _LOOP = "Symlink loop from "
 
 
 class EvorosError(Exception):
-    """Base class of all errors with a message for the user."""
+    """The base class of all errors with a message for the user."""
 
 
 class InputError(EvorosError):
-    """An unusable configuration value or file. Exit status 2; the message is one line."""
+    """A configuration value or file is unusable. Exit status 2; the message has one line."""
 
 
 class PartFault(InputError):
-    """A part returned an invalid value; the part's author must correct the part."""
+    """A part returned an invalid value, which the author of the part must correct."""
 
 
 class SimulationError(EvorosError):
-    """The simulation failed, for example with a non-finite state; a retry would also fail."""
+    """The simulation failed, for example with a non-finite state; a retry would fail too."""
 
 
 class WorkerLost(EvorosError):
-    """A call crashed its worker process or exceeded its time limit, despite all retries."""
+    """A call crashed its worker process or exceeded its time limit, in all attempts."""
 
 
 class PilotLost(WorkerLost):
-    """An external controller or engine exited or did not answer; the mission may be repeated."""
+    """An external controller or engine exited or did not answer; the mission can be repeated."""
 
     def __init__(self, message: str, log: str = "") -> None:
         super().__init__(message, log)
-        self.log = log  # end of the output of the process
+        self.log = log  # last output of the process
 
     def __str__(self) -> str:
         return str(self.args[0])
 
 
 class LaunchError(InputError):
-    """An external controller or engine cannot be started, whatever the design."""
+    """An external controller or engine cannot be started for any design."""
 
 
 class RunStopped(EvorosError):
-    """The run stopped before its end and can be resumed. Exit status 1."""
+    """The run stopped early and can be resumed. Exit status 1."""
 
 
 def single_line(message: object) -> str:
@@ -62,7 +62,7 @@ def single_line(message: object) -> str:
 
 
 def escape(path: str) -> str:
-    """Escape the bytes of a path that are not UTF-8."""
+    """Escape the bytes of a path that are not valid UTF-8."""
     return path.encode(errors="backslashreplace").decode()
 
 
@@ -73,7 +73,7 @@ def unescape(path: str) -> str:
 
 @contextmanager
 def require_extra(extra: str, need: str, failure: type[InputError] = InputError) -> Iterator[None]:
-    """Raise a ``failure``, which names the ``need``, if the context imports a missing package."""
+    """Raise ``failure``, naming ``need``, if the context imports a missing package."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -85,7 +85,7 @@ def require_extra(extra: str, need: str, failure: type[InputError] = InputError)
 
 
 def explain_path(error: BaseException) -> str:
-    """Return a one-line explanation of an error in a path operation, or "" for any other error."""
+    """Explain an error of a path operation on one line; return "" for other errors."""
     if isinstance(error, RuntimeError) and str(error).startswith(_LOOP):  # before Python 3.13
         return f"{str(error).removeprefix(_LOOP)}: cannot be used; {PATH_REMEDIES[errno.ELOOP]}"
     if not isinstance(error, OSError) or error.errno not in PATH_REMEDIES or not error.filename:
@@ -99,23 +99,23 @@ _PLAIN = re.compile(
 _ESCAPED = re.compile(r"\\u(dc[89a-f][0-9a-f])")
 _BEFORE_QUOTE = re.compile(r'(\\*)("|$)')
 _LOST = re.compile(r"[^\S ]|  |[\x00-\x1f\x7f-\x9f\ud800-\udfff]")
-"""Matches characters that a one-line message or a terminal would not show unchanged."""
+"""Matches characters that a one-line message or a terminal would not show as they are."""
 
-MAX_DIGITS = 6  # maximum number of decimal places
+MAX_DIGITS = 6  # maximum number of decimals
 
 
 def count_digits(size: float) -> int:
-    """Return the number of decimals that show ``size`` to two digits, at most ``MAX_DIGITS``."""
+    """Return the number of decimals, at most ``MAX_DIGITS``, for two digits of ``size``."""
     return next((digits for digits in range(MAX_DIGITS) if size * 10**digits >= 9.5), MAX_DIGITS)
 
 
 def write_count(number: int, noun: str) -> str:
-    """Return a count and its noun, in the plural unless the count is 1."""
+    """Return a count with its noun, in the plural unless the count is 1."""
     return f"{number:,} {noun}" + "s" * (number != 1)
 
 
 def shell_line(*words: str) -> str:
-    """Return a shell command line made of these words."""
+    """Return a shell command line of these words."""
     return " ".join(map(_quote_word, words))
 
 
@@ -146,6 +146,6 @@ def write_value(value: object) -> str:
 
 
 def quote_value(text: str) -> str:
-    """Quote a string for Hydra, where a backslash escapes only before a quote."""
+    """Quote a string for Hydra, in which a backslash escapes only before a quote."""
     escaped = _BEFORE_QUOTE.sub(lambda end: 2 * end[1] + (end[2] and f"\\{end[2]}"), text)
     return f'"{escaped}"'

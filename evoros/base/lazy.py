@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def import_lazily(
     package: str, homes: Mapping[str, str]
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Return ``__getattr__`` and ``__dir__`` of a package; ``homes`` maps names to its modules."""
+    """Return ``__getattr__`` and ``__dir__`` for a package; ``homes`` maps names to modules."""
 
     def get_name(name: str) -> Any:
         if name in homes:
@@ -28,5 +28,5 @@ def import_lazily(
 
 
 def collect_rarely() -> None:
-    """Make garbage collections rare; with Python's default, a run takes 5 % longer to start."""
+    """Collect garbage less often; with Python's default, runs take 5 % longer to start."""
     gc.set_threshold(50_000, 20, 20)

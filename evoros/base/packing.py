@@ -1,4 +1,4 @@
-"""Named tuples of numbers and arrays, packed into one array so that rules share a signature."""
+"""Packs named tuples of numbers and arrays into one array, so that rules share a signature."""
 
 import math
 from functools import cache
@@ -19,7 +19,7 @@ _KINDS = "a number", "a one-dimensional array", "a two-dimensional array"
 
 @cache
 def list_dimensions(kind: type[NamedTuple]) -> tuple[int, ...]:
-    """Return the number of dimensions of each field: 0 for a number, 1 or 2 for an array."""
+    """Return the number of dimensions of each field: 0 for numbers, 1 or 2 for arrays."""
     hints = get_type_hints(kind, include_extras=True)
     for name in kind._fields:
         if hints[name] not in _DIMENSIONS:
@@ -31,12 +31,12 @@ def list_dimensions(kind: type[NamedTuple]) -> tuple[int, ...]:
 
 
 def name_field(kind: type[NamedTuple], field: str) -> str:
-    """Return the full name of a field, for a message."""
+    """Return the full name of a field for a message."""
     return f"{kind.__module__}.{kind.__qualname__}.{field}"
 
 
 def pack(values: NamedTuple) -> Array:
-    """Return the numbers and the arrays in one flat array; each array is preceded by its shape."""
+    """Pack numbers and arrays into a flat array; the shape of each array precedes it."""
     kind = type(values)
     parts: list[Any] = []
     for name, count, value in zip(kind._fields, list_dimensions(kind), values, strict=True):
@@ -57,7 +57,7 @@ def _fits(value: object, dimensions: int) -> bool:
 
 
 def unpack(kind: type[P], packed: Array) -> P:
-    """Return the named tuple that was packed; the arrays in it are views of ``packed``."""
+    """Return the named tuple that was packed; its arrays are views of ``packed``."""
     values: list[Any] = []
     at = 0
     for count in list_dimensions(kind):

@@ -1,4 +1,4 @@
-"""Random generators seeded only by a mission's key and a part's name, so parts never interfere."""
+"""Random generators seeded by a mission's key and a part's name, so that parts are independent."""
 
 import hashlib
 from collections.abc import Callable, Iterator
@@ -17,8 +17,8 @@ class Generator(np.random.Generator):
     """numpy's generator, with normal and exponential deviates that are equal on all machines.
 
     This also holds for ``random``, ``uniform``, ``integers``, ``choice``, ``permutation``,
-    ``permuted``, ``shuffle`` and ``bytes``, which need only arithmetic. Other distributions use the
-    C library, and the last digits of its results depend on the processor.
+    ``permuted``, ``shuffle`` and ``bytes``, which use only arithmetic. Other distributions use the
+    C library, whose last digits depend on the processor.
     """
 
     def __reduce__(self) -> Any:
@@ -26,7 +26,7 @@ class Generator(np.random.Generator):
 
     def standard_normal(self, size: Size = None) -> Any:  # type: ignore[override]
         """Draw normal deviates with mean 0 and standard deviation 1."""
-        from evoros.base.ziggurat import draw_normal  # importing numba is slow
+        from evoros.base.ziggurat import draw_normal  # slow: imports numba
 
         return self._fill(draw_normal, size)
 
@@ -64,24 +64,24 @@ class Generator(np.random.Generator):
 
 
 def _common_size(size: Size, *parameters: Any) -> Size:
-    """Return ``size`` or, if it is None, the broadcast shape of the parameters."""
+    """Return ``size`` or, if None, the broadcast shape of the parameters."""
     if size is not None:
         return size
     return np.broadcast_shapes(*map(np.shape, parameters)) or None
 
 
 def generator(key: str, part: str) -> Generator:
-    """Return the generator of ``part`` under ``key`` (PCG64, seeded with the SHA-256 of both)."""
+    """Return the generator of ``part`` under ``key`` (PCG64, seeded by SHA-256 of both)."""
     digest = hashlib.sha256(f"{key}\n{part}".encode()).digest()
     words = np.frombuffer(digest, dtype="<u4").tolist()
     return Generator(np.random.PCG64(SeedSequence(words)))
 
 
 def deal(key: str, cards: int) -> Iterator[int]:
-    """Yield numbers below ``cards`` from one lazily shuffled deck (Fisher, Yates) after another."""
+    """Yield numbers below ``cards`` from shuffled decks, one after another (lazy Fisher-Yates)."""
     for deck in count():
         rng = generator(f"{key}/{deck}", "deck")
-        moved: dict[int, int] = {}  # cards not in their initial position, by position
+        moved: dict[int, int] = {}  # cards away from their initial position, by position
         for top in range(cards):
             place = top + int(rng.random() * (cards - top))
             yield moved.get(place, place)

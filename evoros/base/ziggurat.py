@@ -1,6 +1,6 @@
 """Normal and exponential deviates by the ziggurat method, bitwise equal on every processor.
 
-The tables are numba's private copy of numpy's; only rare draws differ from numpy's.
+The tables are numba's private copy of numpy's; only rare deviates differ from numpy's.
 """
 
 from numba.np.random import _constants as layers
@@ -17,7 +17,7 @@ WIDTHS, INSIDE = layers.wi_double, layers.ki_double
 
 
 def next_word(bits: BitGenerator) -> int:
-    """Draw 64 random bits; compiled code uses a different implementation."""
+    """Draw 64 random bits; compiled code has a different implementation."""
     word: int = bits.random_raw()
     return word
 
@@ -46,7 +46,7 @@ def draw_normal(bits: BitGenerator) -> float:
 
 @compilable
 def _draw_at_edge(bits: BitGenerator, i: int, whole: int, x: float) -> float:
-    """Return x if it is accepted at a layer's edge, a deviate from the tail, or ``_REJECTED``."""
+    """Return x if accepted at the edge of a layer, a deviate from the tail, or ``_REJECTED``."""
     if i == 0:
         tail = _draw_tail(bits)
         return -tail if (whole >> 8) & 0x1 else tail
@@ -57,7 +57,7 @@ def _draw_at_edge(bits: BitGenerator, i: int, whole: int, x: float) -> float:
 
 @compilable
 def _draw_tail(bits: BitGenerator) -> float:
-    """Draw a deviate beyond the lowest layer (Marsaglia's method)."""
+    """Draw a deviate below the lowest layer's edge, in the tail (Marsaglia's method)."""
     while True:
         x = -float(layers.ziggurat_nor_inv_r) * log1p(-_draw_share(bits))
         y = -log1p(-_draw_share(bits))

@@ -1,1 +1,1 @@
-"""Compilation of rules and loops to machine code by numba."""
+"""Compiles rules and loops to machine code with numba."""

@@ -16,7 +16,7 @@ Bytes = NDArray[np.uint8]
 
 
 class DeviceError(EvorosError):
-    """A device cannot be used; missions can run without the device."""
+    """A device cannot be used; missions can run without it."""
 
 
 class DeviceFull(DeviceError):
@@ -38,7 +38,7 @@ class Memory(Protocol):
 
 
 class Device(Protocol):
-    """Runs kernels. Each method raises DeviceError if the device cannot be used."""
+    """A device that runs kernels; its methods raise DeviceError if it cannot be used."""
 
     @property
     def target(self) -> Target:
@@ -51,7 +51,7 @@ class Device(Protocol):
         """Allocate ``size`` bytes; raise DeviceFull if there is too little memory."""
 
     def launch(self, kernel: Any, rows: int, width: int, count: int) -> None:
-        """Run the missions in the ``count`` rows of ``width`` bytes at the address ``rows``."""
+        """Run the missions in ``count`` rows of ``width`` bytes at the address ``rows``."""
 
 
 class HostMemory:
@@ -71,7 +71,7 @@ class HostMemory:
 
 
 class Host:
-    """This processor, which runs the missions one after another."""
+    """This processor, which runs missions one after another."""
 
     def __init__(self) -> None:
         self.target = target_host()
@@ -92,5 +92,5 @@ class Host:
         yield HostMemory(size)
 
     def launch(self, kernel: Any, rows: int, width: int, count: int) -> None:
-        """Run the missions in the ``count`` rows of ``width`` bytes at the address ``rows``."""
+        """Run the missions in ``count`` rows of ``width`` bytes at the address ``rows``."""
         kernel(rows, width, 0, count)

@@ -15,7 +15,7 @@ from evoros.base.ziggurat import draw_exponential, draw_normal, next_word
 
 
 class GeneratorType(types.NumPyRandomGeneratorType):
-    """The type of ``Generator`` in compiled code."""
+    """The numba type of ``Generator``."""
 
     def __init__(self) -> None:
         super().__init__("evoros")
@@ -36,7 +36,7 @@ def _next_word(bits: Any) -> Any:
     return lambda bits: next_uint64(bits)
 
 
-# Not strict, because numba would otherwise also compare the annotations.
+# Not strict: numba would also compare the annotations.
 @overload_method(GeneratorType, "standard_normal", strict=False, inline="always")  # type: ignore[untyped-decorator]
 def _standard_normal(rng: Any, size: Any = None) -> Any:
     if is_nonelike(size):
@@ -67,7 +67,7 @@ def _lognormal(rng: Any, mean: Any = 0.0, sigma: Any = 1.0, size: Any = None) ->
         return lambda rng, mean=0.0, sigma=1.0, size=None: exp(
             mean + sigma * draw_normal(rng.bit_generator)
         )
-    return None  # rules that draw arrays from this distribution are interpreted
+    return None  # interpret rules that draw arrays from this distribution
 
 
 @compilable

@@ -44,7 +44,7 @@ def compile_all() -> None:
 
 @cache
 def _compiled(function: Any) -> Any:
-    # Imported here because numba is slow to import, and most commands need no arrays.
+    # Imported here because numba imports slowly and most commands need no arrays.
     from numba import types
 
     from evoros.compilation.machine_code import compile_function, compiling

@@ -9,16 +9,16 @@ from typing import Any, TypeAlias
 
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGALRM", "SIGUSR1", "SIGUSR2")
 HELD = [getattr(signal, name) for name in NAMES if hasattr(signal, name)]
-"""The signals for which programs install Python handlers; Windows lacks some of them."""
+"""Signals for which programs install Python handlers; Windows lacks some of them."""
 
 Release: TypeAlias = Callable[[Callable[[], object]], None]
-"""Calls a function without deferring handlers, and raises exceptions from handlers."""
+"""Calls a function without deferring handlers; raises exceptions from handlers."""
 
 
 @contextmanager
 def hold_interrupts() -> Iterator[Release]:
     """Defer signal handlers until the end, except during calls through the yielded function."""
-    # numba crashes if a handler raises while Python code converts arguments or results.
+    # numba crashes if a handler raises while Python code converts arguments or results
     handlers: dict[int, Callable[[int, Any], object]] = {}
     due: list[int] = []
     held = True
@@ -44,7 +44,7 @@ def hold_interrupts() -> Iterator[Release]:
         finally:
             held = True
 
-    with ExitStack() as stack:  # restores every handler, even if one raises
+    with ExitStack() as stack:  # restores all handlers, even if one raises
         stack.callback(deliver)
         if current_thread() is main_thread():  # only the main thread may set and run handlers
             for signum in HELD:

@@ -1,6 +1,6 @@
-"""Kernels: the mission loop and its rules as one program, for this processor or for a GPU.
+"""Kernels: the mission loop and its rules as one program, for this processor or a GPU.
 
-This is numba's code before optimization, so results are bitwise equal on every target.
+The code is numba's before optimization, so results are bitwise equal on all targets.
 """
 
 import hashlib
@@ -29,12 +29,12 @@ from evoros.files.disk import write_atomically
 from evoros.terminal.activity import announce
 
 DRAWS = {"next_uint64": WORD, "next_uint32": ir.IntType(32), "next_double": ir.DoubleType()}
-"""Result types of a kernel's random functions, which ``kernel_runtime.py`` defines."""
+"""Result types of a kernel's random functions, defined in ``kernel_runtime.py``."""
 _BITS = types.NumPyRandomBitGeneratorType("bit_generator")
 
 
 class NumberedRule(types.Callable):  # type: ignore[misc]
-    """The numba type of a rule that is identified by its number among the rules of a kind."""
+    """The numba type of a rule identified by its number among the rules of a kind."""
 
     def __init__(self, kind: str, signature: Signature) -> None:
         self.symbol, self.signature = f"evoros.{kind}", signature
@@ -68,13 +68,13 @@ RULES = {
 }
 
 for _name in (*RULES, *DRAWS):
-    # numba resolves all names in compiled code, although the machine code is never called here.
+    # numba resolves all names in compiled code, although the code is never called here
     llvm.add_symbol(f"evoros.{_name}", 1)
 
 
 @lower_builtin(NumberedRule, NumberedRule, types.VarArg(types.Any))  # type: ignore[untyped-decorator]
 def _call(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    """Call the kind's function. Errors in rules are ignored, as in all compiled missions."""
+    """Call the function of the kind; errors in rules are ignored, as in all compiled missions."""
     kind, *kinds = signature.args
     convention, numbered = context.call_conv, (types.int64, *kinds)
     function = get_or_insert_function(
@@ -164,15 +164,15 @@ done:
 
 _HOST_ENTRY = _RUN_ROW + _EACH_ROW
 """Runs the missions in a range of rows of ``width`` bytes, one after another."""
-_GPU_ENTRY = _RUN_ROW + _ROW_OF_THREAD  # runs one row's mission in each thread
+_GPU_ENTRY = _RUN_ROW + _ROW_OF_THREAD  # runs the mission of one row per thread
 ENTRY = "evoros_fly"
 """The function to launch: (address of row 0, bytes per row, first row, end row)."""
-GPU = "sm_80"  # oldest GPU generation that can run the code
+GPU = "sm_80"  # oldest GPU generation supported
 _NOT_EXACT = re.compile(
     r"llvm\.(fma|fmuladd|frem|pow|powi|exp\d*|log\d*|a?(?:sin|cos|tan)h?|atan2|ldexp|frexp)\."
 )
 _REMAINDER = re.compile(r"= frem double ([^\s,]+), ([^\s,]+)")
-Parts = Mapping[str, Mapping[int, Lowered]]  # a kernel's rules by kind and number
+Parts = Mapping[str, Mapping[int, Lowered]]  # rules of a kernel by kind and number
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,7 @@ class Target:
     is_text: bool = False
 
     def make_machine(self) -> Any:
-        """Create LLVM's target machine."""
+        """Create the target machine of LLVM."""
         llvm.initialize_all_targets()
         llvm.initialize_all_asmprinters()
         target = llvm.Target.from_triple(self.triple)
@@ -194,14 +194,14 @@ class Target:
         return target.create_target_machine(self.processor, self.features, 3, jit=jit)
 
     def emit(self, machine: Any, module: Any) -> bytes:
-        """Return the code of a module, as PTX or an object file."""
+        """Return the code of a module, as PTX or as an object file."""
         if self.is_text:
             return str(machine.emit_assembly(module)).encode()
         return bytes(machine.emit_object(module))
 
 
 def target_gpu() -> Target:
-    """Return the target of NVIDIA GPUs, in PTX."""
+    """Return the target for NVIDIA GPUs, in PTX."""
     return Target(_GPU_ENTRY, "nvptx64-nvidia-cuda", GPU, is_text=True)
 
 
@@ -248,11 +248,11 @@ def _find_path(target: Target, run: Lowered, rules: Parts) -> Path | None:
 
 
 def link_kernel(target: Target, layout: str, run: Lowered, rules: Parts) -> Any:
-    """Link the mission function and its rules into a module with one entry point."""
+    """Link the mission function and its rules to a module with one entry point."""
     module = llvm.parse_assembly(RUNTIME + target.entry.format(entry=ENTRY, run=run.name))
     calls = [llvm.parse_assembly(_write_call(RULES[kind], rules[kind])) for kind in RULES]
     lowered = {rule.name: rule.module for kind in RULES for rule in rules[kind].values()}
-    # A function is linked only if an earlier part calls it.
+    # a function is linked only if an earlier part calls it
     for part in (module, *map(_take, (run.module, *calls, *lowered.values()))):
         part.triple, part.data_layout = target.triple, layout
         if part is not module:
@@ -265,7 +265,7 @@ def link_kernel(target: Target, layout: str, run: Lowered, rules: Parts) -> Any:
 
 
 def _take(part: Any) -> Any:
-    """Return a copy of a module that computes remainders with the runtime's function."""
+    """Return a copy of a module that computes remainders with the function of the runtime."""
     code, count = _REMAINDER.subn(
         r"= call double @evoros.remainder(double \1, double \2)", str(part)
     )
@@ -282,7 +282,7 @@ def _write_call(kind: NumberedRule, rules: Mapping[int, Lowered]) -> str:
     choose = ir.IRBuilder(function.append_basic_block())
     otherwise = function.append_basic_block()
     ir.IRBuilder(otherwise).ret(ir.IntType(32)(0))
-    # The first arguments are pointers to the result and to an error.
+    # first arguments: pointers to the result and to an error
     result, error, number, *arguments = function.args
     switch = choose.switch(number, otherwise)
     called: dict[str, Any] = {}
@@ -311,7 +311,7 @@ def find_foreign(module: Any) -> list[str]:
 
 
 def find_inexact(ptx: str) -> list[str]:
-    """Return the distinct PTX operations not rounded as IEEE 754 specifies, such as fused ones."""
+    """Return the distinct PTX operations not rounded as in IEEE 754, such as fused ones."""
     arithmetic = [found[0] for found in _ARITHMETIC.finditer(ptx)]
     wrong = [name for name in arithmetic if not _EXACT.fullmatch(name)]
     wrong += [" ".join(found[0].split()) for found in _OTHER.finditer(ptx)]

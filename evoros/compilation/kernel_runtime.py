@@ -1,7 +1,7 @@
-"""The functions that kernels call, in LLVM's language.
+"""The functions called in kernels, in LLVM's language.
 
-Draws follow numpy's PCG64. A generator is six words: the 128-bit state and increment, lower words
-first; a flag that is set if half a word is left over; and that half word.
+Draws follow numpy's PCG64. A generator has six words: the 128-bit state and increment, lower words
+first; a flag for a remaining half word; and that half word.
 """
 
 RUNTIME = """

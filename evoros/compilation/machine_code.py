@@ -1,4 +1,4 @@
-"""Compilation by numba, with a cache of machine code on disk."""
+"""Compiles functions with numba, and caches machine code on disk."""
 
 import hashlib
 import re
@@ -28,23 +28,23 @@ NJIT_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 """Compiled code cannot raise errors, so a division by zero gives inf or NaN."""
 SETTINGS: dict[str, Any] = {
     "LOOP_VECTORIZE": 0,  # loops are short, and kernels use the same code
-    # Otherwise, one process's environment variables would change the code that all processes load.
+    # Otherwise, environment variables of one process would change code that all processes load.
     **dict.fromkeys(("DISABLE_JIT", "BOUNDSCHECK"), 0),
 }
 BORROWING: dict[str, Any] = {"_nrt": False}
-"""Options for code that allocates no arrays, so that numba need not count references."""
+"""Options for code that allocates no arrays, for which numba need not count references."""
 
 LOCATOR = f"{__name__}.SharedLocator"
 RULE_ROOMS = (
     *("base", "compilation", "controller", "drive", "failure", "field", "filter", "geometry"),
     *("mission", "sensor", "simulator", "walkers", "world"),
 )
-"""Packages of evoros that have mission rules, or the code that compiles them."""
-BUNDLED = "machine_code"  # folder in the package; editable installations have none
+"""Packages of evoros with mission rules, or with code that compiles them."""
+BUNDLED = "machine_code"  # folder in the package; missing in editable installations
 _IMPORT = re.compile(
     rb"^[ \t]*(?:from (evoros[\w.]*) import (\([^)]*\)|.*)|import (evoros[\w.]*))", re.MULTILINE
 )
-_COMPILING = Lock()  # guards numba's process-wide settings
+_COMPILING = Lock()  # guards process-wide settings of numba
 
 
 class SharedLocator(UserProvidedCacheLocator):  # type: ignore[misc]
@@ -59,12 +59,12 @@ class SharedLocator(UserProvidedCacheLocator):  # type: ignore[misc]
         return str(self._folder)
 
     def get_source_stamp(self) -> str:
-        """Return a hash of all sources in the function's folder and of their imports."""
+        """Return a digest of all sources in the function's folder and of their imports."""
         return _hash_reachable((Path(self._py_file).parent,))
 
 
 def compile_function(function: Any, signature: Any, on_disk: bool, **options: Any) -> Any:
-    """Compile a function, or load its machine code from disk; for use within ``compiling``."""
+    """Compile a function, or load its machine code from disk; call this in ``compiling``."""
     for waiting, inlined in take_waiting(bundled=True):
         register(waiting, waiting, inlined)
     try:
@@ -87,7 +87,7 @@ def compile_function(function: Any, signature: Any, on_disk: bool, **options: An
 
 
 def register(function: Any, implementation: Any, inlined: bool) -> None:
-    """Register a function that compiled code calls."""
+    """Register a function that is called in compiled code."""
     # Functions compile 10 % faster without the C wrapper, which is never called.
     options = {"forceinline": inlined, "no_cfunc_wrapper": True}
     overload(function, strict=False, jit_options=options)(lambda *args, **keywords: implementation)
@@ -97,19 +97,19 @@ class Lowered(NamedTuple):
     """The LLVM code of a compiled function."""
 
     name: str
-    module: Any  # LLVM module with the function and all functions that it calls
+    module: Any  # LLVM module with the function and all functions it calls
 
 
 def lower(dispatcher: Any, signature: Any) -> Lowered:
     """Return the LLVM code of a compiled function."""
     result = dispatcher.get_compile_result(signature)
-    # numba's public methods do not return the module of cached functions.
+    # numba has no public method for the module of a cached function
     return Lowered(result.fndesc.llvm_func_name, result.library._get_module_for_linking())
 
 
 @contextmanager
 def compiling() -> Iterator[bool]:
-    """Make numba use the cache folder of evoros; yield True if there is one."""
+    """Make numba use evoros's cache folder; yield True if there is one."""
     folder = cache_folder()
     with announce("compiling"), _COMPILING, warnings.catch_warnings():
         _import_array_functions()
@@ -136,8 +136,8 @@ def _import_array_functions() -> None:
 
 @cache
 def cache_folder() -> Path | None:
-    """Return the folder for machine code, by a hash of the sources; None if none is writable."""
-    # numba checks only a function's file, not the files of functions that it calls.
+    """Return the folder for machine code, by a digest of the sources; None if not writable."""
+    # numba checks only the file of a function, not the files of functions it calls.
     sources = _hash_reachable(tuple(PACKAGE / room for room in RULE_ROOMS))
     digest = hashlib.sha256(numba.__version__.encode() + sources.encode())
     folder = private_folder(digest.hexdigest()[:16])
@@ -153,9 +153,9 @@ def cache_folder() -> Path | None:
 
 
 def _copy_bundled(folder: Path) -> None:
-    """Copy the machine code that was made during installation, unless the sources have changed."""
+    """Copy machine code made during installation, unless the sources have changed."""
     bundled = PACKAGE / BUNDLED / folder.name
-    for file in sorted(bundled.rglob("*.nb?")):  # an index (.nbi) after its code (.nbc)
+    for file in sorted(bundled.rglob("*.nb?")):  # an index (.nbi) comes after its code (.nbc)
         copy = folder / file.relative_to(bundled)
         if not copy.exists():
             copy.parent.mkdir(parents=True, exist_ok=True)
@@ -186,7 +186,7 @@ def _list_imported(text: bytes) -> set[str]:
     for source, imported, module in _IMPORT.findall(text):
         package = (source or module).decode()
         names |= {f"{package}.{name}" for name in re.findall(r"\w+", imported.decode())}
-        while "." in package:  # Python also imports the parent packages
+        while "." in package:  # Python imports the parent packages as well
             names.add(package)
             package = package.rpartition(".")[0]
     return names

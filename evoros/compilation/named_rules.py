@@ -1,4 +1,4 @@
-"""Adapters that pass to each rule, of the flat arrays of its kind, only the arguments it names."""
+"""Adapters that pass to a rule only those arguments of its kind that it names."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from evoros.base.errors import InputError
 from evoros.base.packing import pack, unpack
 
 Started: TypeAlias = "NamedTuple | tuple[NamedTuple | None, NamedTuple] | None"
-"""The start values of a rule: parameters, (parameters, memory), or None for neither."""
+"""Start values of a rule: parameters, (parameters, memory), or None for neither."""
 
-UNUSED = "_"  # a loop argument that the rules of a kind do not receive
+UNUSED = "_"  # loop argument that rules of a kind do not receive
 
 
 class Nothing(NamedTuple):
-    """The parameters or the memory of a rule that has none."""
+    """The parameters or memory of a rule without any."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,8 @@ class NamedRule:
         return self.interpreted(*arguments)
 
     def adapt(self, rule: Callable[..., Any]) -> Callable[..., Any]:
-        """Wrap ``rule``, the Python or compiled form of this rule, to take all arguments."""
-        # numba cannot compile ``**`` in a call, and closures take four times as long.
+        """Wrap ``rule``, the Python or compiled form of this rule, to accept all arguments."""
+        # numba cannot compile ``**`` in a call, and closures take four times as long
         kinds = {"parameters": self.parameters, "memory": self.memory}
         for name in signature(self.function).parameters:
             problem = ""
@@ -82,7 +82,7 @@ class Bound(NamedTuple):
     memory: Array
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call the rule with the remaining arguments of its kind."""
+        """Call the rule with the other arguments of its kind."""
         return self.rule(self.parameters, self.memory, *arguments)
 
 
@@ -116,7 +116,7 @@ def start_part(start: Callable[..., Started], *arguments: Any) -> Started:
 
 
 def bind(function: Callable[..., Any], arguments: tuple[str, ...], started: Started) -> Bound:
-    """Pack the start values of a rule whose kind has these arguments."""
+    """Pack the start values of a rule; ``arguments`` are the arguments of its kind."""
     pair: Any = started if type(started) is tuple else (started, None)
     if not STARTED.holds(started):
         raise InputError(

@@ -1,4 +1,4 @@
-"""Named tuples of numbers, arrays, rules and generators, as words that compiled code reads."""
+"""Named tuples of numbers, arrays, rules and generators as words for compiled code."""
 
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
@@ -34,12 +34,12 @@ def _list_fields(kind: Any) -> tuple[tuple[int, int], ...]:
 
 
 def count_words(kind: Any) -> int:
-    """Return a named tuple's number of words: address and shape of an array, otherwise one."""
+    """Return the number of words of a named tuple: address and shape of arrays, otherwise one."""
     return sum(count for _, count in _list_fields(kind))
 
 
 def list_words(kind: Any, values: Iterable[Any], name: Callable[[Any], int]) -> Iterator[int]:
-    """Yield the words of a named tuple; ``name`` returns the word for a rule or a generator."""
+    """Yield the words of a named tuple; ``name`` returns the word of a rule or generator."""
     for (sort, _), value in zip(_list_fields(kind), values, strict=True):
         if sort == _ARRAY:
             yield value.__array_interface__["data"][0]
@@ -53,7 +53,7 @@ def list_words(kind: Any, values: Iterable[Any], name: Callable[[Any], int]) -> 
 
 
 def find_addresses(kind: Any) -> list[int]:
-    """Return the indices of the words that are addresses of arrays or generators."""
+    """Return the indices of words that are addresses of arrays or generators."""
     starts = accumulate((count for _, count in _list_fields(kind)), initial=0)
     return [
         start

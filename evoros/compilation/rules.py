@@ -1,4 +1,4 @@
-"""Compilation of rules: signatures, and elementary functions (``math.sin``, ``np.sin``)."""
+"""Compiles rules: signatures, and elementary functions (``math.sin``, ``np.sin``)."""
 
 import math
 from contextlib import suppress
@@ -33,7 +33,7 @@ from evoros.compilation.named_rules import NamedRule
 _INTEGER = ir.IntType(64)
 _OF_BOTH = ("cos", "cosh", "exp", "expm1", "log", "log1p", "log2", "log10", "sin", "sinh", "tan")
 _OF_NUMPY = {"acos": "arccos", "asin": "arcsin", "atan": "arctan", "atan2": "arctan2"}
-# Types of arguments: float, integer, one- and two-dimensional arrays, and random generator.
+# Types of arguments: float, integer, one- and two-dimensional arrays, random generator.
 F8, I8 = types.float64, types.int64
 A1, A2 = types.Array(F8, 1, "C"), types.Array(F8, 2, "C")
 # Types of results.
@@ -53,7 +53,7 @@ class CompiledRule(types.WrapperAddressProtocol):  # type: ignore[misc]
 
     def __init__(self, dispatcher: Any, signature: Any, borrows: bool) -> None:
         self._signature = signature
-        self.borrows = borrows  # True if the rule allocates no arrays
+        self.borrows = borrows  # whether the rule allocates no arrays
         self._dispatcher = dispatcher
         result = dispatcher.get_compile_result(signature)
         self._address = result.library.get_pointer_to_function(
@@ -65,7 +65,7 @@ class CompiledRule(types.WrapperAddressProtocol):  # type: ignore[misc]
         return address
 
     def signature(self) -> Any:
-        """The numba signature that all rules of this kind share."""
+        """The numba signature shared by all rules of this kind."""
         return self._signature
 
     def lower(self) -> Lowered:
@@ -94,7 +94,7 @@ def call_address(typing: Any, address: Any) -> Any:
 
 
 def compile_rule(rule: Any, signature: Any) -> CompiledRule:
-    """Compile a rule, once per process; raise NotCompilable if numba cannot compile it."""
+    """Compile a rule, once per process; raise NotCompilable if numba cannot."""
     answer = try_compile(rule, signature)
     if isinstance(answer, NotCompilable):
         raise answer
@@ -102,9 +102,9 @@ def compile_rule(rule: Any, signature: Any) -> CompiledRule:
 
 
 def try_compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
-    """Compile a rule, once per process, or return the reason why numba cannot."""
-    # A live engine has new methods and inner functions in each mission, and the cache of _compile
-    # would keep them all.
+    """Compile a rule, once per process, or return why numba cannot."""
+    # A live engine has new methods and inner functions in each mission, which the cache of _compile
+    # would all keep.
     function = _get_function(rule)
     if not isfunction(function):
         return NotCompilable("it is not a plain function")
@@ -114,13 +114,13 @@ def try_compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
 
 
 def compile_if_possible(rule: Any, signature: Any) -> Any:
-    """Compile a rule if possible, otherwise return an equivalent Python function."""
+    """Compile a rule if possible; otherwise, return an equivalent Python function."""
     answer = try_compile(rule, signature)
     return answer if isinstance(answer, CompiledRule) else interpret_rule(rule)
 
 
 def interpret_rule(rule: Any) -> Any:
-    """Return a rule for Python, with the elementary functions that compiled rules use."""
+    """Return a rule in Python, with the elementary functions of compiled rules."""
     if isinstance(rule, NamedRule):
         return rule.adapt(substitute(rule.function, helpers=True))
     return substitute(rule, helpers=True)
@@ -146,7 +146,7 @@ def _compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
     with compiling() as on_disk:
         for function, inlined in take_waiting(bundled=False):
             register(function, substitute(function), inlined)
-        # A user's rule is compiled in every process, because functions that it calls may change
+        # A user's rule is compiled in every process, because functions it calls may change
         # unnoticed.
         kept = on_disk and is_bundled(rule_function)
         if signature in _OF_MISSIONS:
@@ -191,7 +191,7 @@ def _copy_module(module: ModuleType, replaced: dict[str, Any]) -> ModuleType:
 _own_math = {name: getattr(elementary, name) for name in (*_OF_BOTH, "tanh")}
 _own_math |= {name: getattr(elementary, name) for name in ("acos", "asin", "atan", "atan2")}
 _own_math |= {"pow": elementary.power, "log": _log, "hypot": _hypot}
-# numpy's functions also accept arrays.
+# functions of numpy also accept arrays
 _own_numpy = {numpys: vectorize(getattr(elementary, name)) for name, numpys in _OF_NUMPY.items()}
 _MODULES = {math: _copy_module(math, _own_math), np: _copy_module(np, _own_numpy)}
 _FUNCTIONS = {
@@ -204,7 +204,7 @@ _FUNCTIONS = {
 def substitute(function: Any, helpers: bool = False) -> Any:
     """Return a copy of a user's function that uses the elementary functions of evoros.
 
-    With ``helpers``, so do the functions that it calls from its module.
+    With ``helpers``, functions that it calls in its module do so as well.
     """
     if not isfunction(function) or is_bundled(function):
         return function
@@ -248,7 +248,7 @@ def _type(context: Any) -> Any:
 
 @lower_builtin(unpack, types.NamedTupleClass, types.Array)  # type: ignore[untyped-decorator]
 def _unpack(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    """Make the named tuple. Its arrays own no memory, so no references are counted."""
+    """Make the named tuple; its arrays own no memory, so no references are counted."""
     result, packed = signature.return_type, signature.args[1]
     place = context.make_array(packed)(context, builder, arguments[1]).data
     values = []

@@ -1,1 +1,1 @@
-"""Configuration: the only package that imports Hydra and OmegaConf."""
+"""Configuration; no other package imports Hydra and OmegaConf."""

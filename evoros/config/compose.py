@@ -1,4 +1,4 @@
-"""Compose configurations from ``conf/``, the user's folder and overrides, without making parts."""
+"""Composes configurations from ``conf/``, the user's folder and overrides."""
 
 import hashlib
 import logging
@@ -35,9 +35,9 @@ MAX_LENGTH = 100  # characters; file systems allow 255 bytes
 
 
 def job_name(overrides: Sequence[str]) -> str:
-    """Return a readable folder name: ``failure=random seed=0`` -> failure-random_seed-0.
+    """Return a folder name such as failure-random_seed-0 for ``failure=random seed=0``.
 
-    Only the last part of a key or a path is kept; a hash of the value follows a path:
+    Only the last part of a key or path is used, followed by a digest for paths:
     ``designs=outputs/study/a`` -> designs-a-2cffc1. Without overrides, the name is ``baseline``.
     """
     parts = [_part(override) for override in overrides]
@@ -84,9 +84,9 @@ Plugins.instance().register(PluginFolders)
 def compose(
     overrides: Sequence[str] = (), *, config_dir: str | Path | None = None
 ) -> Configuration:
-    """Compose the configuration that the command ``evoros`` would use with these overrides.
+    """Compose the configuration that the command ``evoros`` would use for these overrides.
 
-    ``config_dir`` is a folder of your own groups and experiments, as with ``--config-dir``.
+    ``config_dir`` is a folder with your groups and experiments, as with ``--config-dir``.
 
     Raises:
         InputError: unknown key, group or option; malformed YAML; unresolved reference.
@@ -100,7 +100,7 @@ def compose_with_hydra(
     index: int = 0,
     primary: str = "config",
 ) -> DictConfig:
-    """Compose with Hydra's part, for job ``index``; ``${hydra:...}`` refers to the last result."""
+    """Compose with Hydra's part for job ``index``; ``${hydra:...}`` refers to the last result."""
     extra = [] if config_dir is None else [search_path(config_dir)]
     try:
         with initialize():
@@ -110,7 +110,7 @@ def compose_with_hydra(
         with open_dict(config):
             config.hydra.job.num = index
         HydraConfig.instance().set_config(config)
-    except Exception as error:  # Hydra also raises ValueError, TypeError, AssertionError ...
+    except Exception as error:  # Hydra also raises ValueError, TypeError, AssertionError and others
         unknown = _find_unknown(extra, overrides, primary)
         raise InputError(unknown or describe_error(error)) from error
     return config
@@ -138,7 +138,7 @@ def _find_unknown(extra: Sequence[str], overrides: Sequence[str], primary: str) 
 
 
 def list_choices(group: str, config_dir: str | Path | None = None) -> list[str]:
-    """List the bundled and the user's choices of a group; empty if the group is unknown."""
+    """List the options of a group, bundled or the user's; empty if the group is unknown."""
     added = [] if config_dir is None else (add_config_dir(config_dir) / group).glob("*.yaml")
     with initialize():
         bundled = GlobalHydra.instance().config_loader().get_group_options(group, ObjectType.CONFIG)
@@ -155,7 +155,7 @@ def initialize() -> AbstractContextManager[None]:
 
 
 def search_path(config_dir: str | Path) -> str:
-    """Return the override that adds a user's folder, and make the folder's modules importable."""
+    """Return the override that adds a user's folder; make the modules in it importable."""
     folder = add_config_dir(config_dir)
     for bundled, hidden in list_hidden(folder):
         _LOG.warning(
@@ -186,7 +186,7 @@ def parse(overrides: Sequence[str]) -> list[Override]:
 
 
 def text_of(override: Override) -> str:
-    """Return an override as it was typed."""
+    """Return an override as typed."""
     return override.input_line or ""
 
 
@@ -194,7 +194,8 @@ def add_config_dir(path: str | Path) -> Path:
     """Make the modules in a user's configuration folder importable; return its full path."""
     folder = find_config_dir(path)
     if str(folder) not in sys.path:  # spawned workers inherit sys.path
-        # The folder must precede the checkout, where packages such as analysis/ would hide modules.
+        # The folder must precede the checkout, where packages such as analysis/ would hide its
+        # modules.
         places = [Path(entry).resolve() for entry in sys.path]
         index = places.index(PACKAGE.parent) if PACKAGE.parent in places else len(places)
         sys.path.insert(index, str(folder))
@@ -204,7 +205,7 @@ def add_config_dir(path: str | Path) -> Path:
 
 
 def build_observer(name: str, overrides: Sequence[str], config_dir: str | Path | None) -> Observer:
-    """Build the observer ``name``, with ``overrides`` of its keys."""
+    """Build the observer ``name``; ``overrides`` are relative to its key."""
     typed = [f"observers.{name}.{text}" for text in overrides]
     config = compose([f"observers={name}", *typed], config_dir=config_dir)
     observer = build(config.values["observers"], config.choices).get(name)

@@ -21,30 +21,30 @@ from evoros.evolution.experiment import Experiment
 from evoros.files.plugins import conf_folders
 from evoros.formats.notes import WORLD_KEYS
 
-# Hydra 1.4 and later have only these defaults.
+# Hydra 1.4 and later have only these defaults
 VERSION_BASE: Mapping[str, Any] = {} if IS_LATER else {"version_base": "1.3"}
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """A composed configuration of a run, without Hydra's part.
+    """The composed configuration of a run, without Hydra's part.
 
     ``choices`` has entries such as ``failure: spatial``; if a group is placed in another package,
-    its key names that package, as in ``filter@failure.effect: stuck``.
+    the key names it, as in ``filter@failure.effect: stuck``.
     """
 
-    text: str  # content of config.yaml; references to keys and to secrets stay unresolved
+    text: str  # content of config.yaml; references to keys and secrets are unresolved
     values: Mapping[str, Any] = field(repr=False)  # references resolved; may hold secrets
-    choices: Mapping[str, str] = field(default_factory=dict)  # chosen file of each group
+    choices: Mapping[str, str] = field(default_factory=dict)  # option chosen in each group
     overrides: Sequence[str] = ()  # typed overrides with unresolved references
     designs: Any = None  # key ``designs`` of an evaluation; not in ``text`` or ``values``
     like: str | None = None  # key ``like`` of an evaluation
-    evaluates: bool = False  # True if the run evaluates given designs
+    evaluates: bool = False  # whether the run evaluates given designs
     config_dir: str | None = None  # the user's configuration folder
-    sweep: str | None = None  # folder of this job's sweep
+    sweep: str | None = None  # folder of the sweep of this job
 
     def build(self) -> Experiment:
-        """Build the experiment; this imports and calls the classes named by the configuration."""
+        """Build the experiment by importing and calling the classes named in the configuration."""
         experiment = build(self.values, self.choices)
         if not isinstance(experiment, Experiment):
             raise InputError(
@@ -54,7 +54,7 @@ class Configuration:
         return experiment
 
     def rebuild(self, experiment: Experiment, keys: Sequence[str]) -> Experiment:
-        """Build the experiment from ``experiment``, which differs only in these ``keys``."""
+        """Build the experiment from ``experiment``, which differs only in ``keys``."""
         parts = {key: self.values[key] for key in keys if key in self.values}
         built = {
             key: build(part, {}) if isinstance(part, Mapping) and TARGET in part else part
@@ -64,11 +64,11 @@ class Configuration:
 
 
 def build(values: Mapping[str, Any], choices: Mapping[str, str]) -> Any:
-    """Instantiate the classes that ``values`` names; ``choices`` is used in messages."""
+    """Instantiate the classes named in ``values``; ``choices`` is for error messages."""
     targets = check_classes(values, choices)
     worlds = values.get("world")
     names = [*worlds] if isinstance(worlds, Mapping) else []
-    # The world's configuration may lack the proposed keys, hence ``++``.
+    # the world's configuration may lack the suggested keys, hence ``++``
     token = WORLD_KEYS.set(f"++world.{names[0]}." if len(names) == 1 else WORLD_KEYS.get())
     try:
         return instantiate(dict(values), _convert_="all", **allow(targets))
@@ -79,7 +79,7 @@ def build(values: Mapping[str, Any], choices: Mapping[str, str]) -> Any:
 
 
 def check_classes(values: Mapping[str, Any], choices: Mapping[str, str]) -> tuple[str, ...]:
-    """Check the classes in a configuration without instantiating any, and return their names."""
+    """Check the classes in a configuration without instantiating any; return their names."""
     targets = check_targets(values, NAMED_FOLDERS)
     _check_arguments(values, "", choices)
     return targets
@@ -105,7 +105,7 @@ def _check_arguments(node: Any, key: str, choices: Mapping[str, str]) -> None:
 
 
 def _describe_unknown(key: str, names: Sequence[str], choices: Mapping[str, str]) -> str:
-    """Describe the first of some unknown keys, and how to drop all keys of other choices."""
+    """Describe the first unknown key, and how to drop all keys of the other options."""
     files = find_key(key, names[0], choices)
     place = f" in {' or '.join(map(str, files))}" if files else ""
     fix = f"remove it or correct its spelling{place}"
@@ -127,14 +127,14 @@ def _describe_missing(key: str, name: str) -> str:
 
 
 def freeze(config: DictConfig, evaluates: bool = False) -> Configuration:
-    """Resolve the references of a configuration and drop Hydra's part."""
+    """Resolve the references of a configuration, and drop Hydra's part."""
     hidden = ("hydra", "designs", "like") if evaluates else ("hydra",)
     shown = OmegaConf.masked_copy(config, [str(key) for key in config if key not in hidden])
     designs = config.get("designs") if evaluates else None
     if OmegaConf.is_config(designs):
         designs = OmegaConf.to_container(designs, resolve=True)
     text, values = settle(shown)
-    # A recorded configuration lacks Hydra's part.
+    # recorded configurations lack Hydra's part
     typed = OmegaConf.select(config, "hydra.overrides.task")
     listed: Any = OmegaConf.to_container(typed, resolve=False) if typed else ()
     choices = OmegaConf.select(config, "hydra.runtime.choices") or {}
@@ -169,13 +169,13 @@ ROOMS = (
     *("failure", "field", "filter", "fitness", "measure", "observers", "optimizer"),
     *("requirement", "robot", "sensor", "simulator", "world"),
 )
-"""Packages with parts that a configuration may name; creating a part has no side effects."""
+"""Packages with parts that configurations may name; creating a part has no side effects."""
 
 
 def check_targets(
     values: Mapping[str, Any], folders: Sequence[Path], where: Path | None = None
 ) -> tuple[str, ...]:
-    """Require that each named class is in evoros or in one of the folders; return their names."""
+    """Check that each named class is in evoros or in one of the folders; return the names."""
     named = dict(_list_targets(values, ""))
     for key, target in named.items():
         problem = _find_problem(target, folders)
@@ -212,7 +212,7 @@ def _find_problem(target: Any, folders: Sequence[Path]) -> str:
         )
     try:
         named = get_object(target)
-    except (Exception, SystemExit) as error:  # importing a user's module may raise anything
+    except (Exception, SystemExit) as error:  # importing a user's module may raise any exception
         return describe_build_error(error)
     package, room = (*str(getattr(named, "__module__", "")).split("."), "")[:2]
     if package == OWN:

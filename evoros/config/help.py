@@ -15,7 +15,7 @@ from evoros.files.resources import bundled_folder
 
 def show(command: str, primary: str, arguments: Sequence[str]) -> int:
     """Pass the arguments of a command to Hydra, and return the exit status."""
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises errors instead of printing them
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # makes Hydra raise errors instead of printing them
     sys.argv = [command, *arguments]
     conf = str(bundled_folder("conf"))
     decorate = hydra.main(**VERSION_BASE, config_path=conf, config_name=primary)

@@ -1,6 +1,7 @@
-"""Converts overrides into the jobs of a command or a sweep, each with a folder.
+"""Converts overrides to the jobs of a command or sweep, each with a folder.
 
-Hydra only composes: its runner would create folders early, and end a sweep at one faulty job.
+Hydra only composes configurations: its runner would create folders early, and end a sweep at the
+first faulty job.
 """
 
 import math
@@ -25,14 +26,14 @@ from evoros.config.like import EVALUATE, LIKE, ReadRun, choose_primary
 from evoros.config.messages import describe_error
 from evoros.config.references import has_calls
 
-_MAX_JOBS = 100_000  # maximum number of jobs, to detect mistakes such as extra zeros in a range()
+_MAX_JOBS = 100_000  # maximum number of jobs, to detect mistakes such as extra zeros in range()
 PLUGINS = LAUNCHER, SWEEPER = "launcher", "sweeper"  # Hydra plugins that start and choose jobs
 DEFAULT_NAME = "${evoros.name:${hydra:overrides.task}}"  # ``hydra.sweep.subdir`` in config.yaml
 
 
 @dataclass(frozen=True)
 class Job:
-    """A run or evaluation: its configuration, folder and typed overrides."""
+    """A run or evaluation, with its configuration, folder and typed overrides."""
 
     config: Configuration
     folder: Path
@@ -41,17 +42,17 @@ class Job:
 
 @dataclass(frozen=True)
 class RefusedJob:
-    """A job of a sweep that cannot be composed or built, and its fault."""
+    """A job of a sweep that cannot be composed or built, with its fault."""
 
     overrides: tuple[str, ...]
     fault: str
 
 
 class Jobs:
-    """The jobs of a command: a single job, or one for each combination of a sweep's values.
+    """The jobs of a command: a single job, or one per combination of values in a sweep.
 
-    ``sweep`` is the folder of the sweep, None for a single job. ``read_run`` reads the run named by
-    ``like=``, which is otherwise unknown. ``plugins`` has the chosen launcher and sweeper of Hydra.
+    ``sweep`` is the folder of the sweep, None for a single job. ``read_run`` reads the run given by
+    ``like=``. ``plugins`` holds the chosen launcher and sweeper of Hydra.
     """
 
     def __init__(
@@ -84,7 +85,7 @@ class Jobs:
                 "hydra.callbacks: Hydra callbacks are not supported; leave the key out"
             )
         self._overrides: list[tuple[str, ...]] = []
-        # the first of jobs that differ only in numbers
+        # the first of several jobs that differ only in numbers
         self._composed: dict[tuple[str, ...], Configuration] = {}
         self.sweep: Path | None = None
         if multirun or self._base.hydra.mode == RunMode.MULTIRUN:
@@ -116,7 +117,7 @@ class Jobs:
         return config
 
     def _expand(self, parsed: Sequence[Override]) -> list[tuple[str, ...]]:
-        """List the overrides of each job; a key's typed values replace the experiment's."""
+        """List the overrides of each job; typed values of a key replace the experiment's."""
         lists = {typed.get_key_element(): expand_values(typed, self.config_dir) for typed in parsed}
         params = (self._base.hydra.sweeper.get("params") or {}).items()
         for override in parse([f"{key}={value}" for key, value in params]):
@@ -173,7 +174,7 @@ class Jobs:
 def place_job(
     config: Configuration, folder: Path, overrides: tuple[str, ...] = (), *, in_sweep: bool = False
 ) -> Job:
-    """Return the job for a configuration; with ``in_sweep``, its folder is in the sweep folder."""
+    """Return the job of a configuration; with ``in_sweep``, its folder is in the sweep folder."""
     sweep = str(folder.absolute().parent) if in_sweep else None
     return Job(replace(config, sweep=sweep), _shorten(folder), overrides)
 
@@ -191,7 +192,7 @@ def _shorten(path: Path) -> Path:
 
 
 def expand_values(override: Override, config_dir: str | Path | None) -> list[str]:
-    """Return an override for each value of a sweep; an override without a sweep is unchanged."""
+    """Return an override per value of a sweep; return other overrides unchanged."""
     typed, key = text_of(override), override.get_key_element()
     if not override.is_sweep_override():
         return [typed]
@@ -218,7 +219,7 @@ def expand_values(override: Override, config_dir: str | Path | None) -> list[str
 
 
 def _write(value: Any) -> str:
-    """Write a value in Hydra's grammar; a string such as ``1`` gets quotes."""
+    """Write a value in Hydra's grammar, with quotes around a string such as ``1``."""
     text = Override._get_value_element_as_str(value)
     if isinstance(value, str):
         read = OverridesParser.create().parse_override(f"key={text}").value()
@@ -271,7 +272,7 @@ def split_numbers(overrides: Sequence[str]) -> tuple[tuple[str, ...], dict[str, 
 
 
 def change_numbers(config: Configuration, typed: Mapping[str, str]) -> Configuration | None:
-    """Return the configuration with new numbers; None if other values may depend on them."""
+    """Return the configuration with new numbers; None if other values may depend on these."""
     text, values = config.text, config.values
     references = _REFERENCE.findall(config.text)
     for key, override in typed.items():
@@ -288,7 +289,7 @@ def change_numbers(config: Configuration, typed: Mapping[str, str]) -> Configura
 
 
 def _replace_line(text: str, path: Sequence[str], number: float) -> str | None:
-    """Replace the number at a path in OmegaConf's YAML; None if the path has no number."""
+    """Replace the number at a path in OmegaConf's YAML; None if the path holds no number."""
     begin, end, line = 0, len(text), None
     for depth, part in enumerate(path):
         indent = " " * 2 * depth

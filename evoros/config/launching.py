@@ -1,4 +1,4 @@
-"""Starts jobs through a chosen Hydra launcher or sweeper, for example ``hydra/launcher=joblib``."""
+"""Starts jobs through a Hydra launcher or sweeper, such as ``hydra/launcher=joblib``."""
 
 import copy
 from collections.abc import Callable, Iterator, Sequence
@@ -8,7 +8,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from hydra._internal.callbacks import Callbacks  # needed by HydraContext, which is public
+from hydra._internal.callbacks import Callbacks  # required by HydraContext, which is public
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.plugins import Plugins
@@ -24,7 +24,7 @@ from evoros.config.like import EVALUATE
 from evoros.terminal.log import LOGGER
 
 RunJob = Callable[[Job], float]
-"""Picklable function that runs a job in a launcher's process and returns the job's fitness."""
+"""Picklable function that runs a job in a launcher's process and returns its fitness."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class _Task:
 
 
 def launch(jobs: Jobs, ready: Sequence[Job], run: RunJob) -> dict[Path, EvorosError | None]:
-    """Run the ``ready`` jobs with the chosen launcher; return the error, or None, by folder."""
+    """Run the ``ready`` jobs with the chosen launcher; return the error (or None) by folder."""
     with _start(jobs, "launcher") as hydra:
         typed = [text for text in jobs.typed if text.startswith("hydra")]
         config = hydra.compose_config(
@@ -67,7 +67,7 @@ def launch(jobs: Jobs, ready: Sequence[Job], run: RunJob) -> dict[Path, EvorosEr
 
 
 def search(jobs: Jobs, run: RunJob) -> None:
-    """Run the chosen sweeper, which chooses jobs; raise RunStopped if the sweeper gives up."""
+    """Run the chosen sweeper, which chooses jobs; raise RunStopped if it gives up."""
     if jobs.minimizes:
         LOGGER.warning(
             "hydra.sweeper.direction=minimize: searches for the lowest fitness; for the highest, "
@@ -86,7 +86,7 @@ def _start(jobs: Jobs, plugin: str) -> Iterator[Any]:
             yield hydra
     except EvorosError:
         raise
-    except Exception as error:  # a plugin may raise anything
+    except Exception as error:  # a plugin may raise any exception
         raise RunStopped(
             f"hydra/{plugin}={jobs.plugins[plugin]}: {type(error).__name__}: {single_line(error)}; "
             f"correct the keys below hydra.{plugin}, or run the sweep without the plugin"

@@ -1,4 +1,4 @@
-"""Composes an evaluation from a recorded run, whose configuration serves as the primary file."""
+"""Composes an evaluation from a recorded run, which replaces the primary file."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,27 +16,27 @@ from evoros.files.plugins import conf_folders
 from evoros.files.resources import bundled_folder, expand_home
 
 EVALUATE = "evaluate"
-"""Primary file of evaluations, the only one with the keys ``designs`` and ``like``."""
+"""Primary file of evaluations, the only file with the keys ``designs`` and ``like``."""
 LIKE = "like"
 NAME = "recorded"  # name of the recorded values in Hydra's store
 
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """The content of a run's ``config.yaml``, and the chosen file of each group."""
+    """The content of a run's ``config.yaml``, and the option chosen in each group."""
 
     text: str
     choices: Mapping[str, str]
 
 
 ReadRun: TypeAlias = Callable[[str, frozenset[str]], RecordedRun]
-"""Reads the run or sweep in a folder; a sweep's runs may differ in the second argument's keys."""
+"""Reads a run, or a sweep whose runs may differ in the keys of the second argument."""
 
 
 def choose_primary(
     primary: str, overrides: Sequence[str], config_dir: str | Path | None, read: ReadRun
 ) -> tuple[str, dict[str, str]]:
-    """Return the file to compose (recorded, given ``like``) and the recorded choices to keep."""
+    """Return the file to compose (recorded if ``like`` is given) and recorded choices to keep."""
     if primary != EVALUATE or not any(text.startswith(f"{LIKE}=") for text in overrides):
         return primary, {}
     like = next(override for override in parse(overrides) if override.key_or_group == LIKE)
@@ -46,7 +46,7 @@ def choose_primary(
 def store_recorded(
     like: Override, overrides: Sequence[str], config_dir: str | Path | None, read: ReadRun
 ) -> dict[str, str]:
-    """Store a recorded configuration as the primary file ``NAME``; return the remaining choices."""
+    """Store a recorded configuration as the primary file ``NAME``; return remaining choices."""
     source = resolve(OmegaConf.create({LIKE: like.value()}))[LIKE]
     if not isinstance(source, str) or not source:
         raise InputError(f"{text_of(like)}: must be the folder of a run; correct the path")
@@ -62,7 +62,7 @@ def store_recorded(
     values = OmegaConf.to_container(config, resolve=False)
     assert isinstance(values, dict)
     defaults: list[Any] = ["_self_"]
-    for given in groups:  # an outer group's file lists the inner groups
+    for given in groups:  # the file of an outer group lists the inner groups
         place = _place(given)
         if place in replaced and not is_below(place, replaced - {place}):
             defaults.append({given.get_key_element().lstrip("~"): None})

@@ -1,4 +1,4 @@
-"""One-line messages for errors of Hydra, OmegaConf, YAML and Python: place, rule, value, fix."""
+"""One-line messages for errors of Hydra, OmegaConf, YAML and Python."""
 
 import inspect
 import re
@@ -21,7 +21,7 @@ from evoros.files.nested import read_yaml
 from evoros.files.plugins import conf_folders, explain_missing
 
 HELP = "see evoros --help for groups and keys"
-LONGEST = 1000  # maximum length of a path or a library's message; longer ones lose their middle
+LONGEST = 1000  # maximum length of a path or library message; longer ones lose their middle
 
 
 def describe_error(error: BaseException) -> str:
@@ -60,17 +60,17 @@ def describe_error(error: BaseException) -> str:
 
 
 def describe_build_error(error: BaseException) -> str:
-    """Describe the failed construction of an object, preceded by its configuration key."""
+    """Describe an error in the construction of an object, after its configuration key."""
     texts = [str(error), *getattr(error, "__notes__", ())]
     match = re.search(r"full_key: (\S+)", "\n".join(texts))
     key = match[1] if match else ""
-    cause: BaseException = error  # evoros's outermost error, otherwise the innermost error
+    cause: BaseException = error  # outermost error of evoros, otherwise innermost error
     while not isinstance(cause, EvorosError) and cause.__cause__ is not None:
         cause = cause.__cause__
     if isinstance(cause, EvorosError):
         message = str(cause)
         if world := re.match(r".*\bworld\.\w+", key):
-            # The world's configuration may lack the proposed keys, hence ``++``.
+            # the world's configuration may lack the suggested keys, hence ``++``
             message = re.sub(r"world\.NAME\.(?=\w+=)", f"++{world[0]}.", message)
             message = message.replace("world.NAME.", f"{world[0]}.")
         return _keyed(key, message)
@@ -89,13 +89,13 @@ def describe_build_error(error: BaseException) -> str:
         return _keyed(key, describe_error(cause))
     if isinstance(cause, SyntaxError):
         return f"{where}{cause.filename}, line {cause.lineno}: {cause.msg}; correct the code"
-    if isinstance(cause, errors.InstantiationException):  # Hydra refuses the class
+    if isinstance(cause, errors.InstantiationException):  # Hydra rejects the class
         return f"{where}{_flat(cause)}; correct _target_"
     return f"{where}{type(cause).__name__}: {_flat(cause)}; correct the values, or the code"
 
 
 def find_unresolved(config: DictConfig | ListConfig, above: str = "") -> str:
-    """Find the first key with an unresolvable reference ``${...}``; empty if all resolve."""
+    """Return the first key with an unresolvable reference ``${...}``; empty if all resolve."""
     keys = range(len(config)) if isinstance(config, ListConfig) else list(config)
     for key in keys:
         path = f"{above}.{key}" if above else str(key)
@@ -103,7 +103,7 @@ def find_unresolved(config: DictConfig | ListConfig, above: str = "") -> str:
             continue
         try:
             child = config[key]
-        except Exception:  # a resolver may raise anything
+        except Exception:  # a resolver may raise any exception
             return path
         if isinstance(child, DictConfig | ListConfig) and (inner := find_unresolved(child, path)):
             return inner
@@ -141,7 +141,7 @@ def _describe_word(word: str) -> str:
 
 
 def describe_unknown(config: DictConfig, key: str) -> str:
-    """Describe an unknown typed key, and name similar keys of ``config``; empty if it exists."""
+    """Describe an unknown typed key, and name similar keys; empty if it exists."""
     parts = key.split(".")
     parent: Any = config
     for place, part in enumerate(parts):
@@ -153,7 +153,7 @@ def describe_unknown(config: DictConfig, key: str) -> str:
 
 
 def name_owners(group: str, name: str) -> str:
-    """List the bundled choices of a group whose class has a parameter ``name``; may be empty."""
+    """List bundled options of a group whose class has a parameter ``name``; may be empty."""
     found = []
     place = f"{group.replace('.', '/')}/*.yaml"
     files = (file for folder in conf_folders() for file in folder.glob(place))
@@ -188,7 +188,7 @@ def _no_such_key(key: str, parent: Any, above: str, rest: Sequence[str]) -> str:
 
 
 def _correct(config: Any, parts: Sequence[str]) -> list[str]:
-    """Return the parts of the existing key closest to a misspelt one; empty if none is close."""
+    """Return the parts of the existing key closest to a misspelt key; empty if none is close."""
     if not parts:
         return []
     first, *rest = parts
@@ -221,14 +221,14 @@ def _no_such_choice(error: errors.MissingConfigException) -> str:
         where = f" for the defaults of {match[1]}" if match else ""
         return f"{error.missing_cfg_file}: file not found{where}; {HELP}"
     fix = "choose one of these"
-    if group in ("hydra/launcher", "hydra/sweeper"):  # all known plugins have such names
+    if group in ("hydra/launcher", "hydra/sweeper"):  # the packages of all plugins have such names
         package = f"hydra-{name.partition('_')[0]}-{group.rpartition('/')[2]}"
         fix = f"install its plugin (pip install {package}), or {fix}"
     return f"{group}: must be one of {choices}, not {name!r}; {fix}"
 
 
 def _flat(error: BaseException | None) -> str:
-    """Return an error's message on one line, without Hydra's context lines."""
+    """Return the message of an error on one line, without Hydra's context lines."""
     noise = ("Config search path", "provider=", "Set the environment", "full_key:", "object_type=")
     lines = [line.strip() for line in str(error).splitlines()]
     kept = single_line(" ".join(line for line in lines if not line.startswith(noise)))
@@ -237,5 +237,5 @@ def _flat(error: BaseException | None) -> str:
 
 def _shorten(text: str) -> str:
     half = LONGEST // 2
-    # the end often gives the reason
+    # the reason is often at the end
     return text if len(text) <= LONGEST else f"{text[:half]} ... {text[-half:]}"

@@ -1,4 +1,4 @@
-"""Plans the YAML file of a design that has the sensors found on a robot."""
+"""Plans the YAML file of a design with the sensors found on a robot."""
 
 import re
 from collections.abc import Collection, Mapping, Sequence
@@ -16,7 +16,7 @@ from evoros.robot.own_sensors import OwnSensor
 
 SENSOR = "sensor"
 AROUND = "around"
-STEP_S = 0.1  # common multiple of the bundled simulators' time steps; divides sensor periods
+STEP_S = 0.1  # common multiple of the time steps of bundled simulators; divides sensor periods
 _FIXED = "evoros.design.space.FixedSensor"
 _MASK = "evoros.filter.mask.Mask"
 
@@ -24,8 +24,8 @@ _MASK = "evoros.filter.mask.Mask"
 def plan_design(
     name: str, title: str, sensors: Sequence[OwnSensor], links: Collection[str]
 ) -> tuple[OwnFile | None, list[str]]:
-    """Plan a design's file, with notes on changes; the file is None if no sensor is supported."""
-    # Links of mounted sensors are named by type and number.
+    """Plan the file of a design, with notes on changes; None if no sensor is supported."""
+    # links of mounted sensors are named by type and number
     taken = {re.sub(r"_[0-9]+$", "", link) for link in links}
     taken |= set(_read_bundled(DESIGN, AROUND)["sensors"])
     types: dict[str, tuple[str, dict[str, Any]]] = {}
@@ -118,7 +118,7 @@ def _name_type(
     types: Mapping[str, object],
     taken: Collection[str],
 ) -> str:
-    """Return the name of an equal type, or a new one: the sensor's name without its number."""
+    """Return the name of an equal type, or a new name: the sensor's, without number."""
     for name, known in types.items():
         if known == wanted:
             return name
@@ -145,7 +145,7 @@ def _make_unique(name: str, taken: Collection[str]) -> str:
 
 
 def _read_bundled(group: str, name: str) -> dict[str, Any]:
-    """Return the keys of a bundled file, with empty values for keys of its defaults list."""
+    """Return the keys of a bundled file, with empty values for keys in its defaults list."""
     paths = (folder / group / f"{name}.yaml" for folder in conf_folders())
     path = next(path for path in paths if path.is_file())
     content: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))

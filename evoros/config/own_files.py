@@ -14,7 +14,7 @@ from evoros.base.errors import InputError, escape
 from evoros.files.plugins import conf_folders
 
 NAMED_FOLDERS: list[Path] = []
-"""Configuration folders named, and thus trusted, by the user in this process."""
+"""Configuration folders that the user has named in this process, and therefore trusts."""
 ROBOT, WORLD, DESIGN, EXPERIMENT = "robot", "world", "design", "experiment"
 _WIDTH = 10_000  # line width that keeps each value on one line
 
@@ -73,10 +73,10 @@ class OwnFile:
 
     group: str  # robot, world or design
     name: str
-    title: str  # comment on the first line
+    title: str  # comment in the first line
     values: Mapping[str, Any]
     choices: Mapping[str, str | None] = field(default_factory=dict)
-    """Defaults list of a design or robot; entries of the same group have the value None."""
+    """Defaults list of a design or robot; the value is None for entries of the same group."""
 
     @property
     def path(self) -> str:
@@ -85,7 +85,7 @@ class OwnFile:
 
     @property
     def text(self) -> str:
-        """The content, with a comment for each key."""
+        """The content, with a comment on each key."""
         choices = "".join(
             f"  - {key}\n" if choice is None else f"  - {key}: {choice}\n"
             for key, choice in self.choices.items()
@@ -113,7 +113,7 @@ def _dump(value: object) -> str:
 
 
 def is_bundled(group: str, name: str) -> bool:
-    """Return True if a bundled choice has this name, so that Hydra would ignore the user's file."""
+    """Return True if a bundled option has this name, as Hydra would then ignore the user's file."""
     return any((folder / group / f"{name}.yaml").is_file() for folder in conf_folders())
 
 
@@ -136,7 +136,7 @@ _FRAME = re.compile(r'File "(.+?)", line (\d+), in (\S+)')
 
 def locate_fault(error: BaseException) -> str:
     """Return the innermost line of the user's parts that raised an error; empty if none did."""
-    # The formatted traceback is parsed, because worker processes provide nothing else.
+    # worker processes provide nothing but the formatted traceback
     frames = _FRAME.findall("".join(traceback.format_exception(error)))
     tops = [folder.resolve() for folder in NAMED_FOLDERS]
     for path, line, name in reversed(frames):
@@ -156,7 +156,7 @@ def _name_class(file: Path, line: int) -> str:
 
 
 def list_hidden(folder: Path) -> list[tuple[Path, Path]]:
-    """List pairs of a bundled file and an unused file of the user with the same name."""
+    """List each bundled file with a file of the user that has the same name and is not used."""
     pairs = [
         (file, folder / file.relative_to(conf))
         for conf in conf_folders()
@@ -166,16 +166,16 @@ def list_hidden(folder: Path) -> list[tuple[Path, Path]]:
 
 
 def choose_name(file: Path, group: str) -> str:
-    """Return a name for the part in a file; the names of bundled parts get the prefix ``my_``."""
+    """Return a name for the part in a file; prefix it with ``my_`` if bundled parts have it."""
     stem = file.name.split(".")[0]
-    if stem in ("model", "robot", "world"):  # the folder's name is more specific
+    if stem in ("model", "robot", "world"):  # the name of the folder is more specific
         stem = file.resolve().parent.name
     name = re.sub(r"[^A-Za-z0-9]+", "_", stem).strip("_").lower()
     return name if name[:1].isalpha() and not is_bundled(group, name) else f"my_{name}"
 
 
 def parse_keys(words: Sequence[str]) -> dict[str, Any]:
-    """Parse ``key=value`` and ``key.inner=value``, with values in YAML, into nested mappings."""
+    """Parse ``key=value`` and ``key.inner=value``, with YAML values, into nested mappings."""
     values: dict[str, Any] = {}
     for word in words:
         path, equals, text = word.partition("=")

@@ -1,4 +1,4 @@
-"""The recorded configuration of a run folder, and the overrides allowed when resuming."""
+"""The recorded configuration in a run folder, and the overrides allowed on resuming."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -37,12 +37,12 @@ def relocate_recorded(path: Path, relocate: Callable[[str], str]) -> Configurati
 
 
 def replace_recorded(recorded: Configuration, changes: Mapping[str, Any]) -> Configuration:
-    """Return the configuration with other values for some of its top-level keys."""
+    """Return the configuration with new values for some top-level keys."""
     return freeze(_create({**_parse(recorded.text), **changes}))
 
 
 def flatten_recorded(path: Path) -> dict[str, Any]:
-    """Read the values of a recorded ``config.yaml`` by dotted key, with unresolved references."""
+    """Read the values of a recorded ``config.yaml`` by dotted key, without resolving references."""
     return _flatten(_load(path)[0])
 
 
@@ -63,7 +63,7 @@ def _load(path: Path) -> tuple[dict[str, Any], str]:
 
 @lru_cache(maxsize=8)
 def _parse(text: str) -> Any:
-    """Parse YAML with OmegaConf, which takes 0.1 s; callers must not change the cached result."""
+    """Parse YAML with OmegaConf (0.1 s); callers must not modify the cached result."""
     config = OmegaConf.create(text)
     return OmegaConf.to_container(config, resolve=False)
 
@@ -75,7 +75,7 @@ def _create(tree: dict[str, Any]) -> DictConfig:
 def find_difference(
     recorded: Configuration, wanted: Configuration, free: Sequence[str] = FREE
 ) -> str:
-    """Describe the first key that differs in other than ``free`` parts; empty if none does."""
+    """Describe the first difference outside ``free`` parts; empty if there is none."""
     before, now = flatten(recorded), flatten(wanted)
     for key in list_differences(before, now, free):
         return f"{key} is {now.get(key)!r}, but was {before.get(key)!r}"
@@ -85,7 +85,7 @@ def find_difference(
 def list_differences(
     one: Mapping[str, Any], other: Mapping[str, Any], free: Sequence[str]
 ) -> list[str]:
-    """List the keys, except in ``free`` parts, with different values in two flat mappings."""
+    """List the keys outside ``free`` parts whose values differ between two flat mappings."""
     return [
         key
         for key in dict.fromkeys((*other, *one))
@@ -94,7 +94,7 @@ def list_differences(
 
 
 def flatten(config: Configuration) -> dict[str, Any]:
-    """Return the values of a configuration, keyed by dotted key, with unresolved references."""
+    """Return the values of a configuration by dotted key, without resolving references."""
     return _flatten(_parse(config.text))
 
 
@@ -112,13 +112,13 @@ def override_recorded(
 ) -> tuple[Configuration, int | None]:
     """Apply overrides to a recorded configuration; return it and the new value of ``growing``.
 
-    Overrides may change the executor and a search's observers, and increase the key ``growing``,
-    whose value is None if not overridden.
+    Overrides may change the executor and the observers of a search, and increase the key
+    ``growing``. The returned value is None if this key is not overridden.
     """
     if not overrides:
         return recorded, None
     config = _create(_parse(recorded.text))
-    free = FREE if growing == GENERATIONS else FREE[:1]  # an evaluation has only this one
+    free = FREE if growing == GENERATIONS else FREE[:1]  # only the first can change here
     number = None
     for override in parse(overrides):
         key, value = override.key_or_group, override.value()

@@ -1,7 +1,8 @@
 """Resolves references in a configuration, so that the recorded configuration has the values used.
 
-References ``${key}`` remain, as do possible secrets: environment variables named like secrets,
-strings at keys named like secrets or passed to other programs, and addresses with a password.
+References ``${key}`` remain unresolved, and so do possible secrets: environment variables named
+like secrets, strings at keys named like secrets or passed to other programs, and addresses with a
+password.
 """
 
 import json
@@ -18,24 +19,24 @@ from evoros.base.errors import InputError
 from evoros.config.messages import describe_error, find_unresolved
 from evoros.files.private import SECRET
 
-IS_LATER = hasattr(utils, "execution_whitelist")  # True if Hydra is 1.4 or later
-_KEY = re.compile(r"\$\{\w[\w.]*\}")  # a reference to another key, which an analysis can resolve
-_OF_OTHERS = re.compile(r"\$\{(?!oc\.|now:|hydra:)[\w.-]+:")  # calls another library's resolver
+IS_LATER = hasattr(utils, "execution_whitelist")  # whether Hydra is 1.4 or later
+_KEY = re.compile(r"\$\{\w[\w.]*\}")  # reference to another key, which an analysis can resolve
+_OF_OTHERS = re.compile(r"\$\{(?!oc\.|now:|hydra:)[\w.-]+:")  # call of another library's resolver
 _OUTSIDE = re.compile(
     r"(^|\.)(environment|command|nodes)(\.|$)|^controller\.arguments\b|^observers\."
 )
-"""Keys whose values are passed to other programs."""
+"""Keys with values that are passed to other programs."""
 _ADDRESS = re.compile(r"://[^/\s]*@")
-_HIDDEN = "${evoros.secret:}"  # an unknown resolver keeps references from being resolved
+_HIDDEN = "${evoros.secret:}"  # unknown resolver, which keeps references from being resolved
 _Place = tuple[Any, Any, str, str]
-"""A mapping or list; the key or index, dotted key and string of a reference in it."""
+"""A mapping or list, and a reference in it: key or index, dotted key, and string."""
 
 
 def settle(config: DictConfig) -> tuple[str, dict[str, Any]]:
-    """Return the YAML of a configuration to record, and its values."""
+    """Return a configuration as YAML to record, and its values."""
     try:
         _settle(config)
-    except Exception as error:  # a resolver returned a value unknown to YAML
+    except Exception as error:  # a resolver returned a value that YAML cannot represent
         raise InputError(describe_error(error)) from error
     return OmegaConf.to_yaml(config, resolve=False), resolve(config)
 
@@ -47,15 +48,15 @@ def has_calls(config: DictConfig) -> bool:
 
 
 def is_private(key: str) -> bool:
-    """Return True if a string from the environment at this dotted key may be a secret."""
+    """Return True if a string from the environment at a dotted key may be a secret."""
     return bool(_OUTSIDE.search(key) or SECRET.search(key))
 
 
 def resolve(config: DictConfig) -> dict[str, Any]:
-    """Return the values of a configuration with resolved references."""
+    """Return the values of a configuration, with references resolved."""
     try:
         values = OmegaConf.to_container(config, resolve=True)
-    except Exception as error:  # resolvers may raise anything
+    except Exception as error:  # resolvers may raise any exception
         key, message = find_unresolved(config), describe_error(error)
         named = not key or re.sub(r"\[(\d+)\]", r".\1", message).startswith(f"{key}: ")
         raise InputError(message if named else f"{key}: {message}") from error
@@ -64,13 +65,13 @@ def resolve(config: DictConfig) -> dict[str, Any]:
 
 
 def register_resolver(name: str, resolver: Any) -> None:
-    """Register a resolver with this OmegaConf version's function."""
+    """Register a resolver, with the function of the installed OmegaConf."""
     method = "register_resolver" if IS_LATER else "register_new_resolver"
     getattr(OmegaConf, method)(name, resolver, replace=True)
 
 
 def _settle(config: DictConfig) -> None:
-    """Replace references with values, starting with references that do not contain ``${key}``."""
+    """Replace references with values, starting with references without ``${key}``."""
     raw = OmegaConf.to_container(config, resolve=False)
     places = sorted(_list_places(config, raw), key=lambda place: bool(_KEY.search(place[3])))
     secrets: list[_Place] = []
@@ -98,7 +99,7 @@ def _list_places(node: Any, raw: Any, above: str = "") -> Iterator[_Place]:
 
 
 def _read(place: _Place) -> Any:
-    """Read the value of a reference; raise a LookupError if it may be a secret."""
+    """Return the value of a reference; raise a LookupError if it may be a secret."""
     above, key, name, text = place
     if _OF_OTHERS.search(text) and (SECRET.search(text) or SECRET.search(name)):
         raise LookupError(name)
@@ -130,7 +131,7 @@ def _hide_variables() -> Iterator[set[str]]:
 
 
 def map_texts(node: Any, change: Callable[[str], str]) -> Any:
-    """Return a tree of values with ``change`` applied to all strings."""
+    """Apply ``change`` to all strings in a tree of values."""
     if isinstance(node, Mapping):
         return {key: map_texts(value, change) for key, value in node.items()}
     if isinstance(node, list | tuple):

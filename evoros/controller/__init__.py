@@ -1,1 +1,1 @@
-"""Controllers and their layers, which compute a command from readings and a pose."""
+"""Controllers and their layers, which compute commands from readings and poses."""

@@ -1,4 +1,4 @@
-"""Settings of the ArduPilot controller, and the autopilot parameters derived from them."""
+"""Settings of the ArduPilot controller, and autopilot parameters derived from them."""
 
 import math
 import re
@@ -27,18 +27,18 @@ _PARAMETERS = checks.Rule(
         and all(map(checks.is_number, v.values()))
     ),
 )
-OCTANTS = 8  # number of horizontal range finder directions, clockwise from forward
-AXES = ("POS_X", "POS_Y", "POS_Z")  # position in the body frame: forward, right, down [m]
+OCTANTS = 8  # number of horizontal range finder directions, clockwise from straight ahead
+AXES = ("POS_X", "POS_Y", "POS_Z")  # position [m] in the body frame: forward, right, down
 ORIENTATION = "ORIENT"
 LIMITS = ("MIN", "MAX")
-MAX_RANGE_FINDERS = 6  # limit of ArduPilot's JSON backend
-SIMULATED = 100  # type number of a range finder fed by the simulation
+MAX_RANGE_FINDERS = 6  # maximum number in ArduPilot's JSON backend
+SIMULATED = 100  # type number of a simulated range finder
 EVEN_THROTTLE = 50
-DEFAULT_GAIN, GREATEST_GAIN = 1.0, 6.0  # ArduPilot's default and maximum velocity gain
+DEFAULT_GAIN, GREATEST_GAIN = 1.0, 6.0  # default and maximum velocity gain of ArduPilot
 
 
 def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str, float]:
-    """Return the parameters derived from the robot and the mission, unless they are given."""
+    """Return the parameters derived from the robot and the mission, except ``given`` ones."""
     drive = briefing.robot.drive
     speed = float(given.get("WP_SPEED", drive.max_speed_mps))
     if speed <= 0.0:
@@ -49,12 +49,12 @@ def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str,
     curvature = drive.turn_ratio * elementary.tan(drive.steering_limit) / drive.wheelbase_m
     derived = {
         "WP_SPEED": speed,
-        # Throttle is proportional to speed, and full throttle gives the maximum speed.
+        # speed is proportional to throttle, up to the maximum speed at full throttle
         "CRUISE_SPEED": drive.max_speed_mps * EVEN_THROTTLE / 100,
         "CRUISE_THROTTLE": EVEN_THROTTLE,
         "WP_RADIUS": 0.5 * briefing.acceptance_m,
         "TURN_RADIUS": 1.0 / curvature,
-        # Fraction of full lock per turn rate; ArduPilot's default, 0.2, is too low for slow robots.
+        # fraction of full lock per turn rate; ArduPilot's default, 0.2, is too low for slow robots
         "ATC_STR_RAT_FF": 1.0 / (speed * curvature),
         # ArduPilot divides the lateral acceleration by at least 1 m/s, even for slower robots.
         "PSC_VEL_P": min(max(1.0 / speed, DEFAULT_GAIN), GREATEST_GAIN),
@@ -64,7 +64,7 @@ def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str,
 
 
 def list_range_finders(robot: Robot) -> list[tuple[int, RangeSensor]]:
-    """List the first (mount, sensor) pairs with a single range; the autopilot receives these."""
+    """List the first (mount, sensor) pairs with a single range, which the autopilot receives."""
     return [
         (mount, sensor)
         for mount, sensor in enumerate(robot.mounted_sensors())
@@ -91,12 +91,12 @@ def write_parameters(parameters: Mapping[str, float]) -> str:
 
 
 def name_parameter(instance: str, quantity: str) -> str:
-    """Return the name of a range finder's parameter; range finders are numbered 1 to 9, then A."""
+    """Return the name of a range finder's parameter; range finders are numbered 1 to 9, A."""
     return f"RNGFND{instance}_{quantity}"
 
 
 def name_limit(limit: str, metres: bool) -> str:
-    """Return the parameter name of a range limit; ArduPilot up to 4.6 uses centimetres."""
+    """Return the name of a range limit's parameter; ArduPilot up to 4.6 uses centimetres."""
     return limit if metres else f"{limit}_CM"
 
 
@@ -107,18 +107,18 @@ def to_body(position_m: tuple[float, float, float]) -> tuple[float, float, float
 
 
 def count_octants(yaw_rad: float) -> int:
-    """Convert a yaw [rad] to the nearest number of clockwise eighths of a turn."""
+    """Return the number of clockwise eighths of a turn closest to a yaw [rad]."""
     return round(-yaw_rad / (2.0 * math.pi) * OCTANTS)
 
 
 @dataclass(frozen=True, kw_only=True)
 @checks.checked
 class ArduPilotSettings(LiveController):
-    """Settings of the ``ArduPilot`` controller, checked for consistency."""
+    """Settings of the ``ArduPilot`` controller, with checks of consistency."""
 
     binary: Annotated[str, checks.TEXT]
     avoidance: Annotated[Layer, checks.instance_of(Layer, "a controller layer")]
-    period_s: Annotated[float, PERIOD] = _MAX_PERIOD_S  # time between two state messages
+    period_s: Annotated[float, PERIOD] = _MAX_PERIOD_S  # time between state messages
     avoidance_period_s: Annotated[float, checks.POSITIVE] = 0.1
     localization: Annotated[Mapping[str, Localizer], LOCALIZATION] = field(default_factory=dict)
     parameters: Annotated[Mapping[str, float], _PARAMETERS] = field(default_factory=dict)
@@ -126,7 +126,7 @@ class ArduPilotSettings(LiveController):
     environment: Annotated[Mapping[str, str], checks.mapping_of(str, "strings")] = field(
         default_factory=dict
     )
-    # simulated time within which the mode AUTO must be reached
+    # simulated time limit for reaching the mode AUTO
     warm_up_s: Annotated[float, checks.POSITIVE] = 60.0
     start_limit_s: Annotated[float, checks.POSITIVE] = 30.0  # wall-clock time
     answer_limit_s: Annotated[float, checks.POSITIVE] = 10.0  # wall-clock time

@@ -1,4 +1,4 @@
-"""No obstacle avoidance: a baseline for the value of sensors."""
+"""No obstacle avoidance, as a baseline for the value of sensors."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from evoros.robot.model import Robot
 
 @dataclass(frozen=True)
 class Blind(Layer):
-    """A layer that never decides, so the robot ignores its sensors."""
+    """A layer that never decides, so that the robot ignores its sensors."""
 
     mode = "avoiding"
 

@@ -1,4 +1,4 @@
-"""Dead reckoning: a drifting pose estimate from odometry and an IMU."""
+"""Dead reckoning: a pose estimate that drifts, from odometry and an IMU."""
 
 import math
 from dataclasses import dataclass
@@ -20,32 +20,32 @@ FULL_TURN = 2.0 * math.pi
 
 
 class Parameters(NamedTuple):
-    """Constants of the estimator; indices refer to the array of all sensor readings."""
+    """Constants of the estimator; indices refer to the readings of all sensors."""
 
     axle: float  # x of the rear axle [m]
-    speeds: Array  # index of each odometry's speed, before its yaw rate
-    rates: Array  # index of each IMU's first rate
-    verticals: Matrix  # (IMUs, 3) vertical axis in each IMU's frame
+    speeds: Array  # index of the speed of each odometry; its yaw rate follows
+    rates: Array  # index of the first rate of each IMU
+    verticals: Matrix  # (IMUs, 3), vertical axis in the frame of each IMU
 
 
 class Memory(NamedTuple):
     """The last estimate, for the centre of the rear axle."""
 
-    time: Array  # (1,) [s]; -infinity before the first call
+    time: Array  # (1,) [s], -infinity before the first call
     pose: Array  # (STATE_SIZE,)
 
 
 @dataclass(frozen=True)
 @checked
 class DeadReckoning(Estimator):
-    """Integrates the odometry's speed along a heading that is integrated from the IMU's yaw rate.
+    """Integrates the speed of the odometry along the integrated yaw rate of the IMU.
 
-    The mission starts at a known pose. Several sensors of a type are averaged; without an IMU
-    reading, odometry gives the yaw rate. The yaw rate's bias makes the heading drift.
+    The mission starts at a known pose. Several sensors of a type are averaged; the yaw rate of the
+    odometry replaces missing IMU readings. The heading drifts because of the yaw rate's bias.
     """
 
     odometry: Annotated[str, TEXT] = "odometry"  # name of the sensor type in the design
-    # name of the sensor type; None: odometry gives the yaw rate
+    # name of the sensor type; None to use the yaw rate of the odometry
     imu: Annotated[str | None, TEXT] = "imu"
 
     def start_estimate(self, robot: Robot, period: float) -> tuple[Parameters, Memory]:
@@ -116,7 +116,7 @@ class DeadReckoning(Estimator):
 
 @compilable
 def update_rates(parameters: Parameters, readings: Array, kept: Array) -> None:
-    """Store the mean speed [m/s] and yaw rate [rad/s] of all sensors that are not silent."""
+    """Store the mean speed [m/s] and yaw rate [rad/s] over all sensors that are not silent."""
     speeds, turns, count = 0.0, 0.0, 0
     for i in range(len(parameters.speeds)):
         place = int(parameters.speeds[i])

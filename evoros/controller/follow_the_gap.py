@@ -19,7 +19,7 @@ from evoros.controller.protocol import Layer
 from evoros.controller.weighted_voting import require_reach, wrap
 from evoros.robot.model import Robot
 
-SHRINK = 0.8  # factor by which the range shrinks in each round until there is a gap
+SHRINK = 0.8  # factor that reduces the range until there is a gap
 ROUNDS = 12
 DIRECTIONS = 181  # number of evenly spaced headings
 WIDEST = math.pi / 2  # [rad], maximum heading from straight ahead
@@ -36,11 +36,11 @@ class Parameters(NamedTuple):
     slow: float  # [m/s]
     slowing: float  # [m]
     full_lock: float  # [rad]
-    yaws: Array  # [rad], one per reading; NaN: the sensor has no direction
+    yaws: Array  # [rad], one per reading; NaN for sensors without direction
 
 
 class Memory(NamedTuple):
-    """The headings from right to left: 1 if free, 0 if blocked."""
+    """The headings, right to left: 1 if free, 0 if blocked."""
 
     free: Array
 
@@ -48,14 +48,14 @@ class Memory(NamedTuple):
 @dataclass(frozen=True)
 @checked
 class FollowTheGap(Layer):
-    """Steers into the gap nearest to the waypoint, and towards the middle of that gap.
+    """Steers into the gap nearest to the waypoint, and towards the middle of the gap.
 
     Each reading below ``range_m`` blocks the directions in which a disc of ``radius_m`` would hit
-    the obstacle. A gap is a run of free directions within 90 deg of straight ahead; if there is
-    none, the range is reduced. The heading is a mean of two directions in the gap: the direction
-    nearest to the waypoint, weighted by the distance to the nearest obstacle, and the middle,
-    weighted by ``centring_m``. The speed rises from ``min_speed_mps`` at contact to ``speed_mps``
-    with ``slowing_m`` of free space ahead.
+    the obstacle. A gap is a series of free directions within 90 deg of straight ahead; without any,
+    the range is reduced. The heading is a mean of two directions in the gap: the direction nearest
+    to the waypoint, weighted by the distance to the nearest obstacle, and the middle, weighted by
+    ``centring_m``. The speed rises from ``min_speed_mps`` at contact to ``speed_mps`` with
+    ``slowing_m`` of free space ahead.
     """
 
     mode = "avoiding"
@@ -71,7 +71,7 @@ class FollowTheGap(Layer):
         check_order(self, "min_speed_mps", "speed_mps")
 
     def start(self, robot: Robot, period: float, rng: Generator) -> tuple[Parameters, Memory]:
-        """Return the parameters, with the directions of the robot's readings."""
+        """Return the parameters, including the directions of the robot's readings."""
         require_reach(self, self.range_m, robot)
         yaws = [yaw if math.isnan(yaw) else wrap(yaw) for yaw in robot.channel_yaws()]
         parameters = Parameters(
@@ -146,7 +146,7 @@ def block(parameters: Parameters, free: Array, readings: Array, limit: float) ->
 
 @compilable
 def choose(parameters: Parameters, free: Array, goal: float, nearest: float) -> float:
-    """Return the heading [rad] into the gap nearest to the goal, or NaN if there is no gap."""
+    """Return the heading [rad] into the gap nearest to the goal; NaN without a gap."""
     step = 2.0 * WIDEST / (DIRECTIONS - 1)
     best, heading = math.inf, math.nan
     first = -1
@@ -169,7 +169,7 @@ def choose(parameters: Parameters, free: Array, goal: float, nearest: float) -> 
 
 @compilable
 def measure_ahead(parameters: Parameters, readings: Array) -> float:
-    """Return the free distance [m] straight ahead of a disc, up to ``slowing``."""
+    """Return the free distance [m] of a disc straight ahead, at most ``slowing``."""
     ahead = parameters.slowing
     for i in range(len(readings)):
         reading, yaw = float(readings[i]), float(parameters.yaws[i])

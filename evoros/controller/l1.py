@@ -1,4 +1,4 @@
-"""Waypoint following as in ArduPilot: L1 guidance, then yaw rate control.
+"""Waypoint following as in ArduPilot: L1 guidance and yaw rate control.
 
 After ``AP_L1_Control`` (S. Park, J. Deyst and J. P. How, "A new nonlinear guidance logic for
 trajectory tracking", AIAA 2004-4900) and ``AP_SteerController``. Left is positive.
@@ -31,20 +31,20 @@ from evoros.base.compilable import compilable
 from evoros.controller.protocol import Layer
 from evoros.robot.model import Robot
 
-STILL = 0.1  # [m/s] and [m]: lower bound on the speed and the look-ahead distance
+STILL = 0.1  # [m/s] and [m], minimum speed and look-ahead distance
 CAPTURE = math.sqrt(0.5)  # sine of 45 deg, the steepest angle of approach to the leg
-CONVERGED = math.radians(5.0)  # maximum Nu1 at which the crosstrack integral changes
-POINT = 1e-6  # [m]: a shorter leg has no direction
-BEYOND = 3.0  # [s]: once this far past the leg's end, the robot heads for the end point
+CONVERGED = math.radians(5.0)  # maximum Nu1 at which the crosstrack integral is updated
+POINT = 1e-6  # [m], maximum length of a leg without direction
+BEYOND = 3.0  # [s], time past the end of a leg after which the robot heads for the end point
 DEGREES = 180.0 / math.pi
 TURN = 2.0 * math.pi
 
 
 class Parameters(NamedTuple):
-    """Constants of the law; ``lock`` converts the yaw rate controller's output to steering."""
+    """Constants of the law; ``lock`` converts the output of the yaw rate controller to steering."""
 
     cruise: float  # [m/s]
-    look_ahead: float  # [s]: L1 distance per m/s of speed
+    look_ahead: float  # [s], L1 distance per speed
     k_l1: float
     crosstrack_step: float  # gain times control period
     crosstrack_limit: float  # [rad]
@@ -55,12 +55,12 @@ class Parameters(NamedTuple):
     output_limit: float  # [deg]
     lock: float  # [rad/deg]
     min_speed: float  # [m/s]
-    interruption: float  # [s]: gap that resets the integrals
-    axle: float  # [m]: x of the rear axle
+    interruption: float  # [s], gap between decisions that resets the integrals
+    axle: float  # [m], x of the rear axle
 
 
 class Memory(NamedTuple):
-    """Two integrals, the last output and the last time, each of shape (1,)."""
+    """Two integrals, the last output and the last time, each (1,)."""
 
     crosstrack: Array  # [rad]
     integral: Array  # [deg]
@@ -71,11 +71,11 @@ class Memory(NamedTuple):
 @dataclass(frozen=True)
 @checked
 class L1(Layer):
-    """Follows the route as ArduPilot does: L1 guidance, then yaw rate control.
+    """Follows the route as ArduPilot does, by L1 guidance and yaw rate control.
 
-    The law was designed for speeds above ``least_speed_mps``; a slow robot with a delayed pose
-    swings by some 30 deg, as in the 2018 paper (Evo-ROS). The law guides the centre of the rear
-    axle, which moves along the heading. A gyroscope gives the yaw rate without delay.
+    The law was designed for speeds above ``least_speed_mps``; with a delayed pose, a slow robot
+    swings by about 30 deg, as in the 2018 paper (Evo-ROS). The law guides the centre of the rear
+    axle, which moves along the heading. A gyroscope provides the yaw rate without delay.
     """
 
     mode = "navigating"
@@ -91,11 +91,11 @@ class L1(Layer):
     integral_limit_deg: Annotated[float, NOT_NEGATIVE] = 15.0
     output_limit_deg: Annotated[float, POSITIVE] = 45.0
     least_speed_mps: Annotated[float, POSITIVE] = 1.0
-    # time without decisions that resets the integrals
+    # time without decisions after which the integrals are reset
     interruption_s: Annotated[float, NOT_NEGATIVE] = 1.0
 
     def start(self, robot: Robot, period: float, rng: Generator) -> tuple[Parameters, Memory]:
-        """Return the gains for this control period, and zero integrals."""
+        """Return the gains for the control period, and zero integrals."""
         parameters = Parameters(
             cruise=self.speed_mps,
             look_ahead=self.damping * self.period_s / math.pi,
@@ -109,7 +109,7 @@ class L1(Layer):
             output_limit=self.output_limit_deg,
             lock=robot.drive.steering_limit / self.output_limit_deg,
             min_speed=self.least_speed_mps,
-            # The integrals are out of date once the avoidance layer has driven for a while.
+            # The integrals are obsolete after the avoidance layer has driven for a while.
             interruption=max(self.interruption_s, 1.5 * period),
             axle=robot.drive.rear_axle_x_m,
         )
@@ -124,7 +124,7 @@ class L1(Layer):
         time: float,
         command: Array,
     ) -> bool:
-        """Command the drive; if the pose is silent (NaN), keep the last command."""
+        """Command the drive; without a pose (NaN), keep the last command."""
         speed = max(float(state[SPEED]), STILL)
         yaw = float(state[YAW])
         sin, cos = elementary.sin_cos(yaw)
@@ -148,8 +148,8 @@ def guide(
 ) -> float:
     """Return the lateral acceleration [m/s2] that guides the point (x, y) [m] to the leg.
 
-    The point is relative to the leg's start. (aim_x, aim_y) is the direction to aim for, and nu1
-    the correction angle towards the leg.
+    The point is relative to the start of the leg. (aim_x, aim_y) is the direction to aim for, and
+    nu1 the correction angle towards the leg.
     """
     distance = math.sqrt(x * x + y * y)
     look_ahead = parameters.look_ahead * speed
@@ -181,14 +181,14 @@ def steer(
     parameters: Parameters, memory: Memory, acceleration: float, yaw_rate: float, speed: float
 ) -> float:
     """Return the output [deg] of the yaw rate controller for a lateral acceleration [m/s2]."""
-    # ArduPilot does the same: the error is in degrees per second, the demand in radians per second.
+    # ArduPilot also has the error in degrees per second, but the demand in radians per second.
     scale = 1.0 / max(speed, parameters.min_speed)
     rate = acceleration * scale
     error = (rate - yaw_rate) * DEGREES * scale
     step = error * parameters.ki_step * scale
     limit = parameters.output_limit
     last = float(memory.output[0])
-    if last < -limit:  # anti-windup: beyond a limit, the integral only moves back
+    if last < -limit:  # anti-windup: at a limit, the integral may only decrease in magnitude
         step = max(step, 0.0)
     elif last > limit:
         step = min(step, 0.0)

@@ -1,4 +1,4 @@
-"""The base of controllers that exchange one line with a program at each decision."""
+"""The base class of controllers that exchange a line of text with a program per decision."""
 
 import json
 import math
@@ -44,19 +44,19 @@ COMMAND = Rule(
 @dataclass(frozen=True, kw_only=True)
 @checked
 class LineController(LiveController):
-    """Starts a program for each mission, and exchanges one line with it at each decision."""
+    """Starts a program for each mission, and exchanges one line of text with it per decision."""
 
     period_s: Annotated[float, POSITIVE] = 0.1
     modes: Annotated[Sequence[str], MODES] = ("driving",)
     localization: Annotated[Mapping[str, Localizer], LOCALIZATION] = field(default_factory=dict)
-    # sent to the command
+    # sent to the program
     parameters: Annotated[Mapping[str, Any], PARAMETERS] = field(default_factory=dict)
-    # additional environment variables of the command
+    # additional environment variables of the program
     environment: Annotated[Mapping[str, str], mapping_of(str, "strings")] = field(
         default_factory=dict
     )
-    files: Annotated[Sequence[str], TEXTS] = ()  # additional files that the command depends on
-    command_timeout_s: Annotated[float | None, NOT_NEGATIVE] = None  # simulated time; None: never
+    files: Annotated[Sequence[str], TEXTS] = ()  # additional files on which the program depends
+    command_timeout_s: Annotated[float | None, NOT_NEGATIVE] = None  # simulated limit; None: none
     start_limit_s: Annotated[float, POSITIVE] = 30.0  # wall-clock time
     answer_limit_s: Annotated[float, POSITIVE] = 10.0  # wall-clock time
     isolate: Annotated[bool, FLAG] = True
@@ -65,7 +65,7 @@ class LineController(LiveController):
     def fly(
         self, command: Sequence[str], briefing: Briefing, told: Mapping[str, Any] | None = None
     ) -> Iterator[Pilot]:
-        """Start a command for one mission and brief it; ``told`` is added to the first line."""
+        """Start a program for one mission and send its briefing, extended by ``told``."""
         starting = start_pipes(command, isolate=self.isolate, environment=self.environment)
         with starting as pipes:
             conversation = LineConversation(pipes)
@@ -106,14 +106,14 @@ def _require_ready(name: str, answer: bytes) -> None:
 
 
 class LinePilot:
-    """A running command that drives the robot in one mission."""
+    """A running program that controls the robot in one mission."""
 
     def __init__(
         self, conversation: LineConversation, controller: LineController, robot: Robot
     ) -> None:
         self._conversation, self._limit_s = conversation, controller.answer_limit_s
         several = any(part.stop - part.start > 1 for part in robot.layout)
-        self._parts = robot.layout if several else None  # None: one number per sensor
+        self._parts = robot.layout if several else None  # None: one value per sensor
         self._modes = len(controller.modes)
         timeout = controller.command_timeout_s
         self._timeout_s = math.inf if timeout is None else timeout
@@ -122,8 +122,8 @@ class LinePilot:
     def exchange(
         self, time: float, state: Array, leg: Array, readings: Array, command: Array
     ) -> int:
-        """Send the state, the leg and the readings; read the mode, speed and steering angle."""
-        # orjson writes NaN, the value of a silent sensor or localization, as null.
+        """Send state, leg and readings; read mode, speed and steering angle."""
+        # orjson writes NaN, the value of a silent sensor or localization, as null
         seen = readings if self._parts is None else _group(readings, self._parts)
         told = orjson.dumps([time, state, leg, seen], option=orjson.OPT_SERIALIZE_NUMPY)
         answer = self._conversation.ask(told, self._limit_s, time)
@@ -157,7 +157,7 @@ def _quote(answer: bytes) -> str:
 
 
 def split_command(command: Sequence[str]) -> list[str]:
-    """Split a command into words; make existing paths absolute, as it starts in another folder."""
+    """Split a command into words; make existing paths absolute, as it starts elsewhere."""
     words = shlex.split(command) if isinstance(command, str) else list(command)
     program = words[0] if "/" in words[0] else shutil.which(words[0]) or words[0]
     if "/" in program or _is_file(program):
@@ -171,7 +171,7 @@ def _is_file(word: str) -> bool:
 
 
 def list_files(command: Sequence[str], further: Sequence[str]) -> tuple[str, ...]:
-    """Return the files named in a split command and those in ``further``, without duplicates."""
+    """Return the files named in a split command and in ``further``, without duplicates."""
     named = [word for word in command if Path(word).is_absolute() and _is_file(word)]
     paths = [str(Path(path).absolute()) for path in further]
     return tuple(dict.fromkeys((*named, *paths)))
@@ -180,7 +180,7 @@ def list_files(command: Sequence[str], further: Sequence[str]) -> tuple[str, ...
 @dataclass(frozen=True, kw_only=True)
 @checked
 class Program(LineController):
-    """Runs ``command`` for each mission; docs/programs.md describes the lines exchanged."""
+    """Runs ``command`` in each mission; docs/programs.md describes the exchanged lines."""
 
     command: Annotated[Sequence[str], COMMAND]
 

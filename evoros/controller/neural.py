@@ -27,37 +27,37 @@ class Parameters(NamedTuple):
 
     symmetric: float  # 1 or 0
     recurrent: float  # 1 or 0
-    waypoint: float  # 1, or 0 if the waypoint's bearing is no input
+    waypoint: float  # 1, or 0 if the bearing of the waypoint is no input
     range: float  # [m]
     gain: float
     cruise: float  # [m/s]
     slow: float  # [m/s]
     fast: float  # [m/s]
     full_lock: float  # [rad]
-    limits: Array  # [m], reading of each sensor when nothing is in range
-    shares: Matrix  # (readings, 4): a sector and its share, another sector and its share
+    limits: Array  # [m], reading of each sensor without obstacles in range
+    shares: Matrix  # (readings, 4): a sector and the share in it, another sector and its share
     hidden: Matrix  # weights of each hidden neuron
-    steering: Array  # weights of the hidden neurons, after the bias of an asymmetric network
+    steering: Array  # weights of the hidden neurons, after a bias unless symmetric
     speed: Array  # bias and weights of the hidden neurons
 
 
 class Memory(NamedTuple):
-    """The inputs, and the current and previous values of the hidden neurons and their twins."""
+    """The inputs, and current and previous values of the hidden neurons and their twins."""
 
-    sectors: Array  # 0 (free) to 1 (touched), right to left
+    sectors: Array  # 0 (free) to 1 (contact), right to left
     neurons: Array
-    twins: Array  # hidden neurons for the mirror image of the inputs
+    twins: Array  # hidden neurons for the mirrored inputs
     neurons_before: Array
     twins_before: Array
 
 
 OTHERS = 2  # number of inputs besides the sectors: bearing and speed
-# maximum steering correction in multiples of full lock, enough to go from lock to lock
+# maximum steering correction in units of full lock, enough to go from lock to lock
 AUTHORITY = 2.0
 
 
 class Weight(NamedTuple):
-    """A weight's name, and the name of the neuron that it feeds."""
+    """The name of a weight, and the name of the neuron that it feeds."""
 
     name: str
     neuron: str
@@ -72,7 +72,8 @@ def list_weights(
     ``waypoint``) and the speed. A hidden neuron of a recurrent network also has weights for the
     previous values of all hidden neurons and, in a symmetric network, of their twins. Steering and
     speed have a weight for each hidden neuron, and a bias except for the steering of a symmetric
-    network."""
+    network.
+    """
     sides = [f"sector{i}" for i in range(sectors)]
     neurons = [f"hidden{i}" for i in range(hidden)]
     before = neurons if recurrent else []
@@ -88,7 +89,7 @@ def list_weights(
 def split_weights(
     weights: Sequence[float], hidden: int, symmetric: bool
 ) -> tuple[Matrix, Array, Array]:
-    """Return the weights of the hidden neurons, of the steering and of the speed."""
+    """Return the weights of the hidden neurons, of steering and of speed."""
     speed = len(weights) - hidden - 1
     steering = speed - hidden - (not symmetric)
     values = np.array(weights, dtype=float)
@@ -96,7 +97,7 @@ def split_weights(
 
 
 def share_sectors(yaws: list[float], sectors: int, span: float) -> Array:
-    """Return, for each reading's yaw [rad], two sectors and its share in each, (readings, 4).
+    """Return two sectors and the share in each for each reading's yaw [rad], (readings, 4).
 
     The centres of the outermost sectors are ``span`` [rad] apart. A share falls linearly from 1 at
     the centre of a sector to 0 at the centre of the next sector, and at the same rate beyond the
@@ -121,7 +122,7 @@ def share_sectors(yaws: list[float], sectors: int, span: float) -> Array:
 
 @compilable
 def look(parameters: Parameters, sectors: Array, readings: Array) -> bool:
-    """Fill the sectors; return True if any is occupied. A silent sensor (NaN) sees nothing."""
+    """Fill the sectors; return True if any is occupied. A silent sensor (NaN) detects nothing."""
     for i in range(len(sectors)):
         sectors[i] = 0.0
     near = False
@@ -141,7 +142,7 @@ def look(parameters: Parameters, sectors: Array, readings: Array) -> bool:
 def command_from(
     parameters: Parameters, memory: Memory, state: Array, leg: Array, command: Array
 ) -> bool:
-    """Compute the command from the sectors in the memory; False if the pose is silent (NaN)."""
+    """Compute the command from the sectors in memory; return False without a pose (NaN)."""
     bearing = elementary.atan2(leg[TO_Y] - state[Y], leg[TO_X] - state[X])
     error = bearing - float(state[YAW])
     speed = float(state[SPEED])
@@ -162,7 +163,7 @@ def command_from(
 
 @compilable
 def update_hidden(parameters: Parameters, memory: Memory, bearing: float, speed: float) -> None:
-    """Update the hidden neurons, and their twins, which see the mirror image of the inputs."""
+    """Update the hidden neurons, and their twins, whose inputs are mirrored."""
     symmetric, recurrent = parameters.symmetric > 0.0, parameters.recurrent > 0.0
     hidden, sectors = len(memory.neurons), len(memory.sectors)
     for i in range(hidden):
@@ -195,7 +196,7 @@ def update_hidden(parameters: Parameters, memory: Memory, bearing: float, speed:
 
 @compilable
 def sum_outputs(parameters: Parameters, memory: Memory) -> tuple[float, float]:
-    """Return the output sums for steering and speed."""
+    """Return the sums of the outputs for steering and speed."""
     symmetric = parameters.symmetric > 0.0
     first = 0 if symmetric else 1
     turn = 0.0 if symmetric else float(parameters.steering[0])
@@ -225,7 +226,7 @@ NUMBERS = checks.Rule(
 @dataclass(frozen=True)
 @checks.checked
 class Neural(Controller):
-    """A network with one hidden layer that maps readings, bearing and speed to steering and speed.
+    """A network with one hidden layer from readings, bearing and speed to steering and speed.
 
     The inputs are the nearest reading in each of ``sectors`` as a fraction of ``range_m``, the
     bearing to the waypoint, and the speed. The outputs modify the command of a robot that heads for
@@ -238,14 +239,14 @@ class Neural(Controller):
     """
 
     modes = ("avoiding", "navigating")
-    """The first mode applies while something is within ``range_m``, the second otherwise."""
+    """The first mode applies while an obstacle is within ``range_m``, the second otherwise."""
     sectors: Annotated[int, ODD] = 5
     span_deg: Annotated[float, SPAN] = 180.0  # angle between the centres of the outermost sectors
     range_m: Annotated[float, checks.POSITIVE] = 2.0
     hidden: Annotated[int, replace(checks.COUNT, limit=100)] = 4
     symmetric: Annotated[bool, checks.FLAG] = True
     recurrent: Annotated[bool, checks.FLAG] = False
-    waypoint: Annotated[bool, checks.FLAG] = True  # true if the waypoint's bearing is an input
+    waypoint: Annotated[bool, checks.FLAG] = True  # whether the bearing of the waypoint is an input
     speed_mps: Annotated[float, checks.POSITIVE] = 0.29
     min_speed_mps: Annotated[float, checks.NOT_NEGATIVE] = 0.1
     gain: Annotated[float, checks.POSITIVE] = 1.5
@@ -274,7 +275,7 @@ class Neural(Controller):
 
     @property
     def evolved(self) -> Mapping[str, EvolvedValue]:
-        """The weights' genes by name; all genes of a neuron are inherited together."""
+        """The genes of the weights, by name; genes of one neuron are inherited together."""
         if not self.evolve:
             return {}
         limit = float(self.weight_limit)
@@ -287,7 +288,7 @@ class Neural(Controller):
     def open(
         self, robot: Robot, rng: Callable[[str], Generator]
     ) -> Iterator[Sequence[StartedLayer]]:
-        """Start the network for one mission, with one memory for the rules of both modes."""
+        """Start the network for a mission, with one memory for the rules of both modes."""
         parameters, hidden = self._parameters(robot), [np.zeros(self.hidden) for _ in range(4)]
         memory = Memory(np.zeros(self.sectors), *hidden)
         yield [StartedLayer(rule, (parameters, memory)) for rule in (avoid, command_from)]
@@ -299,7 +300,7 @@ class Neural(Controller):
             raise checks.invalid(self, "speed_mps", self.speed_mps, rule, "lower it")
         span = math.radians(self.span_deg)
         limits = [
-            min(self.range_m, channel.high)  # reading of a sensor when nothing is in range
+            min(self.range_m, channel.high)  # reading of a sensor without obstacles in range
             for sensor in robot.mounted_sensors()
             for channel in sensor.channels
         ]
@@ -333,7 +334,7 @@ def avoid(
     readings: Array,
     command: Array,
 ) -> bool:
-    """Fill the sectors, and command the drive if something is within range."""
+    """Fill the sectors, and command the drive if an obstacle is within range."""
     if not look(parameters, memory.sectors, readings):
         return False
     return command_from(parameters, memory, state, leg, command)

@@ -17,30 +17,30 @@ from evoros.filter.protocol import Filter
 from evoros.robot.model import Robot
 
 LAYER_ARGUMENTS = "parameters", "memory", "state", "leg", "readings", "time", "command"
-"""A layer's rule fills ``command`` and returns True, or returns False to defer to later layers.
+"""The rule of a layer fills ``command`` and returns True, or returns False to defer to the next.
 
 ``state`` is the localized state, and ``time`` is in seconds.
 """
 
 ESTIMATOR_ARGUMENTS = "parameters", "memory", "rng", "readings", "pose", "time"
-"""An estimator's rule fills ``pose`` (POSE_SIZE,) from the readings of all sensors.
+"""The rule of an estimator fills ``pose`` (POSE_SIZE,) from the readings of all sensors.
 
-The readings include the effects of filters and failures. The first call receives the true starting
-pose in ``pose``; later calls must not read ``pose``.
+The readings include effects of filters and failures. In the first call, ``pose`` holds the true
+initial pose; later calls must not read ``pose``.
 """
 
 
 class EvolvedValue(NamedTuple):
-    """An evolving number of a controller, and its range."""
+    """A number of a controller that evolves, and its range."""
 
-    path: str  # path relative to the declaring part, for example weights.3
+    path: str  # path relative to the declaring part, such as weights.3
     low: float
     high: float
-    group: str = ""  # genes with the same group name are inherited together
+    group: str = ""  # genes with the same group are inherited together
 
 
 class ControllerPart:
-    """A controller or a part of a controller, such as a layer."""
+    """A controller, or a part of one such as a layer."""
 
     @property
     def evolved(self) -> Mapping[str, EvolvedValue]:
@@ -49,17 +49,17 @@ class ControllerPart:
 
 
 class Layer(ControllerPart, ABC):
-    """One behaviour of a controller. The first layer that decides preempts later layers."""
+    """One behaviour of a controller; the first layer that decides preempts later layers."""
 
     mode: str
-    """The layer's name in the mode column, such as ``avoiding`` or ``navigating``.
+    """The name of the layer in the column ``mode``, such as ``avoiding`` or ``navigating``.
 
-    ``missions.csv`` has the share of decisions in the mode ``avoiding``.
+    ``missions.csv`` states the fraction of decisions in the mode ``avoiding``.
     """
     rule: Callable[..., bool]
-    """The function that decides; a static method, so that numba can compile it.
+    """The function that decides; static, so that numba can compile it.
 
-    The function's arguments are a subset of ``LAYER_ARGUMENTS``.
+    Its arguments are a subset of ``LAYER_ARGUMENTS``.
     """
 
     @abstractmethod
@@ -68,7 +68,7 @@ class Layer(ControllerPart, ABC):
 
 
 class StartedLayer(NamedTuple):
-    """A layer's rule, and its parameters and memory for one mission. Layers may share a memory."""
+    """The rule of a layer, with parameters and memory for a mission; layers may share a memory."""
 
     rule: Callable[..., bool]
     started: Started
@@ -78,9 +78,9 @@ class Estimator(ControllerPart, ABC):
     """A localization that computes the pose from the readings of the robot's sensors."""
 
     rule: Callable[..., None]
-    """The function that computes the pose; a static method, so that numba can compile it.
+    """The function that computes the pose; static, so that numba can compile it.
 
-    The function's arguments are a subset of ``ESTIMATOR_ARGUMENTS``.
+    Its arguments are a subset of ``ESTIMATOR_ARGUMENTS``.
     """
 
     @abstractmethod
@@ -101,19 +101,19 @@ LOCALIZATION = mapping_of(
 
 
 class AnyController(ControllerPart, ABC):
-    """Base class of controllers in this process and of external controllers."""
+    """The base class of controllers in this process and of external controllers."""
 
-    period_s: float  # time [s] between two decisions
+    period_s: float  # time [s] between decisions
     localization: Mapping[str, Localizer] = MappingProxyType({})
-    """The filters, or the estimator, that act on the pose, keyed by name, in order.
+    """The filters or the estimator that act on the pose, keyed by name, in order.
 
-    Filters change the true pose. An estimator replaces the pose, and must come first.
+    Filters modify the true pose. An estimator replaces the pose, and must come first.
     """
 
     @property
     @abstractmethod
     def modes(self) -> Sequence[str]:
-        """The controller's modes in the order of its layers, such as ``avoiding``."""
+        """The modes of the controller in the order of its layers, such as ``avoiding``."""
 
 
 class Controller(AnyController):
@@ -128,26 +128,26 @@ class Controller(AnyController):
 
 @dataclass(frozen=True, eq=False)
 class Briefing:
-    """Mission data for an external controller."""
+    """The mission as described to an external controller."""
 
-    robot: Robot  # including the sensors of the design
+    robot: Robot  # robot with the sensors of the design
     home: tuple[float, float, float, float]  # x, y, z [m], yaw [rad]
-    route: Array  # (legs, 2) [m] waypoints in order
-    acceptance_m: float  # distance from a waypoint at which it counts as reached
+    route: Array  # (legs, 2) [m], waypoints in order
+    acceptance_m: float  # distance from a waypoint at which it is reached
     time_limit_s: float
-    seed: int  # 0 to 2^32 - 1, for all random draws of the controller in this mission
+    seed: int  # 0 to 2^32 - 1, seed for all random draws of the controller in this mission
 
 
 class Pilot(Protocol):
-    """An external controller in lockstep with one mission."""
+    """An external controller in lockstep with a mission."""
 
     def exchange(
         self, time: float, state: Array, leg: Array, readings: Array, command: Array
     ) -> int:
         """Send the values at ``time`` [s], wait for the answer, and fill ``command``.
 
-        ``state`` is the localized state; values of a silent localization or sensor are NaN.
-        Returns the number of the mode that decided, from 1, or 0 to keep the last command.
+        ``state`` is the localized state; values of a silent localization or sensor are NaN. Returns
+        the number of the mode that decided, from 1, or 0 to keep the last command.
 
         Raises:
             PilotLost: the controller exited or did not answer in time; the mission is repeated.
@@ -158,27 +158,27 @@ class Pilot(Protocol):
 class LiveController(AnyController):
     """An external controller: a program, ROS nodes or an autopilot.
 
-    An external controller has no rule to compile, receives the whole route, and reports its mode.
+    It has no rule to compile, receives the whole route, and reports its mode.
     """
 
     @property
     def files(self) -> Sequence[str]:
-        """The paths of the controller's programs, nodes and binaries, which the manifest hashes."""
+        """The programs, nodes and binaries of the controller, which the manifest hashes."""
         return ()
 
     @property
     def told_sensors(self) -> int | None:
-        """The number of a design's first sensors that are described to the program; None: all."""
+        """The number of leading sensors described to the program; None for all."""
         return None
 
     @property
     def version(self) -> str | None:
-        """The version of ``files[0]`` for the manifest; empty: unknown; None: not versioned."""
+        """The version of ``files[0]`` for the manifest; empty if unknown, None if unversioned."""
         return None
 
     @abstractmethod
     def launch(self, briefing: Briefing) -> AbstractContextManager[Pilot]:
-        """Start a fresh process for one mission; leaving the context stops it and its children.
+        """Start a new process for one mission; on exit, stop it and its children.
 
         Raises:
             InputError: the program is missing, or refuses the briefing.
@@ -207,5 +207,5 @@ LIVE_RULES = RULES | {"files": Rule("a list of paths", _are_texts)}
 
 
 def check_controller(controller: Controller | LiveController) -> None:
-    """Check the attributes of a controller; raise an InputError if one breaks its rule."""
+    """Check the attributes of a controller; raise an InputError for an invalid one."""
     require(controller, LIVE_RULES if isinstance(controller, LiveController) else RULES)

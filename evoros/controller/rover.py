@@ -18,9 +18,9 @@ A_LAYER = instance_of(Layer, "a controller layer (a subclass of evoros.parts.Lay
 @dataclass(frozen=True)
 @checked
 class Rover(Controller):
-    """Two layers: ``avoidance`` decides if it sees an obstacle, and ``navigation`` otherwise.
+    """Two layers: ``avoidance`` decides if it detects an obstacle, otherwise ``navigation``.
 
-    The pose that both see is exact unless the entries of ``localization`` change it, in order.
+    Both receive the exact pose, unless entries of ``localization`` change it, in order.
     """
 
     avoidance: Annotated[Layer, A_LAYER]
@@ -37,7 +37,7 @@ class Rover(Controller):
     def open(
         self, robot: Robot, rng: Callable[[str], Generator]
     ) -> Iterator[Sequence[StartedLayer]]:
-        """Start the layers, in order of precedence, for one mission."""
+        """Start the layers for one mission, in order of precedence."""
         layers = {"avoidance": self.avoidance, "navigation": self.navigation}
         yield [
             StartedLayer(layer.rule, start_part(layer.start, robot, self.period_s, rng(name)))

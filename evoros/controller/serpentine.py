@@ -1,4 +1,4 @@
-"""Waypoint following with a weaving heading, as described in the 2018 paper on Evo-ROS."""
+"""Waypoint following with a weaving heading, as in the 2018 paper on Evo-ROS."""
 
 import math
 from dataclasses import dataclass
@@ -17,10 +17,10 @@ from evoros.robot.model import Robot
 @dataclass(frozen=True)
 @checked
 class Serpentine(Layer):
-    """Steers towards the waypoint's bearing plus a sine of time.
+    """Steers towards the bearing of the waypoint plus a sine of time.
 
-    The angle is ``gain`` times the heading error in [-180, 180) deg, limited to full lock. The
-    phase is drawn for each mission. The paper's sweep is twice ``amplitude_deg``.
+    The steering angle is ``gain`` times the heading error in [-180, 180) deg, limited to full lock.
+    Each mission has a random phase. The sweep in the paper is twice ``amplitude_deg``.
     """
 
     mode = "navigating"
@@ -38,7 +38,7 @@ class Serpentine(Layer):
         full_lock: float  # [rad]
 
     def start(self, robot: Robot, period: float, rng: Generator) -> Parameters:
-        """Draw the phase of this mission."""
+        """Draw the phase for a mission."""
         return self.Parameters(
             speed=self.speed_mps,
             amplitude=math.radians(self.amplitude_deg),
@@ -50,7 +50,7 @@ class Serpentine(Layer):
 
     @staticmethod
     def rule(parameters: Parameters, state: Array, leg: Array, time: float, command: Array) -> bool:
-        """Command the drive; if the pose is silent (NaN), keep the last command."""
+        """Command the drive; without a pose (NaN), keep the last command."""
         bearing = elementary.atan2(leg[TO_Y] - state[Y], leg[TO_X] - state[X])
         phase = parameters.frequency * time + parameters.phase
         error = bearing + parameters.amplitude * elementary.sin(phase) - float(state[YAW])

@@ -15,19 +15,19 @@ from evoros.robot.model import Robot
 from evoros.sensor.protocol import sees
 
 HALF_TURN = Rule("an angle >= 0 and < 180 deg", lambda v: is_number(v) and 0 <= v < 180)
-# [rad]: a mount at exactly ``ahead_deg`` counts as ahead, despite the rounding of its yaw
+# [rad], so that a mount at exactly ``ahead_deg`` is ahead despite rounding of its yaw
 ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 @checked
 class WeightedVoting(Layer):
-    """Each sensor that sees an obstacle votes for the side that it does not face.
+    """Steers by votes: each sensor that detects an obstacle votes for the side it does not face.
 
-    A reading below ``range_m`` is a vote of weight ``range_m - reading``. A sensor that faces
-    right or ahead (within ``ahead_deg``, inclusive) votes left; a sensor that faces left votes
-    right. A sensor with several beams votes for each side by the nearest reading of its beams on
-    the other side. Sensors without rays do not vote. The robot steers towards the larger sum by
+    A reading below ``range_m`` is a vote of weight ``range_m - reading``. A sensor that faces right
+    or ahead (within ``ahead_deg``, inclusive) votes left; a sensor that faces left votes right. A
+    sensor with several beams votes for each side by the nearest reading of its beams on the other
+    side. Sensors without rays do not vote. The robot steers towards the larger sum by
     ``|difference| / max_range_m`` of full lock, at most full lock (Eq. 2); with equal sums it
     drives straight. If the sums differ by at most ``deadlock_difference_m`` and both exceed
     ``deadlock_sum_m``, the obstacle is straight ahead, and the robot turns hard left.
@@ -49,10 +49,10 @@ class WeightedVoting(Layer):
         deadlock_difference: float
         deadlock_sum: float
         direction: Array  # vote of each reading: 1 left, -1 right, 0 none
-        last: Array  # 1 for each sensor's last reading, else 0
+        last: Array  # 1 for the last reading of each sensor, else 0
 
     def start(self, robot: Robot, period: float, rng: Generator) -> Parameters:
-        """Return the parameters, with the vote of each reading."""
+        """Return the parameters, including the vote of each reading."""
         require_reach(self, self.range_m, robot)
         ahead = math.radians(self.ahead_deg) + ROUNDING
         votes = [
@@ -77,7 +77,7 @@ class WeightedVoting(Layer):
         """Command the drive if a reading is below ``range``; silent sensors (NaN) do not vote."""
         threshold = parameters.range
         left = right = 0.0
-        ahead = aside = threshold  # a sensor's nearest readings that vote left and right
+        ahead = aside = threshold  # nearest readings of a sensor that vote left and right
         for i in range(len(readings)):
             reading = float(readings[i])
             if reading < threshold:
@@ -102,7 +102,7 @@ class WeightedVoting(Layer):
 
 
 def require_reach(layer: object, range_m: float, robot: Robot) -> None:
-    """Reject a ``range_m`` beyond a sensor's ``range_max_m``, the reading if it sees nothing."""
+    """Reject a ``range_m`` above the ``range_max_m`` of a sensor, its reading without obstacles."""
     ranges = [sensor.range_max_m for sensor in robot.mounted_sensors() if sees(sensor)]
     shortest = min(ranges, default=math.inf)
     if range_m > shortest:
@@ -111,5 +111,5 @@ def require_reach(layer: object, range_m: float, robot: Robot) -> None:
 
 
 def wrap(angle: float) -> float:
-    """Return an angle [rad] wrapped to [-pi, pi]."""
+    """Wrap an angle [rad] to [-pi, pi]."""
     return elementary.atan2(*elementary.sin_cos(angle))

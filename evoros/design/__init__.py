@@ -1,1 +1,1 @@
-"""Designs: the sensors and values that evolve, and their ranges."""
+"""Designs: the sensors and values that evolve, with their ranges."""

@@ -8,11 +8,11 @@ from evoros.sensor.protocol import Mount
 
 @dataclass(frozen=True)
 class Design:
-    """The evolved parts of an individual: sensors, and other values by key.
+    """The evolved parts of an individual: sensors, and values by key.
 
     ``values`` maps a configuration key (``controller.avoidance.range_m``) to the value that
-    replaces the configured value. ``agents`` has the designs of the other robots that have
-    separate designs; all remaining robots share this design.
+    replaces the configured value. ``agents`` holds the designs of other robots with separate
+    designs; all remaining robots share this design.
     """
 
     mounts: tuple[Mount, ...]
@@ -27,5 +27,5 @@ class Design:
 
     @property
     def parts(self) -> Mapping[str, "Design"]:
-        """The designs of all robots that have one, keyed by robot name; "" is the first robot."""
+        """The designs of all robots that have one, by name; "" is the first robot."""
         return {"": self, **self.agents}

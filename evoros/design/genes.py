@@ -11,10 +11,10 @@ from evoros.base import checks
 from evoros.base.errors import InputError
 
 Part = TypeVar("Part")
-BOUNDS = ("low", "high")  # configuration keys of a gene's bounds
+BOUNDS = ("low", "high")  # configuration keys of the bounds of a gene
 
-# Robot values may evolve only if no file sets them. Evolving worlds, failures or the simulator
-# would make the test easier instead of the robot better.
+# Values of a robot may evolve only if no file sets them. If worlds, failures or the simulator
+# evolved, the test would become easier instead of the robot better.
 EVOLVABLE = (
     "controller.",
     "design.sensors.",
@@ -22,7 +22,7 @@ EVOLVABLE = (
     "robot.drive.steering_limit_rad",
 )
 MAX_EXHAUSTIVE = 10
-"""Maximum number n of genes for which all 2^n combinations of bounds are tried (about 0.5 s)."""
+"""Maximum number n of genes for which all 2^n combinations of bounds are tried (0.5 s)."""
 _PERIOD = r"controller\.period_s|design\.sensors\.[^.]+\.period_s"
 _UNFIT = {
     _PERIOD: "must not be a period, because periods must be multiples of the time step",
@@ -34,7 +34,7 @@ _UNFIT = {
 @dataclass(frozen=True)
 @checks.checked
 class Gene:
-    """One evolved value: the dotted key of a number in the configuration, and its range.
+    """An evolved value: the dotted key of a number in the configuration, and its range.
 
     The key starts with one of ``EVOLVABLE``, and is neither a price nor a period of the controller
     or a sensor. Genes with the same ``group`` are inherited together.
@@ -61,14 +61,14 @@ class Gene:
             raise checks.invalid(self, "whole", [self.low, self.high], rule)
 
     def value(self, gene: float) -> float:
-        """Return the value at ``gene`` (0..1), an integer if ``whole`` is true."""
+        """Return the value at ``gene`` (0..1), an integer if ``whole``."""
         if self.whole:
             return self.low + checks.pick_index(gene, int(self.high - self.low) + 1)
         return checks.scale(gene, float(self.low), float(self.high))
 
 
 def check_gene_names(design: object, names: Iterable[str]) -> None:
-    """Raise an InputError if a gene's name cannot be a table column among the sensor columns."""
+    """Raise an InputError if a gene cannot have a table column next to the sensor columns."""
     for name in names:
         if not checks.NAME.holds(name):
             rule = f"each name must be {checks.NAME.text}"
@@ -79,7 +79,7 @@ def check_gene_names(design: object, names: Iterable[str]) -> None:
 
 
 def group_genes(genes: Mapping[str, Gene]) -> dict[str, list[str]]:
-    """Return the names of the varying genes by group; a gene without a group forms its own."""
+    """Return the names of varying genes by group; a gene without a group is a group by itself."""
     groups: dict[str, list[str]] = {}
     for name, gene in genes.items():
         if gene.low < gene.high:
@@ -135,7 +135,7 @@ def _replace_children(part: Any, changes: dict[str, Any]) -> Any:
 
 
 def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
-    """Check combinations of gene bounds, which may conflict; ``parts`` has the first words."""
+    """Check combinations of bounds, which may conflict; ``parts`` maps first words to parts."""
     for corner in enumerate_corners(len(genes)):
         values = dict(zip(genes, corner, strict=True))
         try:
@@ -168,7 +168,8 @@ def _refuse(gene: Gene, end: float, parts: Mapping[str, object]) -> str:
 def enumerate_corners(count: int) -> Iterator[tuple[float, ...]]:
     """Yield combinations of the bounds low (0) and high (1) of ``count`` genes, each (count,).
 
-    More than ``MAX_EXHAUSTIVE`` genes only get those in which at most one is at another bound.
+    With more than ``MAX_EXHAUSTIVE`` genes, only combinations in which at most one gene differs are
+    yielded.
     """
     if count <= MAX_EXHAUSTIVE:
         yield from product((0.0, 1.0), repeat=count)

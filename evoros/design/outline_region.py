@@ -1,4 +1,4 @@
-"""A region along one side of a robot's outline, which fits any robot without coordinates."""
+"""A region along a side of a robot's outline, which suits any robot without coordinates."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,17 +20,17 @@ from evoros.robot.outline import SolidShape, compute_outline, compute_outline_at
 from evoros.sensor.protocol import Sensor
 
 SIDES = {"front": 0.0, "left": 90.0, "rear": 180.0, "right": -90.0, "all_around": 0.0}
-"""The direction [deg] of each side, positive to the left."""
+"""The direction [deg] of each side, left positive."""
 _HALF_SECTOR_DEG = 45.0
 _ROUNDING_DEG = 1e-6
 
 
 @dataclass(frozen=True)
 class SideLine:
-    """A polyline along an outline, counter-clockwise; it may be a single corner."""
+    """A polyline along an outline, counter-clockwise, possibly a single corner."""
 
     corners: tuple[protocol.Point, ...]  # [m]
-    normals_deg: tuple[float, ...]  # outward normal of each segment, or of the single corner
+    normals_deg: tuple[float, ...]  # outward normal of each segment or of the single corner
 
     @property
     def lengths(self) -> list[float]:
@@ -52,9 +52,9 @@ class SideLine:
 def trace_side(outline: Array, side: str) -> SideLine:
     """Return the edges of an outline (k, 2) [m] that face a side, from right to left.
 
-    An edge faces a side if its outward normal is within 45 deg of the side's direction. If no edge
-    does, the result is the corner farthest in that direction. The outline is convex and
-    counter-clockwise.
+    An edge faces a side if its outward normal is within 45 deg of the direction of the side.
+    Without such edges, the result is the farthest corner in that direction. The outline is convex
+    and counter-clockwise.
     """
     direction = SIDES[side]
     reach = 180.0 if side == "all_around" else _HALF_SECTOR_DEG
@@ -84,15 +84,16 @@ def trace_side(outline: Array, side: str) -> SideLine:
 class OutlineRegion(protocol.RegionDescription):
     """A side of the outline of a robot, or of one of its links, at a height.
 
-    Without collision shapes at that height, all shapes count. Sensors face outwards.
+    If there are no collision shapes at that height, all shapes form the outline. Sensors face
+    outwards.
     """
 
     side: Annotated[str, one_of(*SIDES)]
-    # relative to the outward normal, positive to the left
+    # relative to the outward normal, left positive
     yaw_deg: Annotated[Interval, HEADING] = 0.0
     # above the ground; None: height of the default mount
     height_m: Annotated[Interval | None, INTERVAL] = None
-    # positive nose-up; None: pitch of the default mount
+    # positive with nose up; None: pitch of the default mount
     pitch_deg: Annotated[Interval | None, ELEVATION] = None
     link: Annotated[str | None, TEXT] = None  # None: outline of the whole robot
     overhang_m: Annotated[float, NOT_NEGATIVE] = 0.05  # maximum distance outside the outline
@@ -160,12 +161,12 @@ class BoundOutlineRegion:
 
     link: str
     ranges: Mapping[str, protocol.Range]
-    frame: tuple[float, float, float, float]  # x, y, z [m] and yaw [rad] of the link frame
+    frame: tuple[float, float, float, float]  # x, y, z [m] and yaw [rad] of the link's frame
     lines: tuple[tuple[float, SideLine], ...]  # (maximum height above the ground [m], line)
-    free: FreePlaces | None = None  # None: all places are free
+    free: FreePlaces | None = None  # None if all places are free
 
     def place(self, values: Mapping[str, float]) -> protocol.SensorPose:
-        """Return the pose at a fraction of the side's free length, from right to left."""
+        """Return the pose at a fraction of the free length of the side, from right to left."""
         if self.free is not None:
             values = self.free.adapt(values)
         height = values["z_m"] + self.frame[2]
@@ -191,7 +192,7 @@ def _solids(robot: Robot, link: str | None) -> list[SolidShape]:
 
 
 def _split(heights: protocol.Range, solids: Sequence[SolidShape]) -> list[tuple[float, float]]:
-    """Return (top, middle) [m] of each height band within which no shape starts or ends."""
+    """Return (top, middle) [m] of each height band in which no shape starts or ends."""
     low, high = heights
     ends = {end for solid in solids for end in solid.height_range if low < end < high}
     edges = [low, *sorted(ends), high]

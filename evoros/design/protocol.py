@@ -1,4 +1,4 @@
-"""The interface of regions: parts of the robot where sensors may be placed."""
+"""The interface of regions, which are parts of the robot where sensors may be placed."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -14,7 +14,7 @@ from evoros.sensor.protocol import Sensor
 Point = tuple[float, float]
 Range = tuple[float, float]
 POSITION = ("x_m", "y_m", "z_m", "arc")
-"""Genes of a sensor's position, in order; ``arc`` is the fraction of a curve's length."""
+"""Genes of a sensor's position, in order; ``arc`` is a fraction of the length of a curve."""
 ANGLES = ("yaw_deg", "pitch_deg")
 
 
@@ -30,8 +30,8 @@ class SensorPose(NamedTuple):
 class Area:
     """Possible positions and headings of a sensor, in the robot's frame.
 
-    If ``facing_deg`` is empty, ``corners`` form a polygon, and the headings do not depend on the
-    position. Otherwise ``corners`` form a line, and each segment has a range of headings.
+    If ``facing_deg`` is empty, ``corners`` form a polygon, and headings do not depend on the
+    position. Otherwise, ``corners`` form a line with a range of headings per segment.
     """
 
     link: str
@@ -39,7 +39,7 @@ class Area:
     yaw_deg: Range  # all possible headings
     z_m: Range  # relative to the link
     pitch_deg: Range
-    facing_deg: tuple[Range, ...] = ()  # the headings on each segment of a line
+    facing_deg: tuple[Range, ...] = ()  # headings on each segment of a line
 
 
 class BoundRegion(Protocol):
@@ -51,19 +51,19 @@ class BoundRegion(Protocol):
 
     @property
     def ranges(self) -> Mapping[str, Range]:
-        """The (minimum, maximum) of each value in POSITION and ANGLES that the region uses."""
+        """(minimum, maximum) of each value in POSITION and ANGLES used by the region."""
 
     def place(self, values: Mapping[str, float]) -> SensorPose:
-        """Return the pose of a sensor; ``values`` has one entry for each entry of ``ranges``."""
+        """Return the pose of a sensor; ``values`` has the same keys as ``ranges``."""
 
     def area(self) -> Area:
         """Return the possible positions and headings, for drawing."""
 
 
 class RegionDescription(ABC):
-    """A region that is not yet bound to a robot."""
+    """A region not yet bound to a robot."""
 
-    overhang_m: float = 0.0  # maximum distance [m] of a sensor outside the robot's outline
+    overhang_m: float = 0.0  # maximum distance [m] of a sensor outside the outline
 
     @abstractmethod
     def bind(
@@ -71,12 +71,13 @@ class RegionDescription(ABC):
     ) -> BoundRegion:
         """Return this region, configured at ``key``, bound to a robot that carries ``sensors``.
 
-        An InputError says that the region, or its mirror image if ``mirrored``, is off the robot.
+        An InputError is raised if the region, or its mirror image if ``mirrored``, is off the
+        robot.
         """
 
 
 def check_link(link: str, robot: Robot, mirrored: bool, key: str) -> None:
-    """Raise an InputError if a link cannot carry the sensors, or mirrored sensors, at ``key``."""
+    """Raise an InputError if a link cannot carry the sensors (or mirrored sensors) at ``key``."""
     if link not in robot.sensor_links:
         raise InputError(
             f"{key}.link: must be a link of {robot.name} that can carry sensors, "
@@ -92,7 +93,7 @@ def check_link(link: str, robot: Robot, mirrored: bool, key: str) -> None:
 
 
 def require_height(link: str, robot: Robot, key: str) -> None:
-    """Raise an InputError for the missing height ``key`` if a link has no default height."""
+    """Raise an InputError for a missing height ``key`` of a link without a default height."""
     if link != robot.mount_link:
         raise InputError(
             f"{key}: must be set for the link {link}, because the robot's default height applies "

@@ -1,4 +1,4 @@
-"""A box in which a sensor may be placed, and its cells where the robot blocks no view."""
+"""A box in which a sensor may be placed, and its cells in which the robot blocks no view."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -20,7 +20,7 @@ from evoros.robot.self_sight import BlindShares
 from evoros.sensor.protocol import Sensor, sees
 
 CELLS = {"z_m": 2, "x_m": 12, "y_m": 12, "arc": 32, "yaw_deg": 8, "pitch_deg": 2}
-"""The number of grid cells for each value's range, in the order of the grid axes."""
+"""Number of grid cells for the range of each value, in the order of the grid axes."""
 _MAX_BLIND = 0.5
 """Maximum fraction of a sensor's channels that the robot may block; a sonar has one channel."""
 _MIRRORED = (1.0, -1.0, 1.0, -1.0, 1.0)  # factors that mirror a pose (x, y, z, yaw, pitch)
@@ -28,12 +28,12 @@ _MIRRORED = (1.0, -1.0, 1.0, -1.0, 1.0)  # factors that mirror a pose (x, y, z, 
 
 @dataclass(frozen=True)
 class View:
-    """Tests whether sensors at places in a region see past the robot."""
+    """Tests whether the robot blocks the view of sensors at places in a region."""
 
-    frame: Array  # the link's x, y, z [m] and yaw [rad]
+    frame: Array  # x, y, z [m] and yaw [rad] of the link
     place: Callable[[Mapping[str, float]], protocol.SensorPose]
     sensors: Sequence[BlindShares]
-    mirrored: bool  # True if the mirror image of a place must also be free
+    mirrored: bool  # whether the mirror image of a place must be free as well
 
     def find_free(self, places: Iterable[Mapping[str, float]]) -> NDArray[np.bool_]:
         """Return a mask of the places at which the robot blocks no sensor's view."""
@@ -47,13 +47,13 @@ class View:
 
 @dataclass(frozen=True)
 class FreePlaces:
-    """A grid over a region's values that marks the cells from which sensors see past the robot.
+    """A grid over the values of a region, with a mask of cells in which the robot blocks no view.
 
-    Values map to free cells axis by axis, in proportion to the cells that remain, so every genome
-    leads to a free place, and free cells have equal shares.
+    Values are mapped to free cells axis by axis, in proportion to the remaining cells, so every
+    genome leads to a free place, and free cells have equal shares.
     """
 
-    ranges: Mapping[str, protocol.Range]  # the range of each value, in the order of the grid axes
+    ranges: Mapping[str, protocol.Range]  # range of each value, in the order of the grid axes
     free: NDArray[np.bool_]
     view: View
 
@@ -87,7 +87,7 @@ def find_free_places(
     sensors: Sequence[Sensor],
     mirrored: bool,
 ) -> FreePlaces | None:
-    """Find the cells where the robot blocks no sensor; None if all cells are free or none."""
+    """Find the cells in which the robot blocks no sensor; None if all are free, or none is."""
     types = [sensor for sensor in sensors if sees(sensor)]
     axes = {name: ranges[name] for name in CELLS if np.ptp(ranges.get(name, (0.0, 0.0))) > 0.0}
     if not types or not axes or not robot.occluders.shapes:
@@ -130,13 +130,13 @@ ELEVATION = _within(90, "from -90 to 90")
 @dataclass(frozen=True)
 @checked
 class Region(protocol.RegionDescription):
-    """A sensor's possible position and angles, each a number or [low, high]."""
+    """The possible position and angles of a sensor, each a number or [low, high]."""
 
     x_m: Annotated[Interval, INTERVAL]  # x and y are in the frame of ``link``
     y_m: Annotated[Interval, INTERVAL]
     yaw_deg: Annotated[Interval, HEADING]  # positive to the left
     z_m: Annotated[Interval | None, INTERVAL] = None  # None: height of the default mount
-    # positive nose-up; None: pitch of the default mount
+    # positive with nose up; None: pitch of the default mount
     pitch_deg: Annotated[Interval | None, ELEVATION] = None
     link: Annotated[str | None, TEXT] = None  # None: link of the default mount
     overhang_m: Annotated[float, NOT_NEGATIVE] = 0.05  # maximum distance outside the outline
@@ -144,7 +144,7 @@ class Region(protocol.RegionDescription):
     def bind(
         self, robot: Robot, mirrored: bool, key: str, sensors: Sequence[Sensor] = ()
     ) -> "BoundRegion":
-        """Return this region bound to ``robot``, with None values taken from the default mount."""
+        """Return this region bound to ``robot``; the default mount provides missing values."""
         link = robot.mount_link if self.link is None else self.link
         protocol.check_link(link, robot, mirrored, key)
         if self.z_m is None:
@@ -189,7 +189,7 @@ def check_height(
 ) -> None:
     """Raise an InputError if heights [m] above the ground are off the robot or its ``base``."""
     low, high = heights
-    # Parts without a collision shape, such as a mast or the default mount, may be higher.
+    # Parts without collision shapes, such as a mast or the default mount, may be higher.
     mount = robot.sensor_links[robot.mount_link][2] + robot.mount_z_m
     top = max(robot.height_m, base, mount)
     if low < 0 or high > top + overhang:
@@ -206,19 +206,19 @@ class BoundRegion:
 
     link: str
     ranges: Mapping[str, protocol.Range]
-    # x, y [m] and yaw [rad] of the link frame in the robot's frame
+    # x, y [m] and yaw [rad] of the link's frame in the robot's frame
     frame: tuple[float, float, float]
-    free: FreePlaces | None = None  # None: all places are free
+    free: FreePlaces | None = None  # None if all places are free
 
     def place(self, values: Mapping[str, float]) -> protocol.SensorPose:
-        """Return the pose with these coordinates and angles."""
+        """Return the pose with the given coordinates and angles."""
         if self.free is not None:
             values = self.free.adapt(values)
         x, y, z, yaw, pitch = (values[name] for name in (*COORDINATES, *protocol.ANGLES))
         return protocol.SensorPose((x, y, z), yaw, pitch)
 
     def area(self) -> protocol.Area:
-        """Return the box's rectangle in top view."""
+        """Return the rectangle of the box in top view."""
         x, y, yaw = self.frame
         (a, b), (c, d) = self.ranges["x_m"], self.ranges["y_m"]
         sin, cos = elementary.sin_cos(yaw)

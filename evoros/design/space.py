@@ -1,4 +1,4 @@
-"""The design space: every point of the closed unit cube decodes to a design that is allowed."""
+"""The design space, in which every point of the unit cube decodes to an allowed design."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -53,11 +53,11 @@ GENES, FIXED = checks.mapping_of(Gene, "genes"), checks.mapping_of(FixedSensor, 
 @dataclass(frozen=True)
 @checks.checked
 class SensorDesign:
-    """A design space not yet bound to a robot: sensor types, regions, other evolved values.
+    """A design space not yet bound to a robot: sensor types, regions and other evolved values.
 
-    The number of placed sensors also evolves if ``number`` is [low, high]. If ``mirrored``, each
+    The number of placed sensors evolves as well if ``number`` is [low, high]. If ``mirrored``, each
     placed sensor has a twin across the robot's x axis. Types of ``fixed`` sensors are not placed.
-    If ``exclusive``, each region carries one sensor, and others that choose it are dropped.
+    If ``exclusive``, each region carries one sensor; further sensors that choose it are dropped.
     """
 
     sensors: Annotated[Mapping[str, Sensor], checks.mapping_of(Sensor, "sensors")]
@@ -95,22 +95,22 @@ class SensorDesign:
 
     @property
     def placed_types(self) -> list[str]:
-        """The sensor types placed in regions, which exclude the types of fixed sensors."""
+        """The sensor types placed in regions; types of fixed sensors are not among them."""
         used = {fixed.sensor for fixed in self.fixed.values()}
         return [name for name in self.sensors if name not in used]
 
     @property
     def min_number(self) -> int:
-        """The minimum number of placed sensors, not counting twins."""
+        """The minimum number of placed sensors, without twins."""
         return int(checks.bounds(self.number)[0])
 
     @property
     def max_number(self) -> int:
-        """The maximum number of placed sensors, not counting twins."""
+        """The maximum number of placed sensors, without twins."""
         return int(checks.bounds(self.number)[1])
 
     def bind(self, robot: Robot, declared: Mapping[str, Gene] | None = None) -> "DesignSpace":
-        """Return the search space on ``robot``; ``declared`` has the genes of other parts."""
+        """Return the search space on ``robot``; ``declared`` holds the genes of other parts."""
         declared = declared or {}
         self._check_declared(declared)
         sensors = tuple(self.sensors[name] for name in self.placed_types)
@@ -133,7 +133,7 @@ class SensorDesign:
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """A design space bound to a robot; it rejects genomes outside the closed unit cube."""
+    """A design space bound to a robot; rejects genomes outside the closed unit cube."""
 
     design: SensorDesign
     robot: Robot
@@ -149,7 +149,7 @@ class DesignSpace:
 
     @property
     def _index(self) -> Mapping[str, int]:
-        """The index of each gene, keyed by gene name."""
+        """The index of each gene, by name."""
         return self._blocks_and_index[1]
 
     @cached_property
@@ -176,7 +176,7 @@ class DesignSpace:
         return tuple(block for block in blocks if block.genes), index
 
     def _varies(self, name: str) -> bool:
-        """Return True if a coordinate or angle, such as ``yaw_deg``, varies within some region."""
+        """Return True if a coordinate or angle, such as ``yaw_deg``, varies in any region."""
         ranges = (region.ranges.get(name, (0.0, 0.0)) for region in self.regions.values())
         return any(low < high for low, high in ranges)
 
@@ -198,7 +198,7 @@ class DesignSpace:
 
     @property
     def middle(self) -> Array:
-        """The genome at the centre of all ranges, with exclusive regions spread over sensors."""
+        """The genome at the centre of all ranges, with sensors spread over exclusive regions."""
         genome, index = np.full(self.size, 0.5), self._index
         for i, slot in enumerate(self._slots if self.design.exclusive else ()):
             if f"{slot}_region" in index:
@@ -215,11 +215,11 @@ class DesignSpace:
         return [f"sensor{i}" for i in range(self.design.max_number)]
 
     def decode(self, genome: Array) -> Design:
-        """Decode ``genome`` (size,), whose values lie from 0 to 1, into a design.
+        """Decode ``genome`` (size,), with values from 0 to 1, into a design.
 
         If the number of sensors evolves, the first slots are mounted. Sensors in exclusive regions
-        are in the order of the regions, and others are followed by their mirrored twins. Mounts are
-        sorted by type in the order of ``design.sensors``, with fixed sensors before placed ones.
+        are in the order of the regions; other sensors are followed by their mirrored twins. Mounts
+        are sorted by type in the order of ``design.sensors``, fixed sensors before placed ones.
         """
         genes = self._genes(genome)
         placed = (self._with_twin(mount) for mount, _ in self._place(genes))
@@ -230,7 +230,7 @@ class DesignSpace:
         return Design(tuple(mounts), evolved)
 
     def mount_slots(self, genome: Array) -> list[tuple[tuple[Mount, ...], str]]:
-        """Return each slot's sensor, mounted or not, with its twin, and the name of its region."""
+        """Return the sensor of each slot, mounted or not, with twin, and the name of its region."""
         genes = self._genes(genome)
         placed = (self._mount(genes, slot) for slot in self._slots)
         return [(self._with_twin(mount), region) for mount, region in placed]
@@ -238,7 +238,7 @@ class DesignSpace:
     def _with_twin(self, mount: Mount) -> tuple[Mount, ...]:
         if not self.design.mirrored:
             return (mount,)
-        # 0.0 - y instead of -y, which could be written as -0.0
+        # not -y, which could be written as -0.0
         return mount, replace(mount, y_m=0.0 - mount.y_m, yaw_deg=0.0 - mount.yaw_deg)
 
     def to_row(self, genome: Array) -> dict[str, float | str]:
@@ -268,7 +268,7 @@ class DesignSpace:
 
     def _genes(self, genome: Array) -> dict[str, float]:
         vector = np.asarray(genome, dtype=np.float64)
-        # NaN also fails the comparisons
+        # NaN fails the comparisons as well
         if vector.shape != (self.size,) or not ((vector >= 0) & (vector <= 1)).all():
             raise InputError(
                 f"genome: must be {self.size} numbers from 0 to 1, not {vector.tolist()}; "

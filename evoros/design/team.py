@@ -18,9 +18,9 @@ from evoros.sensor.protocol import Mount, add_prices
 
 @dataclass(frozen=True)
 class TeamSpace:
-    """The design spaces of a team by robot name, concatenated into one genome.
+    """The design spaces of a team, by robot name, concatenated into one genome.
 
-    Columns of a named robot have its name as a prefix; bad genomes raise an InputError.
+    Columns of a named robot are prefixed with its name; an invalid genome raises an InputError.
     """
 
     spaces: Mapping[str, DesignSpace]
@@ -60,22 +60,22 @@ class TeamSpace:
 
     @property
     def slots(self) -> tuple[Block, ...]:
-        """The blocks of the placed sensors of the first robot that has a design."""
+        """The blocks of the placed sensors of the first robot with a design."""
         return self._first.slots
 
     @property
     def number(self) -> tuple[int, int]:
-        """The first robot's minimum and maximum number of placed sensors, not counting twins."""
+        """Minimum and maximum number of placed sensors of the first robot, without twins."""
         return self._first.design.min_number, self._first.design.max_number
 
     @property
     def number_gene(self) -> int | None:
-        """The index of the gene for the number of placed sensors; None if that number is fixed."""
+        """The index of the gene for the number of placed sensors; None if the number is fixed."""
         varies = self.number[0] < self.number[1]
         return self._first.blocks[len(self.slots)].genes[0] if varies else None
 
     def view(self, genome: Array, distance_m: float) -> tuple[list[View], View]:
-        """Return what each slot sees at a distance [m], and what the fixed sensors see."""
+        """Return what each slot and the fixed sensors see at a distance [m]."""
         if len(self.spaces) > 1:
             raise InputError(
                 f"optimizer: set_cover supports only one robot with a design, not "
@@ -98,7 +98,7 @@ class TeamSpace:
         return next(iter(self.spaces.values()))
 
     def decode(self, genome: Array) -> Design:
-        """Decode ``genome`` (size,), whose values lie from 0 to 1, into designs."""
+        """Decode ``genome`` (size,), with values from 0 to 1, into designs."""
         parts = self._split(genome)
         return Design.join({name: self.spaces[name].decode(part) for name, part in parts})
 
@@ -107,7 +107,7 @@ class TeamSpace:
         return self.decode(first) == self.decode(second)
 
     def to_row(self, genome: Array) -> dict[str, float | str]:
-        """Return the decoded values as a table row, keyed by column."""
+        """Return the decoded values as a table row, by column."""
         return {
             _prefix(name) + column: value
             for name, part in self._split(genome)
@@ -115,12 +115,12 @@ class TeamSpace:
         }
 
     def find_configured(self, name: str) -> Design | None:
-        """Return a robot's design if its configuration leaves nothing to evolve, else None."""
+        """Return the design of a robot if nothing in it evolves, otherwise None."""
         space = self.spaces[name]
         return None if space.size else space.decode(np.empty(0))
 
     def complete(self, design: Design) -> Design:
-        """Add the configured designs that ``design`` lacks, which must leave nothing to evolve."""
+        """Add missing designs of robots for which nothing evolves."""
         parts = dict(design.parts)
         for name in self.spaces:
             configured = parts.get(name) or self.find_configured(name)
@@ -135,7 +135,7 @@ class TeamSpace:
         return Design.join(parts)
 
     def _split(self, genome: Array) -> Iterator[tuple[str, Array]]:
-        """Yield (robot name, its part of a genome); the last part includes any surplus values."""
+        """Yield (robot name, part of the genome); the last part includes surplus values."""
         parts = np.split(np.asarray(genome, dtype=np.float64), list(self._starts.values())[1:])
         return zip(self.spaces, parts, strict=True)
 

@@ -1,1 +1,1 @@
-"""Drives, which convert a command to the motion of a robot's wheels."""
+"""Drives, which convert commands to wheel motion."""

@@ -1,4 +1,4 @@
-"""Ackermann steering: four wheels, of which two steer so that no wheel slips."""
+"""Ackermann steering: four wheels, two of which steer so that no wheel slips."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -27,36 +27,36 @@ from evoros.drive.protocol import (
 from evoros.drive.rolling import Pair
 from evoros.formats.urdf.tree import Urdf
 
-DEFAULT_STEERING_RAD = 0.5  # used if the steering joints state no limits
-MAX_DEFAULT_STEERING_RAD = 0.8  # applies even if the joints state wider limits
+DEFAULT_STEERING_RAD = 0.5  # default if steering joints have no limits
+MAX_DEFAULT_STEERING_RAD = 0.8  # maximum default, even if steering joints have wider limits
 
 
 @dataclass(frozen=True)
 @checked
 class Ackermann:
-    """A drive whose wheels all move in circles about the point where the extended axles meet.
+    """A drive whose wheels all roll in circles about the intersection of the axle lines.
 
-    This point lies ``wheelbase / tan(steering)`` to the left of the fixed axle's middle. Each
-    wheel's speed is proportional to its distance from it.
+    This point is ``wheelbase / tan(steering)`` to the left of the middle of the fixed axle. The
+    speed of each wheel is proportional to its distance from this point.
     """
 
-    speed_limit_offset_m: ClassVar[float] = 0.0  # the limit applies to the fixed axle's middle
+    speed_limit_offset_m: ClassVar[float] = 0.0  # the limit applies to the middle of the fixed axle
     turn_ratio: ClassVar[float] = 1.0  # the wheels roll without slipping
     steering_joints: tuple[str, ...]  # left, right
     wheel_joints: tuple[str, ...]  # steered left, steered right, fixed left, fixed right
     wheelbase_m: Annotated[float, POSITIVE]
     kingpin_track_m: Annotated[float, POSITIVE]  # distance between the axes of the steering joints
-    steered_track_m: Annotated[float, POSITIVE]  # track of the steered wheels, straight ahead
+    steered_track_m: Annotated[float, POSITIVE]  # track of the steered wheels at zero angle
     fixed_track_m: Annotated[float, POSITIVE]
     steered_radius_m: Annotated[float, POSITIVE]
     fixed_radius_m: Annotated[float, POSITIVE]
-    rear_axle_x_m: Annotated[float, NUMBER]  # x of the turning point: the fixed axle, plus slide_m
+    rear_axle_x_m: Annotated[float, NUMBER]  # x of the turning point: fixed axle plus slide_m
     steering_stop_rad: Annotated[float, POSITIVE]  # mechanical limit of the steering joints
     steering_limit_rad: Annotated[float, ANGLE]  # permitted angle of each steering joint
-    max_speed_mps: Annotated[float, POSITIVE]  # speed limit of the fixed axle's middle
+    max_speed_mps: Annotated[float, POSITIVE]  # speed limit at the middle of the fixed axle
     caster_links: tuple[str, ...] = ()
     slide_m: Annotated[float, NUMBER] = 0.0
-    """Distance [m] from the fixed axle forward to the turning point, for the planar simulator."""
+    """Distance [m] of the turning point in front of the fixed axle, for the planar simulator."""
     steers_rear: bool = False  # whether the rear wheels steer, as on forklifts
 
     def __post_init__(self) -> None:
@@ -67,17 +67,17 @@ class Ackermann:
 
     @cached_property
     def steering_limit(self) -> float:
-        """Full lock: the bicycle model's angle [rad] at which the inner wheel reaches its limit."""
+        """Full lock: bicycle-model angle [rad] at which the inner wheel reaches its limit."""
         tangent = elementary.tan(self.steering_limit_rad)
         length = self.wheelbase_m
         return elementary.atan(length * tangent / (length + 0.5 * self.kingpin_track_m * tangent))
 
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return the angles [rad] (left, right) and rates [rad/s] (steered left, right, fixed ...).
+        """Return angles [rad] (left, right) and rates [rad/s] (steered left, right, fixed ...).
 
-        The fixed axle's ``speed`` [m/s] and the bicycle model's ``steering`` [rad] are clipped. A
-        steering axis is ``1 -+ kingpin`` to the side of the centre of rotation and ``tangent``
-        ahead of it, in units of the radius.
+        The ``speed`` [m/s] of the fixed axle and the bicycle-model ``steering`` [rad] are clipped.
+        In units of the radius, a steering axis is ``1 -+ kingpin`` to the side and ``tangent``
+        ahead of the centre of rotation.
         """
         fastest, lock, limit = self.max_speed_mps, self.steering_limit, self.steering_limit_rad
         speed = min(max(speed, -fastest), fastest)
@@ -91,7 +91,7 @@ class Ackermann:
         hand = -1.0 if self.steers_rear else 1.0
         angles = [hand * elementary.atan(tangent / side) for side in (left, right)]
         return (
-            # Rounding may make the result exceed the limit in the last bit.
+            # rounding may exceed the limit in the last bit
             (min(max(angles[0], -limit), limit), min(max(angles[1], -limit), limit)),
             (
                 steered * (math.sqrt(left * left + tangent * tangent) - stub),
@@ -105,28 +105,28 @@ class Ackermann:
 @dataclass(frozen=True)
 @checked
 class AckermannDescription(DriveDescription):
-    """The joints of a robot that form an Ackermann drive, and the drive's limits."""
+    """The joints of an Ackermann drive on a robot, and the limits of the drive."""
 
     steers = True
     steering_joints: Annotated[Sequence[str], PAIR]  # left, right: revolute, axis up
     front_wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis points left
     rear_wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis points left
     steering_limit_rad: Annotated[float, ANGLE]  # limit of each steered wheel
-    max_speed_mps: Annotated[float, POSITIVE]  # speed limit of the fixed axle's middle
-    caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction
+    max_speed_mps: Annotated[float, POSITIVE]  # speed limit at the middle of the fixed axle
+    caster_links: Annotated[Sequence[str], LINKS] = ()  # sliding links without friction
     turning_x_m: Annotated[float | None, NUMBER] = None
-    """x of the point that moves along the heading, if the fixed axle slides; None: on the axle."""
+    """x of the point that moves along the heading if the fixed axle slides; None: x of the axle."""
 
     @property
     def wheel_joints(self) -> tuple[str, ...]:  # type: ignore[override]
-        """The joints of all four wheels, all of which are driven."""
+        """The joints of all four wheels, which are all driven."""
         return (*self.front_wheel_joints, *self.rear_wheel_joints)
 
     @classmethod
     def recognise(
         cls, steered: Sequence[Pair], others: Sequence[Pair], given: Mapping[str, Any]
     ) -> Self | None:
-        """Return the drive formed by one steered and one fixed axle, or None if there is none."""
+        """Return the drive formed by one steered and one fixed axle; None if there are others."""
         if not len(steered) == len(others) == 1:
             return None
         steering = [wheel.steering for wheel in steered[0] if wheel.steering is not None]
@@ -145,7 +145,7 @@ class AckermannDescription(DriveDescription):
         return cls.build(found, given)
 
     def fit(self, urdf: Urdf) -> Ackermann:
-        """Return the drive with the wheelbase, tracks, radii and stops measured on a robot."""
+        """Return the drive with wheelbase, tracks, radii and stops measured on a robot."""
         pairs = (self.front_wheel_joints, self.rear_wheel_joints)
         front, rear = axles = [(measure_axle(urdf, names), names) for names in pairs]
         if front[0].x <= rear[0].x:

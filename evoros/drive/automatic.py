@@ -1,4 +1,4 @@
-"""Detects a robot's drive from its joints, names and Gazebo plugins; rejects unsupported drives."""
+"""Detects a robot's drive from joints, names and Gazebo plugins; rejects unsupported drives."""
 
 import logging
 import math
@@ -56,7 +56,7 @@ HOLD_STRAIGHT = "set robot.drive.kind={} to lock the steering and turn by wheel 
 
 
 def refuse_articulated(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
-    """Reject a machine whose steering joints turn an axle, a frame or wheels away from the axes."""
+    """Reject a machine with steering joints that turn an axle, a frame or wheels off the axle."""
     turned: dict[str, list[Candidate]] = {}
     for wheel in wheels:
         if wheel.steering is not None:
@@ -102,17 +102,17 @@ def refuse_several(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
 
 
 def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
-    """Reject a robot whose wheels or controller also move the robot sideways.
+    """Reject a robot whose wheels or controller also move it sideways.
 
-    If a robot has plain wheels and only a Gazebo plugin pushes it sideways, this is only logged,
-    unless the robot's name says otherwise or its wheels slide in Gazebo.
+    If the robot has plain wheels and only a Gazebo plugin moves it sideways, this is only logged,
+    unless the robot's name confirms it or the wheels slide in Gazebo.
     """
     pairs = pair_up([wheel for wheel in wheels if wheel.steering is None])
     turning = [joint for joint in urdf.joints.values() if joint.type in TURNING]
     joints = [wheel.joint for wheel in wheels] if pairs else turning
     reason = next(filter(None, (find_rollers(urdf, joint) for joint in joints)), "")
     plugin = name_sideways_plugin(urdf.plugins)
-    if plugin and not reason:  # a name or slippery wheels prove nothing without a plugin
+    if plugin and not reason:  # neither names nor slippery wheels suffice as evidence
         reason = read_kind([urdf.name, Path(urdf.source).name])
         if len(pairs) > 1 and all(slides(urdf, joint) for joint in joints):
             reason = f"wheels slide in Gazebo, where plugin {plugin} moves the robot"
@@ -135,7 +135,7 @@ def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
 
 
 def refuse_facing_sideways(urdf: Urdf) -> None:
-    """Reject a robot whose wheels all roll along its y axis."""
+    """Reject a robot with wheels that all roll along its y axis."""
     turning = [joint for joint in urdf.joints.values() if joint.type in TURNING]
     wheels = [j for j in turning if is_called_wheel(j)]
     if len(wheels) > 1 and all(abs(urdf.axis_of(j)[FORWARD]) > NEARLY_ALIGNED for j in wheels):
@@ -148,7 +148,7 @@ def refuse_facing_sideways(urdf: Urdf) -> None:
 
 
 def refuse_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
-    """Reject a robot with wheels whose axes do not point across the robot."""
+    """Reject a robot with wheels whose axes are not lateral."""
     joints = find_misaligned(urdf, wheels)
     if joints:
         pairs = pair_up([wheel for wheel in wheels if wheel.steering is None])
@@ -163,7 +163,7 @@ def refuse_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
 
 
 def misaligned_error(urdf: Urdf, joints: Sequence[Joint], fix: str) -> InputError:
-    """Create the error for wheels whose axes do not point across the robot."""
+    """Return the error for wheels whose axes are not lateral."""
     names = ", ".join(joint.name for joint in joints)
     if all(abs(float(urdf.axis_of(joint)[UP])) > NEARLY_ALIGNED for joint in joints):
         problem = "joints with a vertical axis steer their wheels instead of rolling them"
@@ -201,19 +201,19 @@ GIVEN = (
     *("max_speed_mps", "steering_limit_rad", "wheelbase_m", "caster_links"),
     *("wheel_separation_multiplier", "turning_resistance"),
 )
-"""Fields that the user may set to replace the values detected on the robot."""
+"""Fields that the user may set to replace values detected on the robot."""
 
 
 @dataclass(frozen=True)
 @checked
 class AutomaticDescription(DriveDescription):
-    """Detects wheels, steering joints and casters, except for values that the user gives."""
+    """Detects wheels, steering joints and casters, except for values given by the user."""
 
-    steering_joints = ()  # unknown until ``choose``, like the wheels
+    steering_joints = ()  # unknown until ``choose``, as are the wheels
     wheel_joints = ()
     kind: Annotated[str, one_of("auto", *DRIVES)] = "auto"
-    left_wheel_joints: Annotated[Sequence[str], JOINTS] = ()  # front to rear; empty: detected
-    right_wheel_joints: Annotated[Sequence[str], JOINTS] = ()  # opposite the left ones
+    left_wheel_joints: Annotated[Sequence[str], JOINTS] = ()  # front to rear; detected if empty
+    right_wheel_joints: Annotated[Sequence[str], JOINTS] = ()  # opposite the left wheels
     max_speed_mps: Annotated[float | None, POSITIVE] = None
     steering_limit_rad: Annotated[float | None, ANGLE] = None
     wheelbase_m: Annotated[float | None, POSITIVE] = None  # not for Ackermann
@@ -226,7 +226,7 @@ class AutomaticDescription(DriveDescription):
         return self.choose(urdf).fit(urdf)
 
     def choose(self, urdf: Urdf) -> DriveDescription:
-        """Return the description of the drive that a robot's joints form."""
+        """Return the description of the drive formed by a robot's joints."""
         named = self.left_wheel_joints or self.right_wheel_joints
         pairs = self._read_pairs(urdf) if named else self._find_pairs(urdf)
         kinds = list(DRIVES.values()) if self.kind == "auto" else [DRIVES[self.kind]]

@@ -13,26 +13,26 @@ from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
 
 ALIGNED = elementary.cos(math.radians(5.0))
-"""Minimum cosine between two axes that count as parallel."""
+"""Minimum cosine of the angle between parallel axes."""
 NEARLY_ALIGNED = elementary.cos(math.radians(20.0))
-"""Minimum cosine between a wheel's axis and the robot's lateral axis."""
+"""Minimum cosine of the angle between a wheel axis and the robot's lateral axis."""
 TURNING = ("continuous", "revolute")
 CASTER = re.compile(r"caster|castor|swivel|omni|ball", re.IGNORECASE)
 _OMNI = re.compile(r"omni", re.IGNORECASE)
 _DRIVE_PLUGIN = re.compile(r"diff|skid|acker|drive", re.IGNORECASE)
 _JOINT_TAG = re.compile(r"joint", re.IGNORECASE)
-_SEPARATOR = re.compile(r"[,\s]+")  # separator of a plugin's joint names
+_SEPARATOR = re.compile(r"[,\s]+")  # separator of joint names in a plugin
 _WHEEL = re.compile(r"wheel|whl|tire|tyre|hub(?!cap)", re.IGNORECASE)
 _STEERING = re.compile(r"steer|hinge|knuckle|kingpin|ackermann", re.IGNORECASE)
 MAX_LACK = 0.15  # maximum deviation from roundness of a part that may be a wheel
-MIN_RADIUS_M = 0.01  # radius [m] up to which a part counts as a wheel only if the user names it
-DEFAULT_SPEED_MPS = 0.5  # used if the wheels state no velocity limit
-MAX_DEFAULT_SPEED_MPS = 1.0  # applies even if the wheels state a higher limit
-DEFAULT_BICYCLE_STEERING_RAD = 0.9  # used if nothing steers; the turning radius is 0.79 tracks
+MIN_RADIUS_M = 0.01  # radius [m] up to which a part is a wheel only if the user names it
+DEFAULT_SPEED_MPS = 0.5  # default if wheels have no velocity limit
+MAX_DEFAULT_SPEED_MPS = 1.0  # maximum default, even if wheels have a higher limit
+DEFAULT_BICYCLE_STEERING_RAD = 0.9  # default without steering; the turning radius is 0.79 tracks
 
 
 def read_wheel(urdf: Urdf, name: str) -> Candidate:
-    """Return the wheel on a joint that the user named."""
+    """Return the wheel on a joint named by the user."""
     joint = urdf.find_joint(name, *TURNING, "fixed")
     wheel = measure_link(urdf, joint.child, 0.0)
     if wheel is None:
@@ -55,7 +55,7 @@ def _list_round(urdf: Urdf, casters: bool = False) -> Iterator[tuple[Joint, floa
 
 
 def find_candidates(urdf: Urdf, casters: bool = False) -> list[Candidate]:
-    """Return all parts that look like wheels and stand on the ground, ``casters`` only if asked."""
+    """Return parts that look like wheels and touch the ground; include casters if ``casters``."""
     candidates: dict[str, Candidate] = {}
     for joint, along, wheel in _list_round(urdf, casters):
         turns = joint.type in TURNING
@@ -73,7 +73,7 @@ def find_candidates(urdf: Urdf, casters: bool = False) -> list[Candidate]:
 
 
 def find_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> list[Joint]:
-    """Return the joints of wheels (except spheres) on the ground whose axis is not lateral."""
+    """Return the joints of wheels (except spheres) on the ground that have no lateral axis."""
     ground = min((wheel.wheel.bottom for wheel in wheels), default=None)
     found: dict[Joint, Wheel] = {}
     for joint, along, wheel in _list_round(urdf):
@@ -89,12 +89,12 @@ def find_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> list[Joint]:
 
 
 def is_called_wheel(joint: Joint) -> bool:
-    """Return True if a joint or its child link is named like a wheel."""
+    """Return True if a joint or its child link has the name of a wheel."""
     return bool(_WHEEL.search(joint.name) or _WHEEL.search(joint.child))
 
 
 def _trails(urdf: Urdf, swivel: Joint, wheel: Wheel) -> bool:
-    """Return True if a wheel trails behind an undriven joint, as swivel casters do."""
+    """Return True if a wheel trails an undriven joint, as on swivel casters."""
     texts = (texts for plugin in urdf.plugins for texts in plugin.texts.values())
     if swivel.name in urdf.actuated or any(swivel.name in text for text in texts):
         return False
@@ -132,14 +132,14 @@ def _inside_another(urdf: Urdf, candidate: Candidate, others: Mapping[str, Candi
 
 
 def pair_up(candidates: Sequence[Candidate]) -> list[Pair]:
-    """Return pairs (left, right) of wheels opposite each other, from front to rear."""
+    """Return pairs (left, right) of opposite wheels, from front to rear."""
     left = [c for c in candidates if c.y > 0.0]
     right = [c for c in candidates if c.y <= 0.0]
     pairs = []
     for one in sorted(left, key=lambda c: -c.x):
         opposite = [c for c in right if _are_opposite(one, c)]
         if opposite:
-            # Twin wheels on one axle form pairs at equal distances from the middle.
+            # Twin wheels on an axle form pairs at equal distances from the middle.
             nearest = min(opposite, key=lambda c: (round(abs(c.x - one.x), 6), abs(c.y + one.y)))
             pairs.append((one, nearest))
             right.remove(pairs[-1][1])
@@ -153,9 +153,9 @@ def _are_opposite(left: Candidate, right: Candidate) -> bool:
 
 
 def select_driven(urdf: Urdf, candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Select the wheels that a drive plugin names or, without a plugin, actuated or turning wheels.
+    """Select the wheels named by a drive plugin or, without one, actuated or turning wheels.
 
-    Steered wheels count as driven. Fixed wheels are included if the other wheels form no drive.
+    Steered wheels are driven. Fixed wheels are included if the other wheels form no drive.
     """
     by_name = {wheel.joint.name: wheel for wheel in candidates}
     named = [
@@ -178,13 +178,13 @@ def select_driven(urdf: Urdf, candidates: Sequence[Candidate]) -> list[Candidate
 
 
 def default_speed(wheels: Sequence[Candidate]) -> float:
-    """Return the default maximum speed [m/s], set by the slowest wheel."""
+    """Return the default maximum speed [m/s], which depends on the slowest wheel."""
     speed = min(wheel.joint.velocity * wheel.wheel.radius for wheel in wheels)
     return DEFAULT_SPEED_MPS if math.isinf(speed) else round(min(speed, MAX_DEFAULT_SPEED_MPS), 6)
 
 
 def default_bicycle(pairs: Sequence[Pair]) -> dict[str, float]:
-    """Return the default limits and wheelbase of the bicycle model for a robot without steering."""
+    """Return default limits and a default wheelbase of the bicycle model, without steering."""
     left, right = pairs[0]
     return {
         "wheelbase_m": round(left.y - right.y, 6),

@@ -15,9 +15,10 @@ from evoros.formats.urdf.tree import Urdf
 @dataclass(frozen=True)
 @checked
 class Differential(SkidSteer):
-    """A drive with two wheels on one axle; the robot turns about a point on the axle's line.
+    """A drive with two wheels on one axle; the robot turns about a point on the axle line.
 
-    Casters carry the rest. The wheelbase only maps steering angles to curvatures.
+    Casters carry the rest of the weight. The wheelbase serves only to map steering angles to
+    curvatures.
     """
 
     wheel_separation_multiplier: Annotated[float, POSITIVE] = 1.0
@@ -27,28 +28,28 @@ class Differential(SkidSteer):
 @dataclass(frozen=True)
 @checked
 class DifferentialDescription(DriveDescription):
-    """The joints and links of a robot that form a differential drive, and the drive's limits."""
+    """The joints and links of a differential drive on a robot, and the limits of the drive."""
 
     on_one_axle = True
     steering_joints = ()  # nothing is steered
-    wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis points left
+    wheel_joints: Annotated[Sequence[str], PAIR]  # links that slide on the ground without friction
     caster_links: Annotated[Sequence[str], LINKS]  # links that slide on the ground without friction
     wheelbase_m: Annotated[float, POSITIVE]  # bicycle model: curvature = tan(steering) / wheelbase
-    steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
+    steering_limit_rad: Annotated[float, ANGLE]  # rim speed of each wheel
     max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
 
     @classmethod
     def recognise(
         cls, steered: Sequence[Pair], others: Sequence[Pair], given: Mapping[str, Any]
     ) -> Self | None:
-        """Return the drive formed by a single unsteered axle, or None if there is none."""
+        """Return the drive formed by a single unsteered axle; None if there are other axles."""
         if steered or len(others) != 1:
             return None
         joints = tuple(wheel.joint.name for wheel in others[0])
         return cls.build({"wheel_joints": joints, **default_bicycle(others)}, given)
 
     def fit(self, urdf: Urdf) -> Differential:
-        """Return the drive with the track and the wheel radius measured on a robot."""
+        """Return the drive with track and wheel radius measured on a robot."""
         axle = measure_axle(urdf, self.wheel_joints)
         for link in self.caster_links:
             check_caster(urdf, link, self.wheel_joints)

@@ -1,4 +1,4 @@
-"""Finds signs in a robot file of wheels that rise together, slide or have rollers."""
+"""Finds signs in a robot file that wheels move vertically together, slide, or have rollers."""
 
 import math
 import re
@@ -23,9 +23,9 @@ _SIDEWAYS_PLUGIN = re.compile(
     rf"{PUSHING_PLUGIN.pattern}|mecanum|holonomic|omni_?(base|control|dir|drive|wheel)",
     re.IGNORECASE,
 )
-_MIN_ROLLERS = 3  # minimum number of turning joints on a wheel with rollers
+_MIN_ROLLERS = 3  # minimum number of rotating joints on a wheel with rollers
 _DIAGONAL = (elementary.cos(math.radians(60.0)), elementary.cos(math.radians(30.0)))
-"""Range of the cosine between a mecanum wheel's axle and <fdir1>."""
+"""Range of the cosine between the axle of a mecanum wheel and <fdir1>."""
 
 
 def find_bogies(urdf: Urdf, wheels: Sequence[Candidate]) -> list[str]:
@@ -39,7 +39,7 @@ def find_bogies(urdf: Urdf, wheels: Sequence[Candidate]) -> list[str]:
 
 
 def find_rollers(urdf: Urdf, joint: Joint) -> str:
-    """Return the evidence that a wheel has rollers; "" if there is none."""
+    """Return the evidence that a wheel has rollers, or ""."""
     group = urdf.rigid_group(joint.child)
     names = [joint.name, *group, *(mesh for link in group for mesh in urdf.meshes.get(link, ()))]
     if kind := read_kind(names):
@@ -51,7 +51,7 @@ def find_rollers(urdf: Urdf, joint: Joint) -> str:
 
 
 def read_kind(names: Sequence[str]) -> str:
-    """Return the kind of wheels that a name states; "" if no name states one."""
+    """Return the kind of wheels stated in a name, or ""."""
     for kind, pattern in _KINDS.items():
         named = next(filter(pattern.search, names), "")
         if named:
@@ -60,8 +60,8 @@ def read_kind(names: Sequence[str]) -> str:
 
 
 def find_diagonal(urdf: Urdf, wheels: Sequence[Candidate]) -> list[str]:
-    """Return the joints of wheels whose friction axis in Gazebo is at 45 deg, as with rollers."""
-    # Some robots with plain wheels also use this setting, to turn better in Gazebo.
+    """Return the joints of wheels with a friction axis at 45 deg in Gazebo, as with rollers."""
+    # Some robots with plain wheels use this setting as well, to turn better in Gazebo.
     joints = (wheel.joint for wheel in wheels)
     groups = ((joint, urdf.rigid_group(joint.child)) for joint in joints)
     return [j.name for j, group in groups if any(_is_diagonal(urdf, link, j) for link in group)]
@@ -81,12 +81,12 @@ def _is_diagonal(urdf: Urdf, link: str, joint: Joint) -> bool:
 
 
 def slides(urdf: Urdf, joint: Joint) -> bool:
-    """Return whether a wheel has no friction in Gazebo."""
+    """Return True if a wheel is frictionless in Gazebo."""
     return not urdf.slippery.isdisjoint(urdf.rigid_group(joint.child))
 
 
 def name_sideways_plugin(plugins: Sequence[Plugin]) -> str:
-    """Return the Gazebo plugin that moves the robot sideways; "" if there is none."""
+    """Return the Gazebo plugin that moves the robot sideways, or ""."""
     for plugin in plugins:
         files = [text.rpartition("/")[2] for text in plugin.texts.get("parameters", ())]
         for name in filter(_SIDEWAYS_PLUGIN.search, [*plugin.name.split(), *files]):

@@ -1,4 +1,4 @@
-"""The base class of drives, checks of wheels and casters, and the commands of their joints."""
+"""The base class of drives, checks of wheels and casters, and commands for joints."""
 
 import logging
 import math
@@ -20,18 +20,18 @@ from evoros.geometry.footprint import bottom_height
 
 
 class Drive(Protocol):
-    """A drive bound to its robot, for simulators and controllers."""
+    """A drive bound to a robot, for simulators and controllers."""
 
     @property
     def max_speed_mps(self) -> float:
-        """Maximum speed [m/s], straight ahead, of the turning point at ``rear_axle_x_m``."""
+        """The maximum speed [m/s] of the turning point ``rear_axle_x_m`` straight ahead."""
 
     @property
     def speed_limit_offset_m(self) -> float:
-        """Lateral distance [m] from the turning point to the point that the speed limit applies to.
+        """The lateral distance [m] from the turning point to the point that limits the speed.
 
         In a turn, the turning point moves at up to ``max_speed_mps / (1 + |curvature| *
-        speed_limit_offset_m)``. The offset of a limit on each of two wheels is half the track.
+        speed_limit_offset_m)``. If each of two wheels has a limit, the offset is half the track.
         """
 
     @property
@@ -40,23 +40,23 @@ class Drive(Protocol):
 
     @property
     def wheelbase_m(self) -> float:
-        """Wheelbase [m] of the bicycle model: curvature = tan(steering) / wheelbase."""
+        """The wheelbase [m] of the bicycle model: curvature = tan(steering) / wheelbase."""
 
     @property
     def turn_ratio(self) -> float:
-        """Actual curvature on level ground divided by the commanded one; 1 if no wheel slips."""
+        """The ratio of actual to commanded curvature on level ground; 1 if no wheel slips."""
 
     @property
     def rear_axle_x_m(self) -> float:
-        """x [m] of the turning point, which is on the unsteered axle unless that axle slides."""
+        """x [m] of the turning point, which is on the unsteered axle unless that slides."""
 
     @property
     def steering_joints(self) -> tuple[str, ...]:
-        """Joints controlled by position."""
+        """The joints controlled by position."""
 
     @property
     def wheel_joints(self) -> tuple[str, ...]:
-        """Joints controlled by velocity; their links touch only the ground.
+        """The joints controlled by velocity; their links touch only the ground.
 
         If ``speed_limit_offset_m`` is above 0, each side has a motor, and the first half of the
         joints is on the left.
@@ -64,19 +64,19 @@ class Drive(Protocol):
 
     @property
     def caster_links(self) -> tuple[str, ...]:
-        """Links that slide on the ground without friction and touch nothing else."""
+        """The links that slide on the ground without friction and touch nothing else."""
 
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return the steering joints' angles [rad] and the wheel joints' rates [rad/s]."""
+        """Return the angles [rad] of steering joints and the rates [rad/s] of wheel joints."""
 
 
 class DriveDescription(ABC):
-    """The joints that form a drive, and the drive's limits."""
+    """The joints that form a drive, and the limits of the drive."""
 
     steers: ClassVar[bool] = False
-    """True if some of the wheels are steered."""
+    """True if any wheels are steered."""
     locks_steering: ClassVar[bool] = False
-    """True if wheels on steering joints can form the drive once these joints are locked."""
+    """True if wheels on steering joints can form the drive once these are locked."""
     on_one_axle: ClassVar[bool] = False
     """True if casters must keep the robot level."""
     steering_joints: Sequence[str]
@@ -90,10 +90,10 @@ class DriveDescription(ABC):
     def recognise(
         cls, steered: Sequence[Pair], others: Sequence[Pair], given: Mapping[str, Any]
     ) -> Self | None:
-        """Return the drive that pairs of wheels form, or None (the default) if they form none.
+        """Return the drive that pairs of wheels form, or None (the default).
 
-        The pairs in each list are ordered from front to rear. ``given`` holds the fields that the
-        user set. No two drives in this folder recognise the same pairs.
+        The pairs in each list are ordered from front to rear. ``given`` holds the fields set by the
+        user. No two drives in this folder recognise the same pairs.
         """
         return None
 
@@ -105,16 +105,16 @@ class DriveDescription(ABC):
 
     @abstractmethod
     def fit(self, urdf: Urdf) -> Drive:
-        """Return the drive bound to a robot; raise an InputError if a joint does not fit."""
+        """Return the drive bound to a robot; raise an InputError for an unsuitable joint."""
 
 
 _LOG = logging.getLogger(__name__)
 
 TOLERANCE_M = 1e-3
-"""Maximum deviation [m] of a wheel's position that is accepted without a warning."""
+"""Maximum deviation [m] of a wheel's position without a warning."""
 TOLERATED_M, TOLERATED_SHARE = 5e-3, 0.05
-"""Maximum deviation of a wheel's position: a distance [m], or a fraction of its radius."""
-TOLERATED_SKEW = 0.02  # maximum misalignment of an axle's wheels, as a fraction of its track
+"""Maximum deviation of a wheel's position: a distance [m], and a fraction of its radius."""
+TOLERATED_SKEW = 0.02  # maximum misalignment of the wheels on an axle, as a fraction of the track
 CASTER_GAP_M = 12e-3  # maximum distance [m] between a caster's lowest point and the ground
 FORWARD, LEFT, UP = range(3)
 ANGLE = Rule(
@@ -123,7 +123,7 @@ ANGLE = Rule(
 
 
 def skids(drive: Drive) -> bool:
-    """Return True if wheels slip sideways in turns: more than two, none of them steered."""
+    """Return True if wheels slip sideways in turns: more than two, all unsteered."""
     return not drive.steering_joints and len(drive.wheel_joints) > 2
 
 
@@ -146,23 +146,23 @@ LINKS = _names(0, math.inf, "a list of link names")
 
 
 def tolerated(radius: float) -> float:
-    """Return the maximum deviation [m] of a wheel's position, given its radius [m]."""
+    """Return the maximum deviation [m] of a wheel's position for a radius [m]."""
     return max(TOLERATED_M, TOLERATED_SHARE * radius)
 
 
 def reach(radius: float) -> float:
-    """Return the maximum gap [m] between the ground and a wheel that stands on it."""
+    """Return the maximum gap [m] between the ground and a wheel that touches it."""
     return max(CASTER_GAP_M, 2.0 * tolerated(radius))
 
 
 def tell_offset(urdf: Urdf, offset: float, what: str) -> None:
-    """Warn about an offset [m] that is larger than rounding errors but accepted."""
+    """Warn about an offset [m] that exceeds rounding errors but is accepted."""
     if abs(offset) > TOLERANCE_M:
         _LOG.warning("%s: %s by %.1f mm; this is not corrected", urdf.source, what, 1e3 * offset)
 
 
 def driven_joint(urdf: Urdf, name: str, kind: str, axis: int) -> Joint:
-    """Return a joint that can be driven about the robot's axis FORWARD, LEFT or UP."""
+    """Return a joint that can be driven about the axis FORWARD, LEFT or UP of the robot."""
     joint = urdf.find_joint(name, kind)
     if math.isinf(joint.effort):
         fix = 'add <limit effort="..." velocity="..."/>'
@@ -175,7 +175,7 @@ def driven_joint(urdf: Urdf, name: str, kind: str, axis: int) -> Joint:
 
 
 def wheel(urdf: Urdf, name: str) -> tuple[Array, float]:
-    """Return the centre (3,) [m] in the robot's frame and radius [m] of the wheel on a joint."""
+    """Return the centre (3,) [m] in the robot's frame, and the radius [m], of a joint's wheel."""
     link = driven_joint(urdf, name, "continuous", LEFT).child
     shapes = urdf.shapes[link]
     if len(shapes) != 1 or shapes[0].kind not in ("cylinder", "sphere"):
@@ -198,10 +198,10 @@ def wheel(urdf: Urdf, name: str) -> tuple[Array, float]:
 
 
 class Axle(NamedTuple):
-    """Two wheels opposite each other."""
+    """Two opposite wheels."""
 
-    x: float  # position along the robot [m]
-    track: float  # distance between the wheel centres [m]
+    x: float  # position [m] along the robot
+    track: float  # distance [m] between the wheel centres
     radius: float  # wheel radius [m]
 
 
@@ -220,10 +220,10 @@ def measure_axle(urdf: Urdf, names: Sequence[str]) -> Axle:
 def place_axle(
     urdf: Urdf, names: Sequence[str], places: Sequence[Array], radius: float
 ) -> tuple[float, float]:
-    """Return the x [m] and the track [m] of an axle from the positions of its joints, left first.
+    """Return x [m] and the track [m] of an axle from the positions of its joints, left first.
 
-    An InputError says that they are not opposite each other, within a tolerance that depends on the
-    wheels' ``radius`` [m].
+    An InputError is raised if they are not opposite within a tolerance that depends on the
+    ``radius`` [m] of the wheels.
     """
     (left_x, left_y, _), (right_x, right_y, _) = (place.tolist() for place in places)
     require_left(urdf, names, left_y, right_y)
@@ -237,7 +237,7 @@ def place_axle(
 
 
 def require_left(urdf: Urdf, names: Sequence[str], left_y: float, right_y: float) -> None:
-    """Raise an InputError unless the first of two joints, at these y [m], is the left one."""
+    """Raise an InputError unless the first of two joints, at these y [m], is on the left."""
     if left_y - right_y < TOLERANCE_M:
         order = f"must be to the left of {names[1]!r}, not at y = {left_y:g} and {right_y:g} m"
         fix = "swap the two names, or correct the <origin> of the joints"
@@ -265,11 +265,11 @@ def check_caster(urdf: Urdf, link: str, wheels: Sequence[str]) -> None:
 def find_targets(
     drive: Drive, speed: float, steering: float, left: float = 1.0, right: float = 1.0
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the angles and rates of a drive's joints, with motors weakened on either side.
+    """Return the angles and rates of a drive's joints when motors are weakened on a side.
 
     ``left`` and ``right`` are strengths from 0 to 1. If each side has a motor, its strength scales
     the rates of that side. Otherwise one motor drives all wheels through open differentials, so the
-    weaker side limits the speed, and the robot stays on its curve.
+    weaker side limits the speed and the robot stays on its curve.
     """
     angles, rates = drive.targets(speed, steering)
     if left == right == 1.0:
@@ -282,11 +282,11 @@ def find_targets(
 
 
 def lag_gain(step: float, lag: float) -> float:
-    """Return the fraction of an error that a first-order lag [s] removes in a step [s]."""
+    """Return the fraction of an error that a first-order lag [s] corrects in a step [s]."""
     return -elementary.expm1(-step / lag) if lag > 0.0 else 1.0
 
 
 def lag_mean(step: float, lag: float) -> float:
-    """Return a first-order lag's mean over a step [s] as a fraction of the change in that step."""
+    """Return the mean of a first-order lag over a step [s], as a fraction of its change."""
     # ``a + c (1 - exp(-t / lag))`` has the mean ``a + c (1 - lag / step * gain)``.
     return 1.0 / lag_gain(step, lag) - lag / step

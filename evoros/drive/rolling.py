@@ -1,4 +1,4 @@
-"""Measures wheels: radius, width and roundness, from their shapes."""
+"""Measures the radius, width and roundness of wheels from their shapes."""
 
 import math
 from collections.abc import Sequence
@@ -15,22 +15,22 @@ from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.polyhedron import box_corners, placed_corners
 from evoros.geometry.shapes import Pose, Shape
 
-_RIM = 64  # number of points on a cylinder's rim
-_TREAD = 0.9  # fraction of the radius from which points belong to the tread, not to the hub
-_ALONG = 1.0 - 1e-6  # minimum cosine between two axes that count as parallel
+_RIM = 64  # number of points on the rim of a cylinder
+_TREAD = 0.9  # fraction of the radius above which points belong to the tread, not the hub
+_ALONG = 1.0 - 1e-6  # minimum cosine of the angle between parallel axes
 
 
 class Wheel(NamedTuple):
     """A wheel as a cylinder about its axle."""
 
-    centre: Array  # (3,) [m], of the tread
+    centre: Array  # (3,) [m], centre of the tread
     radius: float  # [m]
-    width: float  # [m], of the tread
-    roundness: float  # 0: round; otherwise the missing fraction of the radius in some direction
+    width: float  # [m], width of the tread
+    roundness: float  # missing fraction of the radius in the worst direction; 0 if round
 
     @property
     def bottom(self) -> float:
-        """Height [m] of the lowest point if the axle is level."""
+        """The height [m] of the lowest point, for a level axle."""
         return float(self.centre[2]) - self.radius
 
 
@@ -40,25 +40,25 @@ class Candidate:
 
     joint: Joint
     wheel: Wheel  # frame: root link
-    turns: bool  # whether the joint can turn
-    steering: Joint | None  # joint that turns the wheel about the vertical
+    turns: bool  # whether the joint can rotate
+    steering: Joint | None  # joint that steers the wheel
 
     @property
     def x(self) -> float:
-        """Longitudinal position [m] in the robot's frame."""
+        """The longitudinal position [m] in the robot's frame."""
         return float(self.wheel.centre[0])
 
     @property
     def y(self) -> float:
-        """Lateral position [m] in the robot's frame, left positive."""
+        """The lateral position [m] in the robot's frame, left positive."""
         return float(self.wheel.centre[1])
 
 
-Pair = tuple[Candidate, Candidate]  # wheels opposite each other, left and right
+Pair = tuple[Candidate, Candidate]  # opposite wheels: left, right
 
 
 def group_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
-    """Return the shapes of a link and of all links fixed to it, with poses in the link's frame."""
+    """Return the shapes of a link and of all links fixed to it, with poses in its frame."""
     return [
         (shape, pose @ shape.pose)
         for name, pose in urdf.rigid_group(link).items()
@@ -67,7 +67,7 @@ def group_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
 
 
 def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
-    """Measure the wheel that shapes form about the direction ``axis`` (3,) through their middle."""
+    """Measure the wheel formed by shapes, about a central axis in the direction ``axis`` (3,)."""
     if len(shapes) == 1:
         shape, pose = shapes[0]
         if shape.kind == "sphere":
@@ -85,7 +85,7 @@ def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
     radius = float(distances.max())
     tread = along[distances >= _TREAD * radius]
     half = (tread.min() + tread.max()) / 2
-    # A circle is equally wide in every direction.
+    # A circle has the same width in every direction.
     angles = np.arange(12) * (math.pi / 12)
     widths = np.ptp(product(flat, np.stack([cos_all(angles), sin_all(angles)])), axis=0)
     roundness = 1.0 - float(widths.min()) / (2.0 * radius) if radius > 0 else 1.0
@@ -93,7 +93,7 @@ def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
 
 
 def shape_points(shape: Shape, pose: Pose) -> Array:
-    """Return points (n, 3) whose hull is the shape's, or approximates it if the shape is round."""
+    """Return points (n, 3) whose hull is the shape, approximately for round shapes."""
     if shape.kind == "convex":
         local = np.array(shape.corners)
     elif shape.kind == "box":

@@ -1,4 +1,4 @@
-"""Skid-steer: two or more driven wheels on each side, which slip sideways in turns."""
+"""Skid-steer: two or more driven wheels per side, which slip sideways in turns."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ RADII = Rule("positive numbers", lambda v: bool(v) and all(map(POSITIVE.holds, v
 
 
 def compute_turning_resistance(wheel_x_m: Sequence[float], tracks_m: Sequence[float]) -> float:
-    """Return the effective track in a steady turn, divided by the geometric track.
+    """Return the ratio of effective to geometric track in a steady turn.
 
     All wheels carry the same load and have isotropic Coulomb friction. In a turn at the rate w
     about the middle of the wheels, the wheel at x slides sideways at ``x w`` and, because its rim
@@ -36,12 +36,12 @@ def compute_turning_resistance(wheel_x_m: Sequence[float], tracks_m: Sequence[fl
     coefficient of friction and any speed.
     """
     places, track = np.array(wheel_x_m, dtype=np.float64), math.fsum(tracks_m) / len(tracks_m)
-    narrower = 0.5 * np.round(track - np.array(tracks_m), 9)  # exactly 0 if all tracks are equal
+    narrower = 0.5 * np.round(track - np.array(tracks_m), 9)  # exactly 0 for equal tracks
     tracks: Array = track - 2.0 * narrower
     squares: Array = (places - places.mean()) ** 2
     if float(squares.max()) < 1e-18:
         return 1.0
-    # No term is positive at the lower end, and none is negative at the upper end.
+    # No term is positive at the lower end or negative at the upper end.
     low = -float(narrower.max())
     high = 2.0 * float((squares / tracks).max()) - float(narrower.min())
     for _ in range(200):
@@ -55,19 +55,19 @@ def compute_turning_resistance(wheel_x_m: Sequence[float], tracks_m: Sequence[fl
 @dataclass(frozen=True)
 @checked
 class SkidSteer:
-    """A drive whose wheels roll at one speed per side; the robot turns as if its track were wider.
+    """A drive with one wheel speed per side; the robot turns as if its track were wider.
 
-    Commands follow the bicycle model: a speed of the wheels' middle and a steering angle, with
-    curvature = tan(steering) / wheelbase. At speed 0 the robot does not turn.
+    Commands follow the bicycle model: a speed of the middle of the wheels and a steering angle,
+    with curvature = tan(steering) / wheelbase. At speed 0, the robot does not turn.
     """
 
     steering_joints: ClassVar[tuple[str, ...]] = ()  # nothing is steered
     wheel_joints: tuple[str, ...]  # all left joints, then all right joints
     caster_links: tuple[str, ...]
     wheelbase_m: Annotated[float, POSITIVE]  # wheelbase of the bicycle model
-    track_m: Annotated[float, POSITIVE]  # distance between wheel centres, averaged over axles
+    track_m: Annotated[float, POSITIVE]  # distance between wheel centres, averaged over the axles
     wheel_radii_m: Annotated[Sequence[float], RADII]  # one per axle, front to rear
-    rear_axle_x_m: Annotated[float, NUMBER]  # x of the wheels' middle, in the robot's frame
+    rear_axle_x_m: Annotated[float, NUMBER]  # x of the middle of the wheels in the robot's frame
     steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
     max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
     # ratio of effective to geometric track that commands assume
@@ -76,21 +76,21 @@ class SkidSteer:
 
     @property
     def steering_limit(self) -> float:
-        """Full lock: the bicycle model's angle [rad] at the maximum curvature."""
+        """Full lock: the angle [rad] of the bicycle model at maximum curvature."""
         return self.steering_limit_rad
 
     @property
     def turn_ratio(self) -> float:
-        """Actual curvature divided by the commanded one; 1 if commands compensate all slip."""
+        """The ratio of actual to commanded curvature; 1 if commands compensate the slip."""
         return self.wheel_separation_multiplier / self.turning_resistance
 
     @property
     def speed_limit_offset_m(self) -> float:
-        """Half the effective track, at which the ground moves as fast as the outer rims."""
+        """Half the effective track, where the ground moves as fast as the outer rims."""
         return 0.5 * self.track_m * self.turning_resistance
 
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return no angles, and the wheel rates [rad/s]; ``steering`` is clipped before speed."""
+        """Return no angles, and the wheel rates [rad/s]; steering has priority over speed."""
         lock = self.steering_limit_rad
         curvature = elementary.tan(min(max(steering, -lock), lock)) / self.wheelbase_m
         side = 0.5 * self.track_m * self.wheel_separation_multiplier * curvature
@@ -104,31 +104,31 @@ class SkidSteer:
 @dataclass(frozen=True)
 @checked
 class SkidSteerDescription(DriveDescription):
-    """The joints of a robot that form a skid-steer drive, with limits and turning resistance."""
+    """The joints of a skid-steer drive on a robot, with limits and turning resistance."""
 
     locks_steering = True
     steering_joints = ()  # nothing is steered
     left_wheel_joints: Annotated[Sequence[str], SIDE]  # front to rear
-    right_wheel_joints: Annotated[Sequence[str], SIDE]  # front to rear, opposite the left ones
+    right_wheel_joints: Annotated[Sequence[str], SIDE]  # front to rear, opposite the left joints
     wheelbase_m: Annotated[float, POSITIVE]  # bicycle model: curvature = tan(steering) / wheelbase
     steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
     max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
     wheel_separation_multiplier: Annotated[float | None, POSITIVE] = None
     """Ratio of effective to geometric track that commands assume; None: the actual ratio."""
     turning_resistance: Annotated[float | None, AT_LEAST_ONE] = None
-    """Actual ratio of effective to geometric track; None: see ``compute_turning_resistance``."""
+    """Actual ratio of effective to geometric track; None: ``compute_turning_resistance``."""
     caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction
 
     @property
     def wheel_joints(self) -> tuple[str, ...]:  # type: ignore[override]
-        """All left joints, then all right joints."""
+        """The left joints, then the right joints."""
         return (*self.left_wheel_joints, *self.right_wheel_joints)
 
     @classmethod
     def recognise(
         cls, steered: Sequence[Pair], others: Sequence[Pair], given: Mapping[str, Any]
     ) -> Self | None:
-        """Return the drive formed by several unsteered axles, or None if there is none."""
+        """Return the drive formed by several unsteered axles; None if there are others."""
         if steered or len(others) < 2:
             return None
         sides = zip(*others, strict=True)
@@ -137,7 +137,7 @@ class SkidSteerDescription(DriveDescription):
         return cls.build(found, given)
 
     def fit(self, urdf: Urdf) -> SkidSteer:
-        """Return the drive with the tracks, radii and turning resistance of a robot."""
+        """Return the drive with tracks, radii and turning resistance measured on a robot."""
         pairs = list(zip(self.left_wheel_joints, self.right_wheel_joints, strict=False))
         if not len(pairs) == len(self.left_wheel_joints) == len(self.right_wheel_joints):
             rule = "both sides must have the same number of wheels"

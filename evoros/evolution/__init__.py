@@ -1,1 +1,1 @@
-"""The evolution: an experiment with its checks, and the loop of ask, evaluate and tell."""
+"""The evolution: the experiment with its checks, and the ask, evaluate and tell loop."""

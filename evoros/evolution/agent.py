@@ -1,4 +1,4 @@
-"""Additional robots in a run's worlds, and checks that all robots have room."""
+"""Additional robots in the worlds of a run, and checks that all robots have room."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -33,7 +33,8 @@ PLACE = Rule(
 class Agent:
     """An additional robot, which has the same home in all worlds.
 
-    Parts that are None are the first robot's. A ``design`` evolves together with that robot's.
+    Parts that are None are taken from the first robot. A ``design`` evolves together with the first
+    robot's.
     """
 
     home: Annotated[Sequence[float], PLACE]  # x, y [m], yaw [rad]
@@ -41,10 +42,10 @@ class Agent:
     robot: Annotated[Robot | None, instance_of(Robot, "a robot")] = None
     design: Annotated[SensorDesign | None, instance_of(SensorDesign, "a sensor design")] = None
     controller: Annotated[Controller | LiveController | None, A_CONTROLLER] = None
-    scored: Annotated[bool, FLAG] = False  # True if its missions also count for the fitness
+    scored: Annotated[bool, FLAG] = False  # whether the fitness includes this robot's missions
 
     def join(self, name: str, first: Member) -> Member:
-        """Return this robot as a named member of the scenario of the first member, ``first``."""
+        """Return this robot as a named member of the scenario; ``first`` is the first member."""
         x, y, yaw = map(float, self.home)
         return replace(
             first,
@@ -63,7 +64,7 @@ class Agent:
 
 
 def make_room(members: Sequence[Member], worlds: Mapping[str, World]) -> dict[str, World]:
-    """Return the worlds with samplers that leave room for all robots."""
+    """Return the worlds, with samplers that leave room for all robots."""
     placed = [member for member in members if member.home is not None]
     return {
         name: _make_room(placed, name, world) if placed else world for name, world in worlds.items()
@@ -90,7 +91,7 @@ def _make_room(placed: Sequence[Member], name: str, world: World) -> World:
 
 
 def check_team(members: Sequence[Member], worlds: Mapping[str, World]) -> None:
-    """Check that the robots of an experiment fit together."""
+    """Check that the robots of an experiment are compatible."""
     designed = {member.name: member for member in members if member.has_own_design}
     for member in members:
         _check_design(member, designed[member.designed])

@@ -1,4 +1,4 @@
-"""The trials of one generation's designs, in rounds chosen by the allocation."""
+"""The trials of the designs in one generation, in rounds chosen by the allocation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,17 +16,17 @@ ROUND = Rule(
 
 @dataclass
 class Contest:
-    """Designs that may get trials, and their scores so far."""
+    """The designs that compete for trials, and their scores so far."""
 
     allocation: Allocation
     trials: int  # value of the experiment's key ``trials``
     earlier: Mapping[int, list[float]]
-    combine: Combine = mean  # the experiment's rule to combine scores
-    scores: dict[int, list[float]] = field(default_factory=dict)  # only designs with trials
+    combine: Combine = mean  # rule by which the experiment combines scores
+    scores: dict[int, list[float]] = field(default_factory=dict)  # only for designs with trials
     rounds: list[Mapping[int, int]] = field(default_factory=list)
 
     def next_round(self) -> dict[int, range]:
-        """Return the numbers of each design's next trials, or {} at the end of the contest."""
+        """Return the numbers of the next trials of each design; {} at the end of the contest."""
         standings = [
             Standing(i, tuple(self.scores.get(i, ())), tuple(earlier), self.combine)
             for i, earlier in self.earlier.items()
@@ -50,24 +50,24 @@ class Contest:
         return wanted
 
     def add(self, scores: Mapping[int, list[float]]) -> None:
-        """Add the scores of a round's trials."""
+        """Add the scores of the trials in a round."""
         for design_id, new in scores.items():
             self.scores.setdefault(design_id, []).extend(new)
 
     def fitness(self) -> dict[int, float]:
-        """Return the fitness of each design with trials, over all its generations."""
+        """Return the fitness of each design with trials, over all of its generations."""
         lives = {i: [*self.earlier[i], *new] for i, new in self.scores.items()}
         fitness = {i: self.combine(life, self.compared) for i, life in lives.items()}
         return cap_fitness(fitness, self.rounds)
 
     @property
     def compared(self) -> int:
-        """The number of trials by which designs are compared; the last round's all have it."""
+        """The number of trials used to compare designs; all designs of the last round have it."""
         last = self.rounds[-1] if self.rounds else ()
         return min((len(self.earlier[i]) + len(self.scores[i]) for i in last), default=0)
 
     def stays(self) -> dict[int, int]:
-        """Return the index of each design's last round, or -1 if there were no rounds."""
+        """Return the index of the last round of each design; -1 without rounds."""
         last = {i: place for place, ids in enumerate(self.rounds) for i in ids}
         return {i: last.get(i, -1) for i in self.scores}
 

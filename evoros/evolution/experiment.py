@@ -78,7 +78,7 @@ STATED = Condition(Case())  # represents every given case, because all cases sha
 
 
 def check_case(group: str, names: Iterable[str]) -> None:
-    """Check that names differ in more than upper and lower case, which some file systems ignore."""
+    """Check that names differ in more than letter case, which some file systems ignore."""
     known: dict[str, str] = {}
     for name in names:
         other = known.setdefault(name.casefold(), name)
@@ -94,16 +94,12 @@ def check_case(group: str, names: Iterable[str]) -> None:
 class Experiment:
     """Everything that determines a run.
 
-    The fields have the names of keys and groups in ``conf/config.yaml``. ``confirmation`` repeats
-    the missions of the best designs in another simulator or with another controller. ``agents``
-    are robots in addition to the first robot, which the experiment's own fields describe;
-    ``walkers`` are moving obstacles. ``objectives`` and ``descriptors`` are measures for the
-    optimizer. ``figures`` names the subcommands of evoros analyze that draw the finished run. The
-    worlds' courses may refer to values in ``course``.
-
-    Raises:
-        InputError: a value is out of range, a part has the wrong kind, or parts do not fit
-            together.
+    The fields are named after the keys and groups in ``conf/config.yaml``. ``confirmation`` repeats
+    the missions of the best designs in another simulator or with another controller. ``agents`` are
+    robots in addition to the first robot, which the other fields describe; ``walkers`` are moving
+    obstacles. ``objectives`` and ``descriptors`` are measures for the optimizer. ``figures`` names
+    the subcommands of evoros analyze that draw the finished run. Courses of worlds may refer to
+    values in ``course``.
     """
 
     robot: Robot
@@ -122,11 +118,11 @@ class Experiment:
         Executor, instance_of(Executor, "an executor (a subclass of evoros.parts.Executor)")
     ]
     seed: Annotated[int, SEED] = 0
-    trials: Annotated[int, COUNT] = 1  # number of missions per design in each world
+    trials: Annotated[int, COUNT] = 1  # number of missions per design and world
     draws: Annotated[str, one_of(*POLICIES)] = "generation"  # scope of shared random draws
-    # Distributes trials among the designs of a generation.
+    # distribution of trials among the designs of a generation
     allocation: Annotated[Allocation, AN_ALLOCATION] = field(default_factory=Once)
-    # reaction to crashed or hung missions
+    # reaction to missions that crash or hang
     lost_missions: Annotated[str, one_of(STOP, WORST)] = STOP
     # trajectories to keep
     record: Annotated[str, one_of(CHAMPION, CHAMPIONS, ALL, NONE)] = CHAMPIONS
@@ -139,17 +135,17 @@ class Experiment:
     descriptors: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
     # search for worst cases in an evaluation
     worst_cases: Annotated[WorstCases | None, A_SEARCH] = None
-    # Requirements on each design in an evaluation, which stops once they are decided.
+    # Requirements for each design in an evaluation, which ends once they are decided.
     requirements: Annotated[Mapping[str, Requirement], REQUIREMENTS] = field(default_factory=dict)
-    # Random draws of an evaluation: fresh draws, or the draws of a run's validation.
+    # Random draws of an evaluation: fresh ones, or the draws of a run's validation.
     evaluation_draws: Annotated[str, one_of(EVALUATION, VALIDATION)] = EVALUATION
-    # Designs that a finished run compares with its champion.
+    # Designs with which a finished run compares its champion.
     controls: Annotated[Controls | None, SOME_CONTROLS] = None
     stop_after: Annotated[StopAfter, A_LIMIT] = field(default_factory=StopAfter)
     figures: Sequence[str] = ()
-    # Trackers that receive the run's records.
+    # Trackers that receive the records of the run.
     observers: Annotated[Mapping[str, Observer], OBSERVERS] = field(default_factory=dict)
-    # The treatment in figures: its ``name``, and its levels by factor.
+    # The treatment in figures: its ``name``, and its level of each factor.
     treatment: Annotated[Mapping[str, Any], TREATMENT] = field(default_factory=dict)
     course: Annotated[Course | None, A_COURSE] = None
 
@@ -172,18 +168,18 @@ class Experiment:
         other = self.confirmation.controller if self.confirmation else None
         for member in (*self.members, *(self._list_members(other) if other else ())):
             member.check_parts()
-        # Worlds that are drawn for each mission must leave room for all robots.
+        # Worlds drawn for each mission must leave room for all robots.
         object.__setattr__(self, "world", make_room(self.members, self.world))
         check_team(self.members, self.world)
         worlds, agents = list(self.world), list(self.agents)
         check_requirements(self.requirements, worlds, agents)
-        self.scenario_for(CONFIRMATION)  # checks that the parts fit together
+        self.scenario_for(CONFIRMATION)  # checks that the parts are compatible
         for condition in self.conditions.values():
             self.scenario_under(condition)
 
     @cached_property
     def members(self) -> tuple[Member, ...]:
-        """The robots with the controllers of the run; the top level's robot comes first."""
+        """The robots with the controllers of the run, the main robot first."""
         return self._list_members(self.controller)
 
     def _list_members(self, controller: Controller | LiveController) -> tuple[Member, ...]:
@@ -193,12 +189,12 @@ class Experiment:
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The scenario of missions in the run's own simulator."""
+        """The scenario of missions in the simulator of the run."""
         return Scenario(self.members, self.world, self.failure, self.simulator, self.walkers)
 
     @cached_property
     def confirming(self) -> Scenario:
-        """The scenario of confirming missions; ``scenario`` if no confirmation is configured."""
+        """The scenario of confirming missions; ``scenario`` without a confirmation."""
         confirmation = self.confirmation
         if confirmation is None:
             return self.scenario
@@ -210,7 +206,7 @@ class Experiment:
             raise InputError(f"{key}: {error}") from None
 
     def scenario_for(self, purpose: str) -> Scenario:
-        """Return ``confirming`` for confirming and later missions, and ``scenario`` otherwise."""
+        """Return ``confirming`` for confirming and later missions, otherwise ``scenario``."""
         confirming = purpose in (CONFIRMATION, VALIDATION, FINAL)
         return self.confirming if confirming else self.scenario
 
@@ -244,24 +240,24 @@ class Experiment:
 
     @property
     def conditions(self) -> dict[str, Condition]:
-        """The requirements' conditions that replace parts of the experiment, keyed by ``text``."""
+        """The conditions in requirements that replace parts of the experiment, by ``text``."""
         return list_conditions(self.requirements)
 
     @cached_property
     def space(self) -> TeamSpace:
-        """The search space of all robots that have separate designs."""
+        """The search space of all robots with separate designs."""
         owners = [member for member in self.members if member.has_own_design]
         return TeamSpace({member.name: member.space for member in owners})
 
     @cached_property
     def scoring(self) -> Scoring:
-        """The scoring of all robots that count for the fitness."""
+        """The scoring of all robots included in the fitness."""
         scored = (place for place, member in enumerate(self.members) if member.scored)
         return Scoring(self.fitness, tuple(scored))
 
     @property
     def scored_missions(self) -> int:
-        """The number of scores per trial: one per mission if the fitness is additive, else one."""
+        """The number of scores per trial: one per mission for an additive fitness, else one."""
         return len(self.world) if isinstance(self.fitness, AdditiveFitness) else 1
 
     @property
@@ -271,20 +267,20 @@ class Experiment:
 
     @property
     def states_cases(self) -> bool:
-        """True if missions may run under stated failure cases or other conditions."""
+        """True if missions may use stated failure cases or other conditions."""
         required = any(map(need_conditions, self.requirements.values()))
         stating = isinstance(self.failure, SystematicFailure | AdaptiveFailure)
         return required or stating or self.worst_cases is not None
 
     def start_search(self) -> Search:
-        """Start the experiment's search, with random draws that the seed determines."""
+        """Start the search of the experiment, with random draws determined by the seed."""
         rng = generator(f"{self.seed}", "optimizer")
         search = ask("optimizer", self.optimizer.start, A_SEARCHER, self.space, self.goals, rng)
         return AskedSearch(search, self.space.size)
 
     @cached_property
     def goals(self) -> Goals:
-        """The measures in this experiment's scores besides the fitness."""
+        """The measures in scores besides the fitness."""
         bounds = {name: measure.bounds for name, measure in self.descriptors.items()}
         return Goals(
             tuple(self.objectives),

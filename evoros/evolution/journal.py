@@ -23,13 +23,13 @@ class Generation:
 
     number: int
     candidates: Sequence[Candidate]
-    genes: Sequence[Mapping[str, object]]  # each candidate's gene values by name
-    measures: Sequence[Mapping[str, float]]  # each candidate's objectives and descriptors
+    genes: Sequence[Mapping[str, object]]  # gene values of each candidate by name
+    measures: Sequence[Mapping[str, float]]  # objectives and descriptors of each candidate
     best: Candidate
-    trials: Mapping[int, int]  # number of trials behind each candidate's fitness
-    validated_fitness: Mapping[int, float]  # best designs of all generations so far
+    trials: Mapping[int, int]  # number of trials in the fitness of each candidate
+    validated_fitness: Mapping[int, float]  # the best designs of all generations so far
     screened_fitness: Mapping[int, float]  # all candidates; empty without a confirmation
-    losses: Mapping[int, float]  # screened minus confirmed fitness, for confirmed individuals
+    losses: Mapping[int, float]  # screened minus confirmed fitness of confirmed individuals
 
     @cached_property
     def mean(self) -> float:
@@ -38,22 +38,22 @@ class Generation:
 
     @property
     def validated(self) -> float | None:
-        """The validated fitness of the best candidate; None without validation trials."""
+        """The validated fitness of the best candidate; None without validation."""
         return self.validated_fitness.get(self.best.individual.id)
 
     @property
     def loss(self) -> float | None:
-        """The best candidate's loss; None if it was not confirmed."""
+        """The loss of the best candidate; None if not confirmed."""
         return self.losses.get(self.best.individual.id)
 
     @property
     def mean_loss(self) -> float | None:
-        """The mean loss of all confirmed individuals; None without a confirmation."""
+        """The mean loss of confirmed individuals; None without a confirmation."""
         return fmean(self.losses.values()) if self.losses else None
 
     @property
     def summary(self) -> str:
-        """The best candidate's fitness, validated fitness and loss, and the mean, as text."""
+        """Fitness, validated fitness and loss of the best candidate, and the mean, as text."""
         validated = "" if self.validated is None else f", validated {self.validated:.3f}"
         loss = "" if self.loss is None else f", loss {self.loss:.3f}"
         return f"best {self.best.fitness:.3f}{validated}{loss}, mean {self.mean:.3f}"
@@ -61,21 +61,21 @@ class Generation:
 
 @dataclass(frozen=True)
 class Champion:
-    """The best design of a run, and the worlds of this design's first missions."""
+    """The best design of a run, and the worlds of its first missions."""
 
     id: int
     design: Design
-    gene_names: Mapping[str, Mapping[str, str]]  # robot -> key in ``design.values`` -> name
-    robots: Mapping[str, Robot]  # equipped, keyed by name; empty if a part rejects the values
+    gene_names: Mapping[str, Mapping[str, str]]  # robot -> key in ``design.values`` -> gene name
+    robots: Mapping[str, Robot]  # equipped robots by name; empty if a part rejects the values
     worlds: Mapping[str, World]
-    tracks: Sequence[str]  # names of the worlds whose trajectories are kept
-    columns: Mapping[str, Sequence[str]]  # column names of the trajectories, by world
+    tracks: Sequence[str]  # names of worlds with kept trajectories
+    columns: Mapping[str, Sequence[str]]  # columns of the trajectory in each world
     certificate: Certificate
 
 
 @dataclass(frozen=True)
 class Ending:
-    """The last generation of a run, and the champion's certificate."""
+    """The last generation of a run, and the certificate of its champion."""
 
     last: Generation
     certificate: Certificate
@@ -94,41 +94,41 @@ class Watcher:
     """Follows the progress of a run without affecting its results."""
 
     def begin(self, generation: int, missions: int, known: int) -> None:
-        """Report that ``missions`` missions come next, ``known`` of which are already recorded."""
+        """Report that ``missions`` missions follow, of which ``known`` are recorded."""
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
-        """Report that a mission has finished and is recorded."""
+        """Report that a mission has finished and has been recorded."""
 
     def generation(self, generation: Generation) -> None:
-        """Report that a generation is recorded."""
+        """Report that a generation has been recorded."""
 
 
 class Journal(MissionRecord, Protocol):
-    """Keeps the records of a run, so an evolution does not repeat recorded missions."""
+    """Keeps the records of a run, so that the evolution repeats no recorded missions."""
 
     def find(self, mission: Mission) -> Outcomes | None:
-        """Return the recorded outcomes of a mission, or None; raise InputError for other draws."""
+        """Return the recorded outcomes of a mission, or None; InputError for different draws."""
 
     def keep_log(self, mission: Mission, log: str) -> None:
-        """Store the controller's output from a lost mission."""
+        """Store the output of the controller in a lost mission."""
 
     def write_generation(self, generation: Generation) -> None:
-        """Record a generation; raise an InputError if a different one has this number."""
+        """Record a generation; raise an InputError if it differs from the recorded one."""
 
     def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
-        """Store the trajectory of a finished mission before the mission is recorded."""
+        """Store the trajectory of a finished mission, before recording the mission."""
 
     def read_trajectory(self, mission: Mission) -> Array:
         """Return the stored trajectory of a mission."""
 
     def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
-        """Delete all trajectories except for ``missions``; return the missions that lack one."""
+        """Delete all trajectories except for ``missions``; return the missions without one."""
 
     def write_champions(self, champions: Champions) -> None:
         """Replace the recorded champions, if the run has or had several."""
 
     def has_champion(self, champion: Champion) -> bool:
-        """Return True if the journal has this champion with all trajectories."""
+        """Return True if this champion is recorded with all trajectories."""
 
     def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
         """Replace the recorded champion, with a trajectory for each name in ``tracks``."""

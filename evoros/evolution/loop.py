@@ -1,4 +1,4 @@
-"""The evolution loop: asks for designs, evaluates and records them, and certifies the champion."""
+"""The evolution loop: asks for designs, evaluates and records them, certifies the champion."""
 
 import math
 from collections.abc import Callable, Container, Sequence
@@ -29,14 +29,14 @@ from evoros.terminal.log import LOGGER
 
 @dataclass
 class Judgement:
-    """Judges a champion on fresh draws, compared with the other validated designs."""
+    """Compares a champion with the other validated designs, on fresh draws."""
 
     validated: Validated
     champion: Individual
 
     def __post_init__(self) -> None:
         self.experiment = self.validated.trials.experiment
-        # confidence of each look at the interval
+        # confidence of each interim look at the interval
         self.confidence = self.experiment.validation.confidence
 
     @property
@@ -45,7 +45,7 @@ class Judgement:
         return self.validated.fresh[self.champion.id]
 
     def bound(self, design: int, confidence: float) -> rates.Bounds:
-        """Return the fitness interval of a validated design, or NaN if unknown."""
+        """Return the fitness interval of a validated design; NaN if unknown."""
         fresh = self.validated.fresh[design]
         if not fresh.trials:
             return math.nan, math.nan
@@ -62,10 +62,10 @@ class Judgement:
         return max(lowest, fresh.lowest), highest
 
     def reach_precision(self, recorded: float) -> int | None:
-        """Add trials until the interval is narrow enough, or up to ``max_trials``.
+        """Add trials until the interval is narrow enough, up to ``max_trials``.
 
         The looks depend on the ``recorded`` fitness, which is independent of the validation draws.
-        Returns the estimated number of trials if the precision was missed.
+        Return the estimated number of trials required if the precision was missed.
         """
         validation, precision = self.experiment.validation, self.experiment.validation.precision
         assert precision is not None
@@ -126,7 +126,7 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Choice:
-    """The champion, the fitness that selected it, and the other designs, best first."""
+    """The champion, the fitness by which it was chosen, and the other designs, best first."""
 
     individual: Individual
     fitness: float
@@ -167,7 +167,7 @@ def choose_champion(scores: Scores, last: Generation) -> Choice:
 
 
 def certify(validated: Validated, last: Generation, choice: Choice) -> Certificate:
-    """Validate the champion to the required precision, and compare it with its rivals."""
+    """Validate the champion to the required precision, and compare it with rivals."""
     experiment = validated.trials.experiment
     validation, combine = experiment.validation, experiment.scoring.combine
     champion, leaders = choice.individual, set(validated.fresh)
@@ -200,7 +200,7 @@ def certify(validated: Validated, last: Generation, choice: Choice) -> Certifica
 
 
 def _find_advantage(rivals: Sequence[Rival], low: float) -> float:
-    """Return a bound on rivals' advantage over the champion; NaN without rivals or intervals."""
+    """Return a bound on the advantage of rivals over the champion; NaN if there is none."""
     ends = [rival.high for rival in rivals]
     known = ends and not any(map(math.isnan, ends))
     return round(max(ends) - low, rates.DIGITS) if known else math.nan
@@ -221,7 +221,7 @@ def _rate(validation: Validation, outcomes: Sequence[Outcome]) -> Rate:
     return Rate(completed, len(outcomes), *bounds)
 
 
-MOST_SHOWN = 100  # maximum number of designs in an archive or a front with stored trajectories
+MOST_SHOWN = 100  # maximum number of designs in an archive or front with stored trajectories
 
 
 def list_champions(scores: Scores, individuals: Sequence[Individual]) -> Champions:
@@ -244,8 +244,8 @@ def _name_genes(experiment: Experiment) -> dict[str, dict[str, str]]:
 
 
 def keep_missions(scores: Scores, individuals: Sequence[Individual]) -> None:
-    """Keep the trajectories of these individuals' first missions, and delete all others."""
-    # Too many individuals are thinned out evenly over the ranks.
+    """Keep the trajectories of the first missions of individuals; delete all others."""
+    # If there are too many individuals, select them evenly by rank.
     last = len(individuals) - 1
     count = min(len(individuals), MOST_SHOWN)
     ranks = [round(i * last / max(count - 1, 1)) for i in range(count)]
@@ -273,7 +273,7 @@ def _list_first(scores: Scores, individual: Individual) -> list[Mission]:
 
 
 def record_champion(scores: Scores, individual: Individual, certificate: Certificate) -> None:
-    """Record the champion with the trajectories of its first missions."""
+    """Record the champion, with the trajectories of its first missions."""
     experiment, journal = scores.trials.experiment, scores.trials.journal
     missions = _list_first(scores, individual)
     scenario, design = experiment.scenario_for(missions[0].purpose), missions[0].design
@@ -309,12 +309,8 @@ def evolve(
 ) -> Ending:
     """Run the experiment for a number of generations, and record its certified champion.
 
-    Recorded missions are not run again, so an interrupted run continues. ``stops`` receives the
-    cost after each generation, and returns True to end the search there.
-
-    Raises:
-        InputError: the journal belongs to another run, or a part refuses its input.
-        RunStopped: a mission crashed or hung, and ``lost_missions`` is ``stop``.
+    Recorded missions are not repeated, so an interrupted run continues. ``stops`` receives the cost
+    after each generation, and returns True to end the search.
     """
     keep = journal.keep_trajectory if experiment.record == ALL else None
     dispatcher = Dispatcher(pool, experiment.lost_missions, journal.keep_log, keep)

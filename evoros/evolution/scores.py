@@ -1,4 +1,4 @@
-"""Scoring of a run's individuals, generation by generation."""
+"""Scoring of the individuals of a run, generation by generation."""
 
 from array import array
 from collections.abc import Container, Iterable, Mapping, Sequence
@@ -21,7 +21,7 @@ from evoros.optimizer.protocol import Candidate, Individual, Score
 
 
 class NumberLog:
-    """Rows of ``width`` numbers, each for one individual, in the order in which they were added."""
+    """A log of rows of ``width`` numbers; each row belongs to an individual."""
 
     def __init__(self, width: int) -> None:
         self._width = width
@@ -35,7 +35,7 @@ class NumberLog:
         self._numbers.extend(row)
 
     def find(self, individuals: Iterable[int]) -> dict[int, list[list[float]]]:
-        """Return each individual's rows, or an empty list if it has none."""
+        """Return the rows of each individual, an empty list without any."""
         rows: dict[int, list[list[float]]] = {i: [] for i in individuals}
         known = np.asarray(self._individuals)
         numbers = np.asarray(self._numbers).reshape(-1, self._width)
@@ -44,48 +44,48 @@ class NumberLog:
         return rows
 
     def find_last(self, individuals: Iterable[int]) -> dict[int, list[float]]:
-        """Return the last row of each of these individuals, all of which must have rows."""
+        """Return the last row of each individual, all of which must have rows."""
         return {i: rows[-1] for i, rows in self.find(individuals).items()}
 
 
 class Ledger:
-    """The scores of a run's individuals so far, keyed by id."""
+    """The scores of all individuals of a run so far, keyed by id."""
 
     def __init__(self, measures: int, final_choice: FinalChoice | None) -> None:
         self._final_choice = final_choice
-        self.screened = NumberLog(1)  # one trial's score in the run's own simulator
-        self.told = NumberLog(1 + measures)  # fitness and measures, as reported to the search
-        self._shown = NumberLog(2)  # ``generation`` and ``earlier`` of ``show``
+        self.screened = NumberLog(1)  # score of one trial in the run's own simulator
+        self.told = NumberLog(1 + measures)  # fitness and measures reported to the search
+        self._shown = NumberLog(2)  # arguments ``generation`` and ``earlier`` of ``show``
         self.finalists: dict[int, Individual] = {}
         """The best finished individuals, and any whose fitness may change; empty if not needed."""
 
     def find_screened(self, individuals: Iterable[int]) -> dict[int, list[float]]:
-        """Return the scores of all trials by individual."""
+        """Return the scores of all trials of each individual."""
         by_id = self.screened.find(individuals)
         return {i: [score for (score,) in rows] for i, rows in by_id.items()}
 
     def find_told(self, individuals: Iterable[int]) -> dict[int, list[float]]:
-        """Return each individual's fitness and measures as last reported to the search."""
+        """Return the fitness and measures last reported to the search for each individual."""
         return self.told.find_last(individuals)
 
     def find_fitness(self, individuals: Iterable[int]) -> dict[int, float]:
-        """Return each individual's fitness as last reported to the search."""
+        """Return the fitness last reported to the search for each individual."""
         return {i: row[0] for i, row in self.find_told(individuals).items()}
 
     def show(self, individual: int, generation: int, earlier: int) -> None:
-        """Record the generation whose trials are shown if this individual becomes the champion."""
+        """Record the generation whose trials are shown if the individual becomes the champion."""
         self._shown.add(individual, (generation, earlier))
 
     def find_shown(self, individual: int) -> tuple[int, int]:
-        """Return the generation and the number of earlier trials from the last ``show``."""
+        """Return the generation and number of earlier trials of the last call of ``show``."""
         generation, earlier = self._shown.find_last([individual])[individual]
         return int(generation), int(earlier)
 
     def keep_finalists(self, alive: Iterable[Individual]) -> None:
-        """Keep the individuals that a final choice may need."""
+        """Keep the individuals that a final choice may consider."""
         if self._final_choice is None:
             return
-        # Only living individuals can still rise into the best.
+        # only living individuals can still become one of the best
         living = {individual.id: individual for individual in alive}
         known = self.finalists | living
         ended = self.find_fitness(known.keys() - living.keys())
@@ -95,7 +95,7 @@ class Ledger:
 
 @dataclass
 class Confirmed:
-    """The scores of confirmed trials, and the scores of the same trials in the run's simulator."""
+    """The scores of confirmed trials, and of the same trials in the run's simulator."""
 
     trials: Trials
     ledger: Ledger
@@ -133,26 +133,26 @@ class Confirmed:
         return fitness | {i: experiment.scoring.combine(self.scores[i]) for i in known}
 
     def list_losses(self) -> dict[int, float]:
-        """Return each confirmed design's screened minus confirmed fitness, keyed by id."""
+        """Return the screened minus confirmed fitness of each confirmed design, by id."""
         combine = self.trials.experiment.scoring.combine
         return {i: combine(self.screened[i]) - combine(scores) for i, scores in self.scores.items()}
 
 
-DROPPED = "dropped"  # operator of a survivor that was scored again but then dropped by the search
+DROPPED = "dropped"  # operator of a survivor that was scored again and then dropped by the search
 
 
 class Opposition:
-    """The failure cases of each generation; none if the failure model does not adapt.
+    """The failure cases of each generation; none unless the failure model adapts.
 
-    They follow from the seed and recorded scores. Trials meet them in random order, because
-    otherwise designs with few trials would meet harder cases.
+    Cases are determined by the seed and recorded scores. Trials use them in random order;
+    otherwise, designs with few trials would be tested in harder cases.
     """
 
     def __init__(self, experiment: Experiment) -> None:
         failure = experiment.failure
         self._key = f"{experiment.seed}/adversary"
         self._meets_all = isinstance(experiment.allocation, Once)  # then their order is irrelevant
-        self._order: Sequence[int] = ()  # index of the case for each trial
+        self._order: Sequence[int] = ()  # index of the case of each trial
         self._adversary = None
         if isinstance(failure, AdaptiveFailure):
             trials = experiment.allocation.most_trials(experiment.trials)
@@ -175,7 +175,7 @@ class Opposition:
         return self._cases[generation]
 
     def tell(self, scores: Mapping[int, Sequence[float]]) -> None:
-        """Adapt the next generation's cases to the scores of each design's trials."""
+        """Adapt the cases of the next generation to the scores of each design's trials."""
         if self._adversary is not None:
             self._adversary.tell(
                 {i: dict(zip(self._order, met, strict=False)) for i, met in scores.items()}
@@ -184,7 +184,7 @@ class Opposition:
 
 @dataclass
 class Scores:
-    """Scores a run's individuals generation by generation; only the ledger has all of them."""
+    """Scores the individuals of a run by generation; the ledger holds all scores."""
 
     trials: Trials
     survivors: list[Individual] = field(default_factory=list)  # survivors of the last generation
@@ -201,7 +201,7 @@ class Scores:
         self.validated = Validated(self.trials)
 
     def evaluate(self, generation: int, individuals: Sequence[Individual]) -> dict[int, Score]:
-        """Return the scores of new individuals, and of survivors with further trials."""
+        """Return the scores of new individuals, and of survivors with more trials."""
         new = {individual.id for individual in individuals}
         self.survivors = [old for old in self.survivors if old.id not in new]
         everyone = [*individuals, *self.survivors]
@@ -253,10 +253,10 @@ class Scores:
     def conclude(
         self, generation: int, candidates: Sequence[Candidate], scores: Mapping[int, Score]
     ) -> Generation:
-        """Validate the best of these candidates, and return the finished generation."""
+        """Validate the best of the candidates, and return the finished generation."""
         experiment = self.trials.experiment
         present = {candidate.individual.id for candidate in candidates}
-        # The table has all scores that were reported to the search.
+        # The table contains all scores reported to the search.
         dropped = [
             Candidate(old, DROPPED, scores[old.id].fitness, 0)
             for old in self.survivors

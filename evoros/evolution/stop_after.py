@@ -1,4 +1,4 @@
-"""Limits on what a search may cost, checked after each generation."""
+"""Limits on the cost of a search, checked after each generation."""
 
 from dataclasses import dataclass, fields
 from typing import Annotated
@@ -11,13 +11,13 @@ TIME = Rule("null or a positive number", lambda v: v is None or POSITIVE.holds(v
 
 @dataclass
 class Spent:
-    """The cost of a search so far; validation and the final choice do not count."""
+    """The cost of a search so far, without validation and final choice."""
 
     generations: int = 0
     missions: int = 0
     simulated_s: float = 0.0
-    processor_s: float = 0.0  # [s] of missions since the start or the last resume
-    wall_s: float = 0.0  # [s] since the start or the last resume
+    processor_s: float = 0.0  # [s], missions since the start or last resume
+    wall_s: float = 0.0  # [s], since the start or last resume
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class StopAfter:
     wall_s: Annotated[float | None, TIME] = None
 
     def find_reached(self, spent: Spent) -> str:
-        """Describe the limits that are reached; empty if none is."""
+        """Describe the limits reached; empty if none is."""
         costs = ((name, getattr(spent, name), getattr(self, name)) for name in LIMITS)
         return ", ".join(
             f"stop_after.{name}: {cost:.12g} of {limit:.12g}"

@@ -1,4 +1,4 @@
-"""The rule for a treatment's name and factor levels."""
+"""The rule for the name and factor levels of a treatment."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,11 +6,11 @@ from typing import Any
 from evoros.base.checks import NAME, Rule
 
 RESERVED = ("run", "treatment", "seed")  # names of the first columns of tables
-MAX_LENGTH = 60  # maximum number of characters in a name or a level
+MAX_LENGTH = 60  # maximum number of characters of a name or level
 
 
 def describe_problem(given: Mapping[Any, Any]) -> str:
-    """Describe the first fault in a treatment's name or factors; '' if there is none."""
+    """Describe the first fault in the name or factors of a treatment; '' if there is none."""
     for key, value in given.items():
         if not NAME.holds(key) or key in RESERVED:
             return f"{key!r} must be {NAME.text} other than {', '.join(RESERVED)}"

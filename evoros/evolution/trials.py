@@ -28,11 +28,11 @@ A_NUMBER = Rule("a number", is_real)
 
 @dataclass
 class Measuring:
-    """Computes scores, and reports each measure's faults once."""
+    """Computes scores, and reports faults of each measure once."""
 
     experiment: Experiment
     trials: dict[tuple[str, int], list[list[Outcomes]]] = field(default_factory=dict)
-    """The outcomes of trials, keyed by purpose and individual, if a measure needs them."""
+    """Outcomes of trials by purpose and individual, if any measure requires them."""
     reported: set[str] = field(default_factory=set)
 
     def note(
@@ -49,11 +49,11 @@ class Measuring:
                 self.trials.setdefault((purpose, design_id), []).extend(trials)
 
     def keep(self, individuals: Container[int]) -> None:
-        """Discard the trials of all but these individuals."""
+        """Discard the trials of all other individuals."""
         self.trials = {key: kept for key, kept in self.trials.items() if key[1] in individuals}
 
     def score(self, purpose: str, design_id: int, design: Design, fitness: float) -> Score:
-        """Return the score of an individual from its fitness and its trials for a purpose."""
+        """Return an individual's score from its fitness and its trials for a purpose."""
         measures, experiment = list_measures(self.experiment), self.experiment
         if not measures:
             return Score(fitness)
@@ -82,7 +82,7 @@ class Measuring:
         return worst
 
     def check_variety(self, scores: Mapping[int, Score]) -> None:
-        """Report descriptors that are equal for all designs of a generation."""
+        """Report descriptors that have the same value for all designs of a generation."""
         if len(scores) < 2:
             return
         for place, name in enumerate(self.experiment.descriptors):
@@ -101,7 +101,7 @@ class Measuring:
 
 
 def list_measures(experiment: Experiment) -> dict[str, Measure]:
-    """Return the objectives and descriptors by key, which is also the name of the table column."""
+    """Return the objectives and descriptors by key, which is also the table column."""
     return {
         f"{group}.{name}": measure
         for group in (OBJECTIVES, DESCRIPTORS)
@@ -114,14 +114,14 @@ def _sign(measure: Measure) -> float:
 
 
 def list_values(experiment: Experiment, score: Score) -> list[float]:
-    """Return the objectives and descriptors of a score, with the original signs of the measures."""
+    """Return the objectives and descriptors of a score, with the signs of the measures."""
     signs = map(_sign, experiment.objectives.values())
     objectives = (sign * value for sign, value in zip(signs, score.objectives, strict=True))
     return [*objectives, *score.descriptor]
 
 
 def read_score(experiment: Experiment, row: Mapping[str, float]) -> Score:
-    """Return the score in a table row with the fitness and each measure by key."""
+    """Return the score in a table row of the fitness and each measure, by key."""
     objectives = (
         _sign(measure) * row[f"{OBJECTIVES}.{name}"]
         for name, measure in experiment.objectives.items()
@@ -131,7 +131,7 @@ def read_score(experiment: Experiment, row: Mapping[str, float]) -> Score:
 
 
 def equip_robots(scenario: Scenario, design: Design) -> dict[str, Robot]:
-    """Return the robots that have separate designs, equipped with the design's sensors."""
+    """Return the robots that have separate designs, equipped with the sensors of the design."""
     owners = (member for member in scenario.members if member.has_own_design)
     return {member.name: _equip(member, member.find_design(design)) for member in owners}
 
@@ -139,13 +139,13 @@ def equip_robots(scenario: Scenario, design: Design) -> dict[str, Robot]:
 def _equip(member: Member, design: Design) -> Robot:
     try:
         return member.with_design(design).robot
-    except InputError:  # a part refuses the evolved values
+    except InputError:  # a part rejects the evolved values
         return member.robot.with_sensors(design.mounts, member.design.sensors)
 
 
 @dataclass(frozen=True)
 class Trials:
-    """Runs the missions that a journal lacks, and scores all missions."""
+    """Runs the missions missing in a journal, and scores all missions."""
 
     experiment: Experiment
     journal: Journal
@@ -155,14 +155,14 @@ class Trials:
     spent: Spent = field(default_factory=Spent)
 
     def decode(self, individuals: Sequence[Individual]) -> dict[int, Design]:
-        """Return the design of each individual by id."""
+        """Return the design of each individual, by id."""
         space = self.experiment.space
         return {individual.id: space.decode(individual.genome) for individual in individuals}
 
     def score(
         self, generation: int, missions: Mapping[int, Sequence[Mission]], purpose: str
     ) -> dict[int, list[float]]:
-        """Return the score of each trial of each design; raise InputError if one is not finite."""
+        """Return the score of each trial of each design; InputError for a non-finite score."""
         needed = [mission for of_design in missions.values() for mission in of_design]
         outcomes = self.run(generation, needed, purpose)
         self.measuring.note(purpose, missions, outcomes)
@@ -174,7 +174,7 @@ class Trials:
     def run(
         self, generation: int, needed: Sequence[Mission], purpose: str
     ) -> dict[MissionKey, Outcomes]:
-        """Return the outcomes of missions of one generation."""
+        """Return the outcomes of missions in one generation."""
         journal = self.journal
         if not needed:
             return {}
@@ -193,10 +193,10 @@ class Trials:
 
 @dataclass(frozen=True)
 class FreshTrials:
-    """A design's trials on fresh draws, which selection never uses."""
+    """The trials of a design on fresh draws, which selection never uses."""
 
     trials: list[float] = field(default_factory=list)  # scores of the trials
-    # Scores of missions, or of trials if the fitness is not additive; the means are equal.
+    # Scores of missions or, unless the fitness is additive, of trials; the mean is the same.
     scores: list[float] = field(default_factory=list)
     lowest: float = math.nan  # minimum possible score of the design; NaN without trials
     outcomes: Mapping[str, list[Outcome]] = field(default_factory=dict)  # keyed by world
@@ -207,15 +207,15 @@ class Validated:
     """Validates the best of each generation, the champion and its rivals, on equal fresh draws."""
 
     trials: Trials
-    compared: int = 0  # number of trials by which designs are compared
+    compared: int = 0  # number of trials used to compare designs
     fresh: dict[int, FreshTrials] = field(default_factory=dict)
     _generations: dict[int, int] = field(default_factory=dict)  # generation of each individual
 
     def validate(self, generation: int, individual: Individual) -> None:
-        """Validate an individual, unless it is already validated or the run does not validate."""
+        """Validate an individual, unless it is validated already or the run has no validation."""
         experiment = self.trials.experiment
         count = experiment.plan.validation_trials
-        # A fitness that is not a mean depends on the number of trials.
+        # A fitness other than a mean depends on the number of trials.
         if count and experiment.scoring.combine is not mean:
             count = max(count, min(self.compared, experiment.validation.max_trials))
         known = self.fresh.get(individual.id)
@@ -243,6 +243,6 @@ class Validated:
         return self.fresh[individual.id]
 
     def list_fitness(self) -> dict[int, float]:
-        """Return the validated fitness of all individuals that have validation trials."""
+        """Return the validated fitness of all individuals with validation trials."""
         combine = self.trials.experiment.scoring.combine
         return {i: combine(fresh.trials) for i, fresh in self.fresh.items() if fresh.trials}

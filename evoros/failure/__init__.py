@@ -1,1 +1,1 @@
-"""Failure models: the parts that fail, when and how."""
+"""Failure models, which determine the parts that fail, when and how."""

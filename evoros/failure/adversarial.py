@@ -1,4 +1,4 @@
-"""Failures that evolve against the designs of a run (competitive co-evolution)."""
+"""Failures that evolve against the designs of a run (competitive coevolution)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ A_FAILURE = instance_of(Failure, "a failure model (a subclass of evoros.parts.Fa
 @dataclass(frozen=True)
 @checked
 class AdversarialFailure(AdaptiveFailure):
-    """Sensor failure cases that evolve from generation to generation.
+    """Cases of sensor failures that evolve from generation to generation.
 
     During selection, each trial of a generation has one case, the same for all designs. The fitness
     of a case is the score that designs lose in that trial, compared with their other trials. The
@@ -32,11 +32,11 @@ class AdversarialFailure(AdaptiveFailure):
     """
 
     validation: Annotated[Failure, A_FAILURE] = field(default_factory=RandomFailure)
-    most: Annotated[int, COUNT] = 1  # maximum number of failed sensors in a case
+    most: Annotated[int, COUNT] = 1  # maximum number of failed sensors per case
     earliest_s: Annotated[float, NOT_NEGATIVE] = 40.0
     latest_s: Annotated[float, NOT_NEGATIVE] = 80.0
     fame: Annotated[int, WHOLE] = (
-        1  # number of trials with old cases in each generation, fewer than half
+        1  # number of trials per generation with old cases, fewer than half
     )
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # applied to the readings
 
@@ -60,7 +60,7 @@ class AdversarialFailure(AdaptiveFailure):
 
 
 class EvolvingCases:
-    """The cases of a run, one for each trial of a generation."""
+    """The cases of a run, one per trial of a generation."""
 
     def __init__(
         self, model: AdversarialFailure, sensors: int, trials: int, rng: Generator
@@ -71,13 +71,13 @@ class EvolvingCases:
         self._evolving = [self._create() for _ in range(trials - self._replayed)]
 
     def list_cases(self) -> list[Case]:
-        """Return the cases of the next generation, the evolving ones first."""
-        famous = self._famous or self._evolving  # none are famous in the first generation
+        """Return the cases of the next generation, evolving cases first."""
+        famous = self._famous or self._evolving  # none is famous in the first generation
         chosen = [famous[self._choose(len(famous))] for _ in range(self._replayed)]
         return [*self._evolving, *chosen]
 
     def tell(self, scores: Mapping[int, Mapping[int, float]]) -> None:
-        """Evolve the cases from the scores, keyed by design and then by the case's index."""
+        """Evolve the cases from scores keyed by design and case index."""
         harm: list[list[float]] = [[] for _ in self._evolving]
         for by_place in scores.values():
             usual = mean(list(by_place.values())) if by_place else 0.0

@@ -1,4 +1,4 @@
-"""Several failures in one mission."""
+"""Several failures in a mission."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -37,7 +37,7 @@ class CombinedFailure(Failure):
         return tuple(dict.fromkeys(parts))
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return the faults of all failures; adding a failure never shifts the draws of another."""
+        """Return the faults of all failures; adding a failure leaves all other draws unchanged."""
         key = rng.bytes(16).hex()
         return tuple(
             replace(fault, name=f"{name}.{fault.name}")

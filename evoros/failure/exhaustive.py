@@ -1,4 +1,4 @@
-"""Failures of every set of sensors, one set per trial."""
+"""Failures of all sets of sensors, one set per trial."""
 
 import math
 from collections.abc import Sequence
@@ -18,12 +18,12 @@ from evoros.filter.silence import Silence
 class ExhaustiveFailure(SystematicFailure):
     """All sets of sensors, which fail together at one of the given times.
 
-    Cases are ordered by the number of failing sensors, then by the sensors, then by ``times_s``.
-    Trials run through all cases in random order, then again in a new order.
+    Cases are ordered by number of failing sensors, then by sensors, then by ``times_s``. Trials use
+    all cases in random order, then again in a new order.
     """
 
     least: Annotated[int, WHOLE] = 0  # minimum number of failing sensors
-    most: Annotated[int, WHOLE] = 6  # maximum number, at most all sensors of the robot
+    most: Annotated[int, WHOLE] = 6  # maximum number of failing sensors, limited to all sensors
     times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # applied to the readings
 

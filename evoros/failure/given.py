@@ -25,7 +25,7 @@ TIMES = Rule(
 @dataclass(frozen=True)
 @checked
 class GivenFailure(Failure):
-    """The sensors with given indices fail in every mission, together or each at a given time."""
+    """Failures of the same sensors in all missions, together or each at a given time."""
 
     sensors: Annotated[Sequence[int], SENSORS] = ()
     time_s: Annotated[float | Sequence[float], TIMES] = 0.0  # one time, or one per sensor
@@ -38,7 +38,7 @@ class GivenFailure(Failure):
 
     @property
     def case(self) -> Case:
-        """The case of every mission."""
+        """The case of all missions."""
         if isinstance(self.time_s, int | float):
             return Case.of((sensor, self.time_s) for sensor in self.sensors)
         return Case.of(zip(self.sensors, self.time_s, strict=True))

@@ -18,7 +18,7 @@ from evoros.filter.silence import Silence
 class IndependentFailure(Failure):
     """Each sensor fails with ``probability``, at a uniform time from earliest_s to latest_s."""
 
-    probability: Annotated[float, PROBABILITY] = 0.3  # probability of each sensor in a mission
+    probability: Annotated[float, PROBABILITY] = 0.3  # probability per sensor and mission
     earliest_s: Annotated[float, NOT_NEGATIVE] = 0.0
     latest_s: Annotated[float, NOT_NEGATIVE] = 0.0
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # applied to the readings

@@ -25,7 +25,7 @@ SPOILED: Mapping[str, tuple[str, tuple[int, ...]]] = {
     "localization": (POSE, ()),
     "commands": (COMMAND, ()),
 }
-"""The signal that each part affects, and the indices of the affected values; empty: all."""
+"""Signal affected by each part, and indices of affected values (empty for all)."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class PartFailure(Failure):
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Stuck)  # changes the part's signal
 
     def __post_init__(self) -> None:
-        # A wheel has full strength until it fails, so repeating earlier values changes nothing.
+        # A wheel has full strength until it fails, so repeating earlier values has no effect.
         if SPOILED[self.part][0] == STRENGTH and isinstance(self.effect, Stuck | Hold | Delay):
             rule = "must change the strength of a wheel; choose constant, limit, drift or dropout"
             raise invalid(self, "effect", self.effect, rule)

@@ -15,14 +15,14 @@ from evoros.base.checks import ask, sequence_of
 from evoros.base.errors import InputError
 from evoros.filter.protocol import READINGS, SIGNALS, Channels, Filter
 
-INTACT = "intact"  # text of the case in which no sensor fails
+INTACT = "intact"  # text of the case without failing sensors
 MODEL, NOMINAL, SCREENED, CONFIRMED = "model", "nominal", "screened", "confirmed"
-"""Purposes of trials: estimate the risk, test the undamaged design, find and confirm bad cases."""
+"""Purposes of trials: estimate the risk, test the intact design, find bad cases, confirm them."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """The indices of the failing sensors, ascending, and the time of each failure [s]."""
+    """The indices of failing sensors, ascending, and the time [s] of each failure."""
 
     sensors: tuple[int, ...] = ()
     times_s: tuple[float, ...] = ()
@@ -35,18 +35,18 @@ class Case:
 
     @classmethod
     def parse(cls, text: str) -> "Case":
-        """Read a case from its ``text``; raise a ValueError if the text is not a case."""
+        """Read a case from its ``text``; raise a ValueError for any other text."""
         parts = [] if text == INTACT else [part.split("@") for part in text.split(" ")]
         return cls.of((int(sensor), float(time)) for sensor, time in parts)
 
     @property
     def text(self) -> str:
-        """The case as a table cell, for example ``0@40.0 3@52.5``; times in s."""
+        """The case as a table cell, such as ``0@40.0 3@52.5`` with times in s."""
         pairs = zip(self.sensors, self.times_s, strict=True)
         return " ".join(f"{sensor}@{time!r}" for sensor, time in pairs) or INTACT
 
     def onsets(self, count: int) -> Array:
-        """Return the failure times [s] of ``count`` sensors, (count,); infinity: never."""
+        """Return the failure times (count,) [s] of sensors; infinity for never."""
         onset = np.full(count, math.inf)
         for sensor, time in zip(self.sensors, self.times_s, strict=True):
             if sensor < count:
@@ -55,7 +55,7 @@ class Case:
 
 
 START, PLACE, COURSE, DISTANCE, WAYPOINT, USE = TRIGGERS = range(6)
-"""Kinds of mission events; the constructors of ``Trigger`` describe them."""
+"""Kinds of mission events, described in the constructors of ``Trigger``."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Trigger:
 
     @classmethod
     def at_place(cls, x_m: float, y_m: float, radius_m: float) -> Self:
-        """Return an event that occurs once the robot's origin is within ``radius_m`` of a place."""
+        """Return an event that occurs when the robot's origin is within ``radius_m`` of a place."""
         return cls(PLACE, (x_m, y_m, radius_m))
 
     @classmethod
@@ -78,7 +78,7 @@ class Trigger:
 
     @classmethod
     def after_distance(cls, distance_m: float) -> Self:
-        """Return an event that occurs once the robot has covered this length of its route."""
+        """Return an event that occurs when the robot has covered this length of its route."""
         return cls(DISTANCE, (distance_m,))
 
     @classmethod
@@ -88,7 +88,7 @@ class Trigger:
 
     @classmethod
     def by_use(cls, amount: float, per_s: float, per_m: float) -> Self:
-        """Return an event that occurs once ``amount`` is used up, at rates per second and metre."""
+        """Return an event that occurs when ``amount`` is used up, at rates per second and metre."""
         return cls(USE, (amount, per_s, per_m))
 
 
@@ -100,28 +100,28 @@ def is_timed(trigger: Trigger) -> bool:
     return trigger.kind == START
 
 
-NEVER = math.inf  # onset [s] of a fault that does not occur
+NEVER = math.inf  # onset [s] of a fault that never occurs
 _PARTS = "sensors", "localization", "commands", "drive", "wheels"
 PARTS: Mapping[str, str] = dict(zip(SIGNALS, _PARTS, strict=True))
-"""Default names of failed parts, keyed by the signal that the fault affects."""
+"""Default names of failed parts, keyed by the affected signal."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A filter that acts on one of a mission's signals from an onset on.
+    """A filter that acts on a signal of a mission from an onset on.
 
-    The fault's name and number select a random stream. A sensor fault has one onset per sensor; any
-    other fault has one onset.
+    The name and number of a fault select a random stream. A fault of sensors has one onset per
+    sensor, any other fault a single onset.
     """
 
     filter: Filter
-    onset: Array  # (n,) [s] after the trigger; infinity: never
-    name: str = ""  # empty: the filter's name
+    onset: Array  # (n,) [s] after the trigger; infinity for never
+    name: str = ""  # the filter's name if empty
     signal: str = READINGS  # affected signal
     trigger: Trigger = AT_START
-    part: str = ""  # name in the column failed_parts; empty: follows from the signal
-    values: tuple[int, ...] = ()  # indices of the affected values; empty: all
-    number: int = 0  # index among faults of the same signal and name, set by the mission
+    part: str = ""  # name in the column failed_parts; follows from the signal if empty
+    values: tuple[int, ...] = ()  # indices of affected values; all if empty
+    number: int = 0  # index among faults of equal signal and name, set by the mission
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -131,24 +131,24 @@ class Fault:
 
     @property
     def effect(self) -> str:
-        """The effect as named in the column ``failed_by``."""
+        """The effect, named as in the column ``failed_by``."""
         return self.filter.name.lower()
 
 
 class Failure(ABC):
-    """A failure model: draws the faults of each mission."""
+    """A failure model, which draws the faults of each mission."""
 
     effect: Filter | None = None
-    """The filter that a failure applies, also in explicitly given sensor cases."""
+    """The filter that a failure applies, also in explicitly given cases."""
 
     @property
     def parts(self) -> Sequence[str]:
-        """The names, as in faults, of the parts other than sensors that can fail."""
+        """The parts other than sensors that can fail, named as in faults."""
         return ()
 
     @abstractmethod
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return the faults of one mission; ``channels`` has one value per sensor of the robot."""
+        """Return the faults of a mission; ``channels`` has one value per sensor."""
 
 
 _FAULTS = sequence_of(Fault, "faults")
@@ -157,7 +157,7 @@ _FAULTS = sequence_of(Fault, "faults")
 def draw_faults(
     failure: Failure, channels: Channels, rng: Generator, earlier: Sequence[Fault] = ()
 ) -> tuple[Fault, ...]:
-    """Draw and check a mission's faults, numbered on from a robot's ``earlier`` faults."""
+    """Draw and check a mission's faults; numbers continue from the robot's ``earlier`` faults."""
     faults: tuple[Fault, ...] = ask("failure", failure.draw, _FAULTS, channels, rng)
     for fault in faults:
         _check_fault(fault, failure, channels.size)
@@ -165,7 +165,7 @@ def draw_faults(
 
 
 def make_faults(failure: Failure, case: Case, sensors: int) -> tuple[Fault, ...]:
-    """Return the fault of a case in a robot with ``sensors`` sensors; none if none fails."""
+    """Return the fault of a case for a number of ``sensors``; none if no sensor fails."""
     if failure.effect is None:
         raise InputError(
             f"failure: a failure model with cases must set effect; add effect to {failure!r}"
@@ -174,7 +174,7 @@ def make_faults(failure: Failure, case: Case, sensors: int) -> tuple[Fault, ...]
 
 
 def number_faults(faults: Sequence[Fault], earlier: Sequence[Fault] = ()) -> tuple[Fault, ...]:
-    """Number faults of equal signal and name, continuing from a robot's ``earlier`` faults."""
+    """Number faults of equal signal and name, continuing from the robot's ``earlier`` faults."""
     counts = Counter((fault.signal, fault.name) for fault in earlier)
     numbered = []
     for fault in faults:
@@ -208,38 +208,38 @@ def _check_fault(fault: Fault, failure: Failure, sensors: int) -> None:
 class SystematicFailure(Failure):
     """A failure model with a finite number of cases and an ``effect``.
 
-    The trials of a design run through the cases in random order; ``draw`` draws one case uniformly.
+    The trials of a design use the cases in random order; ``draw`` draws a case uniformly.
     """
 
     effect: Filter
 
     @abstractmethod
     def count_cases(self, sensors: int) -> int:
-        """Return the number of cases of a robot with ``sensors`` sensors, at least 1."""
+        """Return the number of cases, at least 1, for a number of ``sensors``."""
 
     @abstractmethod
     def state_case(self, sensors: int, number: int) -> Case:
-        """Return case ``number``, from 0, of a robot with ``sensors`` sensors."""
+        """Return case ``number``, counted from 0, for a number of ``sensors``."""
 
 
 class Adversary(Protocol):
-    """The evolving cases of one run."""
+    """The evolving cases of a run."""
 
     def list_cases(self) -> Sequence[Case]:
         """Return the cases of the next generation, one per trial; called once per generation.
 
-        Trials use the cases in random order unless every design meets all cases.
+        Trials use the cases in random order unless every design is tested in all cases.
         """
 
     def tell(self, scores: Mapping[int, Mapping[int, float]]) -> None:
-        """Receive the generation's scores, keyed by design and then by the case's index.
+        """Receive the scores of the generation, keyed by design and case index.
 
-        A design may have met only some of the cases, or none.
+        A design may have been tested in only some of the cases, or in none.
         """
 
 
 class AdaptiveFailure(Failure):
-    """A failure model whose cases during selection depend on the scores of designs."""
+    """A failure model with cases that depend, during selection, on the scores of designs."""
 
     @abstractmethod
     def start(self, sensors: int, trials: int, rng: Generator) -> Adversary:

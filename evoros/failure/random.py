@@ -16,7 +16,7 @@ from evoros.filter.silence import Silence
 @dataclass(frozen=True)
 @checked
 class RandomFailure(Failure):
-    """Failures of ``count`` uniformly chosen sensors, at uniform times from earliest_s to latest_s.
+    """Failures of ``count`` random sensors, at uniform times from earliest_s to latest_s.
 
     A robot with fewer sensors loses all. Defaults match the 2018 paper's ``random`` (Evo-ROS).
     """
@@ -30,7 +30,7 @@ class RandomFailure(Failure):
         check_order(self, "earliest_s", "latest_s")
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Draw the onsets, with a number of draws that does not depend on the robot."""
+        """Draw the onsets; the number of draws does not depend on the robot."""
         onset = np.full(channels.size, math.inf)
         intact = list(range(channels.size))
         for _ in range(self.count):

@@ -1,4 +1,4 @@
-"""Local damage: an impact hits one sensor and, with decreasing probability, its neighbours."""
+"""Local damage: an impact affects one sensor and, with decreasing probability, its neighbours."""
 
 import math
 from collections.abc import Sequence
@@ -22,10 +22,10 @@ PROBABILITIES = checks.Rule(
 @dataclass(frozen=True)
 @checks.checked
 class SpatialFailure(Failure):
-    """Damage around a uniformly chosen sensor; all failing sensors fail at the same time.
+    """Damage around a random sensor; all failing sensors fail at the same time.
 
-    Each sensor fails independently, with the probability for the smallest radius that reaches it
-    from the chosen sensor (Euclidean distance). No sensor outside the last radius fails. The
+    Each sensor fails independently, with the probability of the smallest radius that contains its
+    distance from the chosen sensor (Euclidean). No sensor beyond the last radius fails. The
     defaults match the treatment ``spatial`` of the 2018 paper (Evo-ROS).
     """
 

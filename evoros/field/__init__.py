@@ -1,1 +1,1 @@
-"""Generated worlds: random fields of obstacles with a free path through them."""
+"""Generated worlds: random fields of obstacles with a free path."""

@@ -20,7 +20,7 @@ from evoros.world.course import Course
 MAX_SLOPE = 0.25  # maximum slope, rise over run, of the ground under a course
 _MOST_CELLS = 64  # maximum number of cells per side; finer height fields are coarsened
 AROUND_M = 3.0
-"""Maximum distance of a course from the area of all obstacles, if there is no room inside it."""
+"""Maximum distance of a course from the area of all obstacles, if there is no room inside."""
 
 
 class Attempt(NamedTuple):
@@ -37,7 +37,7 @@ class Suggestion(NamedTuple):
 
     course: Course
     place: str  # completes "The course lies ..."
-    is_enclosed: bool  # whether it lies in the largest enclosed region
+    is_enclosed: bool  # whether it is in the largest enclosed region
 
 
 ATTEMPTS = (
@@ -49,8 +49,8 @@ ATTEMPTS = (
     Attempt(AROUND_M, 0.05),
     Attempt(AROUND_M, 0.2, 60.0),
 )
-OPEN_SIDE_M = 3.0  # half the side of the square suggested for open ground
-LOOP = 4  # minimum number of corners, home included, of a loop
+OPEN_SIDE_M = 3.0  # half the side of the square suggested on open ground
+LOOP = 4  # minimum number of corners, including home, of a loop
 SHORTEST_LEG_M, LONGEST_LEG_M = 1.5, 8.0
 SHORTER = 2.0  # minimum leg length in acceptance radii if longer legs form no loop
 HOMES, CORNERS, TRIES = 12, 60, 4000
@@ -60,10 +60,10 @@ SHARES = np.linspace(0.0, 1.0, 9)  # fractions of a leg at which the clearance i
 THIN = 0.02  # area over squared length below which a loop is nearly a line; a square has 0.06
 STRAIGHT = 0.7  # maximum absolute cosine of the angle between two legs
 MEETING_M, MISSING = 2.0, 0.2
-"""Distance within which a loop should meet an obstacle; weight of a loop that meets none."""
-DETOUR = 3.0  # required growth of a loop per metre between home and the origin
+"""Distance within which a loop should pass an obstacle; weight of a loop that passes none."""
+DETOUR = 3.0  # required growth of a loop per metre of distance from home to the origin
 HEIGHT_M = 0.02  # height of the robot's frame above the ground at the start
-CRUISE_MPS = 0.15  # average speed, with avoidance, that the time limit assumes
+CRUISE_MPS = 0.15  # average speed, including avoidance, for the time limit
 
 
 def suggest_course(
@@ -98,7 +98,7 @@ def _accept_within(radius_m: float) -> float:
 
 
 def create_course(route: Sequence[Sequence[float]], robot_radius_m: float) -> Course:
-    """Return a course for a slow robot of this radius along a route (n, 2) [m] from home."""
+    """Return a course for a slow robot of this radius on a route (n, 2) [m] that starts at home."""
     (home_x, home_y), (x, y) = route[0], route[1]
     length = 2.0 * sum(math.dist(a, b) for a, b in pairwise([*route, route[0]]))
     return Course(
@@ -120,7 +120,7 @@ def _find_widest_route(
     ground: Sequence[Footprint] | None,
     home: tuple[float, float] | None,
 ) -> _Route | None:
-    """Find a route inside walls; failing that, among the obstacles, and finally around them."""
+    """Find a route inside walls, else among the obstacles, else around them."""
     if not footprints and ground is None:
         corners = OPEN_SIDE_M * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]])
         square = np.vstack(((0.0, 0.0) if home is None else home, corners))
@@ -138,7 +138,7 @@ def _find_widest_route(
         route = _find_route(FreeSpace(space.low, free), home, spacings, np.random.default_rng(0))
         if route is None:
             continue
-        # However long it is, a line with less room on each side is no better than a loop.
+        # A line with less room on each side is no better than a loop, however long it is.
         is_open = best is None or len(route.corners) >= min(len(best.corners), LOOP)
         if is_open and (best is None or route.value > best.value):
             where = _describe(attempt, float(free.sum()))
@@ -168,7 +168,7 @@ def _find_free(
     middle, wanted = (low + high) / 2, np.array(home or (0.0, 0.0))
     if home is None and np.abs(middle).max() < attempt.reach_m / 2:
         middle = wanted  # worlds are usually built around their origin
-    else:  # the point of the area that is nearest to home or the origin
+    else:  # point of the area nearest to home or the origin
         ends = np.minimum(low + attempt.reach_m, middle), np.maximum(high - attempt.reach_m, middle)
         middle = np.clip(wanted, *ends)
     low = np.maximum(low - attempt.around_m, middle - attempt.reach_m)
@@ -209,10 +209,10 @@ def _find_route(
 def _find_loop(
     space: FreeSpace, points: Array, spacings: tuple[float, ...], rng: Generator
 ) -> _Route | None:
-    """Find a wide loop through the first of ``points`` (n, 2) [m] and 4 others, if possible.
+    """Find a wide loop through the first of ``points`` (n, 2) [m] and four others, if possible.
 
-    The corners are at least the first of ``spacings`` [m] apart, or else the second. Loops rank by
-    length [m] plus area [m2]; those without obstacles nearby come last.
+    The corners are at least the first of ``spacings`` [m] apart, else the second. Loops rank by
+    length [m] plus area [m2]; loops without obstacles nearby come last.
     """
     lengths = np.linalg.norm(points[:, None] - points[None], axis=2)
     near = (lengths >= min(spacings)) & (lengths <= LONGEST_LEG_M)
@@ -244,7 +244,7 @@ def _find_loop(
 def _find_turn(
     points: Array, lengths: Array, legs: NDArray[np.bool_], spacing: float
 ) -> _Route | None:
-    """Find the longest way [m] along two legs around a corner and back; None if there is none."""
+    """Find the longest way [m] along two legs around a corner and back; None without any."""
     out, on = points - points[0], points[None] - points[:, None]
     along = np.abs((out[:, None] * on).sum(axis=2))
     turns = along <= STRAIGHT * lengths[0][:, None] * lengths

@@ -31,7 +31,7 @@ class CatCma(Optimizer):
 
     population_size: Annotated[int, POPULATION] = 16
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
     packages = ("cmaes",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:

@@ -36,8 +36,8 @@ class CmaEs(Optimizer):
 
     population_size: Annotated[int, POPULATION] = 16
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
-    sigma: Annotated[float, FRACTION] = 0.3  # initial standard deviation relative to the ranges
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
+    sigma: Annotated[float, FRACTION] = 0.3  # initial standard deviation, relative to the ranges
     adapt_rates: Annotated[bool, FLAG] = False
     packages = ("cmaes",)
 
@@ -64,12 +64,12 @@ class CmaEs(Optimizer):
 
 @dataclass
 class Strategies:
-    """A sequence of strategies from the package ``cmaes``; each is used until it converges."""
+    """A sequence of strategies from the package ``cmaes``, each used until it converges."""
 
     name: str
     population_size: int
     strategies: Iterator[Any]
-    compose: Callable[[Any], Array]  # returns a solution's genome (size,)
+    compose: Callable[[Any], Array]  # returns the genome (size,) of a solution
     converging: bool = True
 
     def __post_init__(self) -> None:
@@ -81,7 +81,7 @@ class Strategies:
         return list(map(self.compose, self._solutions))
 
     def learn(self, history: History, changed: bool) -> None:
-        """Update the strategy with the generation's fitness."""
+        """Update the strategy with the fitness of the generation."""
         costs = [-fitness for fitness in history.fitness]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # numpy warns if all values are equal

@@ -1,4 +1,4 @@
-"""CMA-MAE, a CMA-ES that improves an archive under slowly rising thresholds."""
+"""CMA-MAE: CMA-ES that improves an archive whose thresholds rise slowly."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
@@ -16,7 +16,7 @@ from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_g
 if TYPE_CHECKING:
     from ribs.schedulers import Scheduler
 
-MARGIN = 1e-9  # minimum margin by which the first generation exceeds the initial thresholds
+MARGIN = 1e-9  # margin by which the first generation exceeds the initial thresholds
 
 
 @dataclass(frozen=True)
@@ -24,20 +24,20 @@ MARGIN = 1e-9  # minimum margin by which the first generation exceeds the initia
 class CmaMae(Optimizer):
     """Covariance matrix adaptation MAP-annealing, from the package ``ribs``.
 
-    Several strategies contribute designs to each generation, and look for designs whose fitness
-    exceeds the threshold of their cell. A threshold starts at the worst fitness of the first
-    generation, and rises by ``learning_rate`` times the excess. A rate of 0 amounts to CMA-ES on
-    the fitness; at a rate of 1, a strategy leaves a cell as soon as the cell has a good elite.
-    Genes outside their range are reflected back into the range. See M. Fontaine and S. Nikolaidis,
-    "Covariance Matrix Adaptation MAP-Annealing", GECCO 2023, arXiv:2205.10752.
+    Several strategies propose designs in each generation, searching for a fitness above the
+    threshold of the design's cell. A threshold starts at the worst fitness of the first generation,
+    and rises by ``learning_rate`` times the excess. A rate of 0 amounts to CMA-ES on the fitness;
+    at a rate of 1, a strategy leaves a cell as soon as the cell has a good elite. Genes outside
+    their range are reflected back into the range. See M. Fontaine and S. Nikolaidis, "Covariance
+    Matrix Adaptation MAP-Annealing", GECCO 2023, arXiv:2205.10752.
     """
 
     population_size: Annotated[int, COUNT] = 32
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
     cells: Annotated[int, CELLS] = 10  # number of cells along each descriptor
     strategies: Annotated[int, COUNT] = 2
-    sigma: Annotated[float, FRACTION] = 0.2  # initial standard deviation relative to the ranges
+    sigma: Annotated[float, FRACTION] = 0.2  # initial standard deviation, relative to the ranges
     learning_rate: Annotated[float, PROBABILITY] = 0.1
     packages = ("ribs",)
 
@@ -81,7 +81,7 @@ class _Strategies:
 
     def propose(self) -> list[Array]:
         folded = self._scheduler.ask() % 2.0
-        return list(np.minimum(folded, 2.0 - folded))  # reflect at 0 and 1
+        return list(np.minimum(folded, 2.0 - folded))  # reflects at 0 and 1
 
     def learn(self, history: History, changed: bool) -> None:
         fitness = np.array(history.fitness)

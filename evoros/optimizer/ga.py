@@ -31,20 +31,20 @@ class GeneticAlgorithm(Optimizer):
     """A genetic algorithm: tournaments, crossover between blocks, mutation of aspects, one elite.
 
     In each generation, tournaments in the population fill a parent pool of the same size.
-    Consecutive parents cross over or are cloned. The population and the children form the candidate
-    pool, in which each candidate except the elite may mutate. The new designs are evaluated. The
-    elite and the winners of tournaments in the candidate pool form the next population. With
-    ``best_child``, as in the original study, the elite is the best new design of the generation, so
-    the best design so far can be lost.
+    Consecutive parents are crossed over or cloned. The population and the children form the
+    candidate pool, in which each candidate except the elite may mutate. The new designs are
+    evaluated. The elite and the winners of tournaments in the candidate pool form the next
+    population. With ``best_child``, as in the original study, the elite is the best new design of
+    the generation, so that the best design so far can be lost.
     """
 
     population_size: Annotated[int, COUNT] = 30
-    generations: Annotated[int, COUNT] = 25  # including the random initial generation
+    generations: Annotated[int, COUNT] = 25  # includes the random initial generation
     mutation_probability: Annotated[float, PROBABILITY] = 0.15  # per candidate
     crossover_probability: Annotated[float, PROBABILITY] = 0.25  # per pair of parents
     tournament_size: Annotated[int, replace(COUNT, limit=1000)] = 2
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
-    # width of the interval from which a mutation redraws a gene, relative to the gene's range
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
+    # width of the interval for redrawing a mutated gene, relative to the range of the gene
     mutation_step: Annotated[float, FRACTION] = 1.0
     elite: Annotated[str, one_of("best_so_far", "best_child")] = "best_so_far"
 
@@ -54,11 +54,11 @@ class GeneticAlgorithm(Optimizer):
 
 
 class _GeneticSearch:
-    """A started search, in which the elite is the first of the population and of the pool."""
+    """A started search; the elite is first in the population and in the pool."""
 
     def __init__(self, settings: GeneticAlgorithm, space: Space, rng: Generator) -> None:
         self._settings, self._space, self._rng = settings, space, rng
-        self._fitness: dict[int, float] = {}  # keyed by individual id
+        self._fitness: dict[int, float] = {}  # keyed by id
         self._created = 0
         self._pool: list[tuple[Individual, str]] = []  # individuals and their operators
         self._elite: Individual | None = None
@@ -126,7 +126,7 @@ class _GeneticSearch:
         genome[tail] = other.genome[tail]
         for parent in (head, other):
             if self._space.same(genome, parent.genome):
-                return parent, "clone"  # an equal design needs no new evaluation
+                return parent, "clone"  # an equal design requires no new evaluation
         return self._create(genome, (head.id, other.id), "crossover"), "crossover"
 
     def _mutate(
@@ -146,12 +146,12 @@ class _GeneticSearch:
         for parent in (population[i] for i in individual.parents):
             if self._space.same(genome, parent.genome):
                 return parent, "clone"  # the mutation has undone the crossover
-        # A mutated child that has not been evaluated remains one individual with two operators.
+        # A mutated child not yet evaluated remains one individual, with two operators.
         both = f"{individual.operator}+mutation"
         return replace(individual, genome=freeze(genome), operator=both), both
 
     def _draw_some(self, count: int) -> list[int]:
-        """Draw each of ``count`` indices with probability 1/count; repeat until one is drawn."""
+        """Draw each of ``count`` indices with probability 1/count, until at least one is drawn."""
         while True:
             picked = np.flatnonzero(self._rng.random(count) * count < 1)
             if len(picked):

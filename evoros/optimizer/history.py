@@ -1,4 +1,4 @@
-"""Code that searches share: individuals and scores, samplers, archives and levels of genes."""
+"""Code shared by searches: individuals and scores, samplers, archives, levels of genes."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class History:
-    """The individuals of a search, and their scores by id."""
+    """The individuals of a search with their scores, by id."""
 
     def __init__(self) -> None:
         self.asked: list[Individual] = []  # individuals of the current generation
@@ -34,7 +34,7 @@ class History:
         self.individuals |= {individual.id: individual for individual in self.asked}
 
     def tell(self, scores: Mapping[int, Score]) -> bool:
-        """Record valid scores; return True if any earlier score changed."""
+        """Record valid scores; return True if any earlier score has changed."""
         check_scores(scores, self.asked)
         known = {index: self.scores[index] for index in scores if index in self.scores}
         self.scores |= {index: scores[index] for index in sorted(scores)}
@@ -46,7 +46,7 @@ class History:
         return [float(self.scores[individual.id].fitness) for individual in self.asked]
 
     def rank(self, ids: Iterable[int]) -> list[Individual]:
-        """Return individuals, fittest first; ties go to the older individual."""
+        """Return individuals, fittest first, and older first among equals."""
         ranked = sorted(ids, key=lambda index: (-self.scores[index].fitness, index))
         return [self.individuals[index] for index in ranked]
 
@@ -79,13 +79,13 @@ def draw_seed(rng: Generator) -> int:
 
 
 def list_categories(space: Space) -> list[int]:
-    """Return the categorical genes, that is, those with unordered levels."""
+    """Return the categorical genes, whose levels have no order."""
     aspects = (aspect for block in space.blocks for aspect in block.aspects)
     return sorted(gene for aspect in aspects for gene in aspect.categorical)
 
 
 def place_level(level: Array | int, count: Array | int) -> Array:
-    """Return the gene value in the middle of one of ``count`` levels."""
+    """Return the gene value at the centre of one of ``count`` levels."""
     return np.asarray((np.asarray(level) + 0.5) / np.asarray(count), dtype=float)
 
 
@@ -94,18 +94,18 @@ class Sampler(Protocol):
 
     @property
     def name(self) -> str:
-        """The operator recorded for the sampler's individuals."""
+        """The operator recorded for individuals of this sampler."""
 
     def propose(self) -> Sequence[Array]:
         """Return the genomes (size,) of the next generation, to be clipped to 0..1."""
 
     def learn(self, history: History, changed: bool) -> None:
-        """Learn from the generation's scores; ``changed`` is True if earlier scores changed."""
+        """Learn from the scores of the generation; ``changed`` if earlier scores have changed."""
 
 
 @dataclass(frozen=True)
 class FixedSampler:
-    """A sampler that learns nothing from scores."""
+    """A sampler that does not learn from scores."""
 
     name: str
     propose: Callable[[], Sequence[Array]]
@@ -115,10 +115,10 @@ class FixedSampler:
 
 
 class FitnessSearch:
-    """A search that remembers the best of all proposals from a sampler."""
+    """A search that keeps the best of all designs proposed by a sampler."""
 
     def __init__(self, sampler: Sampler, first: str | None = None) -> None:
-        """Start with ``first`` as the first generation's operator, by default the sampler's."""
+        """Start; ``first`` is the operator of the first generation (default: the sampler's)."""
         self._sampler, self._history = sampler, History()
         self._history.ask(sampler.propose(), first or sampler.name)
 
@@ -127,7 +127,7 @@ class FitnessSearch:
         return self._history.asked
 
     def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
-        """Record scores, and let the sampler propose the next generation."""
+        """Record scores, and make the sampler propose the next generation."""
         before = [champion.id for champion in self.champions()]
         changed = self._history.tell(scores)
         best = [champion.id for champion in self.champions()]
@@ -137,7 +137,7 @@ class FitnessSearch:
         return table
 
     def champions(self) -> list[Individual]:
-        """Return the fittest individual so far; ties go to the older individual."""
+        """Return the fittest individual so far, the older one among equals."""
         return self._history.rank(self._history.scores)[:1]
 
 
@@ -148,7 +148,7 @@ CELLS = replace(COUNT, limit=MOST_CELLS)
 def create_archive(
     space: Space, goals: Goals, cells: int, rng: Generator, **settings: Any
 ) -> "GridArchive":
-    """Create an archive with ``cells`` cells per descriptor; outliers go to the edge cells."""
+    """Create an archive with ``cells`` cells per descriptor; edge cells include outliers."""
     from ribs.archives import GridArchive
 
     count = len(goals.descriptors)
@@ -173,7 +173,7 @@ def create_archive(
 
 
 class ArchiveSearch(FitnessSearch):
-    """A search that keeps the sampler's best proposal in each cell of an archive."""
+    """A search that keeps the best proposal of a sampler in each cell of an archive."""
 
     def __init__(self, archive: "GridArchive", sampler: Sampler) -> None:
         super().__init__(sampler, "initial")

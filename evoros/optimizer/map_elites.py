@@ -1,4 +1,4 @@
-"""MAP-Elites, which finds the best design in each cell of a grid over the descriptors."""
+"""MAP-Elites, which finds the best design in each cell of a grid over descriptors."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -34,7 +34,7 @@ class MapElites(Optimizer):
 
     population_size: Annotated[int, COUNT] = 32
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
     cells: Annotated[int, CELLS] = 10  # number of cells along each descriptor
     noise: Annotated[float, NOT_NEGATIVE] = 0.05  # standard deviation as a fraction of the ranges
     line_noise: Annotated[float, NOT_NEGATIVE] = 0.2  # relative to the distance to the other elite
@@ -66,7 +66,7 @@ class MapElites(Optimizer):
                     values[gene] = rng.random()
             return values
 
-        def propose() -> list[Array]:  # the emitter reads the archive, so it need not learn
+        def propose() -> list[Array]:  # learns nothing, because the emitter reads the archive
             genomes = list(emitter.ask())
             return genomes if archive.empty else list(map(redraw, genomes))
 

@@ -23,7 +23,7 @@ POPULATION = replace(
 @dataclass(frozen=True)
 @checked
 class Nsga2(protocol.Optimizer):
-    """NSGA-II, from the package ``pymoo``, which keeps the non-dominated designs.
+    """NSGA-II, from the package ``pymoo``, which keeps nondominated designs.
 
     The operators are simulated binary crossover and polynomial mutation. A larger distribution
     index keeps children closer to their parents. All genes are treated as continuous. See K. Deb et
@@ -33,7 +33,7 @@ class Nsga2(protocol.Optimizer):
 
     population_size: Annotated[int, POPULATION] = 32
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
     crossover_probability: Annotated[float, PROBABILITY] = 0.9  # per pair of parents
     crossover_index: Annotated[float, POSITIVE] = 15.0
     mutation_index: Annotated[float, POSITIVE] = 20.0
@@ -101,7 +101,7 @@ class _Nsga2Search:
                 Evaluator(skip_already_evaluated=False).eval(static, group)
 
     def champions(self) -> list[protocol.Individual]:
-        """Return the non-dominated designs, fittest first."""
+        """Return the nondominated designs, fittest first."""
         population = self._algorithm.pop
         if population is None or not len(population):
             return []

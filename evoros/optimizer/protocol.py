@@ -1,4 +1,4 @@
-"""The interface of optimizers: individuals, the search space, ask and tell."""
+"""The interface of optimizers: individuals, search spaces, ask and tell."""
 
 import math
 from abc import ABC, abstractmethod
@@ -19,15 +19,15 @@ from evoros.base.errors import InputError
 class Individual:
     """A genome in the unit cube of the search space, with its origin."""
 
-    id: int  # unique in a run, increasing in the order of creation
-    genome: Array  # (space.size,) from 0 to 1
+    id: int  # unique in a run, increasing by creation
+    genome: Array  # (space.size,), values from 0 to 1
     parents: tuple[int, ...]
-    operator: str  # operator that created the individual, such as initial, crossover or mutation
+    operator: str  # operator that created it, such as initial, crossover or mutation
 
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """The fitness and the other measures of a design."""
+    """The fitness and other measures of a design."""
 
     fitness: float  # maximized
     objectives: tuple[float, ...] = ()  # maximized, in the order of ``Goals.objectives``
@@ -36,43 +36,43 @@ class Score:
 
 @dataclass(frozen=True)
 class Goals:
-    """The measures that a score contains in addition to the fitness."""
+    """The measures in a score besides the fitness."""
 
     objectives: tuple[str, ...] = ()  # names of the objectives
     descriptors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """The minimum and maximum of each descriptor, by name; a design may lie outside them."""
+    """Minimum and maximum of each descriptor by name; designs may be outside."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A row in a generation's table."""
+    """A row in the table of a generation."""
 
     individual: Individual
-    operator: str  # operator that put it into the pool, such as survivor, clone or crossover
+    operator: str  # operator that added it to the pool, such as survivor, clone or crossover
     fitness: float
     survived: int  # number of copies in the next population
 
     def rescored(self, scores: Mapping[int, Score]) -> "Candidate":
-        """Return the candidate with its fitness replaced if there is a new score."""
+        """Return the candidate with a new fitness if it has a new score."""
         score = scores.get(self.individual.id)
         return self if score is None else replace(self, fitness=float(score.fitness))
 
 
 class Search(Protocol):
-    """A started optimizer: call ``ask``, evaluate the individuals, call ``tell``, and repeat."""
+    """A started optimizer, used in cycles: ``ask``, evaluate the individuals, ``tell``."""
 
     def ask(self) -> Sequence[Individual]:
-        """Return the individuals of the next generation that need evaluation."""
+        """Return the individuals of the next generation to evaluate."""
 
     def tell(self, scores: Mapping[int, Score]) -> Sequence[Candidate]:
-        """Record scores by id, and return the generation's table.
+        """Record scores by id, and return the table of the generation.
 
         ``scores`` covers all individuals from ``ask``, and earlier individuals whose scores have
         changed.
         """
 
     def champions(self) -> Sequence[Individual]:
-        """Return the design, front or archive that the search has found, best first."""
+        """Return the design, front or archive found so far, best first."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Block:
         return tuple(i for part in self.aspects for i in (*part.categorical, *part.continuous))
 
     def move(self, index: Callable[[int], int]) -> "Block":
-        """Return this block with each gene index mapped through ``index``."""
+        """Return this block with ``index`` applied to each gene index."""
         aspects = []
         for part in self.aspects:
             genes = (tuple(map(index, kind)) for kind in (part.continuous, part.categorical))
@@ -106,7 +106,7 @@ class Block:
 
 
 class Space(Protocol):
-    """The search space of an optimizer, a unit cube whose genes are grouped."""
+    """The search space of an optimizer: a unit cube with grouped genes."""
 
     @property
     def size(self) -> int:
@@ -121,11 +121,11 @@ class Space(Protocol):
         """The number of levels (at least two) of each discrete gene, by gene index.
 
         Levels are categories if an aspect lists the gene as ``categorical``, and whole numbers
-        otherwise. Level k of n spans gene values from k/n to (k + 1)/n.
+        otherwise. Level k of n covers gene values from k/n to (k + 1)/n.
         """
 
     def same(self, first: Array, second: Array, /) -> bool:
-        """Return True if two genomes give the same design, which then needs only one evaluation."""
+        """Return True if two genomes give the same design, so that one evaluation suffices."""
 
 
 class View(NamedTuple):
@@ -133,12 +133,12 @@ class View(NamedTuple):
 
     counts: NDArray[np.int64]  # (360,) sensors that see each bearing of ``robot/seen.py``
     price: float  # total price of the sensor and its twin
-    place: str = ""  # name of a place that can carry only one sensor; empty if several fit
+    place: str = ""  # name of a place for a single sensor; empty if several fit
 
 
 @runtime_checkable
 class CoveringSpace(Space, Protocol):
-    """A search space that can compute which bearings its sensors see."""
+    """A search space that can compute the bearings seen by its sensors."""
 
     @property
     def slots(self) -> tuple[Block, ...]:
@@ -146,14 +146,14 @@ class CoveringSpace(Space, Protocol):
 
     @property
     def number(self) -> tuple[int, int]:
-        """The minimum and maximum number of slots that are mounted."""
+        """The minimum and maximum number of mounted slots."""
 
     @property
     def number_gene(self) -> int | None:
-        """The gene with a level for each possible number of slots; None if the number is fixed."""
+        """The gene with a level per possible number of slots; None if the number is fixed."""
 
     def view(self, genome: Array, distance_m: float) -> tuple[list[View], View]:
-        """Return a ``View`` for each genome and slot, mounted or not, and one of the fixed sensors.
+        """Return a ``View`` per genome and slot, mounted or not, and one of the fixed sensors.
 
         Raises:
             InputError: several robots have separate designs.
@@ -163,15 +163,15 @@ class CoveringSpace(Space, Protocol):
 class Optimizer(ABC):
     """Searches the unit cube of a design space."""
 
-    generations: int  # the number of generations of a run, including the first
+    generations: int  # number of generations of a run, including the first
     validation_trials: int
-    """The number of fresh trials for each generation's best design; 0 for no validation."""
+    """The number of fresh trials per generation for its best design; 0 for none."""
     packages: Sequence[str] = ()
-    """The packages on which the search depends; a run records their versions."""
+    """The packages on which the search depends; runs record their versions."""
 
     @abstractmethod
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search that ``rng`` fully determines, because resuming a run replays the search.
+        """Start a search determined by ``rng``, because resuming a run replays the search.
 
         Raises:
             InputError: the optimizer does not support this space or these goals, or a package that
@@ -189,7 +189,7 @@ def require_genes(space: Space) -> None:
 
 
 def check_scores(scores: Mapping[int, Score], asked: Sequence[Individual]) -> None:
-    """Raise an InputError if an ``asked`` individual has no score, or a score has NaN."""
+    """Raise an InputError if an ``asked`` individual has no score, or a score is NaN."""
     missing = [individual.id for individual in asked if individual.id not in scores]
     if missing:
         raise InputError(
@@ -208,27 +208,27 @@ KEY = "optimizer"
 
 @dataclass(frozen=True)
 class AskedSearch:
-    """Forwards calls to a search, and raises an InputError if a return value is invalid."""
+    """Forwards calls to a search; raises an InputError for an invalid return value."""
 
     search: Search
     size: int  # number of genes
     known: set[int] = field(default_factory=set)  # ids of all individuals so far
 
     def ask(self) -> Sequence[Individual]:
-        """Return the individuals of the next generation that need evaluation."""
+        """Return the individuals of the next generation to evaluate."""
         text = f"a list of individuals with distinct ids and {self.size} genes from 0 to 1"
         asked: Sequence[Individual] = ask(KEY, self.search.ask, Rule(text, self._are_points))
         self.known.update(one.id for one in asked)
         return asked
 
     def tell(self, scores: Mapping[int, Score]) -> Sequence[Candidate]:
-        """Record scores by id, and return the generation's table."""
+        """Record scores by id, and return the table of the generation."""
         rule = Rule("a non-empty list of candidates from ask()", self._are_candidates)
         table: Sequence[Candidate] = ask(KEY, self.search.tell, rule, scores)
         return table
 
     def champions(self) -> Sequence[Individual]:
-        """Return the design, front or archive that the search has found, best first."""
+        """Return the design, front or archive found so far, best first."""
         rule = Rule("a non-empty list of individuals from ask()", self._are_known)
         best: Sequence[Individual] = ask(KEY, self.search.champions, rule)
         return best

@@ -14,11 +14,11 @@ from evoros.optimizer.protocol import Goals, Optimizer, Search, Space
 @dataclass(frozen=True)
 @checked
 class RandomSearch(Optimizer):
-    """Draws each generation uniformly from the whole space, and keeps the best design so far."""
+    """Draws each generation uniformly from the whole space; keeps the best design."""
 
     population_size: Annotated[int, COUNT] = 16
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
 

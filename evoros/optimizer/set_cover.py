@@ -1,4 +1,4 @@
-"""Set cover by integer programming: sensors that see a whole sector even after some fail."""
+"""Set cover by integer programming: sensors that see a sector even after failures."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from evoros.optimizer.ga import GeneticAlgorithm
 from evoros.optimizer.history import freeze
 
 ALL_AROUND = 360
-# The bearings [deg] at which a ``View`` counts sensors:
+# bearings [deg] at which a ``View`` counts sensors
 BEARINGS: Array = np.arange(ALL_AROUND, dtype=np.float64) - (ALL_AROUND - 1) / 2
 Indices: TypeAlias = NDArray[np.intp]
 
@@ -26,10 +26,10 @@ Indices: TypeAlias = NDArray[np.intp]
 @dataclass(frozen=True)
 @checked
 class SetCover(protocol.Optimizer):
-    """Covers a sector ahead, and evolves the rest of the design with the genetic algorithm.
+    """Covers a sector ahead, and evolves the rest of the design by the genetic algorithm.
 
-    From random candidate places, an integer program selects the cheapest set from which every
-    bearing of the sector is still seen after any ``failed`` sensors fail; among equally cheap sets,
+    From random candidate places, an integer program selects the cheapest set that still sees every
+    bearing of the sector after any ``failed`` sensors fail; among equally cheap sets, it selects
     one with the fewest sensors. Ties are broken at random, ``covers`` times. The genetic algorithm
     then chooses among the resulting sets, called bodies, and evolves all genes that do not belong
     to sensors. See M. S. Daskin, "Network and Discrete Location", Wiley 1995, Chapter 4 (set
@@ -38,11 +38,11 @@ class SetCover(protocol.Optimizer):
 
     population_size: Annotated[int, COUNT] = 30
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
-    # Width of the sector; None: the widest sector that the sensors can cover.
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
+    # width of the sector; None: the widest that sensors can cover
     width_deg: Annotated[float | None, number_between(1.0, ALL_AROUND)] = None
     failed: Annotated[int, replace(WHOLE, limit=3)] = 1  # number of failures that a cover tolerates
-    distance_m: Annotated[float, POSITIVE] = 2.0  # range to be seen, from the robot's middle
+    distance_m: Annotated[float, POSITIVE] = 2.0  # range to be seen, from the middle of the robot
     candidates: Annotated[int, replace(COUNT, limit=2000)] = 200  # random candidate places
     covers: Annotated[int, replace(COUNT, limit=1000)] = 8  # number of covers to choose from
     packages = ("scipy",)
@@ -106,7 +106,7 @@ class SetCover(protocol.Optimizer):
     def _break_ties(
         self, program: "Program", width: float, limit: float, rng: Generator
     ) -> tuple[int, ...]:
-        """Return a random cover with the fewest sensors at a total price of at most ``limit``."""
+        """Return a random cover with the fewest sensors, at a total price of at most ``limit``."""
         costs = 1.0 + rng.random(self.candidates) / (1 + program.number[1])
         cover = program.solve(width, costs, limit)
         assert cover is not None  # the cheapest cover is a solution
@@ -117,14 +117,14 @@ class SetCover(protocol.Optimizer):
 class Program:
     """The integer program that selects candidate places."""
 
-    counts: Array  # (360, n) number of sensors at each candidate that see each bearing
-    needed: Array  # (360,) number of sensors that must see each bearing
-    prices: Array  # (n,) price of each candidate
+    counts: Array  # (360, n), number of sensors at each candidate that see each bearing
+    needed: Array  # (360,), number of sensors that must see each bearing
+    prices: Array  # (n,), price of each candidate
     number: tuple[int, int]  # minimum and maximum number of sensors in a cover
     places: Sequence[str] = ()  # one per candidate; a named place can carry only one sensor
 
     def solve(self, width_deg: float, costs: Array, limit: float = np.inf) -> Indices | None:
-        """Return the cheapest cover in ``costs`` within the price ``limit``; None if infeasible."""
+        """Return the cheapest cover by ``costs`` within the price ``limit``; None if infeasible."""
         chosen = np.abs(BEARINGS) <= width_deg / 2
         rows = np.unique(np.column_stack((self.counts, self.needed))[chosen], axis=0)
         limits = [
@@ -141,7 +141,7 @@ class Program:
 
 
 def _fill(space: protocol.CoveringSpace, places: Array) -> Array:
-    """Return a genome with ``places`` (k, genes per slot) in its first slots and 0 elsewhere."""
+    """Return a genome with ``places`` (k, genes per slot) in the first slots, 0 elsewhere."""
     genome = np.zeros(space.size)
     for slot, genes in zip(space.slots, places, strict=False):
         genome[list(slot.genes)] = genes
@@ -150,7 +150,7 @@ def _fill(space: protocol.CoveringSpace, places: Array) -> Array:
 
 def _compose(space: protocol.CoveringSpace, places: Array) -> Array:
     low, high = space.number
-    if 0 < len(places) < low:  # the remaining slots repeat a place that can carry only one sensor
+    if 0 < len(places) < low:  # remaining slots repeat a place that can carry only one sensor
         places = np.concatenate((places, *[places[-1:]] * (low - len(places))))
     genome = _fill(space, places)
     if space.number_gene is not None:
@@ -160,13 +160,13 @@ def _compose(space: protocol.CoveringSpace, places: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Remaining:
-    """The remaining search space: the choice of body, and all genes outside sensors."""
+    """The remaining search space: the choice of a body, and all genes outside sensors."""
 
     space: protocol.CoveringSpace
     bodies: Sequence[Array]
 
     @cached_property
-    def _others(self) -> list[int]:  # genes of the whole space that the cover leaves open
+    def _others(self) -> list[int]:  # genes of the whole space that the cover leaves free
         taken = {gene for slot in self.space.slots for gene in slot.genes}
         return [i for i in range(self.space.size) if i not in taken | {self.space.number_gene}]
 

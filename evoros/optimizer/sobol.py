@@ -20,7 +20,7 @@ MOST_GENES: int = qmc.Sobol.MAXDIM
 @dataclass(frozen=True)
 @checked
 class Sobol(Optimizer):
-    """Evaluates the designs of a scrambled Sobol' sequence in order, and keeps the best so far.
+    """Evaluates the designs of a scrambled Sobol' sequence in order; keeps the best.
 
     I. M. Sobol', USSR Computational Mathematics and Mathematical Physics 7 (4), 1967; A. B. Owen,
     Journal of Complexity 14 (4), 1998.
@@ -28,7 +28,7 @@ class Sobol(Optimizer):
 
     population_size: Annotated[int, COUNT] = 16
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
     packages = ("scipy",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:

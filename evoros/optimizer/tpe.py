@@ -26,14 +26,14 @@ class Tpe(Optimizer):
     """The multivariate tree-structured Parzen estimator, from the package ``optuna``.
 
     Regions and sensor types are categorical, and whole numbers are integers. The designs of a
-    generation are proposed one by one, on the assumption that the generation's earlier designs have
-    poor fitness. See J. Bergstra et al., "Algorithms for Hyper-Parameter Optimization", NIPS 2011;
-    S. Watanabe, "Tree-Structured Parzen Estimator", arXiv:2304.11127.
+    generation are proposed one by one, on the assumption that earlier designs of the generation
+    have poor fitness. See J. Bergstra et al., "Algorithms for Hyper-Parameter Optimization", NIPS
+    2011; S. Watanabe, "Tree-Structured Parzen Estimator", arXiv:2304.11127.
     """
 
     population_size: Annotated[int, COUNT] = 16
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
     # number of random designs at the start; the first generation is always random
     random_first: Annotated[int, COUNT] = 16
     packages = ("optuna",)

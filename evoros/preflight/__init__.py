@@ -1,1 +1,1 @@
-"""Checks input and settings before a run."""
+"""Checks the input and settings of a run before it starts."""

@@ -1,4 +1,4 @@
-"""Proposes changes with which a robot moves as commanded; each was tried in a short drive."""
+"""Proposes changes that make a robot move as commanded, each tried in a short drive."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import is_dataclass, replace
@@ -17,22 +17,22 @@ from evoros.preflight.trial_drive import TURNS, Setting, TrialDrive, moves_right
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.protocol import Simulator
 
-FIRM_GRIP_MPS2 = 8.0  # lateral acceleration above which wheels slip on common ground
+FIRM_GRIP_MPS2 = 8.0  # lateral acceleration [m/s2] above which wheels slip on common ground
 MAX_HALVINGS = 5
 FINE_ITERATIONS = 50  # minimum number of solver iterations at finer steps
 RIGHT = ", in which the robot moves as commanded"
 SOFT = (0.6, 0.5)
-"""Impedances of softer ground, which keeps the wheels of most hopping robots down."""
+"""Impedances of softer ground, on which the wheels of most hopping robots stay down."""
 
 Change = tuple[str, Setting, Simulator]
-"""Advice, and the robot and the engine that it results in."""
+"""The text of an advice, and the resulting robot and engine."""
 
 
 def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) -> str:
-    """Suggest a change with which the robot moves as commanded; ``trial`` shows that it does not.
+    """Suggest a change that makes the robot move as commanded, unlike in ``trial``.
 
-    What costs least is tried first: somewhat finer steps and other settings of the engine, then
-    much finer steps, then changes of the robot, then both kinds together.
+    The cheapest changes are tried first: somewhat finer steps and other settings of the engine,
+    then much finer steps, then changes of the robot, then changes of both.
     """
     drive, speed = setting.robot.drive, setting.speed
     shares = {move: 1.0 if move.lock else share for move, share in trial.shares.items()}
@@ -67,7 +67,7 @@ def _advise_check(key: str, simulator: Simulator, setting: Setting) -> str:
 
 
 def _refine(simulator: Any) -> Iterator[Simulator]:
-    """Yield the simulator with repeatedly halved steps; each step divides all periods."""
+    """Yield the simulator with the time step halved once, twice, and so on."""
     if not is_dataclass(simulator):
         return
     part: Any = simulator
@@ -89,7 +89,7 @@ def _settings(key: str, simulator: Any) -> str:
 def _soften(
     key: str, simulator: Simulator, setting: Setting, trial: TrialDrive
 ) -> Iterator[Change]:
-    """Yield resistances to turning and softer grounds with which wheels that skid may do so."""
+    """Yield turning resistances and softer grounds, for robots whose wheels skid in turns."""
     if not skids(setting.robot.drive):
         return
     yield from _list_resistances("set", simulator, setting, trial)
@@ -110,7 +110,7 @@ def _list_soft(key: str, simulator: Simulator, setting: Setting) -> list[Change]
 def _list_resistances(
     words: str, simulator: Simulator, setting: Setting, trial: TrialDrive
 ) -> Iterator[Change]:
-    """Yield the turning resistance that explains the turns of a skid-steer robot, if any does."""
+    """Yield the turning resistance that explains a skid-steer robot's turns, if any."""
     drive: Any = setting.robot.drive
     shares = [trial.shares[move] for move in TURNS]
     share = 0.5 * (max(shares) + min(shares))
@@ -123,7 +123,7 @@ def _list_resistances(
 
 
 def _change_robot(change: Change) -> Iterator[Change]:
-    """Yield changes of the robot, in addition to another change: limits of steering and effort."""
+    """Combine a change with lower steering limits and with higher effort limits."""
     words, setting, simulator = change
     robot, drive = setting.robot, setting.robot.drive
     if isinstance(drive, Ackermann | SkidSteer):

@@ -1,4 +1,4 @@
-"""Detects a time step that is too coarse by driving the robot briefly before the run."""
+"""Detects too coarse time steps by driving the robot briefly before the run."""
 
 import dataclasses
 import logging
@@ -23,14 +23,14 @@ _LOG = logging.getLogger(__name__)
 
 
 def report_drive(experiment: Experiment, pool: Pool) -> None:
-    """Have a worker drive the robot in each engine, and warn if it does not move as commanded."""
+    """Let a worker drive the robot in each engine; warn if it does not move as commanded."""
     if all(isinstance(simulator, RuleSimulator) for simulator in _simulators(experiment).values()):
         return
     try:
         warnings = pool.submit(check_drive, experiment).result()
-    except CancelledError:  # the pool was closed because the run was interrupted
+    except CancelledError:  # the run was interrupted, which closed the pool
         raise
-    except Exception as error:  # an engine or a user's simulator may raise anything
+    except Exception as error:  # an engine or a user's simulator may raise any exception
         warnings = [
             f"a short drive before the run failed ({single_line(error)}); missions may fail, too"
         ]
@@ -69,7 +69,7 @@ def _check_subject(subject: Subject) -> Iterator[str]:
 
 
 def _guard(keys: Iterable[str], warnings: Iterator[str]) -> Iterator[str]:
-    """Yield the warnings about some engines; end with a warning if an engine rejects the robot."""
+    """Yield the warnings about engines; warn and stop if an engine rejects the robot."""
     try:
         yield from warnings
     except SimulationError as error:
@@ -77,13 +77,13 @@ def _guard(keys: Iterable[str], warnings: Iterator[str]) -> Iterator[str]:
 
 
 def choose_speed(member: Member) -> float:
-    """Return the maximum speed [m/s] that both the controller and the drive allow."""
+    """Return the maximum speed [m/s] allowed by both controller and drive."""
     speeds = [value for _, value in find_values(member.controller, "speed_mps", "controller")]
     return min(max(speeds, default=math.inf), member.robot.drive.max_speed_mps)
 
 
 def _tell_doubt(simulators: Mapping[str, Simulator], setting: Setting) -> Iterator[str]:
-    """Yield the warning about engines that simulate a drive inaccurately at any time step."""
+    """Yield the warning about engines that are inaccurate for a drive at any time step."""
     first = next(iter(simulators.values()))
     faults = setting.describe(setting.in_engine(first).run())
     shown = (

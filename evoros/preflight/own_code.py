@@ -1,4 +1,4 @@
-"""Tries a user's code in Python before a run, to report errors and nondeterminism."""
+"""Tries the user's code before a run, to report errors and nondeterminism."""
 
 from collections.abc import Sequence
 from concurrent.futures import CancelledError
@@ -25,7 +25,7 @@ TRUTH = Rule("True or False", lambda v: isinstance(v, bool | int | np.bool_))
 
 
 def try_rules(inputs: LoopInputs, readings: int) -> None:
-    """Call users' rules for sensors, filters and layers with readings and signals of 1."""
+    """Call users' rules for sensors, filters and layers, with readings and signals of 1."""
     for stage in (*inputs.filters, *inputs.localization, *inputs.actuation):
         source, values = np.ones_like(stage.source), np.ones_like(stage.values)
         memory = stage.parameters.copy(), stage.memory.copy()
@@ -41,7 +41,7 @@ def try_rules(inputs: LoopInputs, readings: int) -> None:
             check_answer("", function.function, COMMAND, command)
 
 
-FOREIGN = object()  # result for a rule that is not user-defined
+FOREIGN = object()  # result for rules that are not user-defined
 
 
 def _call(rule: Any, *arguments: Any) -> Any:
@@ -51,7 +51,7 @@ def _call(rule: Any, *arguments: Any) -> Any:
         return interpret_rule(rule)(*arguments)
     except EvorosError:
         raise
-    except Exception as error:  # a user's rule may raise anything
+    except Exception as error:  # a user's rule may raise any exception
         raise PartFault(
             f"{name_rule(rule)}: {type(error).__name__}: {single_line(error)}; correct "
             f"{find_source(rule.function)}"
@@ -59,14 +59,14 @@ def _call(rule: Any, *arguments: Any) -> Any:
 
 
 def report_repeatability(scenario: Scenario, mission: Mission, pool: Pool) -> None:
-    """Have workers run a mission with live controllers twice, and log any difference."""
+    """Let workers run a mission with live controllers twice; log any difference."""
     if not scenario.is_live:
         return
     packed = pack(scenario)
     futures = [pool.submit(run_for_trajectory, packed, mission) for _ in range(2)]
     try:
         first, second = (future.result() for future in futures)
-    except CancelledError:  # the pool was closed because the run was interrupted
+    except CancelledError:  # the run was interrupted, which closed the pool
         raise
     except Exception:  # the run will report the error
         return

@@ -1,4 +1,4 @@
-"""Checks the input before a run by starting everything that a mission needs except the engine."""
+"""Checks the input of a run by starting everything that a mission uses, except the engine."""
 
 import logging
 import math
@@ -34,7 +34,7 @@ from evoros.simulator.protocol import RuleSimulation, RuleSimulator, SimulationR
 
 
 def check_start(experiment: Experiment) -> Iterator[str]:
-    """Start a first mission and compile its rules; yield why some can only be interpreted."""
+    """Start a first mission and compile its rules; yield why some must be interpreted."""
     compiled: set[tuple[SimulationRules, tuple[int, ...]]] = set()
     reasons: dict[str, None] = {}
     for key, scenario in list_scenarios(experiment).items():
@@ -50,14 +50,14 @@ def check_start(experiment: Experiment) -> Iterator[str]:
 
 
 def list_scenarios(experiment: Experiment | scene.Subject) -> dict[str, Scenario]:
-    """Return the scenarios of a run, by the prefix of their keys in messages."""
+    """Return the scenarios of a run by the prefix of their keys in messages."""
     if experiment.confirming is experiment.scenario:
         return {"": experiment.scenario}
     return {"": experiment.scenario, "confirmation.": experiment.confirming}
 
 
 def _set_up(key: str, scenario: Scenario, member: Member, plan: Plan) -> Setup:
-    """Set up a first mission with immediate faults, and start the filters of all sensor types."""
+    """Set up a first mission with immediate faults; start the filters of all sensor types."""
     mounts = member.robot.mounts
     (mission, *_) = plan.selection(0, 0, Design(mounts), range(1))
     world = scenario.world[mission.world].at(mission.draws)
@@ -92,7 +92,7 @@ def _open_controller(participant: Participant) -> Sequence[LayerStage]:
 
 
 def _choose_rules(scenario: Scenario, members: Sequence[Member]) -> Sequence[SimulationRules]:
-    """Return the distinct rules of motion; an engine uses one set of rules for all worlds."""
+    """Return the distinct motion rules; an engine has the same rules in all worlds."""
     simulator = scenario.simulator
     if not isinstance(simulator, RuleSimulator):
         return [ENGINE_RULES]
@@ -105,7 +105,7 @@ def _choose_rules(scenario: Scenario, members: Sequence[Member]) -> Sequence[Sim
 
 
 def _compile(rules: SimulationRules, setup: Setup) -> list[str]:
-    """Compile the rules and loops of missions; return the reasons why some are interpreted."""
+    """Compile the rules and loops of missions; return why some rules are interpreted."""
     inputs = setup.collect_inputs(RuleSimulation(rules, np.zeros(0), np.zeros(0)))
     try_rules(inputs, len(setup.arrays.readings))
     prepare(inputs)
@@ -120,7 +120,7 @@ DESIGNS = 32
 
 
 def check_measures(experiment: Experiment) -> Iterator[str]:
-    """Yield a warning for each objective that has the same value for all designs tried."""
+    """Yield a warning for each objective with the same value for all tried designs."""
     measures = list_measures(experiment).items()
     named = {key: measure for key, measure in measures if measure.of_design}
     if not named or not experiment.space.size:
@@ -149,7 +149,7 @@ def _compute(key: str, measure: Measure, evaluated: Evaluated) -> float:
         raise InputError(f"{above}{error}") from None
 
 
-_MAX_RANGE_M = 1000.0  # a larger range of a mobile robot's sensor is probably in millimetres
+_MAX_RANGE_M = 1000.0  # range above which a sensor's range is probably in millimetres
 _MAX_WORKERS_PER_CORE = 4
 
 
@@ -185,9 +185,9 @@ def check_workers(experiment: Experiment) -> Iterator[str]:
 
 _LOG = logging.getLogger(__name__)
 
-MAX_TRAJECTORY_BYTES = 2**30  # maximum memory for the trajectory of one mission
+MAX_TRAJECTORY_BYTES = 2**30  # maximum memory [bytes] for the trajectory of a mission
 Check = Callable[[Experiment], Iterator[str] | None]
-"""Yields warnings; raises an InputError with the key in its message."""
+"""Yields warnings; raises an InputError that names the key."""
 RobotCheck = Callable[[scene.Subject], Iterator[str] | None]
 
 
@@ -214,7 +214,7 @@ def check_robots(experiment: Experiment) -> Iterator[str]:
 
 
 def check_length(experiment: Experiment) -> None:
-    """Require that a mission's trajectory fits into memory."""
+    """Check that the trajectory of a mission fits into memory."""
     design = scene.choose_middle(experiment.space)
     period = max(experiment.controller.period_s, MIN_RECORD_S)
     for name, world in experiment.world.items():
@@ -229,7 +229,7 @@ def check_length(experiment: Experiment) -> None:
 
 
 def check_bounds(subject: scene.Subject) -> None:
-    """Require that the parts accept the bounds of every evolved range."""
+    """Check that the parts accept the bounds of every evolved range."""
     for key, scenario in list_scenarios(subject).items():
         (member,) = scenario.members
         parts = {name: getattr(member, name) for name in ("robot", "controller", "design")}
@@ -254,7 +254,7 @@ def check_cases(subject: scene.Subject) -> Iterator[str]:
 
 
 def check_mount(subject: scene.Subject) -> Iterator[str]:
-    """Yield a line with the values of the default mount that evoros chose for the robot."""
+    """Yield a line with the values that evoros chose for the default mount."""
     robot = subject.member.robot
     if not robot.chosen_mount:
         return
@@ -265,7 +265,7 @@ def check_mount(subject: scene.Subject) -> Iterator[str]:
 
 
 def check_told(subject: scene.Subject) -> Iterator[str]:
-    """Yield a warning for each live controller that receives too few of the sensors' readings."""
+    """Yield a warning for each live controller that receives only some of the readings."""
     count = subject.member.design.max_number * (2 if subject.member.design.mirrored else 1)
     controllers = {
         "controller": subject.member.controller,

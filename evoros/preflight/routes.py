@@ -1,4 +1,4 @@
-"""Checks courses for bodies at the home position, narrow passages and constant avoidance."""
+"""Checks courses: bodies at home, narrow passages, constant avoidance."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -27,17 +27,17 @@ from evoros.world.model import World
 from evoros.world.standing import GAP_M, join_areas, standing_obstacles
 
 _STANDING_IN = 0.1
-"""Fraction by which the outline shrinks for the test whether a robot stands in an obstacle."""
+"""Fraction by which the outline shrinks when testing whether a robot is in an obstacle."""
 _MOVE = "move the body, or home (course.home_x_m, course.home_y_m)"
-STEP_M = 0.25  # distance between sampled points of the route
+STEP_M = 0.25  # distance [m] between sampled points of the route
 MAX_RATIO = 3.0
-"""The maximum ratio of the avoidance range to the median free space along the route.
+"""Maximum ratio of the avoidance range to the median free space along the route.
 
-It is 2.5 in ``world=dense``, where the designs evolved in the studies still make progress.
+The ratio is 2.5 in ``world=dense``, in which the designs evolved in the studies still progress.
 """
-FIT_RATIO = 2.0  # ratio that warnings suggest
-CELL_M = 0.1  # cell size of the search grid
-MAX_CELLS = 400  # maximum number of cells along each side of the grid
+FIT_RATIO = 2.0  # ratio suggested in warnings
+CELL_M = 0.1  # cell size [m] of the search grid
+MAX_CELLS = 400  # maximum number of cells per side of the grid
 
 
 def check_routes(subject: Subject) -> Iterator[str]:
@@ -143,7 +143,7 @@ def _free_space(points: Array, obstacles: Sequence[Footprint]) -> Array:
 def _check_passages(
     course: Course, obstacles: Sequence[Footprint], half_width: float, robot: str
 ) -> Iterator[str]:
-    """Warn about waypoints without a path as wide as the robot; rounding closes no path."""
+    """Warn about waypoints that no path as wide as the robot reaches; rounding favours paths."""
     goals = np.array([course.home[:2], *course.waypoints])
     vertices = np.concatenate([goals, *(footprint.vertices for footprint in obstacles)])
     low, high = vertices.min(axis=0) - 2 * half_width - 1, vertices.max(axis=0) + 2 * half_width + 1
@@ -175,7 +175,7 @@ def check_home(subject: Subject) -> Iterator[str]:
 
 
 def check_place(world: World, robot: Robot) -> Iterator[str]:
-    """Yield a warning for each body in the way of a robot at a world's home."""
+    """Yield a warning for each body in the way of a robot at home in a world."""
     course, bodies = world.course, world.obstacles
     place = f"at home ({course.home_x_m:g}, {course.home_y_m:g})"
     touched = _list_touched(robot.outline, course, bodies, robot.height_m)

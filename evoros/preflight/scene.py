@@ -30,10 +30,10 @@ RANDOM_DESIGNS = 5
 
 
 class Subject(NamedTuple):
-    """One robot of an experiment, treated as if it were the only one."""
+    """One robot of an experiment, treated as the only robot."""
 
-    member: Member  # the member of the team, with its key
-    scenario: Scenario  # scenario whose worlds have this robot's course
+    member: Member  # the robot in the team, with its key
+    scenario: Scenario  # scenario with this robot's course in all worlds
     confirming: Scenario
     trials: int
 
@@ -44,7 +44,7 @@ class Subject(NamedTuple):
 
 
 def list_subjects(experiment: Experiment) -> list[Subject]:
-    """Return the robots of an experiment."""
+    """Return the robots of an experiment as subjects."""
     subjects = []
     for i, member in enumerate(experiment.members):
         scenario = confirming = _isolate(experiment.scenario, i)
@@ -66,14 +66,14 @@ def choose_middle(space: DesignSpace | TeamSpace) -> Design:
 
 
 def try_designs(subject: Subject) -> Iterator[Member]:
-    """Yield the robot with designs at the middle, at both ends and inside the search space."""
+    """Yield the robot with designs at the middle, both ends and random points of the space."""
     space, rng = subject.space, generator("preflight", "designs")
     genomes = [space.middle, *(np.full(space.size, share) for share in (0.0, 1.0))]
     for genome in (*genomes, *rng.random((RANDOM_DESIGNS, space.size))):
         try:
             yield from subject.scenario.equip(space.decode(genome))
         except InputError:
-            continue  # missions will also reject this design
+            continue  # missions reject this design as well
 
 
 def find_values(part: object, name: str, at: str) -> Iterator[tuple[str, float]]:
@@ -92,15 +92,15 @@ def find_values(part: object, name: str, at: str) -> Iterator[tuple[str, float]]
 
 
 def find_avoidance_range(controller: object) -> tuple[str, float] | None:
-    """Return the key and value [m] of the longest ``range_m`` among a controller's layers."""
+    """Return the key and value [m] of the longest ``range_m`` of a controller's layers."""
     ranges = find_values(controller, "range_m", "controller")
     return max(ranges, key=lambda entry: entry[1], default=None)
 
 
 TRIALS = 3
-MARGIN_M = 1.0  # maximum distance [m] of a waypoint outside the bounding box of the obstacles
+MARGIN_M = 1.0  # maximum distance [m] from a waypoint to the bounding box of the obstacles
 SAMPLES = 100
-WALLED_SHARE = 0.9  # minimum fraction of each side that obstacles must cover; the rest are doors
+WALLED_SHARE = 0.9  # minimum fraction of each side covered by obstacles; doors are the rest
 
 
 def check_waypoints(experiment: Experiment) -> Iterator[str]:
@@ -133,7 +133,7 @@ def _list_outside(world: World) -> Iterator[tuple[float, float]]:
 
 
 def _encloses(boxes: Array, low: Array, high: Array) -> bool:
-    """Return True if boxes (n, 2, 2) [m] line all four sides of their bounding box, like walls."""
+    """Return True if boxes (n, 2, 2) [m] line all four sides of their bounding box."""
     for axis in (0, 1):
         along = np.linspace(low[1 - axis], high[1 - axis], SAMPLES)[:, None]
         covers = (boxes[:, 0, 1 - axis] <= along) & (along <= boxes[:, 1, 1 - axis])
@@ -146,7 +146,7 @@ def _encloses(boxes: Array, low: Array, high: Array) -> bool:
 
 
 def check_meshes(subject: Subject) -> Iterator[str]:
-    """Yield a warning for each mesh whose collision parts fill empty space."""
+    """Yield a warning for each mesh whose convex parts fill empty space."""
     for name, world in subject.scenario.world.items():
         for area in measure_meshes(world, subject.member.robot.height_m):
             if area.is_large:
@@ -157,7 +157,7 @@ def check_meshes(subject: Subject) -> Iterator[str]:
 
 
 def check_view(subject: Subject) -> Iterator[str]:
-    """Yield a warning for each sensor type that looks over every obstacle of level worlds."""
+    """Yield a warning for each sensor type that sees over all obstacles of level worlds."""
     worlds = list(subject.scenario.world.values())
     if any(world.sampler is not None or not world.is_level for world in worlds):
         return
@@ -187,14 +187,14 @@ def _list_upward(robot: Robot) -> dict[str, float]:
         sensor = robot.sensors[mount.sensor]
         if sees(sensor):
             lowest = float(product(sensor.rays(), frame[:3, :3].T)[:, 2].min())
-            # A ray that points up is lowest at the sensor.
+            # rays that point up are lowest at the sensor
             height = float(frame[2, 3]) if lowest >= 0.0 else -math.inf
             heights[mount.sensor] = min(height, heights.get(mount.sensor, math.inf))
     return heights
 
 
 def check_room(experiment: Experiment) -> None:
-    """Require enough space in each world for the maximum number of walkers."""
+    """Check that each world has space for the maximum number of walkers."""
     scenario = experiment.scenario
     if scenario.any_walkers:
         groups = scenario.walkers.items()
@@ -207,7 +207,7 @@ def check_room(experiment: Experiment) -> None:
 
 
 def place_robots(scenario: Scenario, members: Sequence[Member]) -> dict[str, list[PlacedRobot]]:
-    """Place the robots at home in each world."""
+    """Return the robots at home in each world."""
     return {
         name: [PlacedRobot(member.robot, member.place(world.course).home) for member in members]
         for name, world in scenario.world.items()
@@ -218,7 +218,7 @@ DRAWS = 20  # number of missions for which faults are drawn
 
 
 def check_onsets(subject: Subject) -> Iterator[str]:
-    """Require that each failure onset can occur in some world; warn about the other worlds."""
+    """Check that each failure onset can occur in some world; warn about the other worlds."""
     for trigger in _list_triggers(subject):
         worlds = subject.scenario.world.items()
         found = {name: find_problem(trigger, world) for name, world in worlds}
@@ -230,7 +230,7 @@ def check_onsets(subject: Subject) -> Iterator[str]:
 
 
 def _list_triggers(subject: Subject) -> list[Trigger]:
-    """Return the distinct triggers of the faults in several missions."""
+    """Return the distinct triggers of faults in several missions."""
     if not subject.scenario.failure.parts:
         return []
     (member,) = subject.scenario.equip(choose_middle(subject.space))
@@ -242,7 +242,7 @@ def _list_triggers(subject: Subject) -> list[Trigger]:
 
 
 def find_problem(trigger: Trigger, world: World) -> str:
-    """Return the rule that an onset violates in a world, with the value; "" if there is none."""
+    """Return the rule that an onset violates in a world, with the value, or ""."""
     course = world.course
     lengths = measure_legs(course.home, course.route(True))
     if trigger.kind == WAYPOINT and trigger.values[0] > len(lengths):
@@ -265,7 +265,7 @@ def find_problem(trigger: Trigger, world: World) -> str:
 
 
 def _find_extent(world: World) -> Array:
-    """Return the lower left and upper right corners (2, 2) [m] of all obstacles and the course."""
+    """Return the lower left and upper right corners (2, 2) [m] of obstacles and course."""
     areas = project_bodies(world.obstacles)
     borders = find_bounds(*areas) if areas else ()
     points = np.array([world.course.home[:2], *world.course.waypoints, *borders])

@@ -1,4 +1,4 @@
-"""Checks what sensors see (ground, robot, narrow obstacles), and whether housings overlap."""
+"""Checks what sensors see (ground, robot, narrow obstacles), and overlaps of housings."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -30,9 +30,9 @@ from evoros.world.model import World
 from evoros.world.standing import list_areas
 
 T = TypeVar("T")
-_FAR_M = 1e4  # distance from the robot at which the course cannot affect the readings
-NEAR_M = 1.0  # distance at which obstacles should be visible if no layer sets an avoidance range
-SEEN_SHARE = 1 / 3  # minimum share of readings that must hit the narrowest obstacle
+_FAR_M = 1e4  # distance [m] from the robot at which the course cannot affect readings
+NEAR_M = 1.0  # distance [m] at which obstacles should be visible, without an avoidance range
+SEEN_SHARE = 1 / 3  # minimum fraction of readings that must hit the narrowest obstacle
 _AWAY = Course(_FAR_M, _FAR_M, 0.0, 0.0, [[2 * _FAR_M, _FAR_M]], 1.0, 1.0, "forward", True)
 
 
@@ -44,7 +44,7 @@ class GroundSight(NamedTuple):
     range_m: float  # avoidance range
     reading_m: float
     height_m: float  # height of the sensor
-    drop_deg: float  # angle of the lowest ray below the horizon
+    drop_deg: float  # angle from the horizon down to the lowest ray
 
 
 def check_sight(subject: Subject) -> Iterator[str]:
@@ -54,7 +54,7 @@ def check_sight(subject: Subject) -> Iterator[str]:
 
 
 def check_self_sight(subject: Subject) -> Iterator[str]:
-    """Yield a warning if the robot blocks the view of its sensors in some designs."""
+    """Yield a warning if the robot blocks the view of sensors in some designs."""
     robots = [member.robot for member in try_designs(subject)]
     sights = [
         [s for s in find_self_sights(robot) if not _is_masked(robot, s.mount)] for robot in robots
@@ -68,7 +68,7 @@ def _is_masked(robot: Robot, mount: Mount) -> bool:
 
 
 def _propose_masks(robots: Sequence[Robot]) -> Iterator[str]:
-    """Propose a mask for each scanner type in which the same beams see the robot in all designs."""
+    """Propose a mask for each scanner type of which the same beams hit the robot in all designs."""
     types: dict[str, set[tuple[int, str]]] = {}
     for robot in robots:
         for mount, seeing in zip(robot.mounts, find_seeing_beams(robot), strict=True):
@@ -89,7 +89,7 @@ def _propose_masks(robots: Sequence[Robot]) -> Iterator[str]:
 def check_gaps(subject: Subject) -> Iterator[str]:
     """Yield a warning for each sensor type whose rays can miss the narrowest obstacle.
 
-    Its width divided by the gap between two rays is the fraction of readings that hit it.
+    The fraction of readings that hit it is its width divided by the gap between two rays.
     """
     worlds, height = subject.scenario.world.values(), subject.member.robot.height_m
     width, body = min(chain.from_iterable(_list_widths(w, height) for w in worlds), default=(0, ""))
@@ -110,7 +110,7 @@ def check_gaps(subject: Subject) -> Iterator[str]:
 
 
 def _list_widths(world: World, height: float) -> Iterator[tuple[float, str]]:
-    """Yield an upper bound on the width [m] of each low obstacle, and its body's name."""
+    """Yield an upper bound on the width [m] of each low obstacle, and the name of its body."""
     for body, areas in list_areas(world, height):
         if any(shape.kind == "convex" for shape in body.shapes):
             areas = (Footprint(np.concatenate([area.vertices for area in areas])),)
@@ -124,13 +124,13 @@ def _measure_gap(sensor: RangeSensor) -> float:
 
 
 def _propose_rays(name: str, sensor: RangeSensor, gap: float) -> str:
-    """Return the override that spaces neighbouring rays at most ``gap`` [rad] apart."""
+    """Return the override that makes neighbouring rays at most ``gap`` [rad] apart."""
     low, high = find_field(sensor)
     spaces = round((high - low) / _measure_gap(sensor))
     zones = getattr(sensor, "zones", 1)
     for key in ("rays_per_axis", "rays_per_zone", "beams"):
         if hasattr(sensor, key):
-            edges = zones * getattr(sensor, key) - spaces  # 1 if the outermost rays lie on edges
+            edges = zones * getattr(sensor, key) - spaces  # 1 if the outermost rays are on edges
             count = math.ceil((math.ceil((high - low) / gap) + edges) / zones)
             return f"set design.sensors.{name}.{key}={count}"
     return "choose a sensor with more rays"
@@ -159,7 +159,7 @@ def check_housings(subject: Subject) -> Iterator[str]:
 
 
 def check_designs(robots: Mapping[str, Robot]) -> Iterator[str]:
-    """Yield a warning if sensors of the named robots overlap, and another if they see the robot."""
+    """Yield a warning if sensors of the named robots overlap, and one if they see the robot."""
     overlaps = {name: list(find_overlaps(list_housings(robot))) for name, robot in robots.items()}
     for names, overlap in _find_worst(overlaps, attrgetter("depth_m")):
         yield (
@@ -174,7 +174,7 @@ def check_designs(robots: Mapping[str, Robot]) -> Iterator[str]:
 def _find_worst(
     found: Mapping[str, Sequence[T]], badness: Callable[[T], float]
 ) -> Iterator[tuple[str, T]]:
-    """Yield the worst item, if any; name its robot, and count the other robots that have items."""
+    """Yield the worst item, if any, with the robot's name and the number of other robots."""
     worst = {name: max(items, key=badness) for name, items in found.items() if items}
     if worst:
         name = max(worst, key=lambda name: badness(worst[name]))

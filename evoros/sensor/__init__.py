@@ -1,1 +1,1 @@
-"""Sensors: their rays or signals, rates, noise and errors."""
+"""Sensors, with rays or signals, rates, noise and errors."""

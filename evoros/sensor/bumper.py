@@ -1,4 +1,4 @@
-"""A bumper, a switch that closes when something touches the robot."""
+"""A bumper: a switch that closes when something touches the robot."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ _CONTACT = """\
 @dataclass(frozen=True)
 @checked
 class Bumper(ContactSensor):
-    """A sensor that reads 1 if something has touched its zone of the robot since the last reading.
+    """A sensor that reads 1 if something has touched its zone since the last reading.
 
     In top view, the zone is a strip of width ``width_m`` that begins ``depth_m`` behind the mount
     and extends forward. It covers the outline at any height, but not the ground.
@@ -31,7 +31,7 @@ class Bumper(ContactSensor):
 
     width_m: Annotated[float, POSITIVE] = 0.4  # width of the zone
     depth_m: Annotated[float, NOT_NEGATIVE] = 0.05  # distance from the mount back to its start
-    period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
+    period_s: Annotated[float, POSITIVE] = 0.1  # time between readings
     size_m: Annotated[Sequence[float], BOX] = (0.02, 0.4, 0.05)
     mass_kg: Annotated[float, POSITIVE] = 0.1
     price: Annotated[float, NOT_NEGATIVE] = 3.0
@@ -53,5 +53,5 @@ class Bumper(ContactSensor):
         memory.touches[0] = signal[TOUCHES]
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>``, which needs a collision shape called ``NAME_collision``."""
+        """Return the SDF ``<sensor>``, for a collision shape called ``NAME_collision``."""
         return gazebo_sensor(name, "contact", self.period_s, _CONTACT.format(name=name))

@@ -1,4 +1,4 @@
-"""SDF ``<sensor>`` elements with which Gazebo simulates the sensors."""
+"""SDF ``<sensor>`` elements for simulating the sensors in Gazebo."""
 
 import math
 from collections.abc import Iterable
@@ -61,10 +61,10 @@ def gazebo_rays(
     vertical: Fan | None = None,
     noise: Iterable[Filter] = (),
 ) -> str:
-    """Return the SDF ``<sensor>`` with any Gaussian noise; ``name`` is its name and topic."""
+    """Return the SDF ``<sensor>``, including Gaussian noise; ``name`` is its name and topic."""
     fans = [("horizontal", horizontal), *([("vertical", vertical)] if vertical else [])]
     sigmas = [part.sigma_m for part in noise if isinstance(part, GaussianNoise)]
-    sigma = math.sqrt(sum(sigma * sigma for sigma in sigmas))  # the noises are independent
+    sigma = math.sqrt(sum(sigma * sigma for sigma in sigmas))  # the noise terms are independent
     content = _LIDAR.format(
         fans="".join(_FAN.format(axis=axis, **fan._asdict()) for axis, fan in fans),
         range_min=sensor.range_min_m,

@@ -1,4 +1,4 @@
-"""An inertial measurement unit: three gyroscopes and three accelerometers."""
+"""An inertial measurement unit with three gyroscopes and three accelerometers."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,23 +17,23 @@ from evoros.sensor.protocol import BOX, MOTION, Channel, SignalSensor
 from evoros.sensor.signals import GRAVITY, ORIENTATION, TURNING, VELOCITY
 
 _AXES = ("x", "y", "z")
-_SMALL_RAD = 1e-9  # half angle of rotation below which the axis is undefined
+_SMALL_RAD = 1e-9  # half rotation angle below which the axis is undefined
 
 
 @dataclass(frozen=True)
 @checked
 class Imu(SignalSensor):
-    """Angular rates and accelerations along the axes of the sensor's frame, x forward and z up.
+    """Angular rates and accelerations along the axes of the sensor's frame, x forward, z up.
 
-    Each reading is the mean since the previous one; the first has the current rates and only
-    gravity. The acceleration is the specific force: at rest on level ground, it equals gravity and
-    points up. The defaults are close to InvenSense's MPU-9250.
+    Each reading is the mean since the previous reading; the first contains the current rates and
+    only gravity. The acceleration is the specific force: at rest on level ground, it equals gravity
+    and points up. The defaults are close to InvenSense's MPU-9250.
     """
 
     measures = MOTION
-    rate_max_radps: Annotated[float, POSITIVE] = 34.9  # 2000 deg/s in either direction
-    acceleration_max_mps2: Annotated[float, POSITIVE] = 157.0  # 16 g in either direction
-    period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
+    rate_max_radps: Annotated[float, POSITIVE] = 34.9  # 2000 deg/s in both directions
+    acceleration_max_mps2: Annotated[float, POSITIVE] = 157.0  # 16 g in both directions
+    period_s: Annotated[float, POSITIVE] = 0.1  # time between readings
     size_m: Annotated[Sequence[float], BOX] = (0.015, 0.026, 0.003)
     mass_kg: Annotated[float, POSITIVE] = 0.003
     price: Annotated[float, NOT_NEGATIVE] = 10.0
@@ -52,12 +52,12 @@ class Imu(SignalSensor):
         strongest: float  # [m/s2]
 
     class Memory(NamedTuple):
-        """The state at the last reading, with ``speeds`` and ``weight`` along the sensor's axes."""
+        """The state at the last reading; ``speeds`` and ``weight`` are along the sensor's axes."""
 
-        time: Array  # (1,) [s]; -infinity before the first reading
+        time: Array  # (1,) [s], -infinity before the first reading
         facing: Array  # (4,) orientation
         speeds: Array  # (3,) velocity [m/s]
-        weight: Array  # (3,) specific force at rest, opposite to gravity [m/s2]
+        weight: Array  # (3,) [m/s2], specific force at rest, opposite to gravity
 
     def start(self) -> tuple[Parameters, Memory]:
         memory = self.Memory(np.array([-math.inf]), np.zeros(4), np.zeros(3), np.zeros(3))
@@ -67,7 +67,7 @@ class Imu(SignalSensor):
     def rule(
         parameters: Parameters, memory: Memory, signal: Array, values: Array, time: float
     ) -> None:
-        """Compute angular rates from the orientations, and accelerations from the velocities."""
+        """Compute angular rates from orientations, and accelerations from velocities."""
         facing = signal[ORIENTATION : ORIENTATION + 4]
         qw, qx, qy, qz = facing[0], facing[1], facing[2], facing[3]
         v, w = VELOCITY, TURNING
@@ -81,7 +81,7 @@ class Imu(SignalSensor):
         for i in range(3):
             felt = weight[i]
             if moves:
-                # The components of a constant velocity change in rotating axes.
+                # Components of a constant velocity change along rotating axes.
                 j = (i + 1) % 3
                 k = (i + 2) % 3
                 turned = rates[j] * (speeds[k] + memory.speeds[k])
@@ -129,7 +129,7 @@ def turn_between(
     dx = w * qx - x * qw - y * qz + z * qy
     dy = w * qy + x * qz - y * qw - z * qx
     dz = w * qz - x * qy + y * qx - z * qw
-    if dw < 0.0:  # the negated quaternion is the same rotation the shorter way round
+    if dw < 0.0:  # the negated quaternion is the same rotation, but the shorter way round
         dw = -dw
         dx = -dx
         dy = -dy

@@ -16,23 +16,23 @@ from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.gazebo_rays import Fan, gazebo_rays
 from evoros.sensor.protocol import BEAM, BOX, RangeSensor, find_field
 
-RIM = 8  # number of rays on the edge of the cone, in addition to the central ray
+RIM = 8  # number of rays on the edge of the cone, besides the central ray
 
 
 @dataclass(frozen=True)
 @checked
 class Infrared(RangeSensor):
-    """A range sensor with a round cone, sampled by one central ray and eight rays on the edge.
+    """A range sensor with a round cone, sampled by a central ray and eight rays on the edge.
 
     The defaults, with ``conf/sensor/infrared.yaml``, are close to Sharp's GP2Y0A21. Below its
-    minimum range, the real sensor gives meaningless readings; this model reads the minimum.
+    minimum range, the real sensor gives meaningless readings; the model reads the minimum.
     """
 
     radiation = "infrared"  # radiation type in ROS messages
     range_min_m: Annotated[float, NOT_NEGATIVE] = 0.1
     range_max_m: Annotated[float, POSITIVE] = 0.8
     fov_deg: Annotated[float, BEAM] = 5.0  # full width of the cone
-    period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
+    period_s: Annotated[float, POSITIVE] = 0.1  # time between readings
     size_m: Annotated[Sequence[float], BOX] = (0.0135, 0.0295, 0.013)
     mass_kg: Annotated[float, POSITIVE] = 0.0035
     price: Annotated[float, NOT_NEGATIVE] = 8.0

@@ -22,15 +22,15 @@ FIELD = Rule("an angle greater than 0 and at most 360", lambda v: is_number(v) a
 class Lidar(RangeSensor):
     """A range sensor with ``beams`` evenly spaced rays in its x-y plane.
 
-    Rays are ordered from right to left and include both edges, unless the field is 360 deg. The
-    defaults match small scanners for indoor robots.
+    Rays are ordered from right to left and include both edges, unless the field of view is 360 deg.
+    The defaults match small scanners of indoor robots.
     """
 
     range_min_m: Annotated[float, NOT_NEGATIVE] = 0.15
     range_max_m: Annotated[float, POSITIVE] = 8.0
     fov_deg: Annotated[float, FIELD] = 360.0  # full width, centred on the sensor's x axis
     beams: Annotated[int, replace(COUNT, limit=100_000)] = 360
-    period_s: Annotated[float, POSITIVE] = 0.1  # time between two scans
+    period_s: Annotated[float, POSITIVE] = 0.1  # time between scans
     size_m: Annotated[Sequence[float], BOX] = (0.07, 0.07, 0.04)
     mass_kg: Annotated[float, POSITIVE] = 0.17
     price: Annotated[float, NOT_NEGATIVE] = 99.0

@@ -1,4 +1,4 @@
-"""A multizone range finder: a few adjacent zones, each of which reads its nearest hit."""
+"""A multizone range finder: adjacent zones that each read their nearest hit."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,7 +20,7 @@ from evoros.sensor.protocol import BEAM, BOX, RangeSensor, find_field, spread_be
 class Multizone(RangeSensor):
     """A range sensor whose field of view in the x-y plane is divided into equal ``zones``.
 
-    Like a camera's pixels, zones have no gaps and are ordered from right to left. With
+    Zones adjoin like the pixels of a camera, and are ordered from right to left. With
     ``conf/sensor/multizone.yaml``, the defaults are close to the middle row of ST's VL53L5CX.
     """
 
@@ -30,7 +30,7 @@ class Multizone(RangeSensor):
     fov_deg: Annotated[float, BEAM] = 45.0  # full width of all zones together
     zones: Annotated[int, replace(COUNT, limit=1000)] = 8
     rays_per_zone: Annotated[int, replace(COUNT, limit=100)] = 5
-    period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
+    period_s: Annotated[float, POSITIVE] = 0.1  # time between readings
     size_m: Annotated[Sequence[float], BOX] = (0.005, 0.013, 0.005)
     mass_kg: Annotated[float, POSITIVE] = 0.002
     base_price: Annotated[float, NOT_NEGATIVE] = 1.0
@@ -39,7 +39,7 @@ class Multizone(RangeSensor):
 
     @property
     def price(self) -> float:  # type: ignore[override]
-        """The price of one sensor, which grows with the number of zones."""
+        """The price of a sensor, which grows with the number of zones."""
         return self.base_price + self.zone_price * self.zones
 
     def channel_of(self) -> NDArray[np.int64]:
@@ -47,7 +47,7 @@ class Multizone(RangeSensor):
 
     def rays(self) -> Array:
         count = self.zones * self.rays_per_zone
-        angles = spread_bearings(count, self.fov_deg, count)  # the middles of equal parts
+        angles = spread_bearings(count, self.fov_deg, count)  # centres of equal parts
         return np.column_stack((cos_all(angles), sin_all(angles), np.zeros(count)))
 
     def gazebo(self, name: str) -> str:

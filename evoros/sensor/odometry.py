@@ -17,14 +17,14 @@ from evoros.sensor.signals import DISTANCE, TURN
 @dataclass(frozen=True)
 @checked
 class Odometry(SignalSensor):
-    """Mean speed and yaw rate since the last reading, computed from wheel encoders.
+    """The mean speed and yaw rate since the last reading, from wheel encoders.
 
-    The speed is measured at the midpoint of the wheels that are not steered. Wheel slip causes
-    errors. The first reading is 0. ``Scale`` filters model errors in wheel size or track width.
+    The speed is that at the midpoint of the unsteered wheels. Wheel slip causes errors. The first
+    reading is 0. The filter ``Scale`` models errors of wheel size or track.
     """
 
     measures = WHEELS
-    period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
+    period_s: Annotated[float, POSITIVE] = 0.1  # time between readings
     size_m: Annotated[Sequence[float], BOX] = (0.01, 0.01, 0.01)
     mass_kg: Annotated[float, POSITIVE] = 0.01
     price: Annotated[float, NOT_NEGATIVE] = 15.0
@@ -38,7 +38,7 @@ class Odometry(SignalSensor):
         )
 
     class Memory(NamedTuple):
-        time: Array  # (1,) time of the last reading [s]
+        time: Array  # (1,) [s], time of the last reading
         signal: Array  # (2,) signal at the last reading
 
     def start(self) -> tuple[None, Memory]:
@@ -46,7 +46,7 @@ class Odometry(SignalSensor):
 
     @staticmethod
     def rule(memory: Memory, signal: Array, values: Array, time: float) -> None:
-        """Divide the distance and the rotation since the last reading by the elapsed time."""
+        """Divide the distance and rotation since the last reading by the elapsed time."""
         elapsed = time - memory.time[0]
         for i in (DISTANCE, TURN):
             values[i] = (signal[i] - memory.signal[i]) / elapsed if elapsed > 0.0 else 0.0

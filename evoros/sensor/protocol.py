@@ -32,7 +32,7 @@ def find_prefix(links: Iterable[str], types: Collection[str]) -> str:
 
 
 def _highest_level(names: Iterable[str], types: Collection[str]) -> int:
-    """Return the maximum number of prefixes before a sensor name in ``names``; -1 without names."""
+    """Return the maximum number of prefixes before sensor names in ``names``; -1 without any."""
     pattern = rf"((?:{_PREFIX})*)(?:{'|'.join(map(re.escape, types))})_[0-9]+(?:_joint)?"
     matches = (re.fullmatch(pattern, name) for name in names) if types else ()
     return max((len(match[1]) // len(_PREFIX) for match in matches if match), default=-1)
@@ -40,10 +40,10 @@ def _highest_level(names: Iterable[str], types: Collection[str]) -> int:
 
 @dataclass(frozen=True)
 class Mount:
-    """A sensor mounted on the robot: its type and its pose in the frame of ``link``."""
+    """A mounted sensor: its type, and its pose in the frame of ``link``."""
 
-    sensor: str  # sensor type, a key of the design's ``sensors``
-    link: str  # link of the robot that carries the sensor
+    sensor: str  # sensor type, a key of ``sensors`` in the design
+    link: str  # robot link that carries the sensor
     x_m: float  # forward
     y_m: float  # left
     z_m: float  # up
@@ -64,48 +64,48 @@ BEAM = checks.Rule(
     "an angle greater than 0 and less than 180", lambda v: checks.is_number(v) and 0 < v < 180
 )
 RAY_DEG = 1.0
-"""Width [deg] of coverage by a single ray or a narrower beam, which figures show as a line."""
+"""Width [deg] assumed for the coverage of single rays and narrow beams, drawn as lines."""
 RANGE, MOTION, WHEELS, CONTACT = "range", "motion", "wheels", "contact"
-"""Quantities that sensors measure: ranges, motion of the mount, rolling of the wheels, contacts."""
+"""Quantities measured by sensors: range, motion of the mount, rolling of wheels, contact."""
 SIGNAL_SIZES = {MOTION: 14, WHEELS: 2, CONTACT: 1}
-"""The number of values of each signal; ``signals`` describes them."""
+"""Number of values of each signal; ``signals`` describes the values."""
 SENSOR_ARGUMENTS = "parameters", "memory", "rng", "signal", "values", "time"
-"""Arguments that a signal sensor's ``rule`` may take; the rule fills ``values`` at ``time`` [s]."""
+"""Possible arguments of a signal sensor's ``rule``, which fills ``values`` at ``time`` [s]."""
 
 
 class Channel(NamedTuple):
     """The name, unit and limits of one value in a sensor's reading."""
 
-    name: str  # quantity, used as column prefix, such as range
-    unit: str  # unit, used as column suffix, such as m; empty if there is none
+    name: str  # quantity, used as a column prefix, such as range
+    unit: str  # unit, used as a column suffix, such as m; empty without a unit
     low: float  # minimum reading; -inf if unlimited
-    high: float  # maximum reading, which a range sensor also reads if it sees nothing
+    high: float  # maximum reading, which a range sensor also reads without obstacles
 
 
 class Sensor(ABC):
-    """A type of sensor: measured quantity, channels, period, filters and body."""
+    """A sensor type: measured quantity, channels, period, filters and body."""
 
-    period_s: float  # time between two readings [s]
+    period_s: float  # time [s] between readings
     measures: str  # measured quantity: ``range`` for a ``RangeSensor``, otherwise a signal
     filters: Mapping[str, Filter] = MappingProxyType({})
-    """Filters by name, in the order in which they are applied to the readings, noise first."""
+    """Filters by name, in the order of application to the readings, noise first."""
     size_m: Sequence[float]
-    """Side lengths (3,) [m] of the body: a box that never collides, centred on the sensor frame."""
-    mass_kg: float  # mass of the body [kg], greater than 0 because simulators drop massless bodies
+    """Side lengths (3,) [m] of the body: a box centred on the sensor frame that never collides."""
+    mass_kg: float  # mass [kg] of the body, positive because simulators drop massless bodies
     price: float = 0.0  # price, at least 0, in any unit
 
     @property
     @abstractmethod
     def channels(self) -> Sequence[Channel]:
-        """The channels of a reading; there is at least one."""
+        """The channels of a reading, at least one."""
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>`` for the champion's URDF; empty if Gazebo has no model."""
+        """Return the SDF ``<sensor>`` for the champion's URDF; empty without a Gazebo model."""
         return ""
 
 
 class RangeSensor(Sensor):
-    """A type of sensor that measures distances along rays, all with the same limits.
+    """A sensor type that measures distances along rays, all with the same limits.
 
     ``fov_deg``, if defined, is the full width of the field of view; see ``find_field``.
     """
@@ -113,7 +113,7 @@ class RangeSensor(Sensor):
     measures = RANGE
     radiation: str = ""  # radiation type in ROS messages: ``infrared``, or empty for ultrasound
     range_min_m: float  # minimum reading [m]
-    range_max_m: float  # maximum reading [m], also read if nothing is in range
+    range_max_m: float  # maximum reading [m], also read without obstacles in range
 
     def __post_init__(self) -> None:
         if self.range_min_m >= self.range_max_m:
@@ -122,24 +122,24 @@ class RangeSensor(Sensor):
 
     @property
     def channels(self) -> Sequence[Channel]:
-        """One range for each channel of ``channel_of``."""
+        """A range channel for each channel in ``channel_of``."""
         count = int(np.max(self.channel_of())) + 1
         return (Channel("range", "m", self.range_min_m, self.range_max_m),) * count
 
     @abstractmethod
     def rays(self) -> Array:
-        """Return (k, 3) unit vectors in the sensor's frame, x forward."""
+        """Return unit vectors (k, 3) in the sensor's frame, x forward."""
 
     @abstractmethod
     def channel_of(self) -> NDArray[np.int64]:
-        """Return the channel of each ray (k,); each channel reads the nearest hit of its rays."""
+        """Return the channel (k,) of each ray; a channel reads the nearest hit of its rays."""
 
 
 class SignalSensor(Sensor):
-    """A type of sensor that computes its readings from a signal instead of ranges."""
+    """A sensor type that computes its readings from a signal instead of ranges."""
 
     rule: Callable[..., None]
-    """Static method that fills one value per channel; takes some of ``SENSOR_ARGUMENTS``."""
+    """Static method that fills one value per channel from some of ``SENSOR_ARGUMENTS``."""
 
     @abstractmethod
     def start(self) -> Started:
@@ -147,16 +147,16 @@ class SignalSensor(Sensor):
 
 
 class ContactSensor(SignalSensor):
-    """A type of sensor that detects contacts of the robot in a zone near its mount, at any height.
+    """A sensor type that detects contacts of the robot in a zone near its mount, at any height.
 
-    In top view, the zone begins ``depth_m`` behind the mount, extends forward without limit, and is
-    ``width_m`` wide.
+    In top view, the zone is ``width_m`` wide, begins ``depth_m`` behind the mount, and extends
+    forward without limit.
     """
 
     measures = CONTACT
     width_m: float
-    """The distance [m] between the left and right edges of the zone, centred on the mount."""
-    depth_m: float  # distance [m] behind the mount at which the zone begins
+    """Width [m] of the zone, which is centred on the mount."""
+    depth_m: float  # distance [m] from the mount back to the start of the zone
 
 
 def _are_channels(value: object) -> bool:
@@ -212,7 +212,7 @@ def check_sensor(sensor: Sensor) -> None:
 
 
 def add_prices(mounts: Iterable[Mount], sensors: Mapping[str, Sensor]) -> float:
-    """Return the sum of the prices of mounted sensors."""
+    """Return the total price of mounted sensors."""
     return math.fsum(float(sensors[mount.sensor].price) for mount in mounts)
 
 
@@ -234,8 +234,8 @@ def is_signal_sensor(sensor: Sensor) -> TypeGuard[SignalSensor]:
 def find_field(sensor: RangeSensor) -> tuple[float, float]:
     """Return the right and left edges [rad] of a sensor's field of view in its x-y plane.
 
-    The field is as wide as ``fov_deg``. Without ``fov_deg``, it lies between the outermost rays, or
-    covers the full circle if they leave no gap behind the sensor. A single ray has no width.
+    The field is ``fov_deg`` wide. Without ``fov_deg``, it lies between the outermost rays, or is
+    the full circle if these leave no gap behind the sensor. A single ray has no width.
     """
     rays = np.asarray(sensor.rays())
     azimuths = np.unique(atan2_all(rays[:, 1], rays[:, 0]))
@@ -252,7 +252,7 @@ def find_field(sensor: RangeSensor) -> tuple[float, float]:
 
 
 def sensor_bearings(sensor: RangeSensor) -> list[float]:
-    """Return the bearing [rad] of each channel's mean ray direction, in the sensor's frame."""
+    """Return the bearing [rad] of each channel, from its mean ray direction."""
     middles = np.zeros((len(sensor.channels), 3))
     np.add.at(middles, sensor.channel_of(), sensor.rays())
     bearings: list[float] = atan2_all(middles[:, 1], middles[:, 0]).tolist()
@@ -269,7 +269,7 @@ def name_channels(sensors: Iterable[Sensor]) -> Iterator[str]:
 
 
 def name_readings(index: int, channels: Sequence[tuple[str, str]]) -> Iterator[str]:
-    """Yield a sensor's column names from its index and its channels' names and units."""
+    """Yield the column names of a sensor from its index and its channels (name, unit)."""
     sizes = Counter(name for name, _ in channels)
     seen = Counter[str]()
     for name, unit in channels:
@@ -279,7 +279,7 @@ def name_readings(index: int, channels: Sequence[tuple[str, str]]) -> Iterator[s
 
 
 def spread_bearings(count: int, width_deg: float, spaces: int) -> Array:
-    """Return ``count`` bearings [rad], left positive, evenly spaced by ``width_deg / spaces``."""
+    """Return ``count`` bearings [rad], left positive, spaced by ``width_deg / spaces``."""
     half_space = math.radians(width_deg) / spaces / 2
-    # Unlike the values of linspace, mirrored bearings are bitwise opposite.
+    # unlike linspace, this makes mirrored bearings bitwise opposite
     return np.asarray(np.arange(1.0 - count, count, 2.0) * half_space)

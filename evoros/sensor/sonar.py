@@ -1,4 +1,4 @@
-"""A sonar, whose range is the nearest hit of a grid of rays that fills the beam."""
+"""A sonar, whose range is the nearest hit of a grid of rays across the beam."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,14 +20,15 @@ from evoros.sensor.protocol import BEAM, BOX, RangeSensor, find_field, spread_be
 class Sonar(RangeSensor):
     """A range sensor with a square beam, sampled by a square grid of rays.
 
-    Objects between rays are missed (preflight warns). Defaults match the 2018 paper (Evo-ROS).
+    Objects between rays are missed (a preflight check warns). The defaults match the 2018 paper
+    (Evo-ROS).
     """
 
     range_min_m: Annotated[float, NOT_NEGATIVE] = 0.06
     range_max_m: Annotated[float, POSITIVE] = 4.5
-    fov_deg: Annotated[float, BEAM] = 30.0  # full width of the beam, horizontal and vertical
+    fov_deg: Annotated[float, BEAM] = 30.0  # full width of the beam, horizontally and vertically
     rays_per_axis: Annotated[int, replace(COUNT, limit=100)] = 5
-    period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
+    period_s: Annotated[float, POSITIVE] = 0.1  # time between readings
     size_m: Annotated[Sequence[float], BOX] = (0.02, 0.045, 0.02)  # typical size of small sonars
     mass_kg: Annotated[float, POSITIVE] = 0.009
     price: Annotated[float, NOT_NEGATIVE] = 4.0
@@ -39,7 +40,8 @@ class Sonar(RangeSensor):
     def rays(self) -> Array:
         """Return unit vectors (rays, 3) in the sensor's frame, x forward and z up.
 
-        They are ``(cos a cos b, sin a cos b, sin b)`` for azimuths a (left) and elevations b.
+        The vectors are ``(cos a cos b, sin a cos b, sin b)`` for azimuths a (left) and elevations
+        b.
         """
         spaces = max(self.rays_per_axis - 1, 1)
         angles = spread_bearings(self.rays_per_axis, self.fov_deg, spaces)

@@ -14,7 +14,7 @@ from evoros.files.origin import read_origin
 from evoros.files.resources import PACKAGE
 
 OWN = "evoros"
-COMPUTING = ("evoros", "numpy", "numba")  # their versions can change missions in every simulator
+COMPUTING = ("evoros", "numpy", "numba")  # packages that can change missions in every simulator
 
 
 def describe_circumstances(

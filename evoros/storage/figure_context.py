@@ -1,4 +1,4 @@
-"""Describes an experiment in ``setting.json``, so that figures need no code or input of the run."""
+"""Describes an experiment in ``setting.json``, so that figures need no code or input of a run."""
 
 import json
 import math
@@ -37,7 +37,7 @@ _DRAWS = 20  # number of sampled draws of which the filters are listed
 class FailureContext:
     """The causes of failures in missions, and the effects of failures on readings."""
 
-    drawn: bool = True  # True if random; the fractions of missions then estimate probabilities
+    drawn: bool = True  # whether failures are random; fractions of missions then are probabilities
     always_intact: bool = False  # whether no sensor ever fails
     intact: tuple[int, ...] = ()  # trials of a systematic failure without failed sensors
     effects: Mapping[str, str] = field(default_factory=dict)
@@ -144,7 +144,7 @@ class FigureContext:
     modes: tuple[str, ...]  # names of modes, counted from 1 in the column ``mode`` of trajectories
     courses: Mapping[str, Course]  # keyed by world
     drive: Mapping[str, float] = field(default_factory=dict)  # the drive as sent to programs
-    signals: Mapping[str, Signal] = field(default_factory=dict)  # by sensor type; no rays
+    signals: Mapping[str, Signal] = field(default_factory=dict)  # keyed by type, without rays
     types: tuple[str, ...] = ()  # sensor types in mounting order
     fixed: tuple[Mount, ...] = ()  # sensors common to all designs
     failure: FailureContext = field(default_factory=FailureContext)

@@ -106,7 +106,7 @@ class Run:
         return self._read_trajectory(f"champion/trajectory_{world}.csv")
 
     def require_trajectories(self, of_others: bool = False) -> None:
-        """Require that the run stores the champion's or, if ``of_others``, other trajectories."""
+        """Raise an error unless the champion's or, if ``of_others``, all trajectories are kept."""
         recorded = self.manifest.get("record")
         if recorded == "none" or (of_others and recorded == "champion"):
             kind, fix = (" of all missions", "all") if of_others else ("", "champion")

@@ -1,11 +1,11 @@
-"""Conformance suites: tests that hold for every part of a kind, for a test class to inherit.
+"""Conformance suites: tests that all parts of a kind must pass, inherited by a test class.
 
     from evoros.testing import FilterSuite
 
     class TestDazzle(FilterSuite):
         part = Dazzle()
 
-pytest then runs the suite's tests on the part. evoros tests its own parts in this way, and never
+pytest then runs the tests of the suite on the part. evoros tests its parts this way, and never
 imports this package at run time.
 """
 

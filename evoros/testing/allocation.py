@@ -9,10 +9,10 @@ from evoros.evolution.contest import Contest
 from evoros.testing.part import PartSuite
 
 Draw = Callable[[int, int], float]
-"""Returns a trial's score, given a design and the number of the trial."""
+"""Returns the score of a trial, given a design and the number of the trial."""
 
 SIZES = (1, 0, 1), (12, 0, 1), (5, 3, 2), (1, 12, 3), (12, 12, 1), (3, 1, 2)
-"""The numbers of new designs, survivors and trials in each contest."""
+"""Numbers of new designs, survivors and trials in each contest."""
 
 
 def hold_contest(
@@ -22,14 +22,14 @@ def hold_contest(
     contest = Contest(allocation, trials, earlier)
     while wanted := contest.next_round():
         for design, range_ in wanted.items():
-            # all designs face the same random draws
+            # designs must use the same random draws
             assert range_.start == len(contest.scores.get(design, ()))
         contest.add({i: [draw(i, k) for k in range_] for i, range_ in wanted.items()})
     return contest
 
 
 def draw_noisy(seed: int, spread: float = 1.0) -> Draw:
-    """Return a draw of scores in which design i has the expected score -i."""
+    """Return a function that draws scores; design i has the expected score -i."""
     table = np.random.default_rng(seed).normal(size=(64, 256)) * spread
     return lambda i, k: float(table[i, k] - i)
 
@@ -41,14 +41,14 @@ class AllocationSuite(PartSuite):
     protocol = Allocation
 
     def use(self, part: Allocation, seed: int) -> Iterator[object]:
-        """Hold several contests, and yield the trials of each round and the fitness."""
+        """Hold several contests; yield the trials of each round, and the fitness."""
         for new, old, trials in SIZES:
             earlier = {i: [-float(i)] * (i < old) for i in range(old + new)}
             contest = hold_contest(part, trials, earlier, draw_noisy(seed))
             yield contest.rounds, contest.fitness()
 
     def test_trials_are_within_bounds(self) -> None:
-        """Each new design gets at least ``trials``, and no design more than ``most_trials``."""
+        """Each new design has at least ``trials`` trials, and no design more than the maximum."""
         for seed in range(10):
             for new, old, trials in SIZES:
                 earlier = {i: [-float(i)] * (i < old) for i in range(old + new)}

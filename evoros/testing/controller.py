@@ -32,13 +32,13 @@ SILENT_TICK = 2
 class _OnRobot(PartSuite):
     @cached_property
     def robot(self) -> Robot:
-        """The robot with its sensors; override this if the part needs a different robot."""
+        """The robot with its sensors; override if the part requires a different robot."""
         return example_robot()
 
 
 class _ControllerSuite(_OnRobot):
     def test_its_modes_and_period_are_possible(self) -> None:
-        """Modes are non-empty strings, and the period is finite and greater than 0."""
+        """Modes are non-empty strings, and the period is finite and positive."""
         modes = self.part.modes
         assert modes, "a controller must have at least one mode"
         strings = all(isinstance(mode, str) and mode for mode in modes)
@@ -62,7 +62,7 @@ class _LayersSuite(_OnRobot, RuleSuite):
         ]
 
     def test_commands_are_finite(self) -> None:
-        """A deciding layer gives finite commands, even if sensors or localization are silent."""
+        """A layer that decides gives a finite command, even without readings or a pose."""
         for case in self.start_rules(self.part, 1):
             for silent in ((), ("readings",), ("state",), ("readings", "state")):
                 rule, inputs, rng = case.bind(), np.random.default_rng(1), generator("", "")
@@ -106,12 +106,12 @@ class ControllerSuite(_LayersSuite, _ControllerSuite):
     protocol = Controller
 
     def start_layers(self, part: Controller, seed: int) -> Sequence[StartedLayer]:
-        """Open the controller for a mission."""
+        """Open the controller for one mission."""
         with part.open(self.lend(self.robot), partial(generator, str(seed))) as layers:
             return list(layers)
 
     def test_it_has_a_mode_for_each_layer(self) -> None:
-        """``modes`` are in the order of the layers."""
+        """There is one mode per layer, in the same order."""
         modes, count = self.part.modes, len(self.start_layers(self.part, 1))
         assert len(modes) == count, f"there must be {count} modes, one for each layer, not {modes}"
 
@@ -138,7 +138,7 @@ class LiveControllerSuite(_ControllerSuite):
     protocol = LiveController
 
     def use(self, part: LiveController, seed: int) -> Iterator[tuple[int, Array]]:
-        """Launch the controller and exchange some values, one time without a localized pose."""
+        """Launch the controller and exchange values, once without a localized pose."""
         robot, rng = self.robot, np.random.default_rng(seed)
         home, route = example_world().course.home, np.array([[3.0, 0.0], [0.0, 0.0]])
         briefing = self.lend(Briefing(robot, home, route, 0.5, 60.0, seed))
@@ -156,12 +156,12 @@ class LiveControllerSuite(_ControllerSuite):
                 yield mode, command
 
     def test_its_files_exist(self) -> None:
-        """All files exist, so a run can record their hashes."""
+        """All files exist, so that runs can record their digests."""
         for file in self.part.files:
             assert Path(file).is_file(), f"{file} must be an existing file"
 
     def test_its_answers_are_finite(self) -> None:
-        """Commands are finite, and each mode is a number from 0 to the number of modes."""
+        """Commands are finite, and each mode is from 0 to the number of modes."""
         for mode, command in self.use(self.part, 1):
             assert 0 <= mode <= len(self.part.modes), f"there is no mode {mode}"
             assert np.isfinite(command).all(), f"the command must be finite, not {command}"

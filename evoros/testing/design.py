@@ -23,7 +23,7 @@ class RegionSuite(PartSuite):
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot that carries the region; override this if the region needs another robot."""
+        """The robot with the region; override if the region requires a different robot."""
         return example_experiment().robot
 
     def bind(self, part: RegionDescription) -> BoundRegion:
@@ -32,7 +32,7 @@ class RegionSuite(PartSuite):
         return part.bind(self.lend(self.robot), False, "design.regions.example", sensors)
 
     def use(self, part: RegionDescription, seed: int) -> Iterator[object]:
-        """Bind the region and place several sensors."""
+        """Bind the region and place several sensors in it."""
         region, rng = self.bind(part), np.random.default_rng(seed)
         yield dict(region.ranges), region.link, region.area()
         for _ in range(5):
@@ -47,19 +47,19 @@ class RegionSuite(PartSuite):
             yield region.place({name: low + share * (high - low) for name, (low, high) in ranges})
 
     def test_its_ranges_are_those_of_a_pose(self) -> None:
-        """Each range is named after a pose coordinate, and its minimum comes first."""
+        """Each range is named after a pose coordinate, and has its minimum first."""
         for name, (low, high) in self.bind(self.part).ranges.items():
             assert name in (*POSITION, *ANGLES), f"{name} must be one of {(*POSITION, *ANGLES)}"
             assert -math.inf < low <= high < math.inf, f"{name} must not range from {low} to {high}"
 
     def test_its_link_can_carry_sensors(self) -> None:
-        """The link is one of the robot's sensor links, also in the area shown in figures."""
+        """The link is a sensor link of the robot, also for the area in figures."""
         region = self.bind(self.part)
         assert region.link in self.robot.sensor_links, f"{region.link!r} must be a sensor link"
         assert region.area().link == region.link
 
     def test_its_places_are_finite_and_on_the_robot(self) -> None:
-        """Poses are finite, and sensors protrude from the robot by at most ``overhang_m``."""
+        """Poses are finite, and sensors extend beyond the robot by at most ``overhang_m``."""
         link = self.bind(self.part).link
         x, y, _, yaw = self.robot.sensor_links[link]
         low, high = self.robot.outline.min(axis=0), self.robot.outline.max(axis=0)

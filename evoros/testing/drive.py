@@ -16,18 +16,18 @@ NUMBERS = "max_speed_mps", "speed_limit_offset_m", "steering_limit", "wheelbase_
 
 
 class DriveSuite(PartSuite):
-    """Conformance tests for a drive's description; ``urdf`` is a robot that suits the drive."""
+    """Conformance tests for the description of a drive; ``urdf`` is a robot with this drive."""
 
     part: DriveDescription
     protocol = DriveDescription
 
     @cached_property
     def urdf(self) -> Urdf:
-        """The description of a robot that suits the drive."""
+        """The description of a robot with this drive."""
         raise NotImplementedError("set `urdf`")
 
     def use(self, part: Any, seed: int) -> Iterator[Any]:
-        """Fit the drive, and compute the targets for commands, including some beyond the limits."""
+        """Fit the drive, and compute targets for commands, some of them beyond the limits."""
         drive = part.fit(self.lend(self.urdf))
         yield [getattr(drive, name) for name in (*NUMBERS, "rear_axle_x_m")]
         yield drive.steering_joints, drive.wheel_joints, drive.caster_links
@@ -39,7 +39,7 @@ class DriveSuite(PartSuite):
         return self.part.fit(self.urdf)
 
     def test_its_numbers_are_possible(self) -> None:
-        """Numbers are finite; limits and lengths are greater than 0, and offsets at least 0."""
+        """Numbers are finite; limits and lengths are positive, and offsets are not negative."""
         drive = self.fit()
         for name in NUMBERS:
             value = getattr(drive, name)

@@ -11,7 +11,7 @@ class ExecutorSuite(DescriptionSuite):
     protocol = Executor
 
     def test_calls_give_what_plain_calls_give(self) -> None:
-        """Results and errors are as in plain calls, and the pool states its number of workers."""
+        """Results and errors are as in direct calls, and the pool states its number of workers."""
         with self.part.open() as pool:
             assert pool.workers >= 1, f"workers must be at least 1, not {pool.workers}"
             assert isinstance(pool.shares_files, bool), "shares_files must be True or False"

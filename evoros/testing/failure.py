@@ -30,7 +30,7 @@ def place_sensors(count: int) -> Channels:
 
 
 def check_faults(faults: tuple[Fault, ...], count: int, parts: Sequence[str] = ()) -> None:
-    """Require a filter, and an onset for each sensor or for the failing part."""
+    """Check that faults have a filter, and an onset for each sensor or for the failing part."""
     assert isinstance(faults, tuple), f"faults must be a tuple, not {faults!r}"
     for fault in faults:
         signal, part, shape = fault.signal, fault.part, fault.onset.shape
@@ -45,7 +45,7 @@ def check_faults(faults: tuple[Fault, ...], count: int, parts: Sequence[str] = (
 
 
 def check_case(case: Case, count: int) -> None:
-    """Require that a case has a time for each sensor, and names only the ``count`` sensors."""
+    """Check that a case has a time for each of its sensors, which are among the first ``count``."""
     assert {*case.sensors} <= {*range(count)}, f"sensors must be from 0 to {count - 1}: {case}"
     assert len(case.times_s) == len(case.sensors), f"there must be a time for each sensor: {case}"
     possible = all(0 <= time < np.inf for time in case.times_s)
@@ -57,17 +57,17 @@ class FailureSuite(PartSuite):
 
     part: Failure
     protocol = Failure
-    counts = range(7)  # numbers of sensors of the robots for which failures are drawn
+    counts = range(7)  # numbers of sensors for which failures are drawn
 
     def use(self, part: Any, seed: int) -> Iterator[Any]:
-        """Draw the faults of several missions for robots with increasing numbers of sensors."""
+        """Draw the faults of several missions, for robots with increasing numbers of sensors."""
         for count in self.counts:
             for draw in range(DRAWS):
                 channels = self.lend(place_sensors(count))
                 yield part.draw(channels, generator(f"{seed} {draw}", "failure"))
 
     def test_faults_cover_all_sensors(self) -> None:
-        """Each fault has a filter and, for each sensor or the part, an onset (infinity: never)."""
+        """Each fault has a filter, and an onset (infinity for never) per sensor or for the part."""
         for count in self.counts:
             for draw in range(DRAWS):
                 rng = generator(f"{draw}", "failure")
@@ -75,20 +75,20 @@ class FailureSuite(PartSuite):
 
 
 class SystematicFailureSuite(FailureSuite):
-    """Conformance tests for a failure model with a countable set of cases."""
+    """Conformance tests for a failure model with countable cases."""
 
     part: SystematicFailure
     protocol = SystematicFailure
 
     def use(self, part: SystematicFailure, seed: int) -> Iterator[Any]:
-        """Also yield the faults of several cases."""
+        """Yield the faults of drawn missions, and of several cases."""
         yield from super().use(part, seed)
         for count in self.counts:
             for number in range(min(part.count_cases(count), TRIALS)):
                 yield part.state_case(count, number)
 
     def test_cases_are_different_and_of_the_robots_sensors(self) -> None:
-        """All cases differ, and name only sensors that exist."""
+        """All cases differ, and contain only sensors that exist."""
         for count in self.counts:
             cases = self.part.count_cases(count)
             assert cases >= 1, f"there must be a case for a robot with {count} sensors"
@@ -105,14 +105,14 @@ class AdaptiveFailureSuite(FailureSuite):
     protocol = AdaptiveFailure
 
     def use(self, part: AdaptiveFailure, seed: int) -> Iterator[Any]:
-        """Adapt the cases over several generations of random scores, and yield them."""
+        """Adapt the cases over several generations of random scores; yield them."""
         yield from super().use(part, seed)
         for count in self.counts:
             adversary = part.start(count, TRIALS, generator(f"{seed}", "adversary"))
             luck = generator(f"{seed}", "scores")
             for _ in range(GENERATIONS):
                 yield adversary.list_cases()
-                # Some designs may have faced only a part of the cases.
+                # some designs may have been tested in only some of the cases
                 met = {i: int(luck.random() * (TRIALS + 1)) for i in range(3)}
                 scores = {
                     i: {int(place): float(luck.random()) for place in luck.permutation(TRIALS)[:n]}
@@ -121,7 +121,7 @@ class AdaptiveFailureSuite(FailureSuite):
                 adversary.tell(self.lend(scores))
 
     def test_each_trial_has_a_case_of_the_robots_sensors(self) -> None:
-        """Cases name only sensors that exist, each with a time, whatever the scores."""
+        """Cases contain only sensors that exist, each with a time, for any scores."""
         for count in self.counts:
             adversary = self.part.start(count, TRIALS, generator("", "adversary"))
             luck = generator("", "scores")

@@ -20,7 +20,7 @@ class FitnessSuite(PartSuite):
     protocol = Fitness
 
     def use(self, part: Fitness, seed: int) -> Iterator[float]:
-        """Score trials that end in every possible way, and combine the scores."""
+        """Score trials that end in all possible ways, and combine the scores."""
         scores = [part.score(self.lend(trial)) for trial in list_trials()]
         yield from scores
         yield from (part.worst(self.lend(trial)) for trial in list_lost_trials())
@@ -29,27 +29,27 @@ class FitnessSuite(PartSuite):
             yield part.combine(self.lend(scores), 1)
 
     def test_scores_are_finite(self) -> None:
-        """Scores are finite even if a clearance is NaN or a mission was not run."""
+        """Scores are finite, even if a clearance is NaN or a mission did not run."""
         for score in self.use(self.part, 0):
             assert isinstance(score, float | int), f"a score must be a number, not {score!r}"
             assert math.isfinite(score), f"a score must be finite, not {score}"
 
     def test_scores_are_within_the_bounds(self) -> None:
-        """A fitness function that states ``bounds`` never scores outside them."""
+        """Scores are within ``bounds``, if the fitness function states them."""
         for trial in list_trials():
             low, high = bound_fitness(self.part, len(trial)) or UNBOUNDED
             score = self.part.score(trial)
             assert low <= score <= high, f"{score} must be within the bounds, {low} to {high}"
 
     def test_a_trial_that_was_not_run_is_worst(self) -> None:
-        """A lost trial's score is at most the score of any other trial."""
+        """The score of a lost trial is at most the score of any other trial."""
         lowest = min(map(self.part.score, list_trials()))
         for trial in list_lost_trials():
             worst = self.part.worst(trial)
             assert worst <= lowest, f"worst() must be at most {lowest}, not {worst}"
 
     def test_scores_of_missions_have_the_score_of_the_trial_as_their_mean(self) -> None:
-        """An additive fitness function's score of a trial is the mean over the trial's missions."""
+        """The trial score of an additive fitness function is the mean over its missions."""
         part = self.part
         if not isinstance(part, AdditiveFitness):
             return
@@ -62,7 +62,7 @@ class FitnessSuite(PartSuite):
 
 
 def example_result(share: float, trials: int) -> Evaluated:
-    """Return the result of a design with equal genes after the given number of trials."""
+    """Return the result of a design with equal genes after a given number of trials."""
     chosen = [[(outcome,) for outcome in trial] for trial in list_trials()[:trials]]
     robots, score = {"": example_robot(share)}, Scoring(EquationOne()).score_trial
     return Evaluated(example_design(share), robots, chosen, 5.0, score)
@@ -80,7 +80,7 @@ class MeasureSuite(PartSuite):
             yield part.compute(self.lend(example_result(share, 1 + seed % 3)))
 
     def test_it_is_finite(self) -> None:
-        """The measure is finite, because otherwise it could not distinguish designs."""
+        """The measure is finite, because otherwise it could not rank designs."""
         for value in self.use(self.part, 2):
             assert isinstance(value, float | int), f"a measure must be a number, not {value!r}"
             assert math.isfinite(value), f"a measure must be finite, not {value}"
@@ -95,7 +95,7 @@ class MeasureSuite(PartSuite):
         assert DIRECTION.holds(part.direction), f"direction must be {DIRECTION.text}"
 
     def test_a_measure_of_the_design_uses_no_outcomes(self) -> None:
-        """A measure of the design has the same value before the run, without trials."""
+        """A measure of the design alone has the same value before the run, without trials."""
         if self.part.of_design:
             whole = example_result(0.6, 3)
             before = self.part.compute(replace(whole, trials=(), fitness=math.nan))

@@ -22,7 +22,7 @@ FILES = {"champion/design.csv": b"design,sensor\n7,0\n", "figures/fitness.pdf": 
 
 
 def example_run(name: str, origin: Path, generations: int, sweep: str | None = None) -> ObservedRun:
-    """Return an unfinished run whose id is derived from its name."""
+    """Return an unfinished run, with an id derived from its name."""
     metrics = [{"mean_fitness": i / 4, "best_fitness": i / 2} for i in range(generations)]
     recorded = tuple(
         ObservedGeneration(i, MappingProxyType(values), 1.7e9 + i)
@@ -40,35 +40,35 @@ def end(run: ObservedRun, best: float = 2.0) -> ObservedRun:
 
 
 class ObserverSuite(DescriptionSuite):
-    """Conformance tests for an observer, on made-up runs; a test class must define ``read``."""
+    """Conformance tests for an observer, on synthetic runs; test classes must define ``read``."""
 
     part: Observer
     protocol = Observer
 
     def read(self, run: ObservedRun) -> Any:
-        """Return everything that the tracker has stored about a run, in the tracker's order.
+        """Return all that the tracker has stored about a run, in the tracker's order.
 
-        Runs with equal content must give equal results, so leave out ids and times of sending.
+        Runs with equal content must have equal results, so leave out ids and times of sending.
         """
         raise NotImplementedError
 
     def choose_origin(self, folder: Path) -> Path:
-        """Return the folder to which paths are relative; override this to share a folder."""
+        """Return the base folder of relative paths; override to share a folder."""
         return folder
 
     def send(self, *steps: ObservedRun) -> Any:
-        """Send a run step by step over one connection, and return what the tracker has stored."""
+        """Send the steps of a run over one connection; return what the tracker has stored."""
         with self.part.open(steps[0]) as send:
             for run in steps:
                 send(run)
         return self.read(steps[-1])
 
     def test_what_it_needs_is_there(self) -> None:
-        """The check passes in the environment of the tests."""
+        """The check passes in the test environment."""
         self.part.check()
 
     def test_live_and_later_are_the_same(self, tmp_path: Path) -> None:
-        """A run sent while it is in progress is stored like a run sent from its folder."""
+        """A run sent while in progress is stored in the same way as a run sent from its folder."""
         origin = self.choose_origin(tmp_path)
         live = _grow("live", origin, 3)
         shown = self.send(*live, end(live[-1]))
@@ -77,13 +77,13 @@ class ObserverSuite(DescriptionSuite):
         assert self.read(live[-1]) == shown, "sending a run must not change another run"
 
     def test_sending_twice_changes_nothing(self, tmp_path: Path) -> None:
-        """The tracker recognises known records over the same connection and over a new one."""
+        """The tracker recognizes known records, over the same connection and over a new one."""
         run = end(example_run("twice", self.choose_origin(tmp_path), 3))
         shown = self.send(run)
         assert self.send(run, run) == shown, "sending a run again must not duplicate content"
 
     def test_a_part_is_completed(self, tmp_path: Path) -> None:
-        """A run that was stopped or partly sent is continued rather than duplicated."""
+        """A run that was stopped or sent in part is continued, not duplicated."""
         origin = self.choose_origin(tmp_path)
         whole = self.send(end(example_run("whole", origin, 4)))
         self.send(*_grow("part", origin, 2))
@@ -91,7 +91,7 @@ class ObserverSuite(DescriptionSuite):
         assert completed == whole, "a run sent in two parts must be stored like one sent at once"
 
     def test_a_finished_run_goes_on(self, tmp_path: Path) -> None:
-        """An extended run has all its generations exactly once."""
+        """An extended run has each of its generations exactly once."""
         origin = self.choose_origin(tmp_path)
         self.send(end(example_run("longer", origin, 2)))
         steps = *_grow("longer", origin, 4), end(example_run("longer", origin, 4), 3.0)

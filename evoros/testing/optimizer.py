@@ -1,4 +1,4 @@
-"""Conformance tests for optimizers on small spaces, with scores that depend only on genomes."""
+"""Conformance tests for optimizers, on small spaces, with scores that depend only on genomes."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -33,12 +33,12 @@ class SensorSpace:
 
     @property
     def size(self) -> int:
-        """Four genes per sensor."""
+        """The number of genes, four per sensor."""
         return 4 * self.count
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """A block for each sensor."""
+        """One block per sensor."""
         return tuple(
             Block(f"{i}", (Aspect("place", (i + 1, i + 2), (i,)), Aspect("angle", (i + 3,))))
             for i in range(0, self.size, 4)
@@ -56,13 +56,13 @@ class SensorSpace:
 
     @property
     def number(self) -> tuple[int, int]:
-        """All sensors are mounted."""
+        """The number of sensors, which is constant."""
         return self.count, self.count
 
     number_gene = None  # the number of sensors does not evolve
 
     def view(self, genome: Array, distance_m: float) -> tuple[list[View], View]:
-        """Return views in which a sensor sees 60 deg around its heading at any distance."""
+        """Return views in which each sensor sees 60 deg around its heading, at any distance."""
         bearings = np.arange(360) - 179.5
         headings = 180.0 * (genome[3::4] - 0.5)
         seen = np.abs(bearings - headings[:, np.newaxis]) <= 30.0
@@ -87,7 +87,7 @@ GOALS = Goals(("first", "second"), {"one": (0.0, 1.0), "two": (0.0, 1.0)})
 
 
 def sphere(individual: Individual) -> float:
-    """Return a fitness that has its maximum, 0, in the middle of the cube."""
+    """Return a fitness with maximum 0 at the centre of the cube."""
     return -float(np.sum((individual.genome - 0.5) ** 2))
 
 
@@ -105,7 +105,7 @@ Fitness = Callable[[Individual], float]
 
 
 class OptimizerSuite(PartSuite):
-    """Conformance tests for an optimizer: three sensors, with objectives and descriptors."""
+    """Conformance tests for an optimizer, with three sensors, objectives and descriptors."""
 
     part: Optimizer
     protocol = Optimizer
@@ -130,7 +130,7 @@ class OptimizerSuite(PartSuite):
         assert genomes[0] != genomes[1], "the first generation must depend on the random generator"
 
     def test_the_order_of_scores_does_not_matter(self) -> None:
-        """``tell`` identifies individuals by id."""
+        """``tell`` identifies individuals by id, in any order."""
         records = []
         for reverse in (False, True):
             search, tables = self.start(), []
@@ -142,7 +142,7 @@ class OptimizerSuite(PartSuite):
         assert records[0] == records[1]
 
     def test_it_asks_for_new_genomes_of_the_cube_and_tables_them(self) -> None:
-        """Ids are new, genes are between 0 and 1, and parents were evaluated earlier."""
+        """Ids are new, genes are from 0 to 1, and parents were evaluated earlier."""
         search, seen = self.start(), set[int]()
         for _ in range(GENERATIONS):
             asked, table = step(search, sphere)
@@ -160,13 +160,13 @@ class OptimizerSuite(PartSuite):
             assert tabled <= seen, "the table must have no row for an unknown individual"
 
     def test_a_space_of_one_gene_is_searched(self) -> None:
-        """The search accepts a space of one gene."""
+        """A space of one gene can be searched."""
         search = self.start(OneGene())
         for _ in range(GENERATIONS):
             step(search, sphere)
 
     def test_equal_scores_are_no_error(self) -> None:
-        """Equal scores for all designs are accepted; many runs start with them."""
+        """Equal scores of all designs are accepted; many runs start this way."""
         search = self.start()
         for _ in range(GENERATIONS):
             step(search, lambda _: 0.0)
@@ -199,7 +199,7 @@ class OptimizerSuite(PartSuite):
             assert sphere(first) == sphere(best), "the best individual must come first"
 
     def test_a_changed_score_counts(self) -> None:
-        """An earlier individual can get a new fitness, even one that exceeds all others."""
+        """An earlier individual can have a new fitness, even one above all others."""
         search = self.start()
         step(search, sphere)
         known = search.champions()[0].id
@@ -220,6 +220,6 @@ def step(search: Search, fitness: Fitness) -> tuple[list[Individual], list[Candi
 
 
 def list_rows(table: Sequence[Candidate]) -> list[object]:
-    """Return the content of a table."""
+    """Return the rows of a table as plain values."""
     told = ((row.individual, (row.operator, row.fitness, row.survived)) for row in table)
     return [(one.id, one.genome, one.parents, *rest) for one, rest in told]

@@ -70,10 +70,10 @@ def _name(definition: Any) -> str:
 
 
 class DescriptionSuite:
-    """Conformance tests for a part's description, a class whose fields a YAML file sets.
+    """Conformance tests for the description of a part, a class whose fields a YAML file sets.
 
     A test class inherits the suite for its kind of part and sets ``part``. It may also set
-    ``bad_values``, fields that must be rejected, such as ``{"low": 2.0, "high": 1.0}``.
+    ``bad_values`` to fields that must be rejected, such as ``{"low": 2.0, "high": 1.0}``.
     """
 
     part: Any
@@ -81,7 +81,7 @@ class DescriptionSuite:
     protocol: ClassVar[Any]
 
     def test_it_has_what_its_kind_has(self) -> None:
-        """The part inherits its kind's base class, and has every attribute declared there."""
+        """The part inherits the base class of its kind, and has all attributes declared there."""
         part, kind = type(self.part).__name__, self.protocol
         assert isinstance(self.part, kind), f"{part} must be a subclass of {kind.__name__}"
         declared = [name for base in kind.__mro__ for name in get_annotations(base)]
@@ -89,7 +89,7 @@ class DescriptionSuite:
         assert not lacking, f"{part} lacks these attributes of {kind.__name__}: {lacking}"
 
     def test_it_is_a_frozen_dataclass(self) -> None:
-        """Descriptions are immutable, so that a mission cannot change them."""
+        """Descriptions are immutable, so that missions cannot change them."""
         assert is_dataclass(self.part), f"{type(self.part).__name__} must be a dataclass"
         try:
             setattr(self.part, "trace_of_the_suite", 0)  # noqa: B010 - no field has this name
@@ -102,14 +102,14 @@ class DescriptionSuite:
         assert bits(self.copy()) == bits(self.part), "pickling must not change the part's fields"
 
     def copy(self) -> Any:
-        """Return the part as a worker process receives it."""
+        """Return a pickled copy of the part, as received by a worker process."""
         try:
             return pickle.loads(pickle.dumps(self.part))
         except Exception as error:
             raise AssertionError(f"the part must be picklable, but raises {error!r}") from error
 
     def test_bad_values_are_refused_in_one_line(self) -> None:
-        """A value that breaks its field's rule raises an InputError that names the field."""
+        """A value that breaks a field's rule raises an InputError that names the field."""
         derived = _list_bad_values(self.part) if fields(self.part) else ()
         problems = (_find_problem(self.part, values) for values in (*derived, *self.bad_values))
         reported = [problem for problem in problems if problem]
@@ -117,26 +117,26 @@ class DescriptionSuite:
 
 
 class PartSuite(DescriptionSuite):
-    """Conformance tests for a part that computes; subclasses define how the part is used."""
+    """Conformance tests for a part that computes; subclasses define its use."""
 
     together: ClassVar[bool] = True  # False if two uses must not overlap
 
     def use(self, part: Any, seed: int) -> Iterator[Any]:
-        """Use a part in the way evoros does, and yield the result of each step."""
+        """Use a part as evoros does, and yield the result of each step."""
         raise NotImplementedError
 
     def lend(self, value: T) -> T:
-        """Return an argument that the part must not change, after recording its bits."""
+        """Return an argument that the part must not change, and record its bits."""
         self.lent.append((value, bits(value)))
         return value
 
     @cached_property
     def lent(self) -> list[tuple[Any, Any]]:
-        """The arguments that the part must not change, and their recorded bits."""
+        """The arguments that the part must not change, with their recorded bits."""
         return []
 
     def record(self, part: Any, seed: int) -> list[Any]:
-        """Return the bits of each step when the part is used."""
+        """Return the bits of each step in a use of the part."""
         return [bits(step) for step in self.use(part, seed)]
 
     def test_equal_uses_give_equal_bits(self) -> None:
@@ -145,7 +145,7 @@ class PartSuite(DescriptionSuite):
         assert first == second, "two equal uses must give equal results"
 
     def test_uses_share_no_state(self) -> None:
-        """A use gives the same results after another use, and while another use is in progress."""
+        """A use gives the same results after and during another use."""
         alone, steps = self.record(self.part, 1), []
         other = self.use(self.part, 2) if self.together else iter(self.record(self.part, 2))
         for step in self.use(self.part, 1):
@@ -154,13 +154,13 @@ class PartSuite(DescriptionSuite):
         assert steps == alone, "a use must not change the results of another use"
 
     def test_fields_stay_as_they_are(self) -> None:
-        """Using a part changes nothing in its description, including lists and arrays."""
+        """Using a part does not change its description, including lists and arrays."""
         before = bits(self.part)
         self.record(self.part, 1)
         assert bits(self.part) == before, "a use must not change the fields of the part"
 
     def test_arguments_stay_as_they_are(self) -> None:
-        """The part changes only the arguments that its protocol permits."""
+        """The part changes only those arguments that its protocol allows."""
         self.record(self.part, 1)
         for value, before in self.lent:
             assert bits(value) == before, f"the part must not change an argument to {value!r}"
@@ -173,7 +173,7 @@ class PartSuite(DescriptionSuite):
         assert then == now, "the results must not depend on the clock"
 
     def test_global_random_generators_do_not_matter(self) -> None:
-        """All draws come from the generators that the part is given."""
+        """All random numbers come from the generators given to the part."""
         records = []
         for seed in (1, 2):
             with _global_seed(seed) as is_untouched:
@@ -182,7 +182,7 @@ class PartSuite(DescriptionSuite):
         assert records[0] == records[1], "the results must not depend on numpy.random or random"
 
     def test_a_pickled_part_gives_equal_bits(self) -> None:
-        """A copy of the part, as a worker process receives it, gives the same results."""
+        """A pickled copy of the part, as received by a worker process, gives equal results."""
         here, there = self.record(self.part, 1), self.record(self.copy(), 1)
         assert there == here, "a pickled part must give the same results"
 
@@ -212,7 +212,7 @@ def _is_number(hint: Any) -> bool:
 
 
 def _find_problem(part: Any, values: Mapping[str, Any]) -> str:
-    """Return how a description mishandles invalid values, or "" if it rejects them."""
+    """Return what is wrong with the rejection of invalid values, or "" if correct."""
     given = ", ".join(f"{name}={quote(value)}" for name, value in values.items())
     call = f"{type(part).__name__}({given})"
     try:
@@ -295,7 +295,7 @@ class _LaterDate(datetime.date):
 
 @contextmanager
 def _global_seed(seed: int) -> Iterator[Callable[[], bool]]:
-    """Seed the global generators of Python and numpy; yield a check that neither has been used."""
+    """Seed the global generators of Python and numpy; yield a check that neither was used."""
     python, numpy = random.getstate(), np.random.get_state()
     random.seed(seed)
     np.random.seed(seed)

@@ -20,12 +20,12 @@ from evoros.storage.tables import OUTCOME_COLUMNS, cell, read_outcomes
 
 
 def require(missions: pd.DataFrame, **requirements: float | Mapping[str, Any]) -> None:
-    """Require that each design's missions meet claims.
+    """Raise an AssertionError unless the missions of each design meet requirements.
 
     ``missions`` is the result of ``evoros.evaluate``, the table ``evoros.Evaluator.missions``, or
-    the table from a ``missions.csv``. A requirement is either a mapping with the keys of
-    ``requirements`` in a configuration, or the minimum mean of the column with the requirement's
-    name: ``require(evoros.evaluate(...), completed=0.95)``.
+    the table from a ``missions.csv``. A requirement is a mapping, as in ``requirements`` of a
+    configuration, or the minimum mean of the column with the requirement's name:
+    ``require(evoros.evaluate(...), completed=0.95)``.
 
     Raises:
         AssertionError: a claim is violated, or the missions do not decide it.

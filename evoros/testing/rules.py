@@ -17,11 +17,11 @@ from evoros.testing.part import PartSuite, bits
 TICKS, PERIOD_S = 5, 0.1
 SEEDS = range(10)
 READINGS = (0.3, 1.7, 4.5, np.nan)
-"""Four readings [m]: two in range, a sonar's maximum, and a missing one."""
+"""Four readings [m] of a sonar: two in range, one at the maximum, one missing."""
 
 
 class RuleCase(NamedTuple):
-    """A rule, its initial values, and the lengths of the arrays that depend on the robot."""
+    """A rule, its initial values, and the lengths of arrays that depend on the robot."""
 
     rule: Callable[..., Any]
     arguments: tuple[str, ...]
@@ -29,11 +29,11 @@ class RuleCase(NamedTuple):
     lengths: Mapping[str, int]
 
     def bind(self) -> Bound:
-        """Return the rule with fresh parameters and memory."""
+        """Return the rule with new parameters and memory."""
         return bind(self.rule, self.arguments, self.started)
 
     def draw(self, inputs: np.random.Generator, rng: Generator, time: float) -> dict[str, Any]:
-        """Draw a call's arguments, except parameters and memory, by name."""
+        """Draw the arguments of a call by name, except parameters and memory."""
         drawn: dict[str, Array] = {
             "values": inputs.choice(READINGS, self.lengths.get("values", POSE_SIZE)),
             "readings": inputs.choice(READINGS, self.lengths.get("readings", 0)),
@@ -49,24 +49,24 @@ class RuleCase(NamedTuple):
 
 
 class RuleSuite(PartSuite):
-    """Conformance tests for a rule: compiling does not change results, and nothing is allocated."""
+    """Conformance tests for a rule: equal results when compiled, and no allocations."""
 
     signature: ClassVar[Any]  # numba signature of this kind of rule
     fills: ClassVar[str]  # name of the argument that the rule may change
     compiles: ClassVar[bool] = True
-    """False for a rule that cannot be compiled, for example because it raises errors."""
+    """False if the rule cannot be compiled, for example because it raises errors."""
 
     def start_rules(self, part: Any, seed: int) -> Sequence[RuleCase]:
         """Start the part's rules for one mission."""
         raise NotImplementedError
 
     def use(self, part: Any, seed: int) -> Iterator[Any]:
-        """Start the rules, and call each at several ticks."""
+        """Start the rules, and call each for several ticks."""
         for case in self.start_rules(part, seed):
             yield from self.play(case, case.bind().__call__, seed)
 
     def play(self, case: RuleCase, rule: Callable[..., Any], seed: int) -> Iterator[Any]:
-        """Call a rule tick by tick; yield its return value, the arrays and a random draw."""
+        """Call a rule for several ticks; yield its return value, the arrays and a random draw."""
         inputs, rng = np.random.default_rng(seed), generator(str(seed), "rule")
         for tick in range(TICKS):
             given = case.draw(inputs, rng, tick * PERIOD_S)
@@ -87,7 +87,7 @@ class RuleSuite(PartSuite):
             raise AssertionError(f"numba cannot compile the rule ({error}); {fix}") from error
 
     def test_a_start_keeps_its_values(self) -> None:
-        """The rule reads the parameters and memory that ``start`` has returned."""
+        """The rule uses the parameters and memory returned by ``start``."""
         for case in self.start_rules(self.part, 1):
             bound, started = case.bind(), case.started
             pair: Any = started if type(started) is tuple else (started, None)
@@ -99,7 +99,7 @@ class RuleSuite(PartSuite):
                     assert bits([np.float64(v) for v in unpack(kind, packed)]) == bits(floats)
 
     def test_compiled_rules_give_the_bits_of_interpreted_ones(self) -> None:
-        """Compiled code gives the same results, memory and random draws as Python code."""
+        """A compiled rule gives the same results, memory and random draws as Python."""
         for seed in SEEDS if self.compiles else ():
             for case in self.start_rules(self.part, seed):
                 code, bound = self.compile(case)
@@ -132,8 +132,8 @@ class RuleSuite(PartSuite):
 
 
 def count_allocations(code: CompiledRule, *arguments: Any) -> int:
-    """Return the number of a call's requests for memory, except those that numba always makes."""
-    _nrt_python.memsys_enable_stats()  # also used by numba's tests
+    """Return the number of memory requests in a call, except those that numba always makes."""
+    _nrt_python.memsys_enable_stats()  # numba's tests use this as well
     before = rtsys.get_allocation_stats().alloc
     code(*arguments)
     taken = rtsys.get_allocation_stats().alloc - before

@@ -26,14 +26,14 @@ from evoros.testing.rules import RuleCase, RuleSuite
 
 
 class SensorSuite(PartSuite):
-    """Conformance tests that all sensor types share."""
+    """Conformance tests shared by all sensor types."""
 
     part: Any
     protocol = Sensor
     simulated_by_gazebo: ClassVar[bool] = True  # False if ``gazebo`` returns ""
 
     def test_its_channels_have_names_and_limits(self) -> None:
-        """There is at least one channel, and each has a minimum below its maximum."""
+        """There is at least one channel, and the minimum of each is below its maximum."""
         assert len(self.part.channels) > 0, "a sensor must have at least one channel"
         for channel in self.part.channels:
             assert isinstance(channel, Channel), f"{channel!r} must be a Channel"
@@ -41,7 +41,7 @@ class SensorSuite(PartSuite):
             assert channel.low < channel.high, f"{channel} must have low < high"
 
     def test_its_body_period_and_price_are_possible(self) -> None:
-        """Lengths, mass and period are greater than 0, and the price is at least 0."""
+        """Lengths, mass and period are positive, and the price is not negative."""
         part = self.part
         amounts = [*part.size_m, part.mass_kg, part.period_s]
         assert len(part.size_m) == 3, f"size_m must be three lengths, not {part.size_m}"
@@ -50,12 +50,12 @@ class SensorSuite(PartSuite):
         assert 0 <= part.price < math.inf, f"price must be at least 0, not {part.price}"
 
     def test_its_filters_are_filters(self) -> None:
-        """Every entry of ``filters`` is a filter."""
+        """All entries of ``filters`` are filters."""
         for name, item in self.part.filters.items():
             assert isinstance(item, Filter), f"filters.{name} must be a filter, not {item!r}"
 
     def test_gazebo_is_told_of_it(self) -> None:
-        """``gazebo`` returns a single element ``<sensor>`` with the given name."""
+        """``gazebo`` returns a single ``<sensor>`` element with the given name."""
         text = self.part.gazebo("left_1")
         if not self.simulated_by_gazebo:
             assert text == "", f"gazebo must return an empty string, not {text!r}"
@@ -72,13 +72,13 @@ class RangeSensorSuite(SensorSuite):
     protocol = RangeSensor
 
     def use(self, part: RangeSensor, seed: int) -> Iterator[Any]:
-        """Compute everything that a simulator uses."""
+        """Compute all quantities used by simulators."""
         yield part.rays()
         yield part.channel_of(), tuple(part.channels)
         yield part.gazebo(f"sensor_{seed}")
 
     def test_its_range_is_possible(self) -> None:
-        """The minimum is at least 0 and below the maximum, which is finite."""
+        """The minimum is not negative and below the maximum, which is finite."""
         part, low, high = self.part, self.part.range_min_m, self.part.range_max_m
         assert part.measures == RANGE, f"measures must be {RANGE!r}, not {part.measures!r}"
         assert 0 <= low < high < math.inf, f"range_min_m must be below range_max_m: {low}, {high}"
@@ -114,12 +114,12 @@ class SignalSensorSuite(SensorSuite, RuleSuite):
         return [RuleCase(part.rule, SENSOR_ARGUMENTS, part.start(), lengths)]
 
     def test_its_signal_exists(self) -> None:
-        """The sensor measures a signal that simulators provide."""
+        """The sensor measures a signal provided by simulators."""
         measures, known = self.part.measures, ", ".join(SIGNAL_SIZES)
         assert measures in SIGNAL_SIZES, f"measures must be one of {known}, not {measures!r}"
 
     def test_its_readings_are_finite(self) -> None:
-        """The rule fills every channel with a finite value, at rest and in motion."""
+        """The rule fills all channels with finite values, at rest and in motion."""
         for scale in (0.0, 1.0):
             (case,) = self.start_rules(self.part, 0)
             rule, inputs, rng = case.bind(), np.random.default_rng(0), generator("", "")
@@ -132,7 +132,7 @@ class SignalSensorSuite(SensorSuite, RuleSuite):
 
 
 class ContactSensorSuite(SignalSensorSuite):
-    """Conformance tests for a sensor that detects contacts with the robot in a zone."""
+    """Conformance tests for a sensor that detects contacts of the robot in a zone."""
 
     part: ContactSensor
     protocol = ContactSensor

@@ -20,20 +20,20 @@ TICKS, TICK_S = 30, 0.1
 
 
 class SimulatorSuite(PartSuite):
-    """Conformance tests for a simulator, in which a rover drives in curves among boxes."""
+    """Conformance tests for a simulator, in which a rover drives curves among boxes."""
 
     part: Simulator
     protocol = Simulator
-    together = False  # an engine may support only one simulation at a time
+    together = False  # some engines support only one simulation at a time
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot with its sensors; override this if the simulator needs a different robot."""
+        """The robot with its sensors; override if the simulator requires a different robot."""
         return example_robot()
 
     @cached_property
     def world(self) -> World:
-        """The world; override this if the simulator needs a different world."""
+        """The world; override if the simulator requires a different world."""
         return example_world()
 
     def use(self, part: Simulator, seed: int) -> Iterator[tuple[Array, Array]]:
@@ -55,11 +55,11 @@ class SimulatorSuite(PartSuite):
                 simulation.advance(self.lend(command), TICK_S)
 
     def test_its_time_step_is_possible(self) -> None:
-        """The time step is finite and greater than 0."""
+        """The time step is finite and positive."""
         assert 0 < self.part.time_step < math.inf, f"time_step is {self.part.time_step}"
 
     def test_its_packages_are_installed(self) -> None:
-        """Each package is installed with pip."""
+        """All packages are installed."""
         for name in self.part.packages:
             assert version(name), f"{name} must be an installed package"
 
@@ -81,7 +81,7 @@ class SimulatorSuite(PartSuite):
                     assert high <= sensor.range_max_m, f"{high} m is above range_max_m"
 
     def test_the_robot_starts_at_home_and_drives(self) -> None:
-        """The robot starts at the start of the course, and then moves."""
+        """The robot starts at home and then moves."""
         x, y, _, yaw = self.world.course.home
         (first, _), *_, (last, _) = self.use(self.part, 1)
         at_home = np.allclose(first[:3], (x, y, yaw), atol=0.05)
@@ -89,7 +89,7 @@ class SimulatorSuite(PartSuite):
         assert math.dist(first[:2], last[:2]) > 0.1, f"the robot must move, but ends at {last[:2]}"
 
     def test_a_mission_does_not_depend_on_another_world(self) -> None:
-        """A simulation is not affected by earlier simulations."""
+        """A simulation is independent of earlier simulations."""
         alone = self.record(self.part, 1)
         with open_alone(self.part.open, example_robot(0.3), example_world("blocks")) as other:
             other.advance(np.array([0.3, 0.2]), 1.0)

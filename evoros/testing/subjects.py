@@ -1,4 +1,4 @@
-"""An example robot, world and outcomes for the tests of parts."""
+"""An example robot, world and outcomes for testing parts."""
 
 from dataclasses import replace
 from functools import cache
@@ -17,13 +17,13 @@ TIME_LIMIT_S = 100.0
 
 @cache
 def example_experiment() -> Experiment:
-    """Return the experiment of the default configuration, in the planar simulator."""
+    """Return the experiment of the default configuration, with the planar simulator."""
     return compose(["simulator=planar", "executor=serial"]).build()
 
 
 @cache
 def example_design(share: float = 0.6) -> Design:
-    """Return a design of the example's space in which all genes have the same value."""
+    """Return a design in the example's space with equal genes."""
     space = example_experiment().space
     return space.decode(np.full(space.size, share))
 
@@ -57,7 +57,7 @@ def example_outcome(progress: float = 0.0, ended: str = TIME_LIMIT) -> Outcome:
 
 
 def list_trials() -> list[list[Outcome]]:
-    """Return trials of two missions each, which end in all possible ways except ``NOT_RUN``."""
+    """Return trials of two missions, which end in all possible ways except ``NOT_RUN``."""
     near = replace(example_outcome(0.4, COLLISION), collisions=1, first_collision_s=20.0)
     return [
         [example_outcome(0.0), example_outcome(0.0)],
@@ -67,6 +67,6 @@ def list_trials() -> list[list[Outcome]]:
 
 
 def list_lost_trials() -> list[list[Outcome]]:
-    """Return trials in which one mission could not be run."""
+    """Return trials in which one of the missions could not run."""
     lost = (Outcome.failure(ended, "why", TIME_LIMIT_S, 3, price=30.0) for ended in (LOST, REFUSED))
     return [[outcome, example_outcome(1.0, COMPLETED)] for outcome in lost]

@@ -1,4 +1,4 @@
-"""The course, a robot's route through a world."""
+"""The course: a robot's route through a world."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ DIRECTION = checks.one_of("random", "forward", "backward", "parity", ONE_WAY)
 @dataclass(frozen=True)
 @checks.checked
 class Course:
-    """A route in two phases: around the corners back to home, then the same in reverse.
+    """A route in two phases: around the corners and back home, then the same in reverse.
 
     With ``direction=one_way``, the route ends at the last corner.
     """
@@ -28,7 +28,7 @@ class Course:
     home_z_m: Annotated[float, checks.NOT_NEGATIVE]  # height of the robot's base frame at the start
     home_yaw_rad: Annotated[float, checks.NUMBER]
     waypoints: Annotated[Sequence[Sequence[float]], PAIRS]  # corners [m], without home
-    # radius [m] within which a waypoint counts as reached
+    # radius [m] within which a waypoint is reached
     acceptance_m: Annotated[float, checks.POSITIVE]
     time_limit_s: Annotated[float, checks.POSITIVE]
     direction: Annotated[str, DIRECTION]
@@ -42,7 +42,7 @@ class Course:
         for point in self.waypoints:
             if len(point) != 2 or not all(map(checks.is_number, point)):
                 raise checks.invalid(self, "waypoints", point, "each must be two numbers [x, y]")
-        # Tuples make a frozen course immutable, and let equal courses compare equal.
+        # Tuples make the course immutable, and equal courses compare equal.
         corners = tuple((float(x), float(y)) for x, y in self.waypoints)
         object.__setattr__(self, "waypoints", corners)
 
@@ -58,12 +58,12 @@ class Course:
 
     @property
     def first_phase(self) -> Array:
-        """Points (n, 2) [m]: home, the corners, and home again unless the route is one-way."""
+        """Points (n, 2) [m]: home, the corners and, unless one-way, home again."""
         end = [] if self.is_one_way else [self.home[:2]]
         return np.array([self.home[:2], *self.waypoints, *end], dtype=np.float64)
 
     def goes_forward(self, round_index: int, rng: Generator) -> bool:
-        """Return True if a round starts in the given order of corners; ``rng`` may decide this."""
+        """Return True if a round visits the corners in the given order; may use ``rng``."""
         if self.direction == "random":
             return bool(rng.random() < 0.5)
         if self.direction == "parity":
@@ -71,7 +71,7 @@ class Course:
         return self.direction in ("forward", ONE_WAY)
 
     def route(self, forward: bool) -> Array:
-        """Return the goals (n, 2) [m] of all legs; a one-way route has only the corners."""
+        """Return the goals (n, 2) [m] of all legs; for a one-way route, only the corners."""
         if self.is_one_way:
             return np.array(self.waypoints, dtype=np.float64)
         corners = self.waypoints if forward else self.waypoints[::-1]

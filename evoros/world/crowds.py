@@ -1,4 +1,4 @@
-"""Draws a mission's walkers at random."""
+"""Draws the walkers of a mission at random."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -22,8 +22,8 @@ from evoros.world.floors import project_ground
 from evoros.world.model import World
 from evoros.world.standing import join_areas, list_areas
 
-MARGIN_M = 0.1  # minimum distance [m] of drawn routes from obstacles
-AROUND_M = 2.0  # maximum distance [m] of walkers from the area with the obstacles and the course
+MARGIN_M = 0.1  # minimum distance [m] from drawn routes to obstacles
+AROUND_M = 2.0  # maximum distance [m] of walkers from the area of obstacles and course
 
 
 @lru_cache(maxsize=64)
@@ -57,7 +57,7 @@ def find_free_space(world: World, radius: float, height: float) -> FreeSpace:
 def find_blocking(
     world: World, legs: Sequence[Sequence[Sequence[float]]], radius: float, height: float
 ) -> tuple[str, Sequence[Sequence[float]]] | None:
-    """Return the first obstacle that blocks a straight leg, by name, and that leg; or None."""
+    """Return the name of the first obstacle on a straight leg, and the leg; None if all free."""
     ways = [(leg, np.array(leg, dtype=np.float64)) for leg in legs]
     for body, areas in list_areas(world, height):
         for area in areas:
@@ -79,10 +79,10 @@ def measure_legs(corners: Array) -> Array:
     return np.array([math.hypot(x, y) for x, y in legs.tolist()])
 
 
-MAX_DRAWS = 200  # maximum number of routes or positions drawn for a walker
+MAX_DRAWS = 200  # maximum number of routes or positions tried per walker
 MIN_LEG_M = 1.0
-CORNERS = 2, 4  # minimum and maximum number of corners on the way out along a drawn route
-CLEAR_M = 0.5  # minimum distance [m] of a walker's surface from a robot at the start
+CORNERS = 2, 4  # minimum and maximum number of corners on the way out of a drawn route
+CLEAR_M = 0.5  # minimum distance [m] from a walker's surface to a robot at the start
 APART_M = 0.05  # minimum distance [m] between the surfaces of two walkers at the start
 
 
@@ -94,7 +94,7 @@ class Standing(NamedTuple):
 
 
 def advise(name: str, walkers: Mapping[str, Walkers]) -> str:
-    """Return advice on leaving the people out of a world."""
+    """Return advice on removing the people from a world."""
     return "set walkers=none" if walkers else f"set ++world.{name}.actors=leave_out"
 
 
@@ -130,7 +130,7 @@ def draw_crowd(
     robots: Sequence[Standing],
     draws: Callable[[str], Generator],
 ) -> Crowd:
-    """Draw a mission's walkers (streams ``walkers.NAME``), with the actors of the world last."""
+    """Draw the walkers of a mission (streams ``walkers.NAME``); the world's actors come last."""
     drawn: list[Walker] = []
     for name, group in walkers.items():
         drawn += _draw_group(world, name, group, robots, drawn, draws(f"walkers.{name}"))
@@ -146,7 +146,7 @@ def draw_crowd(
 
 
 def name_walkers(walkers: Mapping[str, Walkers], world: World) -> list[str]:
-    """Return the names of all walkers that may occur in missions, in order."""
+    """Return the names of all walkers that missions may contain, in order."""
     groups = [f"{name}_{i}" for name, group in walkers.items() for i in range(group.numbers[1])]
     return [*groups, *(actor.name for actor in world.actors)]
 
@@ -185,27 +185,27 @@ def _draw_group(
 
 
 _Start = tuple[Array, int, tuple[float, float]]
-"""The corners of a route, the index of the walker's first goal, and the walker's position [m]."""
+"""corners of a route, index of the first goal, and position [m] of the walker"""
 
 
 def _propose(
     world: World, name: str, group: Walkers, place: tuple[int, int], rng: Generator
 ) -> Iterator[_Start]:
-    """Yield candidate starts for a walker; ``place`` is its index and the number of walkers."""
+    """Yield candidate starts of a walker; ``place`` is its index and the number of walkers."""
     for try_ in range(MAX_DRAWS):
         corners = _draw_route(world, name, group, rng) if group.route is None else group.route
         if corners is None:
             continue
         points = np.zeros((len(corners), CORNER_SIZE))
         points[:, :CORNER_S] = corners
-        # Each further attempt moves the start along the route, away from an occupied position.
+        # Each attempt shifts the start along the route, away from an occupied position.
         even = (place[0] / place[1] + try_ / MAX_DRAWS) % 1.0
         share = float(rng.random()) if group.phase == RANDOM else even
         yield points, *_start_at(points[:, :CORNER_S], share)
 
 
 def _start_at(corners: Array, share: float) -> tuple[int, tuple[float, float]]:
-    """Return the index of the next corner and the position at a fraction of a closed route."""
+    """Return the index of the next corner, and the position at a fraction of a closed route."""
     lengths = measure_legs(corners)
     left = share * float(lengths.sum())
     for i, length in enumerate(lengths.tolist()):

@@ -1,6 +1,6 @@
-"""Floors: the surfaces that carry a course, and the height of the ground at a point.
+"""Floors, which are surfaces that carry a course, and the height of the ground.
 
-Floors are fixed bodies with a level top at home's height, which becomes z = 0.
+Floors are fixed bodies with a level top at the height of home, which becomes z = 0.
 """
 
 import logging
@@ -21,11 +21,11 @@ from evoros.world.course import Course
 _LOG = logging.getLogger(__name__)
 
 GROUND = Body("ground", Pose(), (Shape("plane", (0.0, 0.0, 1.0)),))
-MAT_M = 0.015  # maximum height of a level top, such as a mat's, that belongs to the floor
+MAT_M = 0.015  # maximum height of a level top, such as a mat's, that is part of the floor
 STAGE_M = 1.0  # maximum height of a level top that becomes the floor if it carries the course
-STEP_M = 0.1  # spacing [m] of sample points along a course, which tell a floor from posts
+STEP_M = 0.1  # spacing [m] of sample points on a course, which distinguish floors from posts
 _LEVEL = 1e-6
-_STEEP = 0.5  # vertical part of a plane's normal below which it is no ground
+_STEEP = 0.5  # minimum vertical component of the unit normal of a plane that is ground
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class _Top:
 
 
 def ground_height(bodies: Sequence[Body], point: Sequence[float]) -> float | None:
-    """Return the height [m] of the highest ground at a point [x, y]; None if there is none."""
+    """Return the height [m] of the highest ground at a point [x, y]; None without ground."""
     return _find_height([*ground_shapes(bodies)], point)
 
 
@@ -47,7 +47,7 @@ def _find_height(solids: Sequence[tuple[Shape, Pose]], point: Sequence[float]) -
 
 
 def ground_shapes(bodies: Sequence[Body]) -> Iterator[tuple[Shape, Pose]]:
-    """Yield the shapes of the ground with their poses in the world."""
+    """Yield the shapes of the ground with poses in the world."""
     for body in bodies:
         if body.is_ground:
             yield from body.placed
@@ -70,7 +70,7 @@ def _is_wall(shape: Shape, pose: Pose) -> bool:
 
 
 def check_planes(bodies: Sequence[Body], source: str) -> None:
-    """Require that all planes face up; a steeper plane, such as a wall, is not ground."""
+    """Check that all planes face up; a steeper plane, such as a wall, is not ground."""
     for body in bodies:
         for shape, pose in body.placed:
             if _is_wall(shape, pose):
@@ -82,7 +82,7 @@ def check_planes(bodies: Sequence[Body], source: str) -> None:
 
 
 def drop_walls(bodies: Sequence[Body], source: str) -> tuple[Body, ...]:
-    """Leave out planes that do not face up, such as posters; Gazebo's planes are endless walls."""
+    """Leave out planes that do not face up, such as posters; in Gazebo, these are endless walls."""
     kept: list[Body] = []
     left_out: list[str] = []
     for body in bodies:
@@ -100,7 +100,7 @@ def drop_walls(bodies: Sequence[Body], source: str) -> tuple[Body, ...]:
 
 
 def is_level(shape: Shape, pose: Pose) -> bool:
-    """Return True if a shape of the ground has a level surface."""
+    """Return True if the surface of a ground shape is level."""
     if shape.kind == "plane":
         normal = plane_normal(shape, pose)
         return math.hypot(normal[0], normal[1]) <= _LEVEL
@@ -108,7 +108,7 @@ def is_level(shape: Shape, pose: Pose) -> bool:
 
 
 def has_level_ground(bodies: Sequence[Body]) -> bool:
-    """Return True if no part of the ground is a tilted plane or a height field."""
+    """Return True if the ground contains no tilted plane or height field."""
     return all(is_level(shape, pose) for shape, pose in ground_shapes(bodies))
 
 
@@ -128,7 +128,7 @@ def _height_at(shape: Shape, pose: Pose, point: Sequence[float]) -> float | None
 
 
 def interpolate_heights(heights: Array, size: Sequence[float], x: float, y: float) -> float | None:
-    """Return the height [m] of a field at a point [m]; None beyond the field's ``size`` [m]."""
+    """Return the height [m] of a field at a point [m]; None outside the field's ``size`` [m]."""
     rows, columns = heights.shape
     row = (y / size[1] + 0.5) * (rows - 1)
     column = (x / size[0] + 0.5) * (columns - 1)
@@ -140,9 +140,9 @@ def interpolate_heights(heights: Array, size: Sequence[float], x: float, y: floa
     return float((1 - v) * ((1 - u) * a + u * b) + v * ((1 - u) * c + u * d))
 
 
-@lru_cache(maxsize=2**15)  # enough for the parts of a furnished building
+@lru_cache(maxsize=2**15)  # enough for the parts of one furnished building
 def _level_top(shape: Shape, pose: Pose) -> tuple[float, footprint.Footprint] | None:
-    """Return the height [m] and the footprint of a solid shape's level top; None if it has none."""
+    """Return the height [m] and footprint of a solid shape's level top; None without one."""
     up = np.abs(pose.rotation[2])
     upright = {"box": up.max(), "cylinder": up[2]}.get(shape.kind, 0.0)
     if upright > 1 - _LEVEL:
@@ -156,7 +156,7 @@ def _level_top(shape: Shape, pose: Pose) -> tuple[float, footprint.Footprint] | 
 
 
 def settle(bodies: Sequence[Body], course: Course, source: str) -> tuple[Body, ...]:
-    """Mark floors, shift all bodies so that home is at z = 0, and add any missing ground."""
+    """Mark floors, shift all bodies so that home is at z = 0, and add missing ground."""
     points = [(course.home_x_m, course.home_y_m), *course.waypoints]
     tops = [
         _Top(i, j, *top)
@@ -207,7 +207,7 @@ def _find_level(
 
 
 def points_between(points: Sequence[Sequence[float]]) -> Iterator[tuple[float, float]]:
-    """Yield points [m] on the straight lines from home through the waypoints and back."""
+    """Yield points [m] on the lines from home through the waypoints and back."""
     for (ax, ay), (bx, by) in zip(points, [*points[1:], points[0]], strict=True):
         count = min(int(math.dist((ax, ay), (bx, by)) / STEP_M), 1000)
         for i in range(1, count):
@@ -232,7 +232,7 @@ def _mark_floors(bodies: Sequence[Body], tops: Sequence[_Top]) -> list[Body]:
 
 
 def raise_body(body: Body, height: float) -> Body:
-    """Return a body shifted up by a height [m]."""
+    """Return a body raised by a height [m]."""
     if height == 0.0:
         return body
     x, y, z = body.pose.position

@@ -1,4 +1,4 @@
-"""Finds how far movable bodies overlap the ground or each other, and the lifts that free them."""
+"""Finds overlaps of movable bodies with the ground and each other, and lifts to clear them."""
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -18,19 +18,19 @@ from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.floors import ground_shapes, interpolate_heights, plane_normal
 
 SLACK_M = 0.002
-"""Maximum overlap [m] that is left to the engines, which treat it as a contact.
+"""Maximum overlap [m] left to the engines, which treat it as a contact.
 
-Engines separate two bodies at up to 100 times the overlap per second; for 2 mm, that is about the
-final speed of a free fall from 2 mm. Robots also drive over obstacles of this height.
+Engines separate bodies at up to 100 times the overlap per second; for 2 mm, that is about the final
+speed of a fall from 2 mm. Robots can also drive over obstacles of this height.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """Solid shapes with their bounding boxes; all arrays have one row per shape."""
+    """Solid shapes with bounding boxes; arrays have one row per shape."""
 
     shapes: tuple[Solid, ...]
-    body: NDArray[np.intp]  # index of the shape's body
+    body: NDArray[np.intp]  # index of the body of each shape
     low: Array  # (n, 3) [m]
     high: Array  # (n, 3) [m]
 
@@ -54,11 +54,11 @@ class Solids:
         yield from np.flatnonzero(near.all(axis=1) & (self.body != self.body[shape])).tolist()
 
 
-_RINGS, _SECTORS = 8, 16  # grid of directions in which round shapes are sampled
+_RINGS, _SECTORS = 8, 16  # numbers of rings and sectors of directions for sampling round shapes
 
 
 def find_sunk(bodies: Sequence[Body], solids: Solids) -> dict[int, float]:
-    """Return the depths [m] of movable bodies below planes and height fields, by body index."""
+    """Return the depth [m] of each sunk movable body below planes and height fields, by index."""
     depths: dict[int, float] = {}
     for shape, pose in ground_shapes(bodies):
         heights = _Field(shape, pose) if shape.kind == "heightfield" else None
@@ -76,7 +76,7 @@ def find_sunk(bodies: Sequence[Body], solids: Solids) -> dict[int, float]:
 
 
 class _Field:
-    """A height field whose points are placed in the world once for all bodies."""
+    """A height field in the world, prepared once for all bodies."""
 
     def __init__(self, shape: Shape, pose: Pose) -> None:
         grid = height_points(shape).reshape(-1, 3)
@@ -87,7 +87,7 @@ class _Field:
     def depth(self, solid: Solid) -> float:
         """Return the lift [m] that brings all points of a solid above the field."""
         points = solid.points
-        if solid.shape.kind not in ("box", "convex"):  # add samples of a round underside
+        if solid.shape.kind not in ("box", "convex"):  # adds samples of a round underside
             points = np.concatenate([points, *(solid.farthest(d)[None] for d in _directions())])
         depths = [0.0]
         for x, y, z in points.tolist():
@@ -112,7 +112,7 @@ def _directions() -> Array:
 
 
 def _heights_above(points: Array, planes: Array) -> list[float]:
-    """Return how far [m] each point within a polyhedron's footprint lies above its underside."""
+    """Return the height [m] of each point in a polyhedron's footprint above its underside."""
     x, y = points[:, 0], points[:, 1]
     within = np.ones(len(points), dtype=np.bool_)
     floor, roof = np.full(len(points), -np.inf), np.full(len(points), np.inf)
@@ -129,14 +129,15 @@ def _heights_above(points: Array, planes: Array) -> list[float]:
 
 
 _STEEP = 1.5
-"""Maximum ratio of the lift to the shortest separation for which a body is lifted out of another.
+"""Maximum ratio of the lift to the shortest separation at which a body is lifted clear.
+
 Otherwise, bodies that overlap sideways would end up on top of each other.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class Lifts:
-    """The lifts of movable bodies, by body index, and the reasons for them."""
+    """The lifts of movable bodies by index, and their reasons."""
 
     heights: dict[int, float] = field(default_factory=dict)  # [m]
     depths: dict[int, float] = field(default_factory=dict)  # [m], depth in the body or ground below
@@ -144,15 +145,16 @@ class Lifts:
 
 
 class _Near(NamedTuple):
-    base: float  # the body's lift [m]
+    base: float  # [m], lift of the lower body
     gap: Clearance
-    depth: float  # depth of the overlap [m]
+    depth: float  # [m], depth of the overlap
 
 
 def find_lifts(bodies: Sequence[Body], solids: Solids, sunk: Mapping[int, float]) -> Lifts:
-    """Find the lifts of movable bodies, from the lowest to the highest.
+    """Find the lifts of movable bodies, from the lowest body to the highest.
 
-    Bodies rise out of the ground, in which they are ``sunk`` [m], and supports, with all on top.
+    Bodies are lifted out of the ground, in which they are ``sunk`` [m], and out of their supports,
+    together with all bodies on top.
     """
     shapes = {
         i: np.flatnonzero(solids.body == i).tolist()
@@ -174,7 +176,7 @@ def find_lifts(bodies: Sequence[Body], solids: Solids, sunk: Mapping[int, float]
 def _list_near(
     shapes: Sequence[int], solids: Solids, waiting: Collection[int]
 ) -> Iterator[tuple[int, Clearance, float]]:
-    """Yield bodies near shapes, except ``waiting`` ones, with overlapping lifts and depth [m]."""
+    """Yield bodies near shapes (except ``waiting``), with overlapping lifts and depth [m]."""
     for shape in shapes:
         for other in solids.list_near(shape, axes=2):
             if (body := int(solids.body[other])) in waiting:

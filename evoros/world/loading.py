@@ -1,6 +1,6 @@
-"""Loads a world from an SDF file, and separates its bodies from the ground and each other.
+"""Loads a world from an SDF file, and removes overlaps of its bodies with ground and each other.
 
-Otherwise, engines would push them apart at any speed, and simulators would differ.
+Otherwise, engines would push the bodies apart at any speed, and simulators would differ.
 """
 
 import logging
@@ -30,13 +30,13 @@ from evoros.world.model import World
 _LOG = logging.getLogger(__name__)
 
 _Pairs = dict[tuple[int, int], float]
-"""Depth [m] of each overlap, keyed by a movable body and the body that it overlaps."""
+"""Depth [m] of each overlap, keyed by a movable body and the body it overlaps."""
 
 
 def free_bodies(bodies: Sequence[Body], source: str) -> tuple[Body, ...]:
-    """Return the bodies, changed so that no movable body overlaps the ground or another body.
+    """Return the bodies, changed so that no movable body overlaps the ground or a body.
 
-    Bodies are lifted out of the ground and supports, joined to each other, or fixed if stuck.
+    Bodies are lifted out of the ground and their supports, joined to each other, or fixed if stuck.
     """
     if all(body.mass is None for body in bodies):
         return tuple(bodies)
@@ -138,7 +138,7 @@ def _count(members: Collection[int]) -> str:
 
 
 def _join_bodies(bodies: Sequence[Body]) -> Body:
-    """Join movable bodies into one, with the name of the first and the friction of the lowest."""
+    """Join movable bodies into one, with the first body's name and the lowest body's friction."""
     inertias = []
     for body in bodies:
         mass = body.mass or 0.0
@@ -178,7 +178,7 @@ def load_world(
     actors: str = "walk",
     mesh_effort: float = 1.0,
 ) -> World:
-    """Load the world of an SDF file, with ground below the course and overlaps removed.
+    """Load the world of an SDF file, with ground below the course and without overlaps.
 
     ``sdf`` is a path, absolute or relative to the bundled folder ``worlds``, and ``arguments`` are
     passed to xacro. The other arguments are the fields of ``SdfOptions``. Messages name the world
@@ -196,7 +196,7 @@ def load_world(
 def read_world(
     sdf: str, options: SdfOptions, arguments: Mapping[str, object], course: Course | None = None
 ) -> SdfWorld:
-    """Read the bodies of an SDF file, in the poses given there; see ``load_world``."""
+    """Read the bodies of an SDF file at the poses in the file; see ``load_world``."""
     path = find_file(sdf, "worlds")
     content, source = read_file(path), sdf
     if is_xacro(path, content):

@@ -1,4 +1,4 @@
-"""Areas in which a world's meshes differ from their collision parts, below a robot's height."""
+"""Areas in which a world's meshes differ from their convex parts, below a robot's height."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,25 +17,25 @@ if TYPE_CHECKING:
     from evoros.geometry.mesh_parts import Sections
 
 LOWEST_M, SLICES = 0.05, 4
-"""Bottom [m] of the compared slices (for low robots, half their height), and number of slices."""
+"""Height [m] of the lowest section (half the height of low robots), and number of sections."""
 TOLD_M2, TOLD_SHARE = 0.05, 0.01
-"""Area [m2] and fraction of a mesh's footprint above which a run warns about a difference."""
+"""Area [m2] and fraction of a mesh's footprint above which a run warns of a difference."""
 _COUNTS_M2 = 0.005
 
 
 class MeshArea(NamedTuple):
-    """Areas [m2] in which a mesh and its convex parts differ, each at the height with the most."""
+    """Areas [m2] in which a mesh differs from its convex parts, at the worst heights."""
 
     file: MeshFile
     height_m: float  # robot height
     uses: int  # number of collision elements that use the mesh
-    false_m2: float  # inside the convex parts but outside the mesh; sum over collision elements
-    missed_m2: float  # inside the mesh but outside the convex parts; sum over collision elements
+    false_m2: float  # inside the convex parts, outside the mesh; sum over collision elements
+    missed_m2: float  # inside the mesh, outside the convex parts; sum over collision elements
     footprint_m2: float  # sum over collision elements
 
     @property
     def is_large(self) -> bool:
-        """True if the difference is large enough to affect missions."""
+        """True if the difference may affect missions."""
         share = max(self.false_m2, self.missed_m2) / self.footprint_m2
         return max(self.false_m2, self.missed_m2) >= TOLD_M2 and share >= TOLD_SHARE
 
@@ -49,7 +49,7 @@ class MeshArea(NamedTuple):
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def measure_meshes(world: World, height_m: float) -> tuple[MeshArea, ...]:
-    """Measure meshes that a robot of this height [m] can meet and that differ from their parts."""
+    """Measure the meshes within a robot's height [m] that differ from their convex parts."""
     areas: dict[MeshFile, MeshArea] = {}
     for file, sections in _list_sections(world, height_m):
         known = areas.get(file, MeshArea(file, height_m, 0, 0.0, 0.0, 0.0))
@@ -60,11 +60,11 @@ def measure_meshes(world: World, height_m: float) -> tuple[MeshArea, ...]:
 
 
 def _list_sections(world: World, height_m: float) -> Iterator[tuple[MeshFile, "Sections"]]:
-    """Yield each collision element's mesh and section areas; equal elements are computed once."""
+    """Yield the mesh and section areas of each collision element, computed once for equal ones."""
     groups = [(body, _group_parts(body)) for body in standing_obstacles(world)]
     if not any(parts for _, parts in groups):
         return
-    from evoros.geometry.mesh_parts import compare_sections  # imports scipy and manifold3d
+    from evoros.geometry.mesh_parts import compare_sections  # slow: imports scipy and manifold3d
     from evoros.geometry.triangles import weld
 
     lowest = min(LOWEST_M, height_m / 2)

@@ -21,17 +21,17 @@ from evoros.world.floors import MAT_M, check_planes, ground_height, has_level_gr
 
 LENGTH = Rule("a positive length, or null", lambda v: v is None or POSITIVE.holds(v))
 KEPT_WORLDS = 512
-"""Maximum size of caches whose keys are worlds.
+"""Maximum size of caches with worlds as keys.
 
-Missions may run in many worlds, such as the 300 of BARN, one after another. A world with its
-outlines takes about 0.15 MB.
+Missions may use many worlds in turn, such as the 300 of BARN. A world with its outlines takes about
+0.15 MB.
 """
-LOW_M = 0.3  # minimum ground clearance [m] of an obstacle below which a waypoint may be placed
+LOW_M = 0.3  # minimum ground clearance [m] of an obstacle below which waypoints are allowed
 
 
 @runtime_checkable
 class WorldSampler(Protocol):
-    """A distribution of worlds that share a course."""
+    """A distribution of worlds with a common course."""
 
     def draw_world(self, draws: str) -> "World":
         """Draw the world of a mission; the key ``draws`` determines all random numbers."""
@@ -39,10 +39,10 @@ class WorldSampler(Protocol):
 
 @runtime_checkable
 class TeamSampler(WorldSampler, Protocol):
-    """A sampler of worlds that can leave space for several robots, each with a separate course."""
+    """A sampler of worlds that can leave space for several robots with separate courses."""
 
     def keep_free(self, courses: Sequence[Course]) -> Self:
-        """Return a sampler that keeps free these courses as well as the first robot's."""
+        """Return a sampler that keeps these courses free, as well as the first robot's course."""
 
 
 A_SAMPLER = instance_of(WorldSampler, "a world sampler (an object with draw_world)")
@@ -51,22 +51,22 @@ A_SAMPLER = instance_of(WorldSampler, "a world sampler (an object with draw_worl
 @dataclass(frozen=True)
 @checked
 class World:
-    """Bodies and a course among them, with the ground at z = 0 at home.
+    """Bodies and a course, with the ground at home at z = 0.
 
-    With a sampler, each mission has a different world; this world is an example.
+    With a sampler, each mission has a different world, of which this is an example.
     """
 
     name: Annotated[str, TEXT]
     bodies: Annotated[tuple[Body, ...], sequence_of(Body, "bodies")]
     course: Annotated[Course, A_COURSE]
     source: Annotated[str, TEXT]  # file, as named in the configuration
-    source_sha256: str  # hash of the file's content
-    sampler: Annotated[WorldSampler | None, A_SAMPLER] = None  # None: the same in all missions
-    note: str = ""  # comment in the SDF that states the world's origin
+    source_sha256: str  # digest of the content of the file
+    sampler: Annotated[WorldSampler | None, A_SAMPLER] = None  # None: same world in all missions
+    note: str = ""  # comment in the SDF on the origin of the world
     gravity_mps2: Annotated[float, POSITIVE] = 9.81  # downwards
     actors: Annotated[tuple[Actor, ...], sequence_of(Actor, "actors")] = ()  # actors in the file
     shortest_m: Annotated[float | None, LENGTH] = None  # length of the shortest path; None: unknown
-    crowd: Crowd | None = field(default=None, compare=False)  # walkers in a mission
+    crowd: Crowd | None = field(default=None, compare=False)  # walkers of a mission
 
     def __post_init__(self) -> None:
         for name, count in Counter(body.name for body in self.bodies).most_common(1):
@@ -81,11 +81,11 @@ class World:
         _check_course(self)
 
     def __hash__(self) -> int:
-        # Worlds are keys of caches, so hashing must be fast; it leaves out the bodies.
+        # Worlds are keys of caches, so hashing must be fast and omits the bodies.
         return hash((self.name, self.source_sha256))
 
     def at(self, draws: str) -> "World":
-        """Return the world for a mission's key of random draws, with this world's course."""
+        """Return the world for a mission's key of draws, with the course of this world."""
         if self.sampler is None:
             return self
         drawn = self.sampler.draw_world(draws)
@@ -99,11 +99,11 @@ class World:
 
     @property
     def sdf(self) -> str:
-        """The bodies as SDF text; the text refers to further ``files``."""
+        """The bodies as SDF text, which refers to further ``files``."""
         return write_sdf(self.name, self.bodies, self.note, self.gravity_mps2)
 
     def files(self, stem: str) -> dict[str, bytes]:
-        """Return the SDF file, named ``stem``, and the files that it needs, by file name."""
+        """Return the SDF file, called ``stem``, and the files it refers to, by file name."""
         sdf = write_sdf(self.name, self.bodies, self.note, self.gravity_mps2, stem)
         return {f"{stem}.sdf": sdf.encode(), **write_surfaces(stem, self.bodies)}
 
@@ -114,7 +114,7 @@ class World:
 
     @property
     def is_level(self) -> bool:
-        """True if no part of the ground is a tilted plane or a height field."""
+        """True if the ground contains no tilted plane or height field."""
         return has_level_ground(self.bodies)
 
 

@@ -1,4 +1,4 @@
-"""Obstacles after movable bodies have fallen, for code without gravity; also as arrays."""
+"""Obstacles after movable bodies have fallen, for code without gravity, also as arrays."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -26,8 +26,8 @@ from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.floors import ground_height, has_level_ground, raise_body
 from evoros.world.model import KEPT_WORLDS, World
 
-GAP_M = 0.002  # maximum gap [m] below a movable body that counts as standing
-_INNER = 0.99  # fraction of a footprint that must be above another body for that body to carry it
+GAP_M = 0.002  # maximum gap [m] below a movable body that stands
+_INNER = 0.99  # fraction of a footprint above another body at which that body carries it
 
 
 class Part(NamedTuple):
@@ -42,14 +42,15 @@ class Part(NamedTuple):
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def standing_obstacles(world: World) -> tuple[Body, ...]:
-    """Return a world's obstacles after they have fallen; see ``stand``."""
+    """Return the obstacles of a world after movable bodies have fallen; see ``stand``."""
     return stand(world.bodies)
 
 
 def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
-    """Return the obstacles, with each movable body moved straight down onto its support.
+    """Return the obstacles, with movable bodies moved straight down onto their supports.
 
-    A body that overlaps another stays; on uneven ground, obstacles are lowered by its height.
+    A body that overlaps another body stays; on uneven ground, obstacles are lowered by the height
+    of the ground.
     """
     bodies = [body for body in all_bodies if not body.is_ground]
     floor = [body for body in all_bodies if body.is_ground]
@@ -68,7 +69,7 @@ def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
 
 
 def place_parts(body: Body, height_m: float = -math.inf) -> tuple[Part, ...]:
-    """Place a body's shapes, with footprints of the portions below a height [m]."""
+    """Place the shapes of a body, with footprints of the portions below a height [m]."""
     parts = []
     for shape, pose in body.placed:
         bottom, top = find_heights(shape, pose)
@@ -79,7 +80,7 @@ def place_parts(body: Body, height_m: float = -math.inf) -> tuple[Part, ...]:
 
 
 class _Settled:
-    """Parts that do not fall, with the bounding circles of their footprints."""
+    """Parts that do not fall, with bounding circles of their footprints."""
 
     def __init__(self, parts: Sequence[Part]) -> None:
         self._parts: list[Part] = []
@@ -92,7 +93,7 @@ class _Settled:
         self._circles = np.concatenate([self._circles, circles])
 
     def drop(self, shapes: Sequence[Part], ground: float) -> float:
-        """Return the distance [m] that a body of these shapes falls."""
+        """Return the distance [m] by which a body with these shapes falls."""
         gaps = [min(shape.bottom for shape in shapes) - ground]
         for shape in shapes:
             for below in self._overlapping(shape):
@@ -116,23 +117,23 @@ class _Settled:
 
 @lru_cache(maxsize=8)
 def list_areas(world: World, below_m: float) -> tuple[tuple[Body, tuple[Footprint, ...]], ...]:
-    """List the obstacles that reach below a height [m], with the footprints of what is below it."""
+    """List the obstacles that extend below a height [m], with the footprints of that portion."""
     placed = ((body, project_bodies([body], below_m)) for body in standing_obstacles(world))
     return tuple((body, areas) for body, areas in placed if areas)
 
 
 def join_areas(world: World, below_m: float) -> list[Footprint]:
-    """Return the footprints of all solid shapes that reach below a height [m]."""
+    """Return the footprints of all solid shapes that extend below a height [m]."""
     return [area for _, areas in list_areas(world, below_m) for area in areas]
 
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def outlines(world: World, below_m: float) -> Outlines:
-    """Return the ``join_areas`` as arrays."""
+    """Return the result of ``join_areas`` as arrays."""
     return Outlines.of(join_areas(world, below_m))
 
 
-@lru_cache(maxsize=64)  # up to 7 MB per entry if a lidar sees a whole field
+@lru_cache(maxsize=64)  # up to 7 MB per entry if a lidar detects a whole field
 def world_arrays(world: World, height: float, touch: float, see: float) -> tuple[Array, ...]:
     """Return the ``obstacle_arrays`` for all obstacles of a world."""
     return obstacle_arrays(standing_obstacles(world), height, touch, see)
@@ -141,13 +142,13 @@ def world_arrays(world: World, height: float, touch: float, see: float) -> tuple
 def obstacle_arrays(
     bodies: Sequence[Body], height: float, touch: float, see: float
 ) -> tuple[Array, ...]:
-    """Return the arrays of obstacles for a robot of this height [m].
+    """Return the arrays of obstacles for a robot of height ``height`` [m].
 
-    The robot touches obstacles within ``touch`` [m] of its origin, and sees them within ``see``
-    [m]. The arrays are the grid (see ``evoros.geometry.grid``); for contact, the starts and entries
-    of the grid's cells, and the rows and corners of ``outlines``; for rays (see
-    ``evoros.geometry.ray``), the starts and entries of the grid's cells, all obstacles' rows, and
-    the faces of their polyhedra.
+    The robot can touch obstacles within ``touch`` [m] of its origin, and detect obstacles within
+    ``see`` [m]. The arrays are the grid (see ``evoros.geometry.grid``); for contact, starts and
+    entries of the grid cells, and rows and corners of ``outlines``; for rays (see
+    ``evoros.geometry.ray``), starts and entries of the grid cells, rows of all obstacles, and faces
+    of their polyhedra.
     """
     solids = [solid for body in bodies for solid in body.placed if solid[0].kind != "plane"]
     rows, faces, visible = sight_rows(solids)
@@ -184,7 +185,7 @@ def sight_rows(solids: Sequence[tuple[Shape, Pose]]) -> tuple[Array, Array, list
 
 
 def _centre(shape: Shape, pose: Pose) -> tuple[Shape, Pose]:
-    """Move a polyhedron's origin to the centre of the bounding circle that rays use."""
+    """Move the origin of a polyhedron to the centre of the bounding circle used for rays."""
     if shape.kind != "convex":
         return shape, pose
     corners = np.array(shape.corners)
@@ -197,7 +198,7 @@ def _centre(shape: Shape, pose: Pose) -> tuple[Shape, Pose]:
 def _to_row(shape: Shape, pose: Pose, footprint: Footprint, faces: tuple[int, int]) -> list[float]:
     kinds = {"box": BOX, "cylinder": CYLINDER, "sphere": SPHERE, "convex": CONVEX}
     x, y, radius = bounding_circle(footprint)
-    # Rays need a circle around the shape's centre, which may differ from the footprint's centre.
+    # Rays use a circle about the centre of the shape, which may differ from the footprint's.
     offset = math.dist((x, y), pose.position[:2])
     return [
         kinds[shape.kind],

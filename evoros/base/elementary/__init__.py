@@ -1,4 +1,4 @@
-"""Elementary functions that are bitwise equal on every processor, compiled and interpreted.
+"""Elementary functions, bitwise equal on every processor, compiled or interpreted.
 
 The C library and numpy choose among implementations by processor, and these differ in the last
 digits. Here, everything is a fixed sequence of sums, products, quotients and square roots, which

@@ -1,12 +1,12 @@
-"""Exact sums and products, rounding, and polynomials of doubles, with equal bits everywhere."""
+"""Exact sums and products, rounding and polynomials of doubles, bitwise equal everywhere."""
 
 import numpy as np
 
 from evoros.base.arrays import Array
 from evoros.base.compilable import inlined
 
-_GRID = 6755399441055744.0  # 1.5 * 2**52, near which doubles are 1 apart
-_SPLIT = 134217729.0  # 2**27 + 1, which splits a double into two halves (Veltkamp)
+_GRID = 6755399441055744.0  # 1.5 * 2**52, near which doubles have a spacing of 1
+_SPLIT = 134217729.0  # 2**27 + 1, for splitting a double into two halves (Veltkamp)
 
 _HALFWAY = 540
 _POWERS: Array = np.ldexp(1.0, np.arange(-_HALFWAY, _HALFWAY + 1))
@@ -14,14 +14,14 @@ _POWERS: Array = np.ldexp(1.0, np.arange(-_HALFWAY, _HALFWAY + 1))
 
 @inlined
 def nearest(x: float) -> float:
-    """Return the nearest integer to x, for magnitudes up to 2**51."""
+    """Return the integer nearest to x, for magnitudes up to 2**51."""
     return (x + _GRID) - _GRID
 
 
 @inlined
 def scale(x: float, k: int) -> float:
     """Return x 2**k, for k from -1080 to 1080."""
-    # Two factors avoid intermediate under- and overflow.
+    # two factors avoid intermediate under- and overflow
     half = k >> 1
     return x * float(_POWERS[half + _HALFWAY]) * float(_POWERS[k - half + _HALFWAY])
 
@@ -36,7 +36,7 @@ def add(a: float, b: float) -> tuple[float, float]:
 
 @inlined
 def split(a: float) -> tuple[float, float]:
-    """Return two 26-bit halves of a, whose magnitude must not exceed 1e300."""
+    """Return the two 26-bit halves of a; the magnitude of a must not exceed 1e300."""
     t = _SPLIT * a
     upper = t - (t - a)
     return upper, a - upper
@@ -53,7 +53,7 @@ def multiply(a: float, b: float) -> tuple[float, float]:
 
 @inlined
 def polynomial(x: float, coefficients: tuple[float, ...]) -> float:
-    """Return the polynomial with these coefficients, the constant first (Horner's scheme)."""
+    """Evaluate a polynomial with coefficients in ascending order (Horner's scheme)."""
     value = coefficients[-1]
     for i in range(len(coefficients) - 2, -1, -1):
         value = value * x + coefficients[i]

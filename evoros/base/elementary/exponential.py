@@ -11,7 +11,7 @@ from evoros.base.compilable import compilable, inlined
 from evoros.base.elementary.arithmetic import nearest, polynomial, scale
 
 LN2_1, LN2_2 = 0.6931471805598903, 5.497923018708371e-14
-"""Two parts of ln 2. The first has 42 bits, so its products with 11-bit numbers are exact."""
+"""Two parts of ln 2; the first has 42 bits, so its products with 11-bit numbers are exact."""
 LOG2_E = 1.4426950408889634
 EXPONENTIAL = (
     0.1666666666666666,
@@ -20,9 +20,9 @@ EXPONENTIAL = (
     -1.653405968872539e-06,
     4.143749871385379e-08,
 )
-_HIGHEST, _LOWEST = 709.782712893384, -745.1332191019412  # exp is infinite above, 0 below
+_HIGHEST, _LOWEST = 709.782712893384, -745.1332191019412  # limits: exp is infinite above, 0 below
 _LARGE, _HUGE = 50.0, 700.0
-"""1 is negligible next to e**x beyond the first; e**x may overflow beyond the second."""
+"""Limits above which 1 is negligible next to e**x, and above which e**x may overflow."""
 
 
 @inlined
@@ -38,7 +38,7 @@ def _reduced_expm1(x: float, rest: float, k: float) -> float:
 
 @compilable
 def exp_of_sum(x: float, rest: float) -> float:
-    """Return exp(x + rest), for a rest below one unit in the last place of x."""
+    """Return exp(x + rest) for a rest below one unit in the last place of x."""
     if x > _HIGHEST:
         return math.inf
     if x < _LOWEST:

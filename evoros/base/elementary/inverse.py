@@ -1,4 +1,4 @@
-"""Inverse trigonometric functions, computed from arctangents, and the length of a vector.
+"""Inverse trigonometric functions, based on the arctangent, and the length of a vector.
 
 An angle above pi/8 is first reduced by pi/4 or pi/2. For the remaining tangent r and z = r**2,
 atan(r) = r + r z A(z). A is a Chebyshev approximation by ``mpmath.chebyfit`` on 0 <= z <= 0.1716,
@@ -31,7 +31,7 @@ _HUGE = 1e300
 
 @compilable
 def _angle(y: float, x: float) -> float:
-    """Return the angle of the point (x, y) for x >= 0, y >= 0 and a finite sum."""
+    """Return the angle of a point (x, y) with x >= 0, y >= 0 and a finite sum."""
     if y > _TAN_67 * x:
         base, rest, r = HALF_PI, HALF_PI_REST, -x / y
     elif y > _TAN_22 * x:
@@ -46,7 +46,7 @@ def _angle(y: float, x: float) -> float:
 
 @compilable
 def atan2(y: float, x: float) -> float:
-    """Return the angle [rad] of the point (x, y), from -pi to pi."""
+    """Return the angle [rad] of a point (x, y), from -pi to pi."""
     if x != x or y != y:
         return math.nan
     ay, ax = abs(y), abs(x)

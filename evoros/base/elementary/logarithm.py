@@ -1,8 +1,8 @@
-"""Logarithms, and powers, which need a logarithm with twice the precision.
+"""Logarithms, and powers, which require a logarithm of twice the precision.
 
 x is m 2**k with m from sqrt(1/2) to sqrt(2). With s = (m - 1)/(m + 1) and z = s**2, log(m) = 2 s +
-s z (2/3 + z L(z)). L is a Chebyshev approximation by ``mpmath.chebyfit`` on 0 <= z <= 0.02944,
-with eight coefficients and an error below 2**-69.
+s z (2/3 + z L(z)). L is a Chebyshev approximation by ``mpmath.chebyfit`` on 0 <= z <= 0.02944, with
+eight coefficients and an error below 2**-69.
 """
 
 import math
@@ -22,7 +22,7 @@ LOGARITHM = (
     0.11723170160799075,
 )
 LOG10_2_1, LOG10_2_2 = 0.30102999566395283, 2.8363394551044964e-14
-"""Two parts of log10(2). The first has 42 bits."""
+"""Two parts of log10(2); the first has 42 bits."""
 LOG10_E = 0.4342944819032518
 THIRDS, THIRDS_REST = 2.0 / 3.0, 3.700743415417188e-17
 _SQRT_HALF = 0.7071067811865476
@@ -47,7 +47,7 @@ def _log_near_1(f: float, k: float, rest: float) -> float:
 
 @compilable
 def _log_of_none(x: float) -> float:
-    """Return log(x) for an x that is not positive and finite."""
+    """Return log(x) for x that is not both positive and finite."""
     if x == 0.0:
         return -math.inf
     return math.nan if x < 0.0 else x
@@ -117,12 +117,12 @@ def _log_pair(x: float) -> tuple[float, float]:
 
 @compilable
 def power(x: float, y: float) -> float:
-    """Return x**y like C's ``pow``; NaN for a fractional power of a negative number."""
+    """Return x**y as C's ``pow`` does; NaN for a fractional power of a negative number."""
     if y == 0.0 or x == 1.0:
         return 1.0
     if x != x or y != y:
         return math.nan
-    huge = abs(y) >= 2.0**53  # every such double is an even integer
+    huge = abs(y) >= 2.0**53  # all such doubles are even integers
     whole = huge or y == math.floor(y)
     odd = whole and not huge and (int(y) & 1) == 1
     if -math.inf < x < 0.0 and not whole:
@@ -133,7 +133,7 @@ def power(x: float, y: float) -> float:
 
 @compilable
 def _positive_power(x: float, y: float) -> float:
-    """Return x**y for x from 0 to infinity and y other than 0."""
+    """Return x**y for x from 0 to infinity and nonzero y."""
     if x == 1.0:
         return 1.0
     if x == 0.0 or x == math.inf or abs(y) > 1e20:

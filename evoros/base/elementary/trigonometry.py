@@ -27,11 +27,11 @@ HALF_PI, HALF_PI_REST = 1.5707963267948966, 6.123233995736766e-17
 # exact.
 PART_1, PART_2, PART_3 = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21
 
-_MANY = 1e6  # [rad]: the number of quarter turns in smaller angles has at most 20 bits
-_CLOSE = 2.0**-60  # [rad] per quarter turn: with a smaller remainder, three parts are not enough
+_MANY = 1e6  # [rad], below which the number of quarter turns has at most 20 bits
+_CLOSE = 2.0**-60  # [rad] per quarter turn, minimum remainder for which three parts suffice
 _ALL_WHOLE = 2.0**52
-"""Products at or above this size are whole turns, because they have at most 50 significant bits."""
-_SCALE = 200  # power of 2 moved from the angle to 2/pi, so neither of them under- or overflows
+"""Products of at least this size are whole turns, because they have at most 50 bits."""
+_SCALE = 200  # power of 2 moved from the angle to 2/pi, to prevent under- and overflow
 TWO_OVER_PI_BITS = (
     "a2f9836e4e441529fc2757d1f534ddc0db6295993c439041fe5163abdebbc561b7246e3a"
     "424dd2e006492eea09d1921cfe1deb1cb129a73ee88235f52ebb4484e99c7026b45f7e41"
@@ -63,7 +63,7 @@ COSINE = (
 )
 _TANGENT_N = (11486475.0, -810810.0, 12870.0, -44.0)
 _TANGENT_D = (34459425.0, -16216200.0, 945945.0, -13860.0, 45.0)
-_TINY = 2.0**-27  # smaller angles equal their sine and tangent, and their cosine is 1
+_TINY = 2.0**-27  # angle below which an angle equals its sine and tangent, and the cosine is 1
 
 
 @inlined
@@ -114,7 +114,7 @@ def tan(x: float) -> float:
 
 @inlined
 def _reduce_angle(x: float) -> tuple[int, float, float]:
-    """Return the nearest quarter turn (0 to 3) to a finite x [rad], the remainder and its error."""
+    """Return the quarter turn (0 to 3) nearest to a finite x [rad], the remainder and its error."""
     if abs(x) <= EIGHTH:
         return 0, x, 0.0
     if abs(x) <= _MANY:
@@ -129,7 +129,7 @@ def _reduce_angle(x: float) -> tuple[int, float, float]:
 
 @compilable
 def _reduce_long(x: float) -> tuple[int, float, float]:
-    """Return the result of ``_reduce_angle`` for any finite angle."""
+    """Return the same as ``_reduce_angle``, for any finite angle."""
     high, middle, low = 0.0, 0.0, 0.0
     halves = split(x * 2.0**-_SCALE)
     for part in _PARTS:

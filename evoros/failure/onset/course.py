@@ -1,4 +1,4 @@
-"""Failure onset after the robot has covered a share or a length of its route."""
+"""Failure onset after the robot has covered a fraction or length of its route."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -15,14 +15,14 @@ SHARE, METRES = UNITS = "share", "m"
 @dataclass(frozen=True)
 @checked
 class CourseOnset(Onset):
-    """Onset after a share or length of the route, drawn uniformly from earliest to latest.
+    """Onset after a fraction or length of the route, drawn uniformly from earliest to latest.
 
     Progress along a leg is the reduction in the straight-line distance to its end.
     """
 
     earliest: Annotated[float, NOT_NEGATIVE] = 0.25
     latest: Annotated[float, NOT_NEGATIVE] = 0.75
-    unit: Annotated[str, one_of(*UNITS)] = SHARE  # share of the route, 0 to 1, or metres
+    unit: Annotated[str, one_of(*UNITS)] = SHARE  # fraction of the route, 0 to 1, or metres
 
     def __post_init__(self) -> None:
         check_order(self, "earliest", "latest")

@@ -54,7 +54,7 @@ class Addresses:
     def find(
         self, uri: str, beside: Path, accepts: Callable[[Path], bool] = Path.exists
     ) -> Path | None:
-        """Return what an address in a file in folder ``beside`` points to, or None.
+        """Return the file or folder at an address in a file of the given folder, or None.
 
         The result is the first path for which ``accepts`` is true; other letter case is tried last.
         """
