@@ -230,6 +230,13 @@ def test_install_rules_are_followed(tmp_path: Path) -> None:
     assert {mesh.get("filename") for mesh in root.iter("mesh")} == {f"file://{mesh}"}
 
 
+def test_a_folder_above_serves_as_a_package_without_package_xml(tmp_path: Path) -> None:
+    write(tmp_path, '<link name="arm"/>', "parts/arm.xacro")
+    include = '<xacro:include filename="$(find unstated)/parts/arm.xacro"/>'
+    name = write(tmp_path, BASE + include, "robots/bot.urdf.xacro")
+    assert [link.get("name") for link in expand(name)] == ["base", "arm"]
+
+
 def test_letter_case_of_a_name_does_not_matter_and_is_told(tmp_path: Path, caplog: Log) -> None:
     write(tmp_path, '<link name="w"/>', "Wheel.xacro")
     (tmp_path / "w.STL").write_text("solid")

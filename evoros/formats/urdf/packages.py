@@ -26,6 +26,7 @@ _IGNORED = {"COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE"}
 _SPACES = ("src", "install", "devel")  # folders of packages in a workspace
 _INDEX = "ament_index/resource_index/packages"
 """Folder in ``share`` with an empty file for each installed package."""
+_FIND = re.compile(r"\$\(find(?:-pkg-share)? +([^)$\s]+)\)/([^\"'<>$]+)")
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 
@@ -71,7 +72,18 @@ def index_packages(
         for _ in range(_LEVELS_DOWN + 1):
             level = [deeper for here in level for deeper in search.look_into(here, place)]
     roots = (file.parent, *around, *given, bundled_folder("robots"))
-    return PackageIndex(roots, {**search.bearing, **search.stated}, frozenset(ignored))
+    folders = {**({} if around else _find_unstated(file)), **search.bearing, **search.stated}
+    return PackageIndex(roots, folders, frozenset(ignored))
+
+
+def _find_unstated(file: Path) -> dict[str, Path]:
+    """Return the folders above a file that hold what it names in packages, by package name."""
+    try:
+        named = _FIND.findall(file.read_text(encoding="utf-8", errors="replace"))
+    except OSError:
+        return {}
+    above = [(name, f) for name, inner in named for f in _climb(file, 3) if (f / inner).is_file()]
+    return dict(reversed(above))
 
 
 def _require_folder(name: str) -> Path:
