@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from copy import copy
+from contextlib import contextmanager
 
 import numpy as np
 from PIL import Image, ImageChops, ImageDraw, ImageFilter
@@ -34,6 +34,7 @@ class Ground:
         self.scale = min(_MAX_SCALE, _MAX_PX / float(np.max(high - low)))
         size = [math.ceil(length * self.scale) for length in high - low]
         self._picture = Image.new("RGB", (size[0], size[1]), FLOOR)
+        self._covered: list[tuple[Pixel, Image.Image]] | None = None
         for axis in (0, 1):
             for position in range(math.ceil(low[axis]), math.floor(high[axis]) + 1):
                 ends = np.array([low, high])
@@ -43,16 +44,26 @@ class Ground:
         self._track = Image.new("L", self._picture.size)
         self._without_track: Image.Image | None = None
 
-    def copy(self) -> "Ground":
-        """Return a copy to paint on."""
-        other = copy(self)
-        other._picture = self._picture.copy()
-        return other
+    @contextmanager
+    def painted(self) -> Iterator[None]:
+        """Undo at the end everything that is painted in this context."""
+        self._covered = []
+        try:
+            yield
+        finally:
+            for corner, before in reversed(self._covered):
+                self._picture.paste(before, corner)
+            self._covered = None
+
+    def _paint(self, colour: Colour, corner: Pixel, mask: Image.Image) -> None:
+        if self._covered is not None:
+            box = (*corner, corner[0] + mask.width, corner[1] + mask.height)
+            self._covered.append((corner, self._picture.crop(box)))
+        self._picture.paste(colour, corner, mask)
 
     def draw_line(self, points: Array, colour: Colour, width_m: float) -> None:
         """Draw a line along points (n, 2) [m]."""
-        corner, mask = self._draw_mask(points, width_m)
-        self._picture.paste(colour, corner, mask)
+        self._paint(colour, *self._draw_mask(points, width_m))
 
     def extend_track(self, points: Array, width_m: float) -> None:
         """Extend the path without darker overlaps; paint anything else on copies only."""
@@ -85,8 +96,8 @@ class Ground:
         turn = np.array([[cos, sin], [-sin, cos]])
         self._darken([_shadow(outline_part(part) @ turn + (x, y), part.top_m) for part in parts])
 
-    def project(self, camera: Camera) -> Image.Image:
-        """Return the ground as seen by the camera, with fog and sky."""
+    def project(self, camera: Camera) -> tuple[Pixels, Pixels]:
+        """Return the ground (h, w, 3) as seen by the camera, and the fog (h,) in front of it."""
         scale = self.scale
         to_metres = np.array(
             [[1 / scale, 0.0, self._low[0]], [0.0, -1 / scale, self._high[1]], [0.0, 0.0, 1.0]]
@@ -95,9 +106,7 @@ class Ground:
         data = (inverse / inverse[2, 2]).ravel()[:8].tolist()
         kind, smooth = Image.Transform.PERSPECTIVE, Image.Resampling.BILINEAR
         view = self._picture.transform(camera.size, kind, data, smooth, fillcolor=FLOOR)
-        fog = Image.fromarray(_fog(camera)[:, None]).resize(camera.size)
-        view.paste(HORIZON, mask=fog)
-        return view
+        return np.array(view), _fog(camera)
 
     def _darken(self, shadows: Sequence[Array]) -> None:
         if not shadows:
@@ -106,7 +115,7 @@ class Ground:
         draw = ImageDraw.Draw(mask)
         for shadow in shadows:
             draw.polygon(self._to_pixels(shadow, corner, 1), fill=round(255 * _SHADE))
-        self._picture.paste(SHADOW, corner, mask.filter(ImageFilter.GaussianBlur(1.5)))
+        self._paint(SHADOW, corner, mask.filter(ImageFilter.GaussianBlur(1.5)))
 
     def _make_mask(self, points: Array, margin_m: float, factor: int) -> tuple[Pixel, Image.Image]:
         """Return a mask around points [m], ``factor`` times finer, and its top left pixel."""

@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageChops
 
 from evoros.analysis.tables.readings import WalkerTrack
 from evoros.base.arrays import Array
 from evoros.geometry.footprint import bottom_height, top_height
 from evoros.geometry.polyhedron import clip_polyhedron, convex_polyhedron, placed_corners
 from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.plugins.recordings.video.blending import blend, compiled, compose
 from evoros.plugins.recordings.video.camera import NEAR_M, Camera, Floats, Pixels, to_matrix
 from evoros.plugins.recordings.video.ground import GOAL, RING, Ground
 from evoros.plugins.recordings.video.motion import Motion
@@ -29,8 +29,6 @@ from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
 _ARC = 13  # number of points on the arc of a fan, for its bounding box
-_LINE_PX = 2.0  # width of the arc at the reading
-_AT_SENSOR, _AT_RANGE, _ON_ARC = 0.55, 0.12, 0.9  # opacities
 
 
 class Fan(NamedTuple):
@@ -49,48 +47,14 @@ def _blend_fan(picture: Floats, depth: Floats, camera: Camera, fan: Fan) -> None
     box = _bounding_box(plane, fan, camera.size)
     if box is None or abs(np.linalg.det(plane)) < 1e-9:  # invisible or seen edge-on
         return
-    rows, columns = box
-    x, y = np.arange(columns.start, columns.stop) + 0.5, np.arange(rows.start, rows.stop) + 0.5
-    inverse = np.linalg.inv(plane).astype(np.float32)
-    u, v, nearness = (
-        inverse[i, 0] * x.astype(np.float32)[None] + (inverse[i, 1] * y + inverse[i, 2])[:, None]
-        for i in range(3)
-    )
-    with np.errstate(divide="ignore", invalid="ignore"):
-        far = np.where(nearness > 0, 1.0 / nearness, np.float32(np.inf)).astype(np.float32)
-    u, v = u * far, v * far
-    height = fan.frame[2, 0] * u + fan.frame[2, 1] * v + fan.frame[2, 3]
-    visible = (far < depth[box]) & (height > 0.0)
-    alpha = np.where(visible, _opacity(u, v, camera.pixels_per_radian / far, fan), 0.0)
-    part = picture[box]
-    part += (fan.colour.astype(np.float32) - part) * alpha.astype(np.float32)[..., None]
+    heights = fan.frame[2, [0, 1, 3]]
+    shape = np.array([fan.half_rad, fan.range_m, camera.pixels_per_radian, *heights])
+    colour, reach = (np.asarray(values, dtype=float) for values in (fan.colour, fan.reach_m))
+    compiled(blend)(picture, depth, box, np.linalg.inv(plane), shape, reach, colour)
 
 
-def _opacity(u: Floats, v: Floats, scale: Floats, fan: Fan) -> Floats:
-    """Return the fan's opacity (h, w) at points u, v [m] of its plane; ``scale`` is in px/m."""
-    distance, reach = np.hypot(u, v), _reach_at(u, v, fan)
-    inside = u * np.sin(fan.half_rad) - np.abs(v) * np.cos(fan.half_rad)
-    cover = np.clip(np.minimum(inside, reach - distance) * scale + 0.5, 0.0, 1.0)
-    share = np.clip(distance / fan.range_m, 0.0, 1.0)
-    fill = _AT_SENSOR + (_AT_RANGE - _AT_SENSOR) * share
-    if (fan.reach_m >= fan.range_m).all():
-        return np.asarray(cover * fill, dtype=np.float32)
-    line = np.clip(_LINE_PX + 0.5 - (reach - distance) * scale, 0.0, 1.0) * (reach < fan.range_m)
-    return np.asarray(cover * np.maximum(fill, _ON_ARC * line), dtype=np.float32)
-
-
-def _reach_at(u: Floats, v: Floats, fan: Fan) -> Floats:
-    """Return the reading [m] of the sector that contains each point u, v [m]."""
-    count = len(fan.reach_m)
-    if count == 1:
-        return np.full(u.shape, fan.reach_m[0], dtype=np.float32)
-    with np.errstate(invalid="ignore"):
-        share = (np.arctan2(v, u) + fan.half_rad) / (2.0 * fan.half_rad)
-        sector = np.nan_to_num(np.floor(share * count)).clip(0, count - 1).astype(int)
-    return np.asarray(fan.reach_m[sector], dtype=np.float32)
-
-
-def _bounding_box(plane: Array, fan: Fan, size: tuple[int, int]) -> tuple[slice, slice] | None:
+def _bounding_box(plane: Array, fan: Fan, size: tuple[int, int]) -> NDArray[np.int64] | None:
+    """Return the top, bottom, left and right ends of the pixels that a fan may cover."""
     angles = np.linspace(-fan.half_rad, fan.half_rad, _ARC)
     # the margin covers the bulge of the arc between sampled points
     reach = (1.04 if fan.half_rad > 1.0 else 1.03) * float(fan.reach_m.max())
@@ -103,7 +67,7 @@ def _bounding_box(plane: Array, fan: Fan, size: tuple[int, int]) -> tuple[slice,
     high = np.ceil(points.max(axis=0) + 2).astype(int).clip(0, size)
     if (low >= high).any():
         return None
-    return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
+    return np.array([low[1], high[1], low[0], high[0]])
 
 
 def _clip_to_front(corners: Array) -> Array:
@@ -157,10 +121,10 @@ class Renderer:
         for sensor in self.sensors:
             self.scene.robots[0].paint(sensor.link, sensor.colours[index] / 255)
         self._extend_track(index, camera)
-        picture, depth = self._render_solids(self._project_floor(index, camera), camera)
+        picture, depth = self._render_solids(*self._project_floor(index, camera), camera)
         for fan in self._make_fans(index, _frame(self.motion, index)):
             _blend_fan(picture, depth, camera, fan)
-        return np.clip(np.round(picture), 0, 255).astype(np.uint8)
+        return np.rint(picture, out=picture).clip(0, 255, out=picture).astype(np.uint8)
 
     def _extend_track(self, index: int, camera: Camera) -> None:
         steps = slice(max(index - 2, 0), index + 1)  # overlapping strokes hide their joints
@@ -182,27 +146,25 @@ class Renderer:
             fans.append(Fan(frame, view.half_rad, reach, range_m, colour))
         return fans
 
-    def _project_floor(self, index: int, camera: Camera) -> Image.Image:
-        ground = self.ground.copy()
-        for motion, parts in ((self.motion, self.context.parts), *self.others):
-            ground.draw_shadow(parts, *motion.pose(index))
-        goal = self.goals[index]
-        if np.isfinite(goal).all():
-            ground.draw_ring(goal.tolist(), 0.3, GOAL, 0.08)
-        return ground.project(camera)
+    def _project_floor(self, index: int, camera: Camera) -> tuple[Pixels, Pixels]:
+        with self.ground.painted():
+            for motion, parts in ((self.motion, self.context.parts), *self.others):
+                self.ground.draw_shadow(parts, *motion.pose(index))
+            goal = self.goals[index]
+            if np.isfinite(goal).all():
+                self.ground.draw_ring(goal.tolist(), 0.3, GOAL, 0.08)
+            return self.ground.project(camera)
 
-    def _render_solids(self, floor: Image.Image, camera: Camera) -> tuple[Floats, Floats]:
-        """Return the picture (h, w, 3) of solids on the ground, and the depths (h, w) [m]."""
-        width, height = (_OVERSAMPLING * length for length in camera.size)
-        seen = self.scene.render(replace(camera, size=(width, height)))
-        solid = np.isfinite(seen.depth)
-        colours = Image.fromarray(seen.colours).reduce(_OVERSAMPLING)
-        free = Image.fromarray(np.where(solid, np.uint8(0), np.uint8(255))).reduce(_OVERSAMPLING)
-        # Solids have a white background, so subtract the inverted ground there.
-        missing = ImageChops.multiply(ImageChops.invert(floor), Image.merge("RGB", [free] * 3))
-        picture = ImageChops.subtract(colours, missing)
-        part = (slice(_OVERSAMPLING // 2, None, _OVERSAMPLING),) * 2
-        return np.asarray(picture, dtype=np.float32).copy(), seen.depth[part]
+    def _render_solids(self, floor: Pixels, fog: Pixels, camera: Camera) -> tuple[Floats, Floats]:
+        """Return the picture (h, w, 3) of solids on the floor, and the depths (h, w) [m]."""
+        width, height = camera.size
+        seen = self.scene.render(replace(camera, size=(2 * width, 2 * height)))
+        picture, depth = (
+            np.empty((height, width, 3), np.float32),
+            np.empty((height, width), np.float32),
+        )
+        compiled(compose)(floor, fog, seen.colours, seen.nearness, picture, depth)
+        return picture, depth
 
 
 def _frame(motion: Motion, index: int) -> Array:

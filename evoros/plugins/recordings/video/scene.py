@@ -43,7 +43,13 @@ class Picture(NamedTuple):
     """A camera's view."""
 
     colours: Pixels  # (h, w, 3), on a white background
-    depth: Floats  # (h, w) [m], infinite in the background
+    nearness: Floats  # (h, w) [1/m], 0 in the background
+
+    @property
+    def depth(self) -> Floats:
+        """The depth (h, w) [m], infinite in the background."""
+        with np.errstate(divide="ignore"):
+            return np.float32(1.0) / self.nearness
 
 
 def rasterize(corners: Array, colours: Pixels, size: tuple[int, int]) -> Picture:
@@ -64,8 +70,7 @@ def rasterize(corners: Array, colours: Pixels, size: tuple[int, int]) -> Picture
     nearness = np.zeros((size[1], size[0]), np.float32)
     fill, boxes = compile_rule(_fill, _FILL), _bound(corners[shown], size)
     fill(weights, boxes, np.ascontiguousarray(colours[shown]), nearness, picture)
-    with np.errstate(divide="ignore"):
-        return Picture(picture, np.float32(1.0) / nearness)
+    return Picture(picture, nearness)
 
 
 def _bound(corners: Array, size: tuple[int, int]) -> NDArray[np.int64]:
