@@ -66,7 +66,7 @@ def _with_defaults(part: Any) -> Any:
 
 def every(
     group: str,
-    choices: Iterable[str] = (),
+    choices: Iterable[Any] = (),
     bad_values: BadValues | None = None,
     overrides: Mapping[str, Sequence[str]] | None = None,
 ) -> Any:

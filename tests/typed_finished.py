@@ -47,7 +47,7 @@ class Finished(NamedTuple):
     typed: Sequence[Step] = ()  # empty: what was asked, with the proposal in place of its words
     filled: Mapping[str, str] = {}  # words that stand for the user's names
     made: Sequence[str] = ()  # commands typed before; ``cut`` interrupts a run
-    slow: bool = False
+    quick: bool = False  # one of those that stand for all in the quick tests
     others: Sequence[str] = ()  # keys of messages that propose the same
 
 
@@ -104,14 +104,16 @@ OF_FIGURES = (
         {"r": "design=views controller.avoidance.range_m=1 simulator=planar"},
         "analyze regions r",
         (f"{{tiny}} {{}} {_NEW}", "analyze regions r new"),
-        slow=True,
     ),
-    Finished("analysis/run_figures.py figures", {}, f"{{tiny}} figures=[nothing] {_NEW}"),
+    Finished(
+        "analysis/run_figures.py figures", {}, f"{{tiny}} figures=[nothing] {_NEW}", quick=True
+    ),
     Finished(
         "analysis/tables/treatments.py failure=none",
         _TWO,
         "analyze fitness r none --where failure",
         ("analyze fitness r none --where {}",),
+        quick=True,
     ),
     Finished(
         "analysis/figures/compare.py like=SWEEP",
@@ -119,21 +121,18 @@ OF_FIGURES = (
         "analyze compare r",
         (f"evaluate {{parts}} {{}} {_NEW}", "analyze compare r new"),
         {"SWEEP": "r"},
-        slow=True,
     ),
     Finished(
         "analysis/figures/factors.py seed=range({MIN_VALUES})",
         {"r": "", "spatial": SPATIAL},
         "analyze factors r spatial",
         (_SEEDS, "analyze factors new"),
-        slow=True,
     ),
     Finished(
         "analysis/statistics/comparison.py seed=range({needed})",
         {"r": "", "spatial": SPATIAL},
         "analyze compare r spatial",
         (_SEEDS, "analyze compare new"),
-        slow=True,
     ),
     Finished(
         "analysis/figures/mission.py record=all",
@@ -147,7 +146,6 @@ OF_FIGURES = (
         "analyze worst ev",
         (f"evaluate {{parts}} like=r {{}} {_NEW}",),
         made=("evaluate {parts} like=r trials=1 hydra.run.dir=ev",),
-        slow=True,
     ),
     Finished(
         "analysis/report/requirements.py like=FOLDER",
@@ -164,7 +162,6 @@ OF_FIGURES = (
         made=(
             "evaluate {parts} like=r requirements=delivery record=none trials=1 hydra.run.dir=ev",
         ),
-        slow=True,
     ),
     Finished(
         "analysis/figures/controls.py controls=all",
@@ -172,7 +169,6 @@ OF_FIGURES = (
         "analyze controls r",
         ("resume r {parts} {} controls.trials=1", "analyze controls r"),
         {"RUN": "r"},
-        slow=True,
     ),
     Finished(
         "analysis/statistics/worst_cases.py like=FOLDER",
@@ -203,21 +199,18 @@ OF_THE_PAPER = (
         {"r": "", "s": "seed=1"},
         "analyze claims r s",
         ("resume r {parts} {}", "resume s {parts} {}", "analyze claims r s"),
-        slow=True,
     ),
     Finished(
         f"{_CLAIMS}/claims_designs.py experiment=free_placement",
         _RUN,
         "analyze claims r",
         (f"{{small}} {{}} optimizer.population_size=4 {_NEW}", "analyze claims r new"),
-        slow=True,
     ),
     Finished(
         f"{_CLAIMS}/claims.py failure={{kind}}",
         {"none": CALM},
         "analyze claims none",
         (f"{{tiny}} {{}} {_NEW}", "analyze claims none new"),
-        slow=True,
         others=[f"{_CLAIMS}/claims_designs.py failure={kind}" for kind in ("random", "spatial")],
     ),
     Finished(
@@ -237,7 +230,6 @@ OF_THE_PAPER = (
         {},
         "analyze paper --help",
         ("-m {small} {} seed=0 hydra.sweep.dir=new", "analyze paper new"),
-        slow=True,
     ),
     Finished(
         f"{_PAPER} failure={{BASELINE}}",
@@ -245,14 +237,12 @@ OF_THE_PAPER = (
         "analyze paper none spatial",
         ("resume none {parts}", "analyze paper none spatial"),
         made=("cut none",),
-        slow=True,
     ),
     Finished(
         f"{_PAPER} failure={{failure}}",
         _RUN,
         "analyze paper r",
         (f"{{small}} {{}} {_NEW}", "analyze paper r new"),
-        slow=True,
     ),
 )
 
@@ -275,14 +265,12 @@ OF_EVALUATIONS = (
         "evoros/design/team.py agents.{name}.design.number=0",
         {"p": "simulator=planar"},
         f"{_TEAM} {TEAM.partition(' ')[2]} {_NEW}",
-        slow=True,
     ),
     Finished(
         "evoros/mission/member.py +design@{self.key}design=...",
         {"p": "simulator=planar", "team": TEAM},
         f"{_TEAM} designs=team agents=oncoming {_NEW}",
         filled={"...": "six_sonars"},
-        slow=True,
     ),
     Finished(
         "evoros/session/design_tables.py agents=...",
@@ -296,6 +284,7 @@ OF_EVALUATIONS = (
         _RUN,
         f"evaluate {{small}} {_NEW}",
         filled={"FILE.csv": "r/champion/design.csv"},
+        quick=True,
     ),
     Finished(
         "evoros/session/evaluation.py evaluation_draws=validation",
@@ -307,7 +296,6 @@ OF_EVALUATIONS = (
         _RUN,
         f"{_VALIDATED} worst_cases=search {_NEW}",
         (f"{_VALIDATED} {_NEW}", "evaluate {parts} like=r worst_cases=search worst_cases.most=1"),
-        slow=True,
     ),
     Finished(
         "evoros/session/given_designs.py {choice}=...",
@@ -348,6 +336,7 @@ OF_EVALUATIONS = (
         {"r": "record=none"},
         _read_trajectory("r"),
         (f"{{tiny}} {{}} {_NEW}", _read_trajectory("new")),
+        quick=True,
     ),
     Finished(
         "evoros/storage/reading.py record={fix}",
@@ -371,7 +360,6 @@ OF_EVALUATIONS = (
             f"{{parts}} experiment=benchmark_network {' '.join(QUICK[:2])} figures=[] "
             "course.time_limit_s=100 hydra.run.dir=r",
         ),
-        slow=True,
     ),
 )
 

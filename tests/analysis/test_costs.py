@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -168,8 +169,10 @@ def test_the_best_design_of_the_whole_budget_is_the_champion(study: Study) -> No
     assert set(best["design"]) == set(champion["design"])
 
 
-@pytest.mark.parametrize("axis", AXES)
-@pytest.mark.parametrize("figure", ["fitness", "compare", "strategies"])
+@pytest.mark.parametrize(
+    ("figure", "axis"),
+    [*product(["fitness", "compare"], AXES), ("strategies", "missions")],
+)
 def test_each_figure_takes_each_axis(
     figure: str, axis: str, folder: Path, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:

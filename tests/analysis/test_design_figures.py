@@ -276,7 +276,7 @@ def test_an_unvalidated_champion_without_sensors_has_its_panel() -> None:
     assert len(panels(bare("b")).axes) == 1
 
 
-@pytest.mark.parametrize(("treatments", "replicates"), [(1, 1), (1, 10), (3, 10), (2, 7)])
+@pytest.mark.parametrize(("treatments", "replicates"), [(1, 1), (1, 10), (2, 7)])
 @pytest.mark.parametrize("width", [3.5, 7.0])
 def test_a_panel_a_replicate_on_a_page(treatments: int, replicates: int, width: float) -> None:
     rows = [

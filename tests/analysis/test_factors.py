@@ -64,9 +64,7 @@ def test_a_contrast_of_cells_has_the_f_of_its_interval() -> None:
 
 
 UNEQUAL = {
-    "large cells scatter": ((12, 12, 4, 4), (4, 4, 1, 1)),
     "small cells scatter": ((16, 16, 4, 4), (1, 1, 4, 4)),
-    "one small cell scatters": ((12, 12, 12, 4), (1, 1, 1, 4)),
     "equal sizes": ((6, 6, 6, 6), (1, 1, 4, 4)),
 }
 

@@ -24,6 +24,8 @@ from evoros.analysis.tables.loading import load_study
 
 EVIL = "<script>document.title='evil'<b>&amp;"
 SECRET = "the-secret-of-the-environment"
+FIGURES = ("overlay", "fitness", "compare", "transfer")
+"""Figures of both treatments, of each run, with tests, and one that needs other folders."""
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +55,7 @@ def page_of(*folders: Path, into: Path, claims: str | None = None) -> str:
 def report(sweep: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("EVOROS_TEST_TOKEN", SECRET)
+        patch.setattr("evoros.analysis.report.page.FIGURES", FIGURES)
         page_of(sweep, into=(into := tmp_path_factory.mktemp("page")))
     return into / "report.html"
 
@@ -288,9 +291,9 @@ def test_the_page_opens_and_its_name_is_that_of_the_folder(browser: Chrome, swee
 def test_play_moves_the_time_and_every_picture(browser: Chrome, player: WebElement) -> None:
     before = pixels(browser, player)
     part(player, "play").click()
-    WebDriverWait(browser, 20, 0.05).until(lambda _: number(player, "time") > 1.0)
+    WebDriverWait(browser, 60, 0.05).until(lambda _: number(player, "time") > 1.0)
     part(player, "play").click()
-    WebDriverWait(browser, 20, 0.05).until(
+    WebDriverWait(browser, 60, 0.05).until(
         lambda _: player.get_attribute("data-playing") == "false"
     )
     stopped = number(player, "time")
@@ -373,7 +376,7 @@ def test_a_dark_screen_changes_the_colours(browser: Chrome, player: WebElement) 
     before = pixels(browser, player)
     dark = {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", dark)
-    WebDriverWait(browser, 5, 0.05).until(
+    WebDriverWait(browser, 60, 0.05).until(
         lambda _: pixels(browser, player)["course"] != before["course"]
     )
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})

@@ -309,7 +309,7 @@ def test_four_values_against_many_show_nothing() -> None:
     assert brunner_munzel(few, range(5)) == 1.0
 
 
-@pytest.mark.parametrize(("m", "n"), [(5, 5), (6, 6), (8, 8), (10, 10), (5, 20)])
+@pytest.mark.parametrize(("m", "n"), [(5, 5), (6, 6), (10, 10)])
 def test_a12_of_two_values_is_covered_exactly(m: int, n: int) -> None:
     """All pairs of samples of two values are enumerated, with their binomial chances."""
     ends = {

@@ -26,14 +26,9 @@ def test_the_file_of_claims_is_used_as_it_is(tmp_path: Path) -> None:
     (tmp_path / "mine" / "requirements").mkdir(parents=True)
     (tmp_path / "mine" / "requirements" / "mine.yaml").write_text(claims)
     (tmp_path / "one.csv").write_text(DESIGN)
-    parts = ["simulator=planar", "world=blocks", "course.time_limit_s=20", "executor=serial"]
-    typed = [
-        *parts,
-        f"designs={tmp_path / 'one.csv'}",
-        "requirements=mine",
-        "trials=10",
-        "figures=[]",
-    ]
+    parts = ["simulator=planar", "world=blocks", "course.time_limit_s=5", "executor=serial"]
+    claimed = ("requirements=mine", "trials=2", "figures=[]")
+    typed = [*parts, f"designs={tmp_path / 'one.csv'}", *claimed]
     folder = ("--config-dir", str(tmp_path / "mine"), f"hydra.run.dir={tmp_path / 'tested'}")
     assert evaluate([*folder, *typed]) in (DONE, NOT_MET, NOT_DECIDED)
     summary = (tmp_path / "tested" / "requirements.md").read_text()

@@ -49,7 +49,9 @@ def pool() -> Iterator[Pool]:
 
 
 class TestConfiguredExecutors(ExecutorSuite):
-    choose = every("executor", ["dask", "processes", "serial"])
+    choose = every(
+        "executor", [pytest.param("dask", marks=pytest.mark.slow), "processes", "serial"]
+    )
 
     def test_its_configuration_has_its_fields(self, request: pytest.FixtureRequest) -> None:
         name = request.node.callspec.params["choose"]
