@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import compress
 
 import numpy as np
 
@@ -52,15 +52,14 @@ def _extreme_points(shape: Shape, pose: Pose, low_m: float, high_m: float) -> Ar
     heights = corners[:, 2]
     if shape.kind == "heightfield" or (low_m <= heights.min() and heights.max() <= high_m):
         return corners
-    edges = polyhedron.convex_polyhedron(shape.corners).edges
-    return polyhedron.clip_polyhedron(corners, edges, low_m, high_m)
+    solid = polyhedron.convex_polyhedron(shape.corners)
+    corners = polyhedron.placed_corners(solid.corners, pose.rotation, pose.position)
+    return polyhedron.clip_polyhedron(corners, solid.edges, low_m, high_m)
 
 
 def _span(shape: Shape) -> Array:
     """Return points (n, 3) [m] that span the hull of a polyhedron or height field, in its frame."""
-    if shape.kind == "heightfield":
-        return height_points(shape).reshape(-1, 3)
-    return polyhedron.convex_polyhedron(shape.corners).corners
+    return height_points(shape).reshape(-1, 3) if shape.kind == "heightfield" else shape.points
 
 
 def height_points(shape: Shape) -> Array:
@@ -127,14 +126,22 @@ def find_heights(shape: Shape, pose: Pose) -> tuple[float, float]:
     return bottom, 2.0 * pose.position[2] - bottom  # the shape is symmetric about its centre
 
 
-def project_bodies(bodies: Iterable[Body], below_m: float = math.inf) -> tuple[Footprint, ...]:
-    """Project all shapes but planes up to the height ``below_m`` [m], where polyhedra are cut."""
+def project_bodies(
+    bodies: Iterable[Body], below_m: float = math.inf, around: Array | None = None
+) -> tuple[Footprint, ...]:
+    """Project all shapes but planes up to the height ``below_m`` [m], where polyhedra are cut.
+
+    Shapes outside the bounding box of the points ``around`` (n, 2) [m] may be left out.
+    """
+    ends = ((-math.inf,) * 2, (math.inf,) * 2)
+    (x0, y0), (x1, y1) = ends if around is None else (around.min(axis=0), around.max(axis=0))
     areas = []
-    for shape, pose in chain.from_iterable(body.placed for body in bodies):
-        if shape.kind != "plane":
-            bottom, top = find_heights(shape, pose)
-            if bottom < below_m and top > 0.0:
-                areas.append(project_shape(shape, pose, 0.0, below_m))
+    for body in bodies:
+        for shape, pose in compress(body.placed, body.reach((x0, y0, 0.0), (x1, y1, below_m))):
+            if shape.kind != "plane":
+                bottom, top = find_heights(shape, pose)
+                if bottom < below_m and top > 0.0:
+                    areas.append(project_shape(shape, pose, 0.0, below_m))
     return tuple(areas)
 
 

@@ -4,16 +4,22 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product as combine
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evoros.base import checks, elementary
 from evoros.base.arrays import Array, product
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
+
+
+_FEW = 8  # number of shapes below which their boxes would take longer than they save
+_ROUNDING_M = 1e-6  # distance [m] within which boxes count as touching
 
 
 def _numbers(count: int) -> checks.Rule:
@@ -179,6 +185,21 @@ class Shape:
             if not np.isfinite(np.array(rows, dtype=np.float64)).all():
                 raise checks.invalid(self, "heights", rows, "must be numbers")
 
+    @cached_property
+    def points(self) -> Array:
+        """The corners (k, 3) [m] of a polyhedron, or of a box around any other solid shape."""
+        if self.kind == "convex":
+            return np.array(self.corners, dtype=np.float64)
+        if self.kind == "heightfield":
+            x, y = (length / 2 for length in self.size)
+            levels = [edge(map(edge, self.heights)) for edge in (min, max)]
+            return np.array([*combine((-x, x), (-y, y), levels)])
+        if self.kind == "box":
+            half = [length / 2 for length in self.size]
+        else:
+            half = [self.size[0], self.size[0], self.size[-1] / (2 if len(self.size) > 1 else 1)]
+        return np.array([*combine(*((-edge, edge) for edge in half))])
+
 
 def _check_corners(shape: Shape) -> None:
     corners = np.array(shape.corners, dtype=np.float64)
@@ -228,6 +249,32 @@ class Body:
         """The shapes with their poses in the world frame."""
         poses = {pose: self.pose @ pose for pose in {shape.pose for shape in self.shapes}}
         return tuple((shape, poses[shape.pose]) for shape in self.shapes)
+
+    @cached_property
+    def boxes(self) -> Array:
+        """Boxes (n, 2, 3) [m] around the placed shapes; those of round shapes may be too large."""
+        boxes = np.empty((len(self.shapes), 2, 3))
+        groups: dict[Pose, list[int]] = {}
+        for i, (shape, pose) in enumerate(self.placed):
+            if shape.kind == "plane":
+                boxes[i] = [[-math.inf] * 3, [math.inf] * 3]
+            else:
+                groups.setdefault(pose, []).append(i)
+        for pose, members in groups.items():
+            spans = [self.shapes[i].points for i in members]
+            starts = np.cumsum([0, *map(len, spans[:-1])])
+            points = product(np.concatenate(spans), pose.rotation.T) + pose.position
+            for side, pick in enumerate((np.minimum, np.maximum)):
+                boxes[members, side] = pick.reduceat(points, starts)
+        return boxes
+
+    def reach(self, low: Sequence[float], high: Sequence[float]) -> NDArray[np.bool_]:
+        """Return a mask (n,) that is False for shapes outside the box between two corners [m]."""
+        if len(self.shapes) < _FEW:
+            return np.ones(len(self.shapes), dtype=np.bool_)
+        lows, highs = self.boxes[:, 0], self.boxes[:, 1]
+        inside = (lows <= np.add(high, _ROUNDING_M)) & (highs >= np.subtract(low, _ROUNDING_M))
+        return np.asarray(inside.all(axis=1))
 
     @property
     def is_ground(self) -> bool:

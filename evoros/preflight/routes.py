@@ -203,9 +203,11 @@ def _list_touched(
 ) -> list[Body]:
     x, y, _, yaw = course.home
     home = np.array([[x, y, yaw]])
+    reach = float(np.abs(outline).max()) * math.sqrt(2)
+    around = home[:, :2] + [[-reach], [reach]]
 
     def touches(some: Sequence[Body]) -> bool:
-        areas = project_bodies(some, height)
+        areas = project_bodies(some, height, around)
         return bool(areas) and float(compute_clearances(outline, home, areas)[0]) <= 0.0
 
     return [body for body in bodies if touches([body])] if touches(bodies) else []

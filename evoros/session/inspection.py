@@ -16,7 +16,6 @@ from evoros.config.own_designs import plan_design
 from evoros.config.own_files import OwnFile
 from evoros.evolution.experiment import Experiment
 from evoros.formats.urdf.tree import read_tree
-from evoros.geometry.footprint import find_bounds, find_heights, project_shape
 from evoros.preflight.routes import MAX_RATIO, check_routes, find_range_fault
 from evoros.preflight.scene import list_subjects
 from evoros.robot.model import Robot
@@ -24,6 +23,7 @@ from evoros.robot.own_sensors import find_own_sensors
 from evoros.robot.second_reading import read_again
 from evoros.terminal.log import withhold_messages
 from evoros.world.crowds import find_blocking
+from evoros.world.lifting import Solids
 from evoros.world.mesh_areas import measure_meshes
 from evoros.world.model import World
 from evoros.world.standing import list_areas
@@ -232,17 +232,11 @@ def _describe_world(world: World) -> list[Row]:
 
 
 def _describe_extent(world: World) -> str:
-    placed = [
-        solid
-        for body in world.obstacles
-        for solid in body.placed
-        if solid[0].kind not in ("plane", "heightfield")
-    ]
-    if not placed:
+    solids = Solids.of(world.obstacles)
+    if not solids.placed:
         return "no obstacles"
-    (x0, y0), (x1, y1) = find_bounds(*(project_shape(*solid) for solid in placed))
-    bottoms, tops = zip(*(find_heights(*solid) for solid in placed), strict=True)
-    return f"x {x0:.1f}..{x1:.1f}, y {y0:.1f}..{y1:.1f}, z {min(bottoms):.2f}..{max(tops):.2f} m"
+    (x0, y0, z0), (x1, y1, z1) = solids.low.min(axis=0), solids.high.max(axis=0)
+    return f"x {x0:.1f}..{x1:.1f}, y {y0:.1f}..{y1:.1f}, z {z0:.2f}..{z1:.2f} m"
 
 
 def _count(kinds: Iterable[str]) -> str:

@@ -5,7 +5,7 @@ Floors are fixed bodies with a level top at the height of home, which becomes z 
 
 import logging
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -148,7 +148,7 @@ def _level_top(shape: Shape, pose: Pose) -> tuple[float, footprint.Footprint] | 
     if upright > 1 - _LEVEL:
         return footprint.top_height(shape, pose), footprint.project_shape(shape, pose)
     if shape.kind == "convex":
-        corners = product(np.array(shape.corners), pose.rotation.T) + pose.position
+        corners = product(shape.points, pose.rotation.T) + pose.position
         height = float(corners[:, 2].max())
         highest = footprint.convex_hull(corners[corners[:, 2] > height - 1e-3, :2])
         return None if len(highest) < 3 else (height, footprint.Footprint(highest))
@@ -158,14 +158,12 @@ def _level_top(shape: Shape, pose: Pose) -> tuple[float, footprint.Footprint] | 
 def settle(bodies: Sequence[Body], course: Course, source: str) -> tuple[Body, ...]:
     """Mark floors, shift all bodies so that home is at z = 0, and add missing ground."""
     points = [(course.home_x_m, course.home_y_m), *course.waypoints]
-    tops = [
-        _Top(i, j, *top)
-        for i, body in enumerate(bodies)
-        for j, solid in enumerate(body.placed if body.mass is None else ())
-        if (top := _level_top(*solid)) is not None
-    ]
+    (x0, y0), (x1, y1) = np.min(points, axis=0), np.max(points, axis=0)
+    tops = _list_tops(bodies, (x0, y0, -math.inf), (x1, y1, math.inf))
     level = _find_level(bodies, tops, points)
-    bodies = _mark_floors(bodies, [top for top in tops if abs(top.height - level) <= MAT_M])
+    ends = (-math.inf, -math.inf, level - MAT_M), (math.inf, math.inf, level + MAT_M)
+    near = (top for top in _list_tops(bodies, *ends) if abs(top.height - level) <= MAT_M)
+    bodies = _mark_floors(bodies, near)
     if abs(level) > _LEVEL:
         _LOG.warning("%s: the floor at home is at z = %g m; moved the world by %g m",
                      source, level, -level)  # fmt: skip
@@ -178,6 +176,17 @@ def settle(bodies: Sequence[Body], course: Course, source: str) -> tuple[Body, .
     taken = {body.name for body in bodies}
     name = GROUND.name if GROUND.name not in taken else "level ground"
     return (replace(GROUND, name=name), *bodies)
+
+
+def _list_tops(bodies: Sequence[Body], low: Sequence[float], high: Sequence[float]) -> list[_Top]:
+    """List level tops of fixed bodies, without those outside the box between two corners [m]."""
+    return [
+        _Top(i, j, *top)
+        for i, body in enumerate(bodies)
+        if body.mass is None
+        for j in np.flatnonzero(body.reach(low, high)).tolist()
+        if (top := _level_top(*body.placed[j])) is not None
+    ]
 
 
 def _find_level(
@@ -215,7 +224,7 @@ def points_between(points: Sequence[Sequence[float]]) -> Iterator[tuple[float, f
             yield ax + share * (bx - ax), ay + share * (by - ay)
 
 
-def _mark_floors(bodies: Sequence[Body], tops: Sequence[_Top]) -> list[Body]:
+def _mark_floors(bodies: Sequence[Body], tops: Iterable[_Top]) -> list[Body]:
     chosen: dict[int, set[int]] = {}
     for top in tops:
         chosen.setdefault(top.body, set()).add(top.shape)

@@ -29,23 +29,32 @@ speed of a fall from 2 mm. Robots can also drive over obstacles of this height.
 class Solids:
     """Solid shapes with bounding boxes; arrays have one row per shape."""
 
-    shapes: tuple[Solid, ...]
+    placed: tuple[tuple[Shape, Pose], ...]
     body: NDArray[np.intp]  # index of the body of each shape
     low: Array  # (n, 3) [m]
     high: Array  # (n, 3) [m]
+    _known: dict[int, Solid] = field(default_factory=dict)
+
+    def __getitem__(self, shape: int) -> Solid:
+        """Return a shape, placed in the world when needed, since few are near movable bodies."""
+        if shape not in self._known:
+            self._known[shape] = Solid.at(*self.placed[shape])
+        return self._known[shape]
 
     @classmethod
     def of(cls, bodies: Sequence[Body]) -> "Solids":
         """Collect the shapes of bodies, except planes and height fields, which are not solid."""
-        placed = [
-            (i, Solid.at(shape, pose))
-            for i, body in enumerate(bodies)
-            for shape, pose in body.placed
-            if shape.kind not in ("plane", "heightfield")
-        ]
-        boxes = np.array([solid.box() for _, solid in placed]).reshape(-1, 2, 3)
-        indices = np.array([i for i, _ in placed], dtype=np.intp)
-        return cls(tuple(solid for _, solid in placed), indices, boxes[:, 0], boxes[:, 1])
+        owners: list[int] = []
+        placed: list[tuple[Shape, Pose]] = []
+        boxes = []
+        for i, body in enumerate(bodies):
+            for solid, box in zip(body.placed, body.boxes, strict=True):
+                if solid[0].kind not in ("plane", "heightfield"):
+                    owners.append(i)
+                    placed.append(solid)
+                    boxes.append(box if solid[0].kind == "convex" else Solid.at(*solid).box())
+        low, high = np.moveaxis(np.array(boxes).reshape(-1, 2, 3), 1, 0)
+        return cls(tuple(placed), np.array(owners, dtype=np.intp), low, high)
 
     def list_near(self, shape: int, axes: int) -> Iterator[int]:
         """Yield shapes of other bodies whose boxes overlap a shape's box along the first axes."""
@@ -62,9 +71,10 @@ def find_sunk(bodies: Sequence[Body], solids: Solids) -> dict[int, float]:
     depths: dict[int, float] = {}
     for shape, pose in ground_shapes(bodies):
         heights = _Field(shape, pose) if shape.kind == "heightfield" else None
-        for i, solid in zip(solids.body.tolist(), solids.shapes, strict=True):
+        for j, i in enumerate(solids.body.tolist()):
             if bodies[i].mass is None or shape.kind not in ("plane", "heightfield"):
                 continue
+            solid = solids[j]
             if heights is None:
                 normal = plane_normal(shape, pose)
                 above = solid.farthest(-normal) - np.array(pose.position)
@@ -181,7 +191,7 @@ def _list_near(
         for other in solids.list_near(shape, axes=2):
             if (body := int(solids.body[other])) in waiting:
                 continue
-            first, second = solids.shapes[shape], solids.shapes[other]
+            first, second = solids[shape], solids[other]
             gap = clearance(first, second)
             if gap is not None:
                 overlap = gap.low < -SLACK_M and gap.high > SLACK_M

@@ -59,7 +59,7 @@ def _find_pairs(bodies: Sequence[Body], solids: Solids) -> _Pairs:
             j = int(solids.body[other])
             if bodies[j].mass is not None and j < i:
                 continue
-            depth = overlap_depth(solids.shapes[shape], solids.shapes[other])
+            depth = overlap_depth(solids[shape], solids[other])
             if depth > SLACK_M:
                 pairs[i, j] = max(pairs.get((i, j), 0.0), depth)
     return pairs

@@ -123,7 +123,7 @@ def _check_course(world: World) -> None:
     points["home"] = world.course.home[:2]
     places = np.array(list(points.values()), dtype=np.float64)
     for body in world.obstacles:
-        for footprint in project_bodies([body], LOW_M):
+        for footprint in project_bodies([body], LOW_M, places):
             inside = distances(footprint, places) == 0.0
             for name, (x, y) in compress(points.items(), inside):
                 keys = "home_x_m and home_y_m" if name == "home" else "waypoints"

@@ -1,9 +1,10 @@
 """Obstacles after movable bodies have fallen, for code without gravity, also as arrays."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import chain, compress
 from typing import NamedTuple
 
 import numpy as np
@@ -60,23 +61,35 @@ def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
     lowest = {i: lowest_point(body) for i, body in enumerate(bodies) if body.mass is not None}
     falling = {i for i, bottom in lowest.items() if bottom - grounds[i] > GAP_M}
     if falling:
-        still = (body for i, body in enumerate(bodies) if i not in falling)
-        settled = _Settled([part for body in still for part in place_parts(body)])
+        settled = _Settled(_list_below(bodies, falling))
         for i in sorted(falling, key=lowest.__getitem__):
             bodies[i] = raise_body(bodies[i], -settled.drop(place_parts(bodies[i]), grounds[i]))
             settled.add(place_parts(bodies[i]))
     return tuple(raise_body(body, -ground) for body, ground in zip(bodies, grounds, strict=True))
 
 
+def _list_below(bodies: Sequence[Body], falling: Collection[int]) -> list[Part]:
+    """List the parts of bodies that do not fall, without those that nothing can fall on."""
+    still = [body for i, body in enumerate(bodies) if i not in falling]
+    boxes = np.concatenate([np.empty((0, 2, 3)), *(body.boxes for body in still)])[:, :, :2]
+    near = np.zeros(len(boxes), dtype=np.bool_)
+    for i in falling:
+        low, high = bodies[i].boxes[:, 0, :2].min(axis=0), bodies[i].boxes[:, 1, :2].max(axis=0)
+        near |= ((boxes[:, 0] <= high) & (boxes[:, 1] >= low)).all(axis=1)
+    solids = chain.from_iterable(body.placed for body in still)
+    return [_place_part(*solid, -math.inf) for solid in compress(solids, near)]
+
+
+def _place_part(shape: Shape, pose: Pose, height_m: float) -> Part:
+    bottom, top = find_heights(shape, pose)
+    low = bottom < height_m and top > 0.0
+    area = project_shape(shape, pose, 0.0, height_m) if low else project_shape(shape, pose)
+    return Part(shape, pose, area, bottom, top)
+
+
 def place_parts(body: Body, height_m: float = -math.inf) -> tuple[Part, ...]:
     """Place the shapes of a body, with footprints of the portions below a height [m]."""
-    parts = []
-    for shape, pose in body.placed:
-        bottom, top = find_heights(shape, pose)
-        low = bottom < height_m and top > 0.0
-        area = project_shape(shape, pose, 0.0, height_m) if low else project_shape(shape, pose)
-        parts.append(Part(shape, pose, area, bottom, top))
-    return tuple(parts)
+    return tuple(_place_part(*solid, height_m) for solid in body.placed)
 
 
 class _Settled:
